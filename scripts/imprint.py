@@ -529,9 +529,20 @@ def build(options):
     return 0
 
 
+def version():
+    """Print the versions, of Blender's Python package too if the environment is there."""
+    if is_ready():
+        return subprocess.call([str(PYTHON), str(SCRIPTS / "bake.py"), "--", "--version"])
+    manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
+    found = re.search('^version = "(.+)"$', manifest, re.MULTILINE)
+    print(f"Imprint {found.group(1)}")
+    return 0
+
+
 def parse(arguments):
     """Return the options. The scripts behind demo, bake, lod, farm, bench and test parse their own options, --help included."""
     parser = argparse.ArgumentParser(prog="imprint.py", description=DESCRIPTION)
+    parser.add_argument("--version", action="store_true", help="print the versions of Imprint and of Blender")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for run, text in (
         (demo, "bake the example"),
@@ -555,6 +566,8 @@ def parse(arguments):
 def main(arguments):
     """Run a command and return its exit code."""
     try:
+        if arguments[:1] == ["--version"]:
+            return version()
         options = parse(arguments)
         return options.run(options)
     except (Failure, OSError) as failure:  # the user can also fix, for example, a folder without write permission

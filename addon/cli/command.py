@@ -10,15 +10,17 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 
+from ..core import versions
 from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress
 from ..core.timings import startup
 from . import interruption, standard_streams
 from .plan import costs, planning, shards
 from .plan.input_files import InputFiles
-from .results import events
-from .results.exit_codes import FAILED, WRONG_USAGE
+from .results import events, this_call
+from .results.exit_codes import DONE, FAILED, WRONG_USAGE
 from .results.only import Only
+from .results.this_call import ThisCall
 from .starting.loading import load_blender
 from .terminal_progress import Meter
 from .trust import bounds
@@ -32,6 +34,8 @@ FARM = "farm"
 """The first argument for sending a job file to a farm."""
 REPORT = "report"
 """The first argument for putting reports together."""
+VERSION = "--version"
+"""An argument of all commands."""
 
 
 def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
@@ -44,6 +48,10 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
         if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
             return _work()
         with standard_streams.ours(), events.meter(words) as meter:
+            if VERSION in words:
+                print(versions.line())
+                return DONE
+            this_call.note(ThisCall.of(words))
             if gone := _has_no_folder():
                 meter.finished(_refuse(program, gone))
                 return WRONG_USAGE

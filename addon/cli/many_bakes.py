@@ -124,8 +124,9 @@ class _Found:
         self._width = max((len(plan.name) for plan in many.chosen), default=0)
         self._path = report_file.path_of(self._report)
         self._file = ReportFile(self._path, many.planned, many.shard, many.only) if self._path else None
-        sheet, head = many.options.sheet, run_report.head(many.planned, many.shard, many.only)
-        self._sheet = SheetFile(Path(sheet).absolute(), head) if sheet else None
+        self._sheet = None
+        if sheet := many.options.sheet:
+            self._sheet = SheetFile(Path(sheet).absolute(), run_report.head(many.planned, many.shard, many.only))
         self._pictures = many.options.pictures
         self._entries: list[Entry] = []
         """Those for a report on standard output."""

@@ -36,6 +36,11 @@ def code(root: Path = ROOT) -> str:
     return digest.hexdigest()
 
 
+def line() -> str:
+    """The versions and the hash of the code in a line for people."""
+    return f"Imprint {imprint()}, code {code()[:12]}, Blender {blender() or 'none'}"
+
+
 def blender() -> str:
     """The version of Blender, as 5.2.3: of the one that runs, or of the Python package if it is not loaded; "" without one."""
     if bpy := sys.modules.get("bpy"):

@@ -20,6 +20,7 @@ sys.path.insert(0, str(ROOT))
 
 from addon.cli.results import run_report  # noqa: E402
 from addon.cli.results.run_report import Entry  # noqa: E402
+from addon.cli.results.this_call import ThisCall  # noqa: E402
 from addon.core.conversion.conversion_report import ConversionReport  # noqa: E402
 from addon.core.levels.level_report import Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402
@@ -117,6 +118,12 @@ def schema() -> dict[str, Any]:
         "imprint_report": {"const": run_report.VERSION},
         "imprint": {"type": "string", "description": "The version of Imprint."},
         "blender": {"type": "string", "description": "The version of Blender."},
+        "code": {
+            "type": "string",
+            "description": "A hash of the code, which changes where the version does not; empty if it is not known.",
+            "pattern": "^([0-9a-f]{64})?$",
+        },
+        **of_class(ThisCall, {"call": {"type": "array", "items": {"type": "string"}}})["properties"],
         "planned": {"type": "integer", "minimum": 0},
         "shard": {"type": ["string", "null"], "pattern": "^[0-9]+/[0-9]+$"},
         "only": {

@@ -14,6 +14,7 @@ import pytest
 from addon.cli import command
 from addon.cli.results import exit_codes
 from addon.cli.usage import arguments
+from addon.core import versions
 from addon.core.errors import BakeError
 from addon.export import engine_files
 from addon.jobs import bake_jobs
@@ -123,6 +124,13 @@ def test_wrong_usage(fails, case):
 def test_help(capsys):
     assert command.run(["--help"]) == exit_codes.DONE
     assert "--save-blend" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [[], ["lod"], ["farm"], ["report"], ["--jobs", "none.toml"]])
+def test_all_commands_say_their_version(capsys, words):
+    assert command.run([*words, "--version"]) == exit_codes.DONE
+    line = f"Imprint {versions.imprint()}, code {versions.code()[:12]}, Blender {versions.blender()}\n"
+    assert capsys.readouterr() == (line, "")
 
 
 # Failures

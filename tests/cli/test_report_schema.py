@@ -3,6 +3,8 @@
 
 import hashlib
 import json
+import platform
+from datetime import UTC, datetime
 from pathlib import Path
 
 import bpy
@@ -107,6 +109,19 @@ def test_all_reports_have_the_keys_in_the_manual(whole, tmp_path):
         assert entry["are"] == {"--frames": "frames", "--pairs": "pairs"}.get(words[0], "")
         assert len(entry["reports"]) == (2 if words[0] == "--frames" else 1)
         assert all(each["version"] == 1 for each in entry["reports"])
+
+
+def test_reports_say_when_and_where_they_were_made_and_by_which_call(whole, tmp_path):
+    job = {"file": "file.blend", "low": "a_low", "high": "a_high", "output": "map.png", "report": "own.json"}
+    (tmp_path / "jobs.json").write_text(json.dumps({"bake": [job]}), encoding="utf-8")
+    words = ["--jobs", "jobs.json", "--size", "32", "--limit", "9", "--report", "all.json"]
+    before = datetime.now(UTC).replace(microsecond=0)
+    assert command.run(words, may_start_processes=True) == 0
+    for name in ("all.json", "own.json"):
+        found = json.loads((tmp_path / name).read_text(encoding="utf-8"))
+        assert (found["call"], found["host"], found["code"]) == (words, platform.node(), versions.code())
+        assert before <= datetime.fromisoformat(found["started"]) <= datetime.now(UTC)
+        assert list(json_schema.faults(found, SCHEMA)) == []
 
 
 def test_files_have_their_sizes_and_hashes(whole, tmp_path):

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -90,6 +91,11 @@ class TestOtherSettings:
         code, shown, error = self.run(tmp_path, "--help", PYTHONOPTIMIZE="2")
         assert (code, error) == (0, "")
         assert imprint.DESCRIPTION in " ".join(shown.split())
+
+    def test_the_version_needs_no_environment(self, tmp_path, bare, capsys):
+        manifest = tomllib.loads((imprint.ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+        assert imprint.main(["--version"]) == 0
+        assert capsys.readouterr().out == f"Imprint {manifest['version']}\n"
 
     @pytest.mark.skipif(imprint.WINDOWS, reason="signals of POSIX")
     def test_a_signal_while_the_launcher_starts_leaves_no_traceback(self, tmp_path):

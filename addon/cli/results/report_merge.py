@@ -26,6 +26,8 @@ class Part:
     only: Only | None
     imprint: str
     blender: str
+    code: str
+    """Empty in reports that were written before they had it."""
     entries: list[Entry]
 
 
@@ -76,6 +78,8 @@ def _merged(parts: Sequence[Part], warnings: list[str]) -> Merged:
                 f"{part.path!r} is by Imprint {part.imprint} in Blender {part.blender}, and {first.path!r} by Imprint "
                 f"{first.imprint} in Blender {first.blender}."
             )
+        elif part.code and first.code and part.code != first.code:
+            warnings.append(f"{part.path!r} and {first.path!r} are by other code of Imprint {first.imprint}.")
         for entry in part.entries:
             known = best.setdefault(entry.number, entry)
             if known.name != entry.name:
@@ -90,7 +94,7 @@ def _merged(parts: Sequence[Part], warnings: list[str]) -> Merged:
     wanted = sorted(only.numbers) if only else range(1, first.planned + 1)
     missing = [number for number in wanted if number not in is_there]
     document = run_report.document(entries, first.planned, only=only)
-    document.update(imprint=first.imprint, blender=first.blender)
+    document.update(imprint=first.imprint, blender=first.blender, code=first.code)
     return Merged(document, len(wanted), missing, exit_codes.FAILED if missing else tally.code, warnings)
 
 
@@ -118,8 +122,7 @@ def _part(path: str, head: Any, entries: Any) -> Part:
             raise BakeError(f"{path!r} is a report of version {head['imprint_report']!r}, not {run_report.VERSION}.")
         planned = int(head["planned"])
         only = Only.from_dict(head.get("only"), planned)
-        return Part(
-            path, planned, only, str(head["imprint"]), str(head["blender"]), list(map(Entry.from_dict, entries))
-        )
+        made_by = str(head["imprint"]), str(head["blender"]), str(head.get("code", ""))
+        return Part(path, planned, only, *made_by, list(map(Entry.from_dict, entries)))
     except (KeyError, TypeError, ValueError) as error:
         raise BakeError(f"{path!r} is no report of Imprint.") from error

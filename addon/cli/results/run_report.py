@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from ...core import versions
+from . import this_call
 from .only import Only
 
 VERSION = 2
@@ -146,6 +147,8 @@ def head(planned: int, shard: str = "", only: Only | None = None) -> dict[str, A
         "imprint_report": VERSION,
         "imprint": versions.imprint(),
         "blender": versions.blender(),
+        "code": versions.code(),
+        **asdict(this_call.noted()),
         "planned": planned,
         "shard": shard or None,
         "only": only and only.to_dict(),

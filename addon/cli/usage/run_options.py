@@ -93,6 +93,10 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         "a line on a terminal",
     ),
     "quiet": CommandOption("Print errors alone", {"action": "store_true"}),
+    "version": CommandOption(
+        "Print the versions of Imprint and of Blender, and the hash of the code, and do nothing else",
+        {"action": "store_true"},
+    ),
 }
 """The options without their dashes."""
 OF_MANY = ("shard", "only")

@@ -14,9 +14,10 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from ..done.bake_record import Draft
 from ..plan.plans import Plan
-from ..results import run_report
+from ..results import run_report, this_call
 from ..results.bake_result import Done, Wanted
 from ..results.sheets import result_sheet
+from ..results.this_call import ThisCall
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class Call:
     """Whether the parent shows how far bakes are."""
     folders: tuple[str, ...] = ()
     """Those that bakes of untrusted files read; none for others."""
+    noted: ThisCall = field(default_factory=this_call.noted)
+    """For the reports."""
 
 
 @dataclass(frozen=True)

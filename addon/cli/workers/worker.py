@@ -23,6 +23,7 @@ from ...output.files.atomic_file import make_folder, reason
 from .. import interruption, standard_streams
 from ..plan import run_clashes
 from ..plan.plans import Plan
+from ..results import this_call
 from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, packed
 from .worker_process import CONNECTION
 
@@ -79,6 +80,7 @@ def run() -> int:
             parent.send(Begun())
             problem = prints.to(Path(assigned.log)) if assigned.log else ""
             call = assigned.call
+            this_call.note(call.noted)
             if call.folders:
                 outside_files.forbid_scripts()
             meter = _Meter(parent, is_on=call.is_shown)

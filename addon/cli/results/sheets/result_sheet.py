@@ -82,7 +82,8 @@ def page(report: dict[str, Any], title: str, rows: Iterable[str]) -> Iterator[st
     states = "".join(f"<option>{state}</option>" for state in State)
     summary = ", ".join(f"{count} {name}" for name, count in report["summary"].items() if name != "seconds" and count)
     about = (
-        f"Imprint {report['imprint']}, Blender {report['blender']}; {report['planned']} planned: {summary or 'none'}"
+        f"Imprint {report['imprint']}, Blender {report['blender']}, {report['started']} on {report['host']}; "
+        f"{report['planned']} planned: {summary or 'none'}"
     )
     yield f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title><style>{_STYLE}</style></head>
