@@ -11,11 +11,13 @@ from ..core.declarations.choices import Space, Storage
 from ..core.settings import Settings
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.triangle_mesh import Mesh
-from . import severity
+from . import facing, severity
+from .facing import Faces
 
-POLYGONS, LAYER, HARD_EDGES, MIRRORED = "POLYGONS", "LAYER", "HARD_EDGES", "MIRRORED"
-KINDS = (POLYGONS, LAYER, HARD_EDGES, MIRRORED)
+FLIPPED, POLYGONS, LAYER, HARD_EDGES, MIRRORED = "FLIPPED", "POLYGONS", "LAYER", "HARD_EDGES", "MIRRORED"
+KINDS = (FLIPPED, POLYGONS, LAYER, HARD_EDGES, MIRRORED)
 
+FACING = "The faces of {flipped} point to the other side than those of {other}: flip its normals before the bake."
 N_GONS = (
     "{low} has {count:,} n-gons: exporters write no tangents for them, and other programs divide them into other triangles "
     "than this bake. Triangulate it before the bake."
@@ -32,7 +34,7 @@ STACKED = (
     "{low} has {count:,} triangles that are mirrored onto others in UV space: the map shows the detail of one of the two. "
     "Moved by a whole tile, they read the detail of the others."
 )
-SENTENCES = (N_GONS, QUADS, OTHER_LAYER, severity.HARD_EDGES, STACKED)
+SENTENCES = (FACING, N_GONS, QUADS, OTHER_LAYER, severity.HARD_EDGES, STACKED)
 """All templates of Finding."""
 
 _BLENDERS = {bases.of_engine("CYCLES"), bases.of_engine("BLENDER_EEVEE")}
@@ -53,6 +55,15 @@ class Finding:
     @property
     def sentence(self) -> str:
         return self.template.format(**self.values)
+
+
+def find_flipped(low: Faces, highs: Faces, low_name: str, high_names: str) -> list[Finding]:
+    """A finding if the faces of the low object point against those of the high ones. The names are for the sentence."""
+    if not facing.is_against(low, highs):
+        return []
+    is_high = facing.flipped_one(low, highs) == "high"
+    flipped, other = (high_names, low_name) if is_high else (low_name, high_names)
+    return [Finding(FLIPPED, FACING, {"flipped": flipped, "other": other, "is_high": is_high})]
 
 
 def is_for_others(settings: Settings) -> bool:

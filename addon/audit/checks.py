@@ -2,12 +2,12 @@
 """Checks a finished map: coverage, missed rays, overlaps, and problems of the low mesh."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core import texel_state, udim
+from ..core import cures, texel_state, udim
 from ..core.declarations.choices import Method, Space
 from ..core.errors import shorten_list
 from ..core.settings import Settings
@@ -16,15 +16,21 @@ from ..engine.method_choice import Plan
 from ..engine.rays import ray_casting
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
+from ..mesh.local_space import world_box
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap as overlap_pass
-from . import mip_gaps, severity, unsure_hits
+from . import causes, mip_gaps, severity, unsure_hits
+from .causes import Warned
 from .severity import Check
 from .tally import Tally, sampled
 
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
+ASIDE, LARGER, FLAT_SIDE = 0.15, 1.5, 0.1
+"""Boxes around high and low fit each other if, along each axis, their centers are no more than this share of the low box's
+side apart, and neither side is more than this many times the other. Sides of the low box shorter than this share of its
+longest one do not count: there, the detail may be larger."""
 
 Checks = dict[str, Check]
 """By kind, as in Report.checks but without the severity."""
@@ -35,7 +41,7 @@ class Findings:
     """The results of the audit.
 
     triangles: "high" and "low". coverage, margin: shares of all texels. missed: share of the low mesh's texels whose ray hit
-    nothing. checks: as in Report.checks. warnings: sentences.
+    nothing. checks: as in Report.checks.
     """
 
     triangles: dict[str, int]
@@ -43,11 +49,17 @@ class Findings:
     margin: float
     missed: float
     checks: Checks
-    warnings: tuple[str, ...]
+    warnings: tuple[Warned, ...]
 
 
-def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.RayCast | None) -> Findings:
-    """Check a map. ray_cast: the rays that were cast, or None."""
+def audit(
+    plan: Plan,
+    tally: Tally,
+    settings: Settings,
+    ray_cast: ray_casting.RayCast | None,
+    length: Callable[[float], str] = "{:.4g}".format,
+) -> Findings:
+    """Check a map. ray_cast: the rays that were cast, or None. length: a length in scene units as text."""
     meshes, low = plan.meshes, plan.meshes.low
     uv_checks, uv_warnings = _uv_layout(plan, settings)
     texel_checks = _texels(plan, tally, settings)
@@ -58,8 +70,9 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
             separation.full_probe(meshes, ray_cast), (settings.width, settings.height), plan.tiles
         )
         distances = separation.distances(texels, np.zeros(3))[texels[..., 3] > 0.0]
-    distance_checks, distance_warnings = _distances(plan, settings, distances if ray_cast else None)
+    distance_checks, apart = _distances(plan, settings, distances if ray_cast else None)
     checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
+    checks["behind"]["backwards"] = checks["backwards"]["share"]
     with_method = replace(settings, method=Method.CAST) if plan.casts_rays else settings
     for kind, check in checks.items():
         check["severity"] = severity.rate(kind, check, with_method)
@@ -72,10 +85,10 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
         warnings=(
             *_direction_warnings(meshes, tally, settings),
             *uv_warnings,
-            *distance_warnings,
+            *_placement_warnings(plan, checks, settings, apart, length),
             *_crossed_warnings(plan, checks, settings),
             *(
-                severity.warning(kind, check, low.name, with_method)
+                Warned(severity.warning(kind, check, low.name, with_method, length), kind)
                 for kind, check in checks.items()
                 if check["severity"] == severity.WRONG
             ),
@@ -83,13 +96,18 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
     )
 
 
-def _direction_warnings(meshes: Meshes, tally: Tally, settings: Settings) -> Iterator[str]:
+def _direction_warnings(meshes: Meshes, tally: Tally, settings: Settings) -> Iterator[Warned]:
     low = meshes.low.name
     if tally.turned_away > TURNED_AWAY * max(1, tally.compared):
-        yield f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them."
+        yield Warned(
+            f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them.",
+            causes.TURNED,
+        )
     if settings.normal and tally.compared and not tally.leaning:
         compared = "its own modifiers" if meshes.is_own_base else shorten_list(repr(high.name) for high in meshes.highs)
-        yield f"The map is flat: nothing of {compared} differs from {low!r}. Is that the right high object?"
+        yield Warned(
+            f"The map is flat: nothing of {compared} differs from {low!r}. Is that the right high object?", causes.FLAT
+        )
 
 
 def uv_space(settings: Settings) -> tuple[int, int]:
@@ -97,30 +115,40 @@ def uv_space(settings: Settings) -> tuple[int, int]:
     return (udim.COLUMNS, udim.ROWS) if settings.udim else (1, 1)
 
 
-def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[str]]:
-    low, highs = plan.meshes.low, plan.meshes.highs
-    areas, outside = uv_layout.areas(low), uv_layout.outside(low, uv_space(settings))
+def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[Warned]]:
+    low, highs, space = plan.meshes.low, plan.meshes.highs, uv_space(settings)
+    areas, outside = uv_layout.areas(low), uv_layout.outside(low, space)
     is_mirrored, count = areas < 0.0, len(low.triangles)
     # With UDIM, triangles that were moved by whole tiles are on a tile of their own and do not repeat another one.
     moved = uv_islands.moved_copies(low) if outside.any() and not settings.udim else np.zeros(1, bool)
     islands = uv_islands.count_islands(low, is_mirrored) if is_mirrored.any() else 0
     checks = {
         "mirrored": _count(is_mirrored, count) | {"islands": islands},
-        "outside": _count(outside, count) | {"moved": int(np.count_nonzero(moved))},
+        "outside": _count(outside, count)
+        | {"moved": int(np.count_nonzero(moved)), "cut_off": uv_layout.cut_off(low, outside & ~moved, space)},
         "no_area": _count(areas == 0.0, count),
     }
-    counts = [(mesh, mesh.not_finite, "left out: their coordinates are NaN or infinite") for mesh in (low, *highs)]
+    counts = [
+        (mesh, mesh.not_finite, "are left out: their coordinates are NaN or infinite", causes.NOT_FINITE)
+        for mesh in (low, *highs)
+    ]
     if not plan.casts_rays:
         for high in highs:
             no_area = np.count_nonzero(uv_layout.areas(high) == 0.0)
-            counts.append((high, no_area, "have no area in UV space and cannot be drawn"))
+            counts.append((high, no_area, "have no area in UV space and cannot be drawn", ""))
             # Triangles outside by whole tiles leave texels uncovered, or were moved there on purpose.
-            outside = uv_layout.outside(high, uv_space(settings))
-            if outside.any():
+            outside = uv_layout.outside(high, space)
+            crossing = outside & uv_islands.crossing(high) if outside.any() else outside
+            if uv_layout.cut_off(high, crossing, space) > severity.MUCH_CUT_OFF:
                 where = severity.TILES if settings.udim else severity.TILE
-                cut_off = np.count_nonzero(outside & uv_islands.crossing(high))
-                counts.append((high, cut_off, f"reach outside the {where} and are cut off there"))
-    return checks, [f"{mesh.name!r}: {count:,} of its triangles {problem}." for mesh, count, problem in counts if count]
+                counts.append(
+                    (high, np.count_nonzero(crossing), f"reach outside the {where} and are cut off there", "")
+                )
+    return checks, [
+        Warned(f"{mesh.name!r}: {count:,} of its triangles {problem}.", kind)
+        for mesh, count, problem, kind in counts
+        if count
+    ]
 
 
 def _texels(plan: Plan, tally: Tally, settings: Settings) -> Checks:
@@ -165,7 +193,17 @@ def _gaps(low: Mesh, tiles: Sequence[int], settings: Settings, *, overlaps: bool
     return _share(close, covered) | {"border": border, "needed": mip_gaps.needed(settings)}
 
 
-def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tuple[Checks, list[str]]:
+@dataclass(frozen=True)
+class _Apart:
+    """How far the surfaces are apart. offset (3,): of the high meshes as wholes, which does not count. beyond: the share of the
+    texels that are farther apart than `usual`, the default limit, in scene units."""
+
+    offset: np.ndarray
+    beyond: float
+    usual: float
+
+
+def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tuple[Checks, _Apart]:
     """found: the distances (N,) of the hits of rays, in scene units, or None without rays."""
     meshes, offset = plan.meshes, np.zeros(3, np.float32)
     if found is None:
@@ -175,7 +213,7 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
         offset = separation.offset(texels, plan.method)
         found = separation.distances(texels, offset)
         found = found[found >= 0.0]
-    limit = separation.limit(meshes.low, settings)
+    limit, usual = (separation.limit(meshes.low, each) for each in (settings, replace(settings, limit=None)))
     maximum, percentile_99 = (float(found.max()), float(np.quantile(found, 0.99))) if found.size else (0.0, 0.0)
     check = _share(int(np.count_nonzero(found > limit)), found.size) | {
         "maximum": maximum,
@@ -183,16 +221,57 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
         "limit": limit,
         "offset": math.hypot(*offset.tolist()),
     }
+    return {"far": check}, _Apart(offset, np.count_nonzero(found > usual) / max(1, found.size), usual)
+
+
+def _placement_warnings(
+    plan: Plan, checks: Checks, settings: Settings, apart: _Apart, length: Callable[[float], str]
+) -> Iterator[Warned]:
+    """Why the surfaces do not meet."""
+    meshes, missed, unsure = plan.meshes, checks["uncovered"], checks["unsure"]
+    low, highs = repr(meshes.low.name), shorten_list(repr(high.name) for high in meshes.highs)
+    if meshes.is_own_base:
+        return
     # A single high mesh with another UV layout is far on most texels. One of several may cover only a few.
-    differing = ""
-    was_chosen = settings.method == Method.FLATTEN and not meshes.is_own_base
-    if was_chosen and (len(meshes.highs) > 1 or check["share"] > severity.MANY_FAR):
+    if settings.method == Method.FLATTEN and (len(meshes.highs) > 1 or apart.beyond > severity.MANY_FAR):
         thinned = [separation.thinned(high) for high in meshes.drawn_highs]
-        differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, offset)
-    return {"far": check}, [f"Cast rays, or choose Auto: {differing}."] if differing else []
+        differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, apart.offset)
+        if differing:
+            yield Warned(cures.in_shell(f"{differing[:1].upper()}{differing[1:]}.", cures.AUTO), causes.LAYOUTS)
+            return
+    is_missed = plan.casts_rays and missed["severity"] == severity.WRONG
+    are_backs = unsure["severity"] == severity.WRONG and unsure["backs"] > 0.5 * unsure["count"]
+    if meshes.cage is not None and (is_missed or are_backs):
+        share = missed["share"] + unsure["backs"] / max(1, unsure["of"])
+        yield Warned(
+            f"{min(1.0, share):.2%} of the rays from the cage {meshes.cage.name!r} hit nothing, or only backs of faces: it is "
+            f"below the surface of {highs} there. Move it outward until it encloses {highs}.",
+            causes.CAGE,
+        )
+    if apart.beyond > severity.NEARLY_ALL:
+        found = f"on {apart.beyond:.2%} of the texels, they are more than {length(apart.usual)} apart"
+    elif _is_elsewhere(meshes, plan, is_short=is_missed, is_far=apart.beyond > severity.MANY_FAR):
+        found = f"{missed['share']:.2%} of the rays hit nothing" if is_missed else "the surfaces are far apart"
+    else:
+        return
+    yield Warned(f"{highs} and {low} differ in place or size: {found}. Put them in the same place.", causes.ELSEWHERE)
 
 
-def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[str]:
+def _is_elsewhere(meshes: Meshes, plan: Plan, *, is_short: bool, is_far: bool) -> bool:
+    """Whether the high mesh has another place or size than the low one, and rays miss it or the surfaces are far apart."""
+    if not (plan.casts_rays and (is_short or is_far)):
+        return False
+    (low_min, low_max), (high_min, high_max) = world_box([meshes.low]), world_box(meshes.highs)
+    sides, high_sides = low_max - low_min, high_max - high_min
+    compared = sides > FLAT_SIDE * sides.max()
+    aside = np.abs((low_min + low_max) - (high_min + high_max)) / 2.0 > ASIDE * sides
+    larger = np.maximum(high_sides, sides) > LARGER * np.minimum(high_sides, sides)
+    # A low mesh may stand for a part of a larger high one.
+    is_inside = not is_short and (high_min <= low_min)[compared].all() and (high_max >= low_max)[compared].all()
+    return not is_inside and bool((aside | larger)[compared].any())
+
+
+def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[Warned]:
     # In object and world space, overlaps are wrong in any order.
     if plan.method != Method.FLATTEN or plan.has_rays or settings.space != Space.TANGENT:
         return
@@ -202,10 +281,11 @@ def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterato
         highs = [separation.thinned(high) for high in plan.meshes.drawn_highs]
         share = uv_agreement.crossed(low, highs, plan.tiles)
         if share > uv_agreement.CROSSED:
-            yield (
-                f"Cast rays: parts of {low.name!r} share UVs, and on {share:.1%} of the texels the high normals are those of "
-                "one part, and the tangents those of another."
+            text = (
+                f"Parts of {low.name!r} share UVs, and on {share:.1%} of the texels the high normals are those of one part, "
+                "and the tangents those of another."
             )
+            yield Warned(cures.in_shell(text, cures.CAST), causes.CROSSED)
 
 
 def _faces(meshes: Meshes) -> Checks:

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 
+from ..core import cures
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.settings import Settings
 
@@ -15,19 +16,19 @@ MANY_MISSES = 1e-3
 MANY_UNCOVERED = 1e-2
 """Share of texels that may have no high triangle without harm, for Flatten: the borders of islands differ a little."""
 MANY_FAR = 0.25
-"""Share of texels that may lie beyond the default limit without harm."""
+"""Share of texels that may lie beyond the default limit if high and low are in the same place, as with deep panels."""
+NEARLY_ALL = 0.9
+"""Share of texels beyond the default limit above which the high mesh touches the low one nowhere."""
 MANY_BEYOND = 1e-3
 """Share of texels that may lie beyond a limit from the settings without harm."""
 MANY_UNSURE = 1e-2
 """Share of texels that may show the wrong layer without a warning: where parts of the high mesh cross, some always do."""
-MANY_UNEVEN = 0.1
-"""Share of faces that may be non-planar without harm."""
 MANY_CLOSE = 0.02
 """Share of texels that may lie closer to another island, or the border, than the mip level allows without harm."""
 MANY_BACKWARDS = 1e-3
 """Share of texels whose normal may be wrong in readers that rebuild z, without harm."""
-MANY_BEHIND = 1e-2
-"""Share of triangles whose shading normals may point behind them without harm: decimation leaves a few folds."""
+MUCH_CUT_OFF = 1e-3
+"""Share of the UV area that may lie outside the tile without harm: decimation and subdivision move UVs at its border."""
 
 TILE, TILES = "UV tile 0 to 1", "UDIM tiles"
 """The area for the UVs of a mesh, without and with UDIM."""
@@ -43,13 +44,18 @@ def rate(kind: str, check: Check, settings: Settings) -> str:
     return WRONG if kind in _HARMS and _HARMS[kind](check, settings) else LOOK
 
 
-def warning(kind: str, check: Check, low: str, settings: Settings) -> str:
-    """The warning about the map of the object `low`, as a sentence. check: one that `rate` finds WRONG."""
+def warning(
+    kind: str, check: Check, low: str, settings: Settings, length: Callable[[float], str] = "{:.4g}".format
+) -> str:
+    """The warning about the map of the object `low`, as a sentence. check: one that `rate` finds WRONG. length: a length in
+    scene units as text."""
     values = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check
     values |= {"where": TILES if settings.udim else TILE, "margin": check.get("needed", 0) / 2, "level": settings.mips}
+    values |= {name: length(check[name]) for name in ("limit", "maximum") if name in check}
     sentence = _SENTENCES[kind]
     if kind == "uncovered" and settings.method == Method.CAST:
-        sentence = _MISSED
+        is_set = settings.extrusion is not None or settings.max_distance is not None
+        sentence = _OUT_OF_REACH if is_set else _MISSED
     elif kind == "uncovered" and settings.method == Method.AUTO:
         sentence = _NOT_CAST
     elif kind == "unsure" and settings.hit != Hit.OWN:
@@ -70,7 +76,8 @@ def _uncovered(check: Check, settings: Settings) -> bool:
 
 
 def _far(check: Check, settings: Settings) -> bool:
-    return check["share"] > (MANY_FAR if settings.limit is None else MANY_BEYOND)
+    # Deep panels are far and correct: only a limit that was set says what is too far.
+    return settings.limit is not None and check["share"] > MANY_BEYOND
 
 
 def _beyond(share: float) -> Callable[[Check, Settings], bool]:
@@ -86,26 +93,29 @@ _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
     "unsure": _beyond(MANY_UNSURE),
     "gaps": _beyond(MANY_CLOSE),
     "backwards": _beyond(MANY_BACKWARDS),
-    "outside": lambda check, _settings: check["count"] > check["moved"],
+    "outside": lambda check, _settings: check["cut_off"] > MUCH_CUT_OFF,
     "no_area": _beyond(0.0),
-    "behind": _beyond(MANY_BEHIND),
+    # A texel of such a triangle is wrong if its normal has no z above 0.
+    "behind": lambda check, _settings: check["backwards"] > MANY_BACKWARDS,
     "hard_edges": lambda _check, _settings: True,
-    # With modifiers baked onto their own base mesh, non-planar faces are part of the detail in the map.
-    "uneven": lambda check, _settings: not check["is_own_base"] and check["count"] > MANY_UNEVEN * check["of"],
 }
-"""When a kind is harmful. Mirrored UVs and faces that are not triangles never are."""
+"""When a kind is harmful. Mirrored UVs and faces that are not triangles never are, unless another program reads the map."""
 
 _MISSED = (
-    "{share:.2%} of the rays from {low} hit nothing: those texels have alpha 0. Check the extrusion and the maximum "
-    "distance."
+    "{share:.2%} of the rays from {low} hit nothing: the high mesh has no surface there, and those texels have alpha 0."
+)
+_OUT_OF_REACH = cures.in_shell(
+    "{share:.2%} of the rays from {low} hit nothing within the extrusion and the maximum distance that were set: those texels "
+    "have alpha 0.",
+    cures.MEASURE,
 )
 _NOT_CAST = (
     "{share:.2%} of the texels of {low} have no high triangle and stay empty. Auto casts rays there if high and low are two "
     "objects in the same place."
 )
-_OTHER_LAYER = (
-    "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none. The "
-    "hit Own chooses the layer that belongs to each texel."
+_OTHER_LAYER = cures.in_shell(
+    "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none.",
+    cures.OWN_HIT,
 )
 _BACKS = (
     "{share:.2%} of the texels of {low} may be wrong: most of their rays hit only backs of high faces. Recalculate the normals "
@@ -118,10 +128,8 @@ HARD_EDGES = (
 _SENTENCES = {
     "overlap": "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the "
     "detail of only one of them.",
-    "uncovered": "{share:.2%} of the texels of {low} have no high triangle and stay empty. Try the method Cast, which does not "
-    "need the UVs of the high mesh.",
-    "far": "On {share:.2%} of the texels of {low}, the high surface is farther away than {limit:.4g}, at most "
-    "{maximum:.4g}.",
+    "uncovered": cures.in_shell("{share:.2%} of the texels of {low} have no high triangle and stay empty.", cures.CAST),
+    "far": "On {share:.2%} of the texels of {low}, the high surface is farther away than {limit}, at most {maximum}.",
     "unsure": "{share:.2%} of the texels of {low} may show the wrong layer of the high mesh: their rays hit several. Move "
     "{low} closer to the right layer there, or paint an offset group.",
     "gaps": "{share:.2%} of the texels of {low} are within {needed} texels of another UV island, or {margin} of the border: "
@@ -133,6 +141,4 @@ _SENTENCES = {
     "hard_edges": HARD_EDGES,
     "behind": "{low}: {count:,} of its triangles have shading normals that point behind them, and no tangent-space map is "
     "right there: fix the normals, or add edges.",
-    "uneven": "{count:,} of the {of:,} faces of {low} are not planar, and another program may triangulate them into another "
-    "shape: add a Triangulate modifier.",
 }

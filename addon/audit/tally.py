@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Counts the texels of a map by their state, tile by tile."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,7 +45,7 @@ class Tally:
         texels, state = stored
         self._add_state(state)
         if settings.space == Space.TANGENT:
-            self._add_upwards(state, normal_channels.upwards(texels[COMPARED], settings))
+            self._add_upwards(state, lambda which: normal_channels.upwards(texels[which], settings))
             self.backwards += normal_channels.backwards(texels, state, settings)
 
     def add_raw(self, normals: np.ndarray, settings: Settings) -> None:
@@ -53,7 +54,7 @@ class Tally:
         state = texel_state.of_raw(alpha)
         self._add_state(state)
         if settings.space == Space.TANGENT:
-            self._add_upwards(state, 0.5 * normals[COMPARED][..., 2])
+            self._add_upwards(state, lambda which: 0.5 * normals[which][..., 2])
             self.backwards += int(np.count_nonzero((normals[..., 2] <= 0.0) & (alpha > 0.0)))
 
     def _add_state(self, state: np.ndarray) -> None:
@@ -64,12 +65,15 @@ class Tally:
         columns, rows = sampled(state.shape[::-1]).steps
         self.states.append(state[::rows, ::columns].copy())
 
-    def _add_upwards(self, state: np.ndarray, upwards: np.ndarray) -> None:
-        """upwards: half the component of the normals along the low mesh's, for the texels COMPARED."""
+    def _add_upwards(self, state: np.ndarray, upwards: Callable[[tuple[slice, ...]], np.ndarray]) -> None:
+        """upwards: half the component along the low mesh's normals of the normals of some texels, such as COMPARED."""
         is_written = state[COMPARED] == texel_state.WRITTEN
+        found = upwards(COMPARED)[is_written]
         self.compared += int(np.count_nonzero(is_written))
-        self.turned_away += int(np.count_nonzero(upwards[is_written] < 0.0))
-        self.leaning += int(np.count_nonzero(upwards[is_written] < FLAT))
+        self.turned_away += int(np.count_nonzero(found < 0.0))
+        self.leaning += int(np.count_nonzero(found < FLAT))
+        if not self.leaning:  # a few bolts can lie between the compared texels
+            self.leaning += int(np.count_nonzero(upwards(np.s_[:, :])[state == texel_state.WRITTEN] < FLAT))
 
 
 def sampled(size: tuple[int, int]) -> Sparse:

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One bake, step by step: read, choose a method, make a source, draw tile by tile, audit, store, hook up, report."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
 import bpy
 import numpy as np
 
+from ..audit.causes import Warned
 from ..audit.checks import audit
 from ..audit.deviations import Deviations
 from ..audit.other_readers import OtherReaders
@@ -29,7 +30,7 @@ from ..engine.sources import Source, normal_source
 from ..mesh.inputs import Meshes
 from ..output import map_storage
 from ..output.outputs import Outputs, Stored, into_materials
-from ..scene import object_checks, reading
+from ..scene import object_checks, reading, scene_lengths
 from .job import Job
 from .readiness import low_findings
 from .report_making import DrawnJob, report_of
@@ -78,16 +79,18 @@ def _bake(
 
 @dataclass(frozen=True)
 class _Ready:
-    """A bake that is ready to be drawn. meshes: all, as they were read. warnings: about the objects."""
+    """A bake that is ready to be drawn. meshes: all, as they were read. warnings: about the objects. length: a length in
+    scene units as text."""
 
     meshes: Meshes
-    warnings: list[str]
+    warnings: list[Warned]
     plan: Plan
     source: Source
     renderer: Renderer
     others: OtherReaders
     deviations: Deviations
     pictures: BakePictures
+    length: Callable[[float], str]
 
 
 def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings) -> Task[_Ready]:
@@ -104,14 +107,15 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
             texture_set=job.texture_set,
             must_be_whole=job.must_be_whole,
         )
-        warnings = [*meshes.lacks, *object_checks.warnings(job.low, job.highs)]
-    early = []
-    if job.is_for_others:
-        with timings.timed("audit"):
-            found = low_findings.read(meshes.low, job.low, meshes.uv_layer, settings)
-        early = low_findings.warnings(low_findings.left(found, is_exported=job.is_exported))
+        warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
+    with timings.timed("audit"):
+        found = low_findings.flipped(meshes)
+        if job.is_for_others:
+            others = low_findings.read(meshes.low, job.low, meshes.uv_layer, settings)
+            found += low_findings.left(others, is_exported=job.is_exported)
+        early = low_findings.warnings(found)
     tiles = tiles_to_bake(meshes, settings)
-    yield Progress(f"Looking at {name}", 0.5, warnings=tuple(early))
+    yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     with timings.timed("method"):
         in_order = shared_uvs.ordered(meshes, tiles, settings)
         plan = choose_method(in_order, tiles, settings)
@@ -123,8 +127,10 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     is_wanted = (job.is_measured or job.is_pictured) and settings.normal
     kept = partial(map_storage.kept, settings=settings)
     deviations = Deviations(plan, drawn, settings, pictures, kept=kept, is_wanted=is_wanted)
-    warnings = [*warnings, *early, *others.warnings]
-    return _Ready(meshes, warnings, plan, source, Renderer(drawn, run), others, deviations, pictures)
+    warnings = [*warnings, *early, *map(Warned, others.warnings)]
+    return _Ready(
+        meshes, warnings, plan, source, Renderer(drawn, run), others, deviations, pictures, scene_lengths.of(context)
+    )
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
@@ -133,7 +139,7 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
         raise BakeError(nothing_drawn(ready.plan))
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
-        findings = audit(ready.plan, tally, settings, ray_cast)
+        findings = audit(ready.plan, tally, settings, ray_cast, ready.length)
     stopped = ready.renderer.stopped / tally.written
     read = ready.others.results(tally.backwards)
     with timings.timed("audit"):

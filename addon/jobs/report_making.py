@@ -7,9 +7,10 @@ from dataclasses import asdict, dataclass, field
 import gpu
 import numpy as np
 
-from ..audit import other_readers
+from ..audit import causes, other_readers
+from ..audit.causes import Warned
 from ..audit.checks import Findings
-from ..core import map_types
+from ..core import cures, map_types
 from ..core.declarations.choices import Method
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, Labeled
@@ -22,7 +23,7 @@ from ..engine.rays.ray_casting import RayCast
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
-from ..output.outputs import Stored
+from ..output.outputs import HIDDEN_MISSES, Stored
 from ..passes.surface import finite_values
 from ..scene.high_layers.material_sets import MaterialSet
 from ..scene.object_refs import ObjectRef
@@ -32,7 +33,7 @@ from .job import Job
 @dataclass(frozen=True)
 class DrawnJob:
     """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
-    the objects, in sentences. stopped_early, rays, readers, deviation, picture: as in Report."""
+    the objects. stopped_early, rays, readers, deviation, picture: as in Report."""
 
     job: Job
     settings: Settings
@@ -41,7 +42,7 @@ class DrawnJob:
     ray_cast: RayCast | None
     findings: Findings
     timings: Timings
-    warnings: Sequence[str] = ()
+    warnings: Sequence[Warned] = ()
     stopped_early: float = 0.0
     rays: float = 0.0
     readers: dict[str, dict[str, float | int]] = field(default_factory=dict)
@@ -57,8 +58,9 @@ class DrawnJob:
         }
 
 
-def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), margin: float | None = None) -> Report:
-    """The report of a bake. warnings: from storing the maps. margin: of the stored map, if it differs from the drawn one."""
+def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin: float | None = None) -> Report:
+    """The report of a bake. notes: warnings about what was stored, in sentences. margin: of the stored map, if it differs from
+    the drawn one."""
     settings, plan, ray_cast, findings = drawn.settings, drawn.plan, drawn.ray_cast, drawn.findings
     return Report(
         method=plan.method,
@@ -98,22 +100,19 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         backend=gpu.platform.backend_type_get(),
         renderer=gpu.platform.renderer_get(),
         seconds=drawn.timings.seconds,
-        warnings=once(
-            *drawn.warnings,
-            *material_notes(drawn.meshes, settings),
-            *attribute_notes(drawn.meshes, settings),
-            *slope_notes(settings),
-            *plan.warnings,
-            *findings.warnings,
-            *other_readers.warnings(drawn.readers),
-            *warnings,
+        warnings=causes.remaining(
+            (
+                *drawn.warnings,
+                *map(Warned, material_notes(drawn.meshes, settings)),
+                *map(Warned, attribute_notes(drawn.meshes, settings)),
+                *map(Warned, slope_notes(settings)),
+                *map(Warned, plan.warnings),
+                *findings.warnings,
+                *(Warned(text, causes.REBUILT) for text in other_readers.warnings(drawn.readers)),
+                *(Warned(text, causes.HIDDEN_MISSES if text == HIDDEN_MISSES else "") for text in notes),
+            )
         ),
     )
-
-
-def once(*warnings: str) -> list[str]:
-    """Each sentence once: what was said before a bake can be among what was found after it."""
-    return list(dict.fromkeys(warnings))
 
 
 def material_notes(meshes: Meshes, settings: Settings) -> list[str]:
@@ -158,7 +157,9 @@ def slope_notes(settings: Settings) -> list[str]:
     """That one sample does not show the detail in a texel."""
     if settings.samples > 1 or map_types.WIDENED_ROUGHNESS.name not in settings.drawn_maps:
         return []
-    return ["With 1 sample in a texel, widened roughness is the roughness of the material: use 16 samples or more."]
+    return [
+        cures.in_shell("With 1 sample in a texel, widened roughness is the roughness of the material.", cures.SAMPLES)
+    ]
 
 
 def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:

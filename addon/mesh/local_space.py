@@ -38,11 +38,11 @@ class LocalSpace:
 
 def local_space_of(meshes: Sequence[Mesh]) -> LocalSpace:
     """The space in which `meshes` together lie around the origin with a radius of about 1."""
-    low, high = _world_box(meshes)
+    low, high = world_box(meshes)
     return LocalSpace((low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0 or 1.0)  # a single point has no size
 
 
-def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
+def world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
     """The minimum and maximum coordinates (3,) float64 in world space of the vertices that triangles use."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for mesh in meshes:
@@ -55,5 +55,5 @@ def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
 
 def gap(low: Mesh, highs: Sequence[Mesh]) -> float:
     """The distance, in world units, between the box around `low` and the box around `highs`; 0 if they touch."""
-    (low_min, low_max), (high_min, high_max) = _world_box([low]), _world_box(highs)
+    (low_min, low_max), (high_min, high_max) = world_box([low]), world_box(highs)
     return float(np.linalg.norm(np.maximum(np.maximum(low_min - high_max, high_min - low_max), 0.0)))

@@ -10,6 +10,10 @@ ON_THE_RIM = 1e-5
 """A UV counts as outside a tile from this distance on: subdivision rounds UVs."""
 SNAP = 1.0 / 32.0
 """In texels. Rasterizers round corners to a grid of at least 16 steps a texel."""
+_SPREAD = np.array(
+    [(i + 1 / 3, j + 1 / 3, 10 - i - j + 1 / 3) for i in range(11) for j in range(11 - i)], np.float32
+) / np.float32(11.0)
+"""Weights (N, 3) of corners for points that are spread evenly over a triangle."""
 ROUNDING = 2.0**-21
 """Share of the distance from the origin of UV space: how far single precision moves a corner, with room."""
 
@@ -38,6 +42,19 @@ def outside(mesh: Mesh, tiles: tuple[int, int] = (1, 1)) -> np.ndarray:
     corners = np.stack(_uv_corners(mesh), axis=1)
     u, v = corners.real, corners.imag
     return ((u < low) | (u > u_high) | (v < low) | (v > v_high)).any(axis=1)
+
+
+def cut_off(mesh: Mesh, which: np.ndarray, tiles: tuple[int, int] = (1, 1)) -> float:
+    """The share of the mesh's UV area that lies outside the `tiles` along u and v. which: the triangles (T,) bool that may
+    reach outside; the others do not count."""
+    sizes = np.abs(areas(mesh))
+    total = float(sizes.sum(dtype=np.float64))
+    if not which.any() or not 0.0 < total < np.inf:
+        return 0.0
+    a, b, c = (corner[which] for corner in _uv_corners(mesh))
+    points = a[:, None] * _SPREAD[:, 0] + b[:, None] * _SPREAD[:, 1] + c[:, None] * _SPREAD[:, 2]
+    is_out = (points.real < 0.0) | (points.real > tiles[0]) | (points.imag < 0.0) | (points.imag > tiles[1])
+    return float((sizes[which] * is_out.mean(axis=1)).sum(dtype=np.float64) / total)
 
 
 def over_centers(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core import texel_state
+from ..core import cures, texel_state
 from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
@@ -20,6 +20,11 @@ from .files.planned_files import settings_by_map, stored_maps
 from .files.write_queue import WriteQueue
 from .vertex_attributes import VertexMaps
 from .writers import exr_writer
+
+HIDDEN_MISSES = cures.in_shell(
+    "Rays of some texels hit nothing, and files without alpha do not show which.", cures.MISS_MASK
+)
+"""A warning."""
 
 
 @dataclass(frozen=True)
@@ -166,12 +171,11 @@ class Outputs:
         for image in stored.values():  # a bake may replace the files of maps that were baked before
             datablocks.sign(image, dict.fromkeys(labels[Labeled.OBJECTS]))
         if self._hides_misses:
-            warnings.append(
-                "Rays of some texels hit nothing, and files without alpha do not show which: switch Miss Mask on to see them."
-            )
+            warnings.append(HIDDEN_MISSES)
         if self._cut_off:
             titles = shorten_list(BY_NAME[name].title for name in self.settings.drawn_maps if name in self._cut_off)
-            warnings.append(f"Values beyond 65,504 are cut off in 16-bit floats: set Depth to 32 for the {titles}.")
+            cause = f"16-bit floats cut off values beyond 65,504 of the {titles}."
+            warnings.append(cures.in_shell(cause, cures.DEPTH))
         attributes = {}
         for vertices, low in zip(self._vertices, lows, strict=False):  # without attributes, there are only low objects
             names, more = vertices.store(low)

@@ -174,7 +174,8 @@ MAP: dict[str, Setting] = {
     ),
     "limited": Switch(
         label="Set Limit",
-        tooltip="Set the distance above which a warning is shown, instead of using 5 % of the low mesh's radius",
+        tooltip="Set the distance between the high and the low surface above which a warning is shown. Without it, the check "
+        "Far counts from 5 % of the low mesh's radius on, and warns of nothing that is deep",
         empties=False,
         option=None,
     ),

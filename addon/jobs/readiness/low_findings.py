@@ -5,13 +5,16 @@ from collections.abc import Sequence
 
 import bpy
 
-from ...audit import before_bake
-from ...audit.before_bake import HARD_EDGES, LAYER, MIRRORED, POLYGONS, Finding
+from ...audit import before_bake, causes, facing
+from ...audit.before_bake import FLIPPED, HARD_EDGES, LAYER, MIRRORED, POLYGONS, Finding
+from ...audit.causes import Warned
+from ...core.errors import shorten_list
 from ...core.settings import Settings
+from ...mesh.inputs import Meshes
 from ...mesh.triangle_mesh import Mesh
 from ...scene import mesh_reader
 
-__all__ = ["HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
+__all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
 CURED_BY_EXPORT = (POLYGONS, LAYER)
 """The kinds that do not matter for files that Imprint exports."""
 MOST_CORNERS = 400_000
@@ -59,6 +62,18 @@ def shown(context: bpy.types.Context, low: bpy.types.Object, settings: Settings,
         return read(mesh, low, layer, settings) if len(mesh.triangles) else []
 
 
-def warnings(findings: Sequence[Finding]) -> list[str]:
-    """The sentences of what harms."""
-    return [finding.sentence for finding in findings if finding.harms]
+def flipped(meshes: Meshes) -> list[Finding]:
+    """A finding if the faces of the meshes of a bake point to opposite sides."""
+    if meshes.is_own_base or not len(meshes.low.triangles):
+        return []
+    low = facing.of_mesh(meshes.low, facing.LOW_FACES)
+    each = max(1, facing.HIGH_FACES // len(meshes.highs))
+    highs = facing.joined([facing.of_mesh(high, each) for high in meshes.highs])
+    names = shorten_list(repr(high.name) for high in meshes.highs)
+    return before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+
+
+def warnings(findings: Sequence[Finding]) -> list[Warned]:
+    """The warnings about what harms."""
+    kinds = {FLIPPED: causes.FLIPPED, HARD_EDGES: "hard_edges"}
+    return [Warned(each.sentence, kinds.get(each.kind, "")) for each in findings if each.harms]

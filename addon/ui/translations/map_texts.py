@@ -270,10 +270,16 @@ TABLE = {
         "es": "Niveles y visibilidad definidos para la vista",
     },
     (LABEL, "Set Limit"): {"de_DE": "Grenze setzen", "es": "Definir límite"},
-    (SENTENCE, "Set the distance above which a warning is shown, instead of using 5 % of the low mesh's radius"): {
-        "de_DE": "Den Abstand einstellen, ab dem gewarnt wird, statt 5 % des Radius des Low-Poly-Meshes zu verwenden",
-        "es": "Define la distancia a partir de la cual se muestra una advertencia, en vez de usar el 5 % del "
-        "radio de la malla low poly",
+    (
+        SENTENCE,
+        "Set the distance between the high and the low surface above which a warning is shown. Without it, the check Far "
+        "counts from 5 % of the low mesh's radius on, and warns of nothing that is deep",
+    ): {
+        "de_DE": "Den Abstand zwischen High-Poly- und Low-Poly-Oberfläche einstellen, ab dem gewarnt wird. Ohne ihn zählt die "
+        "Prüfung Entfernt ab 5 % des Radius des Low-Poly-Meshes und warnt nicht vor dem, was nur tief ist",
+        "es": "Define la distancia entre las superficies high poly y low poly a partir de la cual se muestra una advertencia. "
+        "Sin ella, la comprobación Lejos cuenta desde el 5 % del radio de la malla low poly y no advierte de lo que solo es "
+        "profundo",
     },
     (LABEL, "Limit"): {"de_DE": "Grenze", "es": "Límite"},
     (SENTENCE, "Distance between the high and the low surface above which a warning is shown"): {
