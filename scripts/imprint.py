@@ -84,12 +84,12 @@ class NoGpu(Failure):
     code = 3
 
 
-def print_message(text):
+def print_message(text, severity="error"):
     """Print a message to standard error. Standard output is for the command."""
     # Names come from files, and must not control the terminal.
     line = "".join(each if each.isprintable() or each == "\n" else "?" for each in f"imprint: {text}")
     if "--progress json" in " ".join(sys.argv).replace("=", " "):
-        line = json.dumps({"event": "message", "text": line})  # as addon/cli/results/events.py
+        line = json.dumps({"event": "message", "severity": severity, "text": line})  # as addon/cli/results/events.py
     with contextlib.suppress(OSError):  # for example, a full disk: then there is only the exit code
         print(line, file=sys.stderr, flush=True)
 
@@ -186,7 +186,7 @@ def is_ready():
 def make_environment():
     """Create .venv from scratch, and replace an old one."""
     base = find_python(python_candidates())
-    print_message(f"setting up {VENV} with {base}: about 500 MB to download, once")
+    print_message(f"setting up {VENV} with {base}: about 500 MB to download, once", "info")
     quiet = [] if sys.stderr.isatty() else ["--quiet"]
     pip = [str(PYTHON), "-m", "pip", "install", "--disable-pip-version-check", "--no-input", *quiet]
     for command in ([base, "-m", "venv", "--clear", str(VENV)], [*pip, "-r", str(REQUIREMENTS)]):

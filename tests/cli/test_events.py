@@ -109,6 +109,7 @@ def test_crashes_and_failures_are_events_and_messages(folder):
     assert ends[4]["error"] == "Blender crashed with exit code 7."
     assert ends[1]["gate"] == ["coverage is 100 %, and must be less than 1 %."]
     assert any(each["text"].endswith(ends[2]["error"]) for each in of(found, "message"))
+    assert {each["severity"] for each in of(found, "message")} == {"error"}
     assert {key: found[-1][key] for key in ("exit_code", "failed", "gate", "done")} == {
         "exit_code": 1,
         "failed": 2,
@@ -130,7 +131,9 @@ def test_a_single_bake_has_events_too(folder):
     found = checked(err)
     assert code == exit_codes.DONE
     assert [each["name"] for each in (*of(found, "started"), *of(found, "done"))] == ["good_low", "good_low"]
-    assert any("warning: " in each["text"] for each in of(found, "message"))  # the high mesh is far away
+    severities = {each["text"]: each["severity"] for each in of(found, "message")}
+    assert all(("warning: " in text) == (severity == "warning") for text, severity in severities.items())
+    assert set(severities.values()) == {"warning", "info"}  # the high mesh is far away; the summary
     assert json.loads(out)["bakes"][0]["state"] == "done"
 
 
@@ -139,7 +142,7 @@ def test_wrong_calls_are_events(folder):
         code, out, err = run(*words, "--progress", "json")
         found = checked(err)
         assert (code, out) == (exit_codes.WRONG_USAGE, "")
-        assert [each["event"] for each in found] == ["message", "finished"]
+        assert [(each["event"], each.get("severity")) for each in found] == [("message", "error"), ("finished", None)]
         assert found[-1]["exit_code"] == exit_codes.WRONG_USAGE
 
 

@@ -144,7 +144,7 @@ def test_files_of_others(tmp_path, monkeypatch):
 
 
 def test_a_chain_that_takes_too_long_is_ended(folder):
-    entry = entry_of(folder, exit_codes.FAILED, "--timeout", "0.01", may_start_processes=True)
+    entry = entry_of(folder, exit_codes.FAILED, "--timeout", "0.1", may_start_processes=True)
     assert (entry["cause"], files(folder)) == ("timeout", ["hill.blend", "report.json"])
 
 

@@ -448,7 +448,11 @@ def test_an_empty_list_and_false_take_back_the_defaults(write):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ("--workers -1", "'-1' is less than 0"),
+        ("--workers -1", "'-1' is not a number of processes from 0 to 256"),
+        ("--workers 100000000", "'100000000' is not a number of processes from 0 to 256"),
+        ("--timeout 1e-9", "'1e-9' is not a number of seconds from 0.1 to 31,536,000"),
+        ("--timeout 1e300", "'1e300' is not a number of seconds from 0.1 to 31,536,000"),
+        ("--timeout nan", "'nan' is not a number of seconds from 0.1 to 31,536,000"),
         ("--workers two", "'two' is not a whole number"),
         ("--max-memory 4", "'4' is less than Blender itself takes"),
         ("--max-memory 63M", "'63M' is less than Blender itself takes"),

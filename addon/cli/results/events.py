@@ -3,10 +3,12 @@
 
 import io
 import json
+import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from enum import StrEnum
 from typing import Any, TextIO
 
 from ...core.progress import Progress
@@ -41,6 +43,22 @@ def meter(words: Sequence[str]) -> Iterator[Meter]:
     ):
         yield events
         messages.end()
+
+
+class Severity(StrEnum):
+    """What a line on standard error is."""
+
+    INFO = "info"
+    """Such as the summary of a bake whose report is on standard output."""
+    WARNING = "warning"
+    ERROR = "error"
+
+    @classmethod
+    def of(cls, line: str) -> "Severity":
+        """From the start of a line: the program's name, perhaps that of a bake, and "warning"."""
+        if not re.match(r"imprint[\w ]*: ", line):
+            return cls.INFO
+        return cls.WARNING if ": warning: " in line else cls.ERROR
 
 
 class Events(Meter):
@@ -90,6 +108,15 @@ class Events(Meter):
             gate=entry.gate,
         )
 
+    def report(self, line: str) -> None:
+        if not self.is_quiet:
+            severity = Severity.of(line)
+            self.message(Severity.INFO if severity == Severity.ERROR else severity, line)
+
+    def message(self, severity: "Severity", text: str) -> None:
+        """Write a line as an event."""
+        self.write("message", severity=str(severity), text=text)
+
     def finished(self, code: int) -> None:
         self.write("finished", exit_code=code, **self._counted)
 
@@ -114,7 +141,7 @@ class _Messages(io.TextIOBase):
     def write(self, text: str) -> int:
         *lines, self._rest = (self._rest + text).split("\n")
         for line in filter(None, lines):
-            self._events.write("message", text=line)
+            self._events.message(Severity.of(line), line)
         return len(text)
 
     def end(self) -> None:

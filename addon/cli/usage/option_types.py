@@ -22,6 +22,10 @@ MANY_FRAMES = 100_000
 """More frames than this are a typing error. The paths of all are compared before the first is baked."""
 PAGES = ".html", ".htm"
 """The endings of pages for a browser."""
+MOST_WORKERS = 256
+"""Processes at once, each of which takes the memory of a Blender. More are a typing error."""
+LEAST_SECONDS, MOST_SECONDS = 0.1, 365 * 24 * 3600
+"""Less than the smallest bake takes, and a year."""
 LEAST_MEMORY = 1 << 26
 """Bytes. No Blender runs in less: who asks for it has forgotten the unit."""
 
@@ -154,10 +158,10 @@ def whole_number(value: str) -> int:
         raise argparse.ArgumentTypeError(f"{value!r} is not a whole number") from error
 
 
-def count(value: str) -> int:
+def workers(value: str) -> int:
     found = whole_number(value)
-    if found < 0:
-        raise argparse.ArgumentTypeError(f"{value!r} is less than 0")
+    if not 0 <= found <= MOST_WORKERS:
+        raise argparse.ArgumentTypeError(f"{value!r} is not a number of processes from 0 to {MOST_WORKERS}")
     return found
 
 
@@ -219,8 +223,9 @@ def limits(value: str) -> tuple[gates.Gate, ...]:
 
 def seconds(value: str) -> float:
     found = number(value)
-    if not 0.0 < found < math.inf:
-        raise argparse.ArgumentTypeError(f"{value!r} is not a number of seconds above 0")
+    if not LEAST_SECONDS <= found <= MOST_SECONDS:
+        span = f"from {LEAST_SECONDS:g} to {MOST_SECONDS:,}"
+        raise argparse.ArgumentTypeError(f"{value!r} is not a number of seconds {span}")
     return found
 
 

@@ -43,7 +43,7 @@ RUN_OPTIONS: dict[str, CommandOption] = {
     "workers": CommandOption(
         "Bake in so many processes at once, each with a Blender of its own, so that a crash ends one bake alone. 0: in this "
         "process",
-        {"type": option_types.count, "default": 1, "metavar": "N"},
+        {"type": option_types.workers, "default": 1, "metavar": "N"},
         "1",
     ),
     "timeout": CommandOption(
