@@ -5,8 +5,6 @@ import json
 import os
 import pickle
 import sys
-from contextlib import nullcontext
-from multiprocessing.connection import Pipe
 from pathlib import Path
 
 import bpy
@@ -286,10 +284,8 @@ class Code:
     ids=["code", "function", "nothing", "garbage", "number", "empty list", "deep", "another class"],
 )
 def test_a_message_of_a_worker_cannot_run_code(content):
-    here, there = Pipe()
-    there.send_bytes(content)
     with pytest.raises(OSError, match="no message"):
-        messages.received(here)
+        messages.unpacked(content)
 
 
 FILE = {"path": "/a", "bytes": 1, "sha256": "0" * 64, "what": "map"}
@@ -298,7 +294,6 @@ REPORT = Report("CAST", "TANGENT", (16, 16), "low", ["high"]).to_dict()
 
 @pytest.mark.parametrize("is_trusted", [True, False])
 def test_messages_of_a_worker_arrive(is_trusted):
-    here, there = Pipe()
     report = json.loads(json.dumps(REPORT))
     for message in (
         messages.Ready(),
@@ -309,18 +304,7 @@ def test_messages_of_a_worker_arrive(is_trusted):
         messages.FilesFound(["a"], [("b", "c")]),
         Done(Entry(1, "a", State.GATE, files=[FILE], reports=[report]), ["b"], picture=b"c\0d"),
     ):
-        there.send_bytes(messages.packed(message))
-        assert messages.received(here, is_trusted=is_trusted) == message
-
-
-@pytest.mark.parametrize("is_trusted", [True, False])
-def test_a_message_for_untrusted_files_has_a_largest_size(is_trusted, monkeypatch):
-    """A sequence of thousands of frames has a report of each."""
-    monkeypatch.setattr(messages, "MOST_BYTES", 1000)
-    here, there = Pipe()
-    there.send_bytes(messages.packed(Done(Entry(1, "a"), ["w" * 2000])))
-    with nullcontext() if is_trusted else pytest.raises(OSError, match="message"):
-        assert messages.received(here, is_trusted=is_trusted).entry == Entry(1, "a")
+        assert messages.unpacked(messages.packed(message), is_trusted=is_trusted) == message
 
 
 def done(*, picture=b"", **values):
@@ -361,20 +345,5 @@ LIES = {
 @pytest.mark.parametrize("content", LIES.values(), ids=LIES)
 def test_a_message_of_other_types_is_none(content):
     """Its parent would fail at it, and end all bakes."""
-    here, there = Pipe()
-    there.send_bytes(content)
     with pytest.raises(OSError, match="no message"):
-        messages.received(here, is_trusted=False)
-
-
-@pytest.mark.parametrize("content", [b"\0\0\1\0half", b""], ids=["half a message", "nothing"])
-def test_a_worker_that_stops_in_a_message_does_not_hang_its_parent(content, monkeypatch):
-    monkeypatch.setattr(worker_process, "STALLED", 1)
-    here, there = Pipe()
-    worker_process._limit(here)
-    os.write(there.fileno(), content)
-    with pytest.raises(OSError, match="unavailable"):
-        messages.received(here)
-    with pytest.raises(OSError, match="unavailable"):
-        while True:  # it reads nothing either
-            here.send("x" * 100_000)
+        messages.unpacked(content, is_trusted=False)

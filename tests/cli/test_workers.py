@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from multiprocessing.connection import Pipe
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -25,7 +24,7 @@ from addon.cli.results.bake_result import Done, Wanted
 from addon.cli.results.run_report import Entry
 from addon.cli.terminal_progress import Meter
 from addon.cli.usage import arguments, job_file
-from addon.cli.workers import supervisor, worker, worker_process
+from addon.cli.workers import channel, supervisor, worker, worker_process
 from addon.cli.workers.messages import Answer, FilesFound, Percent, packed
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
@@ -76,7 +75,10 @@ def start(*words):
 def run(*words):
     """The exit code, standard output and standard error of `start`."""
     process = start(*words)
-    out, err = process.communicate()
+    try:
+        out, err = process.communicate(timeout=120)
+    finally:
+        process.kill()
     return process.returncode, out, err
 
 
@@ -149,6 +151,23 @@ def test_a_bake_that_hangs_is_ended_at_the_limit(folder):
     assert hung == str(folder / "logs" / "000001_set_1_hang_low.log")
     assert Path(hung).read_text().splitlines()[-1] == "hangs"
     assert Path(done).is_file()
+
+
+def test_a_message_that_comes_byte_by_byte_delays_no_limit(folder):
+    """The next bake goes on in another worker."""
+    code, _, err = run(*jobs(folder, "drip", "a"), "--timeout", "4")
+    assert code == exit_codes.FAILED
+    assert outcome(folder) == [("set 1 (drip_low)", "failed", "timeout", ""), ("set 2 (a_low)", "done", "", "")]
+    assert "It took more than 4 s, the limit." in err
+    assert reports.bakes(folder / "r.json")[0]["seconds"] < 6.0
+
+
+def test_a_worker_that_sends_no_messages_ends_one_bake_alone(folder):
+    run(*jobs(folder, "garble", "a"))
+    assert [(each["cause"], each["error"]) for each in reports.bakes(folder / "r.json")] == [
+        ("crash", "Its process sent what is no message."),
+        ("", ""),
+    ]
 
 
 def test_a_bake_that_takes_too_much_memory_is_ended_at_the_limit(folder):
@@ -413,6 +432,19 @@ def test_a_bake_that_hangs_is_ended_some_time_after_one_signal(folder):
     assert not [number for number in children if Path(f"/proc/{number}").exists()]
 
 
+def test_a_message_that_comes_byte_by_byte_delays_no_signal(folder):
+    process = start(*jobs(folder, "drip"), "--log", "logs")
+    while not (folder / "logs").is_dir() or not list((folder / "logs").iterdir()):
+        assert process.poll() is None
+        time.sleep(0.05)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGTERM)
+    begun = time.monotonic()
+    process.communicate(timeout=30)
+    assert time.monotonic() - begun < supervisor.LONGEST_STOP + supervisor.PATIENCE + 1.0
+    assert process.returncode == 128 + signal.SIGTERM
+
+
 def test_a_signal_stops_the_worker_and_keeps_what_is_done(folder):
     process, children = hanging(folder)
     process.send_signal(signal.SIGTERM)
@@ -496,14 +528,34 @@ def test_a_blender_that_does_not_start_is_one_sentence(folder, monkeypatch):
     assert process.stderr == "imprint: Blender does not start here: exit code 9.\n"
 
 
+@pytest.mark.parametrize("content", [b"\0\0\1\0half", b""], ids=["half a message", "nothing"])
+def test_a_worker_that_stops_in_a_message_is_ended(content, monkeypatch):
+    """In one that it sends, or that it does not read."""
+    monkeypatch.setattr(channel, "STALLED", 0.0)
+    ours, killed = channel.Channel(), []
+    process = SimpleNamespace(channel=ours, is_ready=True, kill=lambda: killed.append(True), close=ours.close)
+    process.end = lambda: worker_process.Ending("signal 9, Killed", "SIGKILL", lacked_memory=False)
+    process.last_printed = str
+    plan = plans.Plan("a", None)
+    worker_ = SimpleNamespace(process=process, plan=plan, begun=0.0, has_begun=True, log="", last_words=str)
+    watching = supervisor.Supervisor(1, supervisor.Limits())
+    watching._workers.append(worker_)
+    os.write(ours.other.fileno(), content)
+    if not content:
+        ours.send(b"x" * 4_000_000)
+    (done,) = watching._hear(None, None)
+    assert done.entry.error == "Its process stopped for 20 s in a message."
+    assert (killed, watching._workers) == ([True], [])
+
+
 def test_what_a_worker_sends_without_a_bake_is_ignored():
     """As one may that a file has taken over."""
-    ours, theirs = Pipe()
-    worker_ = SimpleNamespace(process=SimpleNamespace(connection=ours), plan=None)
+    ours = channel.Channel()
+    worker_ = SimpleNamespace(process=SimpleNamespace(channel=ours), plan=None)
     watching = supervisor.Supervisor(1, supervisor.Limits())
     watching._workers.append(worker_)
     for message in (Done(Entry(1, "a")), FilesFound()):
-        theirs.send_bytes(packed(message))
+        ours.other.send_bytes(packed(message))
         assert list(watching._hear(None, None)) == []
 
 

@@ -9,7 +9,6 @@ import functools
 import json
 from dataclasses import dataclass, field, is_dataclass
 from enum import StrEnum
-from multiprocessing.connection import Connection
 from typing import Any, get_args, get_origin, get_type_hints
 
 from ..done.bake_record import Draft
@@ -104,12 +103,12 @@ def packed(message: Any) -> bytes:
     return text.encode() + _PICTURE + picture
 
 
-def received(connection: Connection, *, is_trusted: bool = True) -> Any:
-    """The next message of a worker. Raises EOFError if it is gone, and OSError for what is no message.
+def unpacked(content: bytes, *, is_trusted: bool = True) -> Any:
+    """A message of a worker from its bytes. Raises OSError for what is no message.
 
-    is_trusted: whether the message may be large, and the figures in its reports are taken to be such.
+    is_trusted: whether the figures in its reports are taken to be such.
     """
-    text, _, picture = connection.recv_bytes(None if is_trusted else MOST_BYTES).partition(_PICTURE)
+    text, _, picture = content.partition(_PICTURE)
     try:
         name, values = json.loads(text)
         if name == Done.__name__:

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import wait
+from typing import Any
 
 from ...core.errors import BakeError, NoGpu, WrongPlace
 from ...core.progress import Progress
@@ -24,10 +25,13 @@ from ..trust.confinement import Confinement
 from . import last_words, logs
 from .busy_worker import BusyWorker
 from .chains import Chains
-from .messages import Answer, Assignment, Begun, Call, FilesFound, Line, Percent, Ready, received
+from .channel import STALLED
+from .messages import MOST_BYTES, Answer, Assignment, Begun, Call, FilesFound, Line, Percent, Ready, unpacked
 
 LOOK_EVERY = 0.1
 """Seconds between two checks of signals and limits."""
+SEND_EVERY = 0.01
+"""Seconds between two tries to send what a worker has not taken."""
 LONGEST_STOP = 5.0
 """Seconds for bakes to stop after a signal, before their processes are ended as by a second one."""
 PATIENCE = 2.0
@@ -80,7 +84,7 @@ class Supervisor:
     def __exit__(self, *_) -> None:
         self._held.close()
         for worker in self._workers:
-            worker.process.connection.close()  # they end at once, together
+            worker.process.channel.close()  # they end at once, together
         deadline = time.monotonic() + CLOSING
         for worker in self._workers:
             worker.process.close(max(0.0, deadline - time.monotonic()))
@@ -188,15 +192,19 @@ class Supervisor:
 
     def _hear(self, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
         """Take the messages of all workers, waiting a moment for one."""
-        by_connection = {worker.process.connection: worker for worker in self._workers}
-        for connection in wait(list(by_connection), LOOK_EVERY):
-            worker = by_connection[connection]
+        workers = list(self._workers)
+        channels = [worker.process.channel for worker in workers]
+        is_sending = any(channel.has_unsent for channel in channels)
+        heard = wait([channel.connection for channel in channels], SEND_EVERY if is_sending else LOOK_EVERY)
+        for worker in workers:
             try:
-                message = received(connection, is_trusted=self._confinement is None)
-            except (EOFError, OSError):
-                yield from self._bury(worker)
+                message = self._read(worker, has_more=worker.process.channel.connection in heard)
+            except (EOFError, BakeError) as error:
+                yield from self._bury(worker, str(error))
                 continue
             match message:
+                case None:
+                    pass  # it has not arrived yet
                 case Ready():
                     worker.process.is_ready, self._starts = True, 0
                 case Begun():
@@ -213,6 +221,24 @@ class Supervisor:
                 case Done():
                     yield from self._take(worker, message, files)
 
+    def _read(self, worker: BusyWorker, *, has_more: bool) -> Any:
+        """The next message of a worker; None as long as it has not arrived. has_more: whether there is something to read.
+
+        Raises EOFError if the worker is gone, and BakeError if its messages are wrong.
+        """
+        channel, is_trusted = worker.process.channel, self._confinement is None
+        try:
+            channel.flush()
+            content = channel.receive(None if is_trusted else MOST_BYTES) if has_more else None
+            message = None if content is None else unpacked(content, is_trusted=is_trusted)
+        except ConnectionError as error:
+            raise EOFError from error
+        except OSError as error:
+            raise BakeError("Its process sent what is no message.") from error
+        if channel.is_stalled:
+            raise BakeError(f"Its process stopped for {STALLED:g} s in a message.")
+        return message
+
     def _take(self, worker: BusyWorker, done: Done, files: run_clashes.Run) -> Iterator[Done]:
         """A bake has ended. Its worker goes on unless it has grown too large."""
         if self._confinement:
@@ -228,22 +254,26 @@ class Supervisor:
             self._remove(worker)
         yield done
 
-    def _bury(self, worker: BusyWorker) -> Iterator[Done]:
-        """A worker has ended by itself."""
+    def _bury(self, worker: BusyWorker, why: str = "") -> Iterator[Done]:
+        """A worker has ended by itself, or its messages are wrong. why: a sentence for that, else empty."""
+        if why:
+            worker.process.kill()
         ending = worker.process.end()
         printed, words = worker.process.last_printed(), worker.last_words()
         self._remove(worker)
         if worker.plan is None:
             if not worker.process.is_ready:
                 line = last_words.last_line(printed)
-                self._count_start(f"{ending.text}{f', {line!r}' if line else ''}")
+                self._count_start(f"{why or ending.text}{f', {line!r}' if line else ''}")
             return
         if not worker.has_begun and self._sent < MOST_SENT - 1:
             self._sent += 1
             if not interruption.code():
                 self._returned.append(worker.assigned)
             return
-        if ending.lacked_memory:
+        if why:
+            error, cause = why, Cause.CRASH
+        elif ending.lacked_memory:
             error, cause = "Memory ran out, and the system ended the bake.", Cause.MEMORY
         else:
             error, cause = f"Blender crashed with {ending.text}{words}.", Cause.CRASH

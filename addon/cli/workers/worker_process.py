@@ -3,15 +3,13 @@
 
 import os
 import signal
-import socket
-import struct
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +17,12 @@ from ...core.timings import BEGUN
 from .. import interruption
 from ..trust.confinement import Confinement
 from . import last_words, process_memory
+from .channel import Channel
 
 WORD = "worker"
 """The only argument of a worker."""
 CONNECTION = "IMPRINT_WORKER"
 """The environment variable with the number of the worker's end of the connection."""
-STALLED = 20
-"""Whole seconds after which a worker that has begun a message, or takes none, counts as gone."""
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "bake.py"
 
 
@@ -74,12 +71,13 @@ class WorkerProcess:
         self.log = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
         """What it prints while no bake has a log of its own."""
         self._out_of_memory = process_memory.kills()
-        self.connection, other = Pipe()
-        _limit(self.connection)
+        self.channel = Channel()
         try:
-            self._process = self._start(other)
-        finally:
-            other.close()
+            self._process = self._start(self.channel.other)
+        except OSError:
+            self.channel.close()
+            raise
+        self.channel.other.close()
 
     def _start(self, other: Connection) -> subprocess.Popen:
         number = other.fileno()
@@ -110,7 +108,7 @@ class WorkerProcess:
     def send(self, message: Any) -> bool:
         """Send a message. Returns whether the worker takes messages: one that has died does not."""
         try:
-            self.connection.send(message)
+            self.channel.send(message)
         except OSError:
             return False
         return True
@@ -130,17 +128,17 @@ class WorkerProcess:
 
     def close(self, seconds: float = 5.0) -> None:
         """End it: it stops when its connection closes. seconds: how long to wait for that."""
-        self.connection.close()
+        self.channel.close()
         try:
             self._process.wait(seconds)
         except subprocess.TimeoutExpired:
             self.kill()
         self.log.close()
 
-    def end(self) -> "Ending":
-        """Wait for a process whose connection has closed."""
+    def end(self, seconds: float = 5.0) -> "Ending":
+        """Wait some seconds for a process whose connection has closed."""
         try:
-            code = self._process.wait(5.0)
+            code = self._process.wait(seconds)
         except subprocess.TimeoutExpired:  # it closed its connection and goes on
             self.kill()
             code = -signal.SIGABRT
@@ -155,15 +153,6 @@ class WorkerProcess:
     def last_printed(self, start: int = 0) -> str:
         """The end of what it printed to its own log after the first `start` bytes."""
         return last_words.tail(self.log.fileno(), start)
-
-
-def _limit(connection: Connection) -> None:
-    """Let reading and writing end with an OSError if the worker stops in the middle of a message."""
-    if os.name == "nt":
-        return
-    with socket.socket(fileno=os.dup(connection.fileno())) as end:
-        for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
-            end.setsockopt(socket.SOL_SOCKET, option, struct.pack("ll", STALLED, 0))
 
 
 def _words(code: int) -> str:

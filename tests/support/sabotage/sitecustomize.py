@@ -175,8 +175,20 @@ def lie():
     worker.packed = packed
 
 
+def drip():
+    """From now on, send a byte of a message every half second."""
+    Early.drips = True
+
+
+def garble():
+    """From now on, send what is no message."""
+    Early.is_garbled = True
+
+
 DEEDS = {
     "lie": lie,
+    "drip": drip,
+    "garble": garble,
     "steal": steal,
     "crash": crash,
     "mute": crash_in_silence,
@@ -190,6 +202,16 @@ DEEDS = {
 
 class Early(Connection):
     """A worker's end of its connection. The first process that receives a bake with "early" in its name is killed."""
+
+    drips = is_garbled = False
+
+    def send_bytes(self, content):
+        super().send_bytes(b"garbage" if self.is_garbled else content) if not self.drips else self._drip(content)
+
+    def _drip(self, content):
+        for byte in len(content).to_bytes(4, "big") + content:
+            os.write(self.fileno(), bytes([byte]))
+            time.sleep(0.5)
 
     def recv(self):
         message = super().recv()
