@@ -21,6 +21,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins, shared_uvs
+from ..engine.hidden_parts import HiddenParts
 from ..engine.maps.family import Run
 from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
@@ -126,7 +127,8 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
     is_wanted = (job.is_measured or job.is_pictured) and settings.normal
     kept = partial(map_storage.kept, settings=settings)
-    deviations = Deviations(plan, drawn, settings, pictures, kept=kept, is_wanted=is_wanted)
+    hidden = HiddenParts(plan, source, settings, is_shared=in_order is not meshes)
+    deviations = Deviations(plan, drawn, settings, pictures, kept=kept, is_wanted=is_wanted, hidden=hidden)
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
     return _Ready(
         meshes, warnings, plan, source, Renderer(drawn, run), others, deviations, pictures, scene_lengths.of(context)

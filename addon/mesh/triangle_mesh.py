@@ -68,6 +68,12 @@ class Mesh:
         """`triangles`, counter-clockwise in the scene where seen from the front: a mirrored matrix reverses the winding."""
         return self.triangles[:, ::-1] if np.linalg.det(self.to_world[:3, :3]) < 0.0 else self.triangles
 
+    @property
+    def tangent_space(self) -> dict[str, np.ndarray]:
+        """What shaders that read a map take by corner: uv, normal and tangent, which is 0 if there are no tangents."""
+        tangents = np.zeros((len(self.normals), 4), np.float32) if self.tangents is None else self.tangents
+        return {"uv": self.uv, "normal": self.normals, "tangent": tangents}
+
     def with_triangles(self, kept: np.ndarray) -> "Mesh":
         """This mesh with some of its triangles. kept: their indices, or (T,) bool."""
         faces, labels = (None if values is None else values[kept] for values in (self.faces, self.labels))

@@ -11,6 +11,7 @@ from ..jobs.live.live_session import Session
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
+from ..passes import mesh_upload
 from ..scene import mesh_reader
 
 PULL = 0.1
@@ -40,12 +41,19 @@ class ViewScene:
     """The batches that a view draws, with the normal matrices of their objects.
 
     local_space: of the batches, around the low mesh. pull: how far the drawing is pulled towards the viewer, in its units.
+    low_to_world (4, 4): the matrix of the low object.
     """
 
     local_space: LocalSpace
     pull: float
     low: tuple[gpu.types.GPUBatch, np.ndarray]
     highs: list[tuple[gpu.types.GPUBatch, np.ndarray]]
+    low_to_world: np.ndarray
+
+    def part(self, low: Mesh) -> gpu.types.GPUBatch:
+        """Some triangles of the low mesh, with UVs of their own."""
+        positions = _positions(replace(low, to_world=self.low_to_world), self.local_space)
+        return mesh_upload.upload(low.triangles, uv=low.uv, position=positions)
 
 
 class ViewObjects:
@@ -65,10 +73,7 @@ class ViewObjects:
 
     def upload_low(self, low: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
         """The low mesh with its tangent space, and other attributes by corner."""
-        tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
-        return self.session.upload(
-            f"{low.name} as basis", low, uv=low.uv, normal=low.normals, tangent=tangents, **attributes
-        )
+        return self.session.upload(f"{low.name} as basis", low, **low.tangent_space, **attributes)
 
     def place(self, *, with_highs: bool) -> ViewScene | None:
         """The objects where they are now, without high objects that were deleted.
@@ -111,6 +116,7 @@ class ViewObjects:
                 )
                 for high in highs
             ],
+            low.to_world,
         )
 
     def _surface(self, low: Mesh, local_space: LocalSpace) -> BVHTree:

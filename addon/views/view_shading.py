@@ -13,8 +13,10 @@ from ..core.declarations.choices import Pack, Space, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import normal_channels, uv_agreement
-from ..engine.bands import BAND_TEXELS
+from ..engine.bands import BAND_TEXELS, Band
 from ..jobs.live.live_session import Session
+from ..mesh.inputs import Meshes
+from ..mesh.triangle_mesh import Mesh
 from ..output import quantize
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
@@ -23,6 +25,8 @@ from .view_objects import PULL, Eye, ViewObjects, ViewScene, view_projection
 
 MIDDLE = 0.25
 """Share of the view's width for the low mesh without its map, between the other two."""
+MOST_BYTES, LAYER_BYTES = 512 * 2**20, 16
+"""The most GPU memory for the deviations of hidden parts, and what a texel of a layer takes."""
 
 
 @dataclass(frozen=True)
@@ -90,12 +94,16 @@ class Shading:
         self.reader = ""
         self._number = 0
         self._measured: target.Target | None = None
+        self._hidden: list[tuple[Mesh, target.Target]] = []
+        self._hidden_parts: list[gpu.types.GPUBatch] = []
+        self._hidden_scene: ViewScene | None = None
         self._square: gpu.types.GPUBatch | None = None
 
     def update(self, *, is_measured: bool, reader: str = "") -> None:
         """Use the session's last map, read as the program `reader` reads it. Do not call this while a view is being drawn."""
         if (self.session.drawn, reader) != (self._number, self.reader):
             self._number, self.reader, self.figures, self._measured = self.session.drawn, reader, None, None
+            self._hidden = []
         if is_measured and self._measured is None:
             self._measure()
 
@@ -127,8 +135,12 @@ class Shading:
                 with _only(x + mapped.start, y, len(mapped), height):
                     self._draw_map(scene, matrix, light)
             elif self._measured is not None:
-                without_map = mode == Mode.BARE_DEVIATION
-                deviation.draw(scene.low[0], self._measured.texture, matrix, limit=limit, without_map=without_map)
+                how = {"limit": limit, "without_map": mode == Mode.BARE_DEVIATION}
+                deviation.draw(scene.low[0], self._measured.texture, matrix, **how)
+                if self._hidden_scene is not scene:
+                    self._hidden_scene, self._hidden_parts = scene, [scene.part(low) for low, _ in self._hidden]
+                for part, (_, measured) in zip(self._hidden_parts, self._hidden, strict=True):
+                    deviation.draw(part, measured.texture, matrix, **how)  # over what was drawn of these triangles
 
     def draw_legend(self, place: tuple[float, float], size: tuple[float, float]) -> None:
         """Draw the colors of deviations as a bar. place, size: in pixels, from the lower left of the view."""
@@ -152,21 +164,26 @@ class Shading:
         return lit.shading(normals, light, read=read)
 
     def _measure(self) -> None:
-        settings, low = self.session.settings, self.objects.low
+        settings, meshes = self.session.settings, self.session.meshes
         size = settings.width, settings.height
         with target.using(target.TargetPool()):  # frees the intermediate targets at the end
             self._measured = target.get("deviation", *size, "RGBA32F")
-            reading = self._reading(low.normal_matrix)
-            high_normals, uploaded, elsewhere = (
-                self.session.high_normals(),
-                self.objects.upload_low(low),
-                self._elsewhere(),
-            )
-            where = {"elsewhere": elsewhere, "stretch": low.stretch}
-            deviation.measure(self._measured, uploaded, self.session.map, high_normals, reading, **where)
-            values = np.empty((size[1], size[0], 4), np.float32)
-            self._measured.read(values)
-        texels = quantize.sample(values)
+            high_normals, uploaded = self.session.high_normals(), self.objects.upload_low(self.objects.low)
+            self._measure_low(self._measured, uploaded, high_normals, meshes)
+            texels = [quantize.sample(_read(self._measured))]
+        self._hidden, self._hidden_scene = [], None
+        hidden, whole = self.session.hidden_parts(), Band(0, size[1], size, 0)
+        for layer in hidden.layers[: max(1, MOST_BYTES // (LAYER_BYTES * size[0] * size[1]))]:
+            with target.using(target.TargetPool()):
+                into, low = target.get("deviation", *size, "RGBA32F"), layer.meshes.basis or layer.meshes.low
+                high_normals = layer.maps.high_normals(whole)
+                uploaded = mesh_upload.upload(low.triangles, **low.tangent_space)
+                self._measure_low(into, uploaded, high_normals, layer.meshes)
+                values = _read(into)
+                values[~hidden.is_hidden(layer, whole)] = 0.0
+            self._hidden.append((low, into))
+            texels.append(quantize.sample(values))
+        texels = np.concatenate(texels)
         measured, elsewhere = texels[texels[:, 3] > 0.0], np.count_nonzero(texels[:, 3] < -1.5)
         if len(measured) + elsewhere:
             means, highest = np.full((2, 2), np.nan)
@@ -176,12 +193,26 @@ class Shading:
             share = elsewhere / (len(measured) + elsewhere)
             self.figures = Figures(*map(float, (means[0], highest[0], means[1], highest[1], share)))
 
-    def _elsewhere(self) -> np.ndarray:
+    def _measure_low(
+        self, into: target.Target, uploaded: gpu.types.GPUBatch, high_normals: gpu.types.GPUTexture, meshes: Meshes
+    ) -> None:
+        """Write the deviations of the low mesh, or of a layer of hidden parts. meshes: of these triangles."""
+        low = meshes.basis or meshes.low
+        reading, elsewhere = self._reading(low.normal_matrix), self._elsewhere(meshes)
+        where = {"elsewhere": elsewhere, "stretch": low.stretch}
+        deviation.measure(into, uploaded, self.session.map, high_normals, reading, **where)
+
+    def _elsewhere(self, meshes: Meshes) -> np.ndarray:
         """Which parts of the map, (rows, columns) bool, show another part of the high surface than the low mesh has there."""
-        meshes = self.session.meshes
         if self.session.plan.casts_rays or meshes.is_own_base:  # a base mesh shares the UVs
             return np.zeros((1, 1), bool)
         return uv_agreement.mismatched(meshes.low, meshes.highs)
+
+
+def _read(drawn: target.Target) -> np.ndarray:
+    values = np.empty((drawn.height, drawn.width, 4), np.float32)
+    drawn.read(values)
+    return values
 
 
 def _draw_bare(parts: list[tuple[gpu.types.GPUBatch, np.ndarray]], matrix: np.ndarray, light: np.ndarray) -> None:

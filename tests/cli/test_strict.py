@@ -5,6 +5,7 @@ import json
 
 import bpy
 import pytest
+from mathutils import Matrix
 
 from addon.cli import command
 from addon.cli.results import exit_codes
@@ -46,6 +47,22 @@ def test_a_bake_within_its_limits_is_done(folder):
     entry = reports.bake(folder / "r.json")
     assert (entry["state"], entry["gate"]) == ("done", [])
     assert entry["reports"][0]["deviation"]["texels"] == 32 * 32
+
+
+def test_plates_on_one_uv_square_with_different_detail_are_over_a_limit(folder, capsys):
+    """The map is that of the first plate, exactly: the second one, tilted against it by 11.3 degrees, shows it as well."""
+    low, high = bpy.data.objects["a_low"], bpy.data.objects["a_high"]
+    high.data.transform(Matrix.Diagonal((1.0, 1.0, 0.0, 1.0)))
+    for obj, other in ((low, "b_low"), (high, "b_high")):
+        bpy.data.objects[other].data.transform(Matrix.Translation((3.0, 0.0, 0.0)))
+        with bpy.context.temp_override(active_object=obj, selected_editable_objects=[obj, bpy.data.objects[other]]):
+            bpy.ops.object.join()
+    bpy.ops.wm.save_mainfile()
+    assert bake(
+        *PAIR, "--method", "cast", "--max-distance", "1", "--extrusion", "0.5", "--strict", "deviation.p99<2deg"
+    ) == (exit_codes.GATE)
+    (gate,) = reports.bake(folder / "r.json")["gate"]
+    assert gate.startswith("deviation.p99 is 11.3")
 
 
 def test_pairs_over_a_limit_are_named(folder):

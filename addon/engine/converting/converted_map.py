@@ -99,8 +99,7 @@ class ConvertedMap:
 
 
 def _upload(low: Mesh) -> gpu.types.GPUBatch:
-    tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
-    return mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=tangents)
+    return mesh_upload.upload(low.triangles, **low.tangent_space)
 
 
 def _shading(low: Mesh, before: StoredNormals, settings: Settings) -> np.ndarray:

@@ -17,6 +17,7 @@ from ...core.settings import Settings
 from ...core.timings import Timings
 from ...engine import margins, rendering, shared_uvs, sources
 from ...engine.bands import Band
+from ...engine.hidden_parts import HiddenParts
 from ...engine.maps import sampling
 from ...engine.maps.family import Run
 from ...engine.maps.maps_of_bake import maps_of_bake
@@ -243,12 +244,21 @@ class Session:
         The texture is in the current pool.
         """
         size = self.settings.width, self.settings.height
-        if self._drawer is None:  # only a part of the last map was drawn
+        self._complete()
+        return self._drawer.high_normals(Band(0, size[1], size, 0))
+
+    def hidden_parts(self) -> HiddenParts:
+        """The parts of the low mesh that show texels of other parts on the last map."""
+        self._complete()
+        return HiddenParts(self.plan, self._source, self.settings, is_shared=self._meshes is not self._as_read)
+
+    def _complete(self) -> None:
+        """Make what draws a whole map, if only a part of the last one was drawn."""
+        if self._drawer is None:
             run = Run(self.settings, Timings(), Pace())
             preparing = sources.normal_source(self.plan, run.settings, run.timings, run.pace, uploads=self._uploads)
             self._source = progress.finish(preparing)
             self._drawer = maps_of_bake(self.plan.meshes, self._source, run, uploads=self._uploads)
-        return self._drawer.high_normals(Band(0, size[1], size, 0))
 
     def store(self) -> None:
         """Put the last normal map into its image datablock, and the image into the material if it is new."""

@@ -130,8 +130,7 @@ def _compared(
     """What deviation.measure writes, (height, width, 4) float32. basis: the level, with tangents for tangent space."""
     read = (255 if settings.depth == 8 else 0, *normal_channels.reading(settings)[1:])
     reading = lit.shading(basis.normal_matrix, read=read)
-    tangents = np.zeros((len(basis.normals), 4), np.float32) if basis.tangents is None else basis.tangents
-    level = mesh_upload.upload(basis.triangles, uv=basis.uv, normal=basis.normals, tangent=tangents)
+    level = mesh_upload.upload(basis.triangles, **basis.tangent_space)
     measured = target.get("deviation", settings.width, settings.height, "RGBA32F")
     nowhere = np.zeros((1, 1), bool)
     deviation.measure(measured, level, normal_map, truth, reading, elsewhere=nowhere, stretch=basis.stretch)

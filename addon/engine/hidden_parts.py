@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Parts of a low mesh that other parts hide on the map: they show texels that were made for another place."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import gpu
+import numpy as np
+
+from ..core import udim
+from ..core.progress import Pace
+from ..core.settings import Settings
+from ..core.timings import Timings
+from ..mesh import uv_islands
+from ..mesh.inputs import Meshes
+from ..mesh.local_space import gap, local_space_of
+from ..mesh.triangle_mesh import Mesh
+from ..passes import mesh_upload, target
+from ..passes.audit import overlap, triangle_ids
+from ..passes.bake import gbuffer
+from .bands import Band, bands
+from .maps.family import Run
+from .maps.maps_of_bake import maps_of_bake
+from .maps.sampling import SampledMaps
+from .method_choice import Plan
+from .rays import ray_casting
+from .sources import Flat, FlatAndRays, Rays, Source
+
+PROBE = 512
+"""Texels a side, at most, on which hidden parts are looked for."""
+DEEPEST = 16
+"""How many parts on one place are looked at, from the top down."""
+ROOM = 2
+"""Rows around a layer that are drawn with it: texels look at those beside them."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Hidden parts that share no texels with each other.
+
+    number: from 1. triangles (N,) int: in the low mesh. meshes: of the bake, with only these triangles of the low mesh and its
+    basis, on the tile that they are drawn on. maps: draws the high surface at their own places.
+    """
+
+    number: int
+    triangles: np.ndarray
+    meshes: Meshes
+    maps: SampledMaps
+
+    def bands(self, size: tuple[int, int], tile: int = udim.FIRST) -> Iterator[Band]:
+        """The rows of a map of this size that the layer may cover."""
+        low = self.meshes.low
+        v = low.uv[low.triangles, 1] - udim.place(tile)[1]
+        start = int(np.clip(np.floor(v.min() * size[1]) - ROOM, 0, size[1]))
+        stop = int(np.clip(np.ceil(v.max() * size[1]) + ROOM, 0, size[1]))
+        for band in bands(*size, 0, tile):
+            if max(band.start, start) < min(band.stop, stop):
+                yield replace(band.without_halo, start=max(band.start, start), stop=min(band.stop, stop))
+
+
+class HiddenParts:
+    """The hidden parts of the low mesh of `plan`, in layers. source: of the bake. is_shared: whether triangles share texels.
+
+    Parts that were moved by whole tiles are hidden as well. Parts that hide themselves are not found, and no more than DEEPEST
+    of those on one place.
+    """
+
+    def __init__(self, plan: Plan, source: Source, settings: Settings, *, is_shared: bool):
+        self._plan, self._source = plan, source
+        self._settings = replace(settings, maps=())
+        self._numbered: gpu.types.GPUBatch | None = None
+        low = plan.meshes.low
+        self._tiles = np.zeros((len(low.triangles), 2), np.float32)
+        if not settings.udim:
+            moved = uv_islands.moved_copies(low)
+            self._tiles[moved] = np.floor(low.uv[low.triangles[moved]].mean(axis=1))
+        is_moved = self._tiles.any(axis=1)
+        self._layers = np.zeros(len(low.triangles), np.int64)
+        if is_shared or is_moved.any():
+            self._layers = _layers(_moved_back(low, self._tiles), is_moved, _size(settings, PROBE), plan.tiles)
+
+    @property
+    def triangles(self) -> int:
+        """How many triangles of the low mesh are in hidden parts."""
+        return int(np.count_nonzero(self._layers))
+
+    @cached_property
+    def layers(self) -> list[Layer]:
+        """The layers, from the top down, without those that the high meshes do not have."""
+        layers = (self._layer(number) for number in range(1, int(self._layers.max(initial=0)) + 1))
+        return [layer for layer in layers if layer.meshes.highs]
+
+    def is_hidden(self, layer: Layer, band: Band) -> np.ndarray:
+        """Which texels of a band (rows, width) bool have been drawn for other triangles than those of a layer, if it covers
+        them."""
+        low = self._plan.meshes.low
+        if self._numbered is None:
+            self._numbered = triangle_ids.upload(low.triangles, low.uv, self._layers + 1)
+        (numbers,) = triangle_ids.layers(self._numbered, (band.width, band.height), band.uv_to_clip)
+        return numbers != layer.number + 1
+
+    def _layer(self, number: int) -> Layer:
+        chosen = np.flatnonzero(self._layers == number)
+        meshes = self._plan.meshes
+        low, basis = (
+            None if mesh is None else _moved_back(mesh.with_triangles(chosen), self._tiles[chosen])
+            for mesh in (meshes.low, meshes.basis)
+        )
+        meshes = replace(meshes, low=low, basis=basis)
+        if self._source.ray_cast is None:
+            meshes = replace(meshes, highs=self._highs(number), whole=None, kept=None)
+        else:
+            meshes = replace(
+                meshes, whole=meshes.whole_low, kept=chosen if meshes.kept is None else meshes.kept[chosen]
+            )
+        run = Run(self._settings, Timings(), Pace())
+        return Layer(number, chosen, meshes, maps_of_bake(meshes, self._source_of(meshes, number, run), run))
+
+    def _source_of(self, meshes: Meshes, number: int, run: Run) -> Source:
+        """What draws the high surface at the places of a layer, as the bake does."""
+        ray_cast = self._source.ray_cast
+        if ray_cast is None:
+            return Flat(
+                meshes.low,
+                meshes.highs,
+                run.settings,
+                run.timings,
+                surface=self._source.surface,
+                is_drawn=self._is_of(number),
+                is_changed_later=meshes.has_detail,
+            )
+        ray_mesh = ray_casting.upload_ray_mesh(meshes, ray_cast.low, ray_cast.ray_scene.local_space)
+        ray_cast = replace(ray_cast, ray_mesh=ray_mesh)
+        if self._plan.has_rays:
+            flat = replace(meshes, whole=self._plan.meshes.whole)
+            return FlatAndRays(flat, ray_cast, run.settings, run.pace, run.timings)
+        return Rays(meshes.low, ray_cast, meshes.highs, run.settings, run.pace)
+
+    def _highs(self, number: int) -> list[Mesh]:
+        """The high meshes with their triangles of one layer, without those that have none."""
+        highs = self._plan.meshes.highs
+        ends = np.cumsum([len(high.triangles) for high in highs])
+        chosen = np.split(self._is_of(number), ends[:-1])
+        return [high.with_triangles(part) for high, part in zip(highs, chosen, strict=True) if part.any()]
+
+    def _is_of(self, number: int) -> np.ndarray:
+        """Which triangles of the high meshes (T,) bool, mesh after mesh, Flatten draws at the places of one layer."""
+        is_drawn = self._plan.meshes.is_drawn
+        return (self._of_layer == number) & (True if is_drawn is None else is_drawn)
+
+    @cached_property
+    def _of_layer(self) -> np.ndarray:
+        """The layer (T,) int to which each triangle of the high meshes belongs, mesh after mesh: that whose point in the middle
+        of the triangle's UVs is nearest. 0 is what is visible on the map."""
+        meshes = self._plan.meshes
+        low = _moved_back(meshes.low, self._tiles)
+        space = local_space_of([low])
+        aside = local_space_of(meshes.highs).origin - space.origin if gap(low, meshes.highs) > 0.0 else np.zeros(3)
+        points, uvs = (
+            np.concatenate(found)
+            for found in zip(*(_middles(high, space.points(high)) for high in meshes.highs), strict=True)
+        )
+        points -= (aside / space.size).astype(np.float32)
+        result, nearest = np.zeros(len(points), np.int64), np.full(len(points), np.inf, np.float32)
+        size = _size(self._settings, PROBE)
+        attributes = {
+            "uv": low.uv,
+            "position": space.points(low)[low.vertices],
+            "direction": low.normals,
+        }
+        drawn, texels = target.get("audit rays", *size, "RGBA32F", "RGBA32F"), np.empty((*size[::-1], 4), np.float32)
+        for number in range(int(self._layers.max()) + 1):
+            chosen = np.ascontiguousarray(low.triangles[self._layers == number])
+            uploaded = mesh_upload.upload(chosen, **attributes) if len(chosen) else None
+            for tile in self._plan.tiles if uploaded is not None else ():
+                gbuffer.draw(drawn, uploaded, udim.uv_to_clip(tile))
+                drawn.read(texels)
+                place = np.floor((uvs - udim.place(tile)) * size)
+                inside = np.flatnonzero(((place >= 0) & (place < size)).all(axis=1))
+                column, row = place[inside].astype(np.int64).T
+                below = texels[row, column]
+                far = np.where(below[:, 3] > 0.0, np.linalg.norm(points[inside] - below[:, :3], axis=1), np.inf)
+                is_nearer = far < nearest[inside]
+                result[inside[is_nearer]], nearest[inside[is_nearer]] = number, far[is_nearer]
+        return result
+
+
+def _layers(low: Mesh, is_moved: np.ndarray, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
+    """The layer of each triangle (T,) int: 0 if no other part hides its part anywhere, else from 1.
+
+    is_moved (T,) bool: those that the map does not have, which all others hide.
+    """
+    order = np.argsort(~is_moved, kind="stable")
+    drawn = low.with_triangles(order)
+    depth = _depth(drawn, size, tiles)
+    layers = np.zeros(len(order), np.int64)
+    if depth < 2:
+        return layers
+    parts = uv_islands.parts(drawn)
+    pairs, count = _hiding(drawn, parts, min(depth, DEEPEST), size, tiles), int(parts.max()) + 1
+    hidden = np.unique(pairs % count)
+    of_part = np.zeros(count, np.int64)
+    for part in hidden:  # parts are few: islands that lie below others
+        others = np.concatenate([pairs[pairs % count == part] // count, pairs[pairs // count == part] % count])
+        taken = set(of_part[others].tolist())
+        of_part[part] = next(number for number in range(1, len(taken) + 2) if number not in taken)
+    layers[order] = of_part[parts]
+    return layers
+
+
+def _depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
+    """The most triangles of `low` on one texel."""
+    drawn, counts = target.get("overlap", *size, "R16F"), np.empty(size[::-1], np.float32)
+    uploaded, most = mesh_upload.upload(low.triangles, uv=low.uv), 0
+    for tile in tiles:
+        overlap.draw(drawn, uploaded, udim.uv_to_clip(tile))
+        drawn.read(counts)
+        most = max(most, int(counts.max()))
+    return most
+
+
+def _hiding(low: Mesh, parts: np.ndarray, depth: int, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
+    """Which parts share texels, (N,) int: the number of the upper part, times the number of parts, plus that of the lower."""
+    uploaded, count = triangle_ids.upload(low.triangles, low.uv), int(parts.max()) + 1
+    found = [np.empty(0, np.int64)]
+    for tile in tiles:
+        above, is_left = [], None
+        for numbers in triangle_ids.layers(uploaded, size, udim.uv_to_clip(tile), depth):
+            is_left = numbers > 0.0 if is_left is None else is_left & (numbers > 0.0)  # then the top one comes again
+            part = np.where(is_left, parts[numbers.astype(np.int64) - 1], -1)
+            for upper in above:
+                both = is_left & (upper != part)
+                found.append(np.unique(upper[both] * count + part[both]))
+            above.append(part)
+    return np.unique(np.concatenate(found))
+
+
+def _moved_back(mesh: Mesh, tiles: np.ndarray) -> Mesh:
+    """`mesh` with the UVs of its triangles moved by whole tiles (T, 2), down by so many."""
+    if not tiles.any():
+        return mesh
+    moved = np.zeros_like(mesh.uv)
+    moved[mesh.triangles] = tiles[:, None]
+    return replace(mesh, uv=mesh.uv - moved)
+
+
+def _middles(mesh: Mesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The middle of each triangle: of its `points` (V, 3), and of its UVs, as (T, 3) and (T, 2) float32."""
+    return tuple(
+        sum(values[indices[:, corner]] for corner in range(3)) / np.float32(3.0)
+        for values, indices in ((points, mesh.vertices[mesh.triangles]), (mesh.uv, mesh.triangles))
+    )
+
+
+def _size(settings: Settings, most: int) -> tuple[int, int]:
+    """The width and height of the map, at most so many texels each."""
+    return min(settings.width, most), min(settings.height, most)

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of Deviation on parts of the low mesh that show texels of other parts: each counts at its own place."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.progress import Pace
+from addon.core.settings import Settings
+from addon.engine import bands
+from addon.jobs import Job, bake_jobs
+from addon.jobs.live import live_session
+from addon.passes import target
+from addon.views import view_shading
+from addon.views.mode_names import Mode
+from tests.engine.test_stacked_uvs import asymmetric, bump, half, mirrored
+from tests.support import angles, maps, raster, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = 96
+NEAR = 0.1
+"""Degrees, between percentiles of angles: those of the report, and of two maps that were baked alone."""
+RAYS = {"method": "CAST", "extrusion": 0.1, "max_distance": 0.2}
+
+
+def baked(low, *highs, **values):
+    """The report of a bake that measures deviations."""
+    bpy.context.view_layer.update()
+    job = Job(low, highs)
+    job.is_measured = True
+    (report,) = bake_jobs.bake_all(bpy.context, [job], chosen(**values))
+    return report
+
+
+def chosen(**values):
+    usual = {"margin": 0, "depth": 32, "storage": "MEMORY", "material": False, "image": "map"}
+    return Settings(**{**usual, "width": SIZE, "height": SIZE, **values})
+
+
+def between_halves(high):
+    """The degrees (SIZE, SIZE) between the maps of both halves, each baked alone."""
+    alone = [
+        maps.bake(half(f"half {side}", side), high, image=f"{side}", size=(SIZE, SIZE), **RAYS) for side in (1, -1)
+    ]
+    return angles.degrees(*map(angles.decode, alone))
+
+
+def same_figures(found, degrees):
+    """Whether a report has the percentiles of `degrees`."""
+    truth = {"median": 50, "percentile_95": 95, "percentile_99": 99, "maximum": 100}
+    degrees = np.abs(degrees)
+    for name, share in truth.items():
+        assert abs(found[name] - np.percentile(degrees, share, method="inverted_cdf")) < NEAR, name
+    assert found["texels"] == degrees.size
+
+
+@pytest.mark.parametrize("stacked", ["FIRST", "LAST"])
+def test_both_halves_of_a_mirrored_low_mesh_count_at_their_own_places(stacked):
+    """One half shows its own detail exactly, the other one what is between them."""
+    high = asymmetric()
+    low = mirrored()
+    low.modifiers[0].use_mirror_merge = False  # so that the normals are those of a half alone
+    report = baked(low, high, stacked=stacked, **RAYS)
+    apart = between_halves(high)
+    assert np.percentile(apart, 95) > 5.0
+    same_figures(report.deviation, np.concatenate([apart, np.zeros_like(apart)]))
+
+
+def test_the_folded_side_of_an_island_counts_too():
+    """Merged in the middle, both halves are one island."""
+    high = asymmetric()
+    found = baked(mirrored(), high, **RAYS).deviation
+    apart = between_halves(high)
+    assert found["texels"] == 2 * SIZE * SIZE
+    assert found["percentile_95"] == pytest.approx(np.percentile(np.concatenate([apart, 0 * apart]), 95), rel=0.1)
+
+
+def test_bands_change_nothing(monkeypatch):
+    high, low = asymmetric(), mirrored()
+    whole = baked(low, high, **RAYS).deviation
+    monkeypatch.setattr(bands, "BAND_TEXELS", SIZE * 20)
+    assert baked(low, high, **RAYS).deviation == pytest.approx(whole, abs=0.01)
+
+
+@pytest.mark.parametrize("offset", [1.0, -2.0])
+def test_a_mirrored_half_that_was_moved_by_whole_tiles_shows_the_map_as_well(offset):
+    high, low = asymmetric(), mirrored()
+    stacked = baked(low, high, **RAYS).deviation
+    low.modifiers[0].offset_u = offset
+    assert baked(low, high, **RAYS).deviation == pytest.approx(stacked, abs=NEAR)
+
+
+def test_each_of_many_plates_on_one_place_counts():
+    """Plates of slopes 0 to 0.4 on one square: the map has the slope 0."""
+    slopes = 0.1 * np.arange(5)
+    low, highs = plates(slopes)
+    found = baked(low, *highs, method="CAST", extrusion=1.0, max_distance=2.0).deviation
+    same_figures(found, np.repeat(np.degrees(np.arctan(slopes)), SIZE * SIZE))
+
+
+@pytest.mark.parametrize("stacked", ["FIRST", "LAST"])
+def test_halves_of_one_high_mesh_with_the_same_uvs_count_by_flatten(stacked):
+    """One half of the high mesh has a bump, which is baked alone for the truth."""
+    low, smooth, bumped = half("low", 1), half("smooth", 1, n=32), half("bumped", 1, n=32)
+    bump(bumped)
+    alone = [maps.bake(low, high, image=high.name, size=(SIZE, SIZE)) for high in (smooth, bumped)]
+    apart = angles.degrees(*map(angles.decode, alone))
+    copy = half("copy", -1, n=32)
+    with bpy.context.temp_override(active_object=bumped, selected_editable_objects=[bumped, copy]):
+        bpy.ops.object.join()
+    low.modifiers.new("Mirror", "MIRROR").use_mirror_merge = False
+    report = baked(low, bumped, method="FLATTEN", stacked=stacked)
+    assert np.percentile(apart, 95) > 5.0
+    same_figures(report.deviation, np.concatenate([apart, np.zeros_like(apart)]))
+
+
+@pytest.mark.parametrize(("method", "slopes"), [("AUTO", (0.02, 0.0)), ("FLATTEN", (0.02, 0.0, 0.01))])
+def test_plates_of_high_meshes_with_the_same_uvs_count_by_flatten(method, slopes):
+    low, highs = plates(slopes)
+    report = baked(low, *highs, method=method)
+    assert report.method == "FLATTEN"
+    same_figures(report.deviation, np.repeat(np.degrees(np.arctan(slopes) - np.arctan(slopes[0])), SIZE * SIZE))
+
+
+def plates(slopes):
+    """Plates beside each other with the same UVs in one low mesh, and high meshes of these slopes at their places."""
+    uv, moves = zoo.grid_uv(2, 2), 3 * np.arange(len(slopes))
+    points = [np.column_stack([2 * uv - 1 + (move, 0), np.zeros(len(uv))]) for move in moves]
+    faces = np.concatenate([zoo.grid_faces(2, 2, number * len(uv)) for number in range(len(slopes))])
+    low = zoo.build("low", np.concatenate(points), faces, np.tile(uv, (len(slopes), 1))[faces])
+    highs = [zoo.plane(f"high {number}", slope=slope) for number, slope in enumerate(slopes)]
+    for high, move in zip(highs, moves, strict=True):
+        high.location.x = move
+    return low, highs
+
+
+@pytest.mark.parametrize("offset", [0.0, 1.0])
+def test_the_view_has_the_same_figures_and_shows_each_half_at_its_own_place(offset):
+    low, high = mirrored(), asymmetric()
+    low.modifiers[0].offset_u = offset
+    report = baked(low, high, **RAYS)
+    session = live_session.Session(bpy.context, Job(low, [high]), chosen(**RAYS), Pace())
+    session.run(bpy.context)
+    shading = view_shading.Shading(session)
+    shading.update(is_measured=True)
+    assert shading.figures.percentile_99 == pytest.approx(report.deviation["percentile_99"], rel=0.05)
+    drawn = seen_from_above(shading)[..., :3]
+    # Where the copy is, x below 0, colors are those of degrees; the modeled half is exact, and has the color of 0.
+    exact = drawn[48, 72]
+    assert np.abs(drawn[20:76, 52:76] - exact).max() < 0.02
+    assert np.abs(drawn[20:76, 20:44] - exact).max() > 0.2
+
+
+def seen_from_above(shading):
+    """The deviations of the square -1 to 1, (SIZE, SIZE, 4) float32 with row 0 at the lowest y."""
+    into = target.Target(SIZE, SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
+    view = raster.look_at(np.array((0.0, 0.0, 5.0)), np.zeros(3), up=(0.0, 1.0, 0.0))
+    eye = view_shading.Eye(view, raster.parallel(2.0, 0.1, 10.0, 1.0), np.array((0.0, 0.0, 1.0, 0.0)))
+    with target.drawing(into):
+        into.framebuffer.clear(depth=1.0)
+        shading.draw(Mode.DEVIATION, eye)
+    pixels = np.empty((SIZE, SIZE, 4), np.float32)
+    into.read(pixels)
+    return pixels
