@@ -130,8 +130,12 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[argparse.Na
         own, more = arguments.split_jobs(words)
         if own.untrusted:
             bounds.check_job_file(own.jobs)
+
+        def show(share: float) -> None:
+            meter.show(own.jobs, Progress("Reading", share))
+
         try:
-            return own, job_file.read(own.jobs, more, lambda share: meter.show(own.jobs, Progress("Reading", share)))
+            return own, job_file.read(own.jobs, more, show, is_untrusted=own.untrusted)
         finally:
             meter.clear()
     arguments.check(options)

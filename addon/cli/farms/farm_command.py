@@ -98,7 +98,7 @@ def _check(options: argparse.Namespace) -> None:
     run, more = arguments.split_jobs([*words, "--force" if options.force else "--resume"])
     if run.untrusted:
         bounds.check_job_file(options.jobs)
-    job_file.read(options.jobs, more)
+    job_file.read(options.jobs, more, is_untrusted=run.untrusted)
 
 
 def _options(options: argparse.Namespace) -> str:

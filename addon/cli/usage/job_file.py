@@ -24,27 +24,34 @@ class WrongJobs(WrongUsage):
 
 
 def read(
-    name: str, more: Sequence[str] = (), on_progress: Callable[[float], None] = lambda _share: None
+    name: str,
+    more: Sequence[str] = (),
+    on_progress: Callable[[float], None] = lambda _share: None,
+    *,
+    is_untrusted: bool = False,
 ) -> list[argparse.Namespace]:
     """The options of each set of a job file, checked. Paths in the file start at its folder.
 
     more: arguments that override all sets. on_progress: called now and then with the share of the sets that was read.
-    Raises WrongJobs with a line for each set that has mistakes.
+    is_untrusted: whether it may read no variables. Raises WrongJobs with a line for each set that has mistakes.
     """
     with unsearched():
-        return _read(name, more, on_progress)
+        return _read(name, more, on_progress, is_untrusted=is_untrusted)
 
 
-def _read(name: str, more: Sequence[str], on_progress: Callable[[float], None]) -> list[argparse.Namespace]:
+def _read(
+    name: str, more: Sequence[str], on_progress: Callable[[float], None], *, is_untrusted: bool
+) -> list[argparse.Namespace]:
     path = Path(name).absolute()
     table = _load(name, path)
     defaults, sets, faults = _parts(name, table)
-    _, wrong = _Reader(path.parent).read(defaults)
+    reader = _Reader(KeyValues(path.parent, is_untrusted=is_untrusted), more)
+    _, wrong = reader.read(defaults)
     # Mistakes in the defaults are reported once, not for each set.
     usual = {key: value for key, value in defaults.items() if key.replace("_", "-") not in wrong}
     if wrong:
         faults.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
-    found, reader = [], _Reader(path.parent, more)
+    found = []
     for number, values in enumerate(sets, 1):
         if number % PROGRESS_EVERY == 0:
             on_progress(number / len(sets))
@@ -141,11 +148,11 @@ def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
 
 
 class _Reader:
-    """Reads sets. Paths start at a folder."""
+    """Reads sets."""
 
-    def __init__(self, folder: Path, more: Sequence[str] = ()):
+    def __init__(self, keys: KeyValues, more: Sequence[str] = ()):
         """more: arguments that override all sets."""
-        self._keys, self._usual, self._over = KeyValues(folder), vars(arguments.parse([])), arguments.given(more)
+        self._keys, self._usual, self._over = keys, vars(arguments.parse([])), arguments.given(more)
 
     def read(self, values: dict) -> tuple[argparse.Namespace, dict[str, str]]:
         """The options of a set, and what is wrong with its keys that cannot be read."""

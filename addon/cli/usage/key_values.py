@@ -55,8 +55,8 @@ class Unknown(WrongUsage):
 class KeyValues:
     """Reads values. Paths start at a folder."""
 
-    def __init__(self, folder: Path):
-        self._folder, self._start = folder, os.path.join(folder, "")
+    def __init__(self, folder: Path, *, is_untrusted: bool = False):
+        self._folder, self._start, self._is_untrusted = folder, os.path.join(folder, ""), is_untrusted
         self._known: dict[tuple, KeyValue | Unknown] = {}
 
     def read(self, written: str, value: Any) -> KeyValue:
@@ -84,7 +84,10 @@ class KeyValues:
         words = _words_of(written, key, value)
         option, name = KEYS[key], _name(key)
         if option.is_path:
-            words = [self._path(word) if word else word for word in words]
+            try:
+                words = [self._path(word) if word else word for word in words]
+            except argparse.ArgumentTypeError as fault:
+                return KeyValue(name, fault=f"{key}: {fault}")
         if value is not True and not words:
             return KeyValue(name, is_given=False)
         try:
@@ -108,6 +111,8 @@ class KeyValues:
         return KeyValue(name, [path] if is_list else path)
 
     def _path(self, word: str) -> str:
+        if not word[:1].isalnum() or "$" in word or word[1:2] == ":":
+            word = option_types.path_in_file(word, is_untrusted=self._is_untrusted)
         is_plain = os.sep == "/" and not (
             word.startswith(("/", "./")) or word.endswith(("/", "/.")) or "//" in word or "/./" in word or word == "."
         )

@@ -41,10 +41,37 @@ def text(value: str) -> str:
     return value
 
 
+_OF_WINDOWS = re.compile(r"[A-Za-z]:[\\/]|\\\\")
+"""The start of a path with a drive or a server."""
+_VARIABLE = re.compile(r"\$(?:(\w+)|\{(\w+)\})")
+"""A variable of the environment in a path."""
+
+
+def path_in_file(value: str, *, is_untrusted: bool) -> str:
+    """A path in a job file, as a shell would read it: with the user's home folder for ~, and the values of variables. Those are
+    nothing that files of other people may read."""
+    _check_system(value)
+    names = [name or braced for name, braced in _VARIABLE.findall(value)]
+    is_of_home = value == "~" or value.startswith(("~/", "~" + os.sep))
+    if is_untrusted and (names or is_of_home):
+        raise argparse.ArgumentTypeError(f"{value!r} has ~ or a variable, which files of other people cannot have")
+    if unset := [name for name in names if name not in os.environ]:
+        raise argparse.ArgumentTypeError(f"{value!r} needs the variable {unset[0]}, which is not set")
+    if names:
+        value = _VARIABLE.sub(lambda found: os.environ[found[1] or found[2]], value)
+    return os.path.expanduser(value) if is_of_home else value
+
+
+def _check_system(value: str) -> None:
+    if os.name != "nt" and _OF_WINDOWS.match(value):
+        raise argparse.ArgumentTypeError(f"{value!r} is a path of Windows, and this system has other ones")
+
+
 def path(value: str) -> str:
     """A path. In a job file it starts at the job file's folder."""
     if not value:
         raise argparse.ArgumentTypeError("a path is empty")
+    _check_system(value)
     # Two slashes are one to the system, and the folder of the open file to Blender. On Windows they start a server's name.
     has_more = os.name != "nt" and value.startswith("//")
     return text("/" + value.lstrip("/") if has_more else value)
