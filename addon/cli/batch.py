@@ -23,7 +23,7 @@ from ..core.timings import startup
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
-from ..scene import dependencies, object_refs
+from ..scene import object_refs
 from . import input_checks, interruption, memory_check, scene_files, side_files, standard_streams
 from .done import bake_key
 from .done.contents import Content, Contents
@@ -130,7 +130,7 @@ def open_files(
     hashes = hashes or (Contents() if options.report else None)
     declared = hashes.all_of(bake_key.inputs(options, bpy.data.filepath)) if hashes else []
     found = hashes.all_of(scene_files.read_by(options, jobs)) if hashes else []
-    not_followed = dependencies.not_followed(obj for job in jobs for obj in (job.low, *job.highs))
+    not_followed = scene_files.not_followed(options, jobs)
     return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, not_followed, hashes)
 
 

@@ -2,15 +2,18 @@
 """Checks of the open files before a bake: images that are missing, and meshes that do not fit each other."""
 
 import argparse
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ..core import map_types
+from ..core import map_types, udim
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError, shorten_list
+from ..core.file_formats import BY_ENDING
+from ..core.file_structure import usd_layers
 from ..core.file_structure.whole_files import MISSING
 from ..core.preflight import placement
 from ..core.settings import Settings
@@ -19,12 +22,13 @@ from ..scene import complaints, dependencies, object_checks
 from .mesh_files import obj_materials
 from .usage.option_types import word_for
 
+_IMAGES = {*BY_ENDING, ".jpg", ".jpeg", ".webp", ".hdr", ".bmp"}
 MOST_NAMED = 8
 """Missing files that a message names."""
 
 
 def check_pages(options: argparse.Namespace, settings: Settings, jobs: Sequence[Job]) -> list[str]:
-    """Sentences about material libraries that are missing, if a map shows materials.
+    """Sentences about material libraries and images that are missing, if a map shows materials.
 
     Raises BakeError for them, for other files that objects are made from, and for images, that are missing or not whole, unless
     the options allow it.
@@ -115,11 +119,15 @@ def _of_materials(settings: Settings) -> list[str]:
 
 
 def _libraries(options: argparse.Namespace) -> Iterator[str]:
-    """The material libraries that .obj files name and that are missing."""
+    """The material libraries that .obj files name and that are missing, and the images that Blender drops from USD files."""
     for name in [*options.file, *options.high_file]:
         path = Path(name).absolute()
         if path.suffix.lower() == ".obj":
             yield from (repr(str(path.parent / library)) for library in obj_materials.missing_libraries(path))
+        images = [each for each in usd_layers.named(str(path)).assets if Path(each).suffix.lower() in _IMAGES]
+        yield from (
+            repr(each) for each in images if not (udim.files(each) if udim.is_tiled(each) else os.path.isfile(each))
+        )
 
 
 def _box(obj: bpy.types.Object) -> np.ndarray:

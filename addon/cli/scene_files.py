@@ -12,6 +12,7 @@ import bpy
 
 from ..core.errors import BakeError
 from ..core.file_formats import OPENED
+from ..core.file_structure import usd_layers, whole_files
 from ..jobs.job import Job
 from ..output import datablocks
 from ..output.files.atomic_file import reason
@@ -137,6 +138,8 @@ def _existing(name: str) -> Path:
     path = Path(name).absolute()
     if not os.path.isfile(path):
         raise BakeError(f"There is no file {str(path)!r}.")
+    if problem := whole_files.problem(str(path)):
+        raise BakeError(f"{str(path)!r} {problem}.")
     return path
 
 
@@ -169,9 +172,7 @@ def _hold_caches(held: ExitStack) -> list[str]:
 
 def _hold_points(obj: bpy.types.Object, held: ExitStack) -> None:
     """Caches that are baked on disk are read from there; the others stay in memory."""
-    caches = [each.point_cache for each in obj.modifiers if each.type in {"CLOTH", "SOFT_BODY"}]
-    caches += [system.point_cache for system in obj.particle_systems]
-    for cache in caches:
+    for cache in dependencies.point_caches(obj):
         if cache.use_disk_cache and not cache.is_baked:
             put(cache, "use_disk_cache", False, held)
 
@@ -193,7 +194,7 @@ def _only(name: str, meshes: Iterable[bpy.types.Object]) -> bpy.types.Object:
 def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[str, str]]:
     """The files that the open scene's bake reads beside those of its options, and what they are. Some may not exist."""
     yield from used(options)
-    for name in [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]:
+    for name in _named(options):
         title = f"what {os.path.basename(name)!r} refers to"
         yield from ((path, title) for path in InputFiles().references(name))
     lows, highs = [job.low for job in jobs], [high for job in jobs for high in job.highs]
@@ -204,14 +205,31 @@ def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[
             yield each.path, each.what
 
 
+def not_followed(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
+    """Why the bake may read files that `read_by` does not know, in clauses."""
+    objects = [obj for job in jobs for obj in (job.low, *job.highs, job.cage) if obj]
+    return [
+        *filter(None, (usd_layers.named(name).unknown for name in _named(options))),
+        *dependencies.not_followed(objects),
+    ]
+
+
 def used(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    """The files that the open scene uses beside its own, and what they are: libraries, caches, textures of imported meshes."""
+    """The files that the open scene uses beside its own, and what they are: libraries, caches, layers of USD files, textures of
+    imported meshes."""
     yield from (
         (path, what) for path, what in datablocks.sources() if path != bpy.data.filepath
     )  # it may be saved over
     # The images of a .blend may be maps of an earlier bake, which the next bake replaces.
-    named = [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]
+    named = _named(options)
+    for name in named:
+        yield from ((path, f"what {os.path.basename(name)!r} refers to") for path in usd_layers.named(name).layers)
     if named and not any(Path(name).suffix.lower().startswith(".blend") for name in named):
         for image in bpy.data.images:
             if image.filepath and image.source in {"FILE", "TILED", "SEQUENCE"}:
                 yield bpy.path.abspath(image.filepath), "a texture of the meshes"
+
+
+def _named(options: argparse.Namespace) -> list[str]:
+    """The mesh files and .blend files of a bake's options."""
+    return [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]

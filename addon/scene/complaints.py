@@ -8,7 +8,7 @@ kinds are evaluated while this listens.
 import os
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -78,7 +78,16 @@ def _of_modifiers(
             if each.type == "ERROR":
                 found.append(Complaint(obj.name, modifier.name, each.message.rstrip(".")))
     once = {(each.owner, each.modifier): each for each in reversed(found)}
-    return [str(each) for each in reversed(once.values())]
+    return [*(str(each) for each in reversed(once.values())), *_unread_images(used, paths)]
+
+
+def _unread_images(used: Sequence[bpy.types.ID], lacking: Container[str]) -> Iterator[str]:
+    """Images of modifiers that Blender cannot read, in sentences, except those of the paths in `lacking`."""
+    for image in used:
+        if isinstance(image, bpy.types.Image) and image.source in {"FILE", "MOVIE"} and not image.packed_file:
+            path = dependencies.absolute(image.filepath, image)
+            if path not in lacking and not image.size[0]:
+                yield f"{path!r}, the image {image.name!r}, cannot be read: restore it, or remove what uses it."
 
 
 def _printed(

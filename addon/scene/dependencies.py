@@ -14,7 +14,7 @@ import bpy
 
 from .. import older_blender
 from ..core import udim
-from ..core.file_structure import whole_files
+from ..core.file_structure import usd_layers, whole_files
 from ..core.map_types import MARK, ORIGIN
 
 IMPORT_NODES = "GeometryNodeImport"
@@ -24,6 +24,8 @@ _BUILT_IN = "<builtin>"
 _PACKABLE = {bpy.types.Volume: "the volume", bpy.types.VectorFont: "the font", bpy.types.Sound: "the sound"}
 _NUMBER = re.compile(r"(\d+)(?!.*\d)", re.DOTALL)
 """The number of a frame in a file's name: the last one."""
+_BROKEN = whole_files.CUT, whole_files.POINTER
+"""Problems of files in the folder of a cache, where some may be empty."""
 _FOREIGN = bpy.types.Scene, bpy.types.MovieClip, bpy.types.Text
 """Types whose files decide nothing of a mesh."""
 
@@ -69,7 +71,7 @@ def of(
     of_materials = used.by_materials(used.by(shown))
     found += [each for block in of_materials for each in _of_block(block, is_surface=True)]
     once: dict[str, Dependency] = {}
-    for each in found:
+    for each in sorted(found, key=lambda each: not each.is_needed):
         once.setdefault(each.path, each)
     return list(once.values())
 
@@ -95,15 +97,18 @@ def not_to_replace(
 
 
 def lacking(found: Iterable[Dependency]) -> list[Lacking]:
-    """The files that are needed, and missing or not whole. Those in folders are not looked at."""
+    """The files that are needed, and missing or not whole, also those in folders."""
     return [each for wanted in found if wanted.is_needed for each in _lacking(wanted)]
 
 
 def _lacking(wanted: Dependency) -> Iterator[Lacking]:
     is_image = wanted.tiles is not None
     if os.path.isdir(wanted.path) and not is_image:
-        if not any(files for _, _, files in os.walk(wanted.path)):
+        paths = [os.path.join(folder, name) for folder, _, names in os.walk(wanted.path) for name in names]
+        if not paths:
             yield Lacking(wanted.path, wanted.what, whole_files.EMPTY)
+        problems = ((path, whole_files.problem(path)) for path in paths)
+        yield from (Lacking(path, wanted.what, problem) for path, problem in problems if problem in _BROKEN)
         return
     for path in [udim.fill_all(wanted.path, tile) for tile in wanted.tiles or ()] or [wanted.path]:
         problem = whole_files.problem(path, is_image=is_image)
@@ -137,13 +142,16 @@ def paths_of_modifier(modifier: bpy.types.Modifier) -> list[str]:
 
 def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
     """Clauses about files that `objects` are made from and whose paths are only known while they are evaluated."""
-    trees = [block for block in _Uses().by(objects) if isinstance(block, bpy.types.NodeTree)]
-    return [
+    blocks = _Uses().by(objects)
+    found = [
         f"the node {node.name!r} of {tree.name!r} computes the path of its file"
-        for tree in trees
+        for tree in blocks
+        if isinstance(tree, bpy.types.NodeTree)
         for node in _import_nodes(tree)
         if _paths_of(node.inputs[0]) is None
     ]
+    caches = [block for block in blocks if isinstance(block, bpy.types.CacheFile)]
+    return [*found, *filter(None, (usd_layers.named(absolute(each.filepath, each)).unknown for each in caches))]
 
 
 class _Uses:
@@ -219,9 +227,15 @@ def _of_block(block: bpy.types.ID, *, for_render: bool = True, is_surface: bool 
         yield from _of_object(block, for_render=for_render)
     elif isinstance(block, bpy.types.Image):
         yield from _of_image(block, is_surface=is_surface)
+    elif isinstance(block, bpy.types.ImageTexture) and block.image and block.image.source == "SEQUENCE":
+        if frame := _frame_of(block.image_user):
+            path = _numbered(block.image.filepath, frame)
+            yield from _of_path(block.image, path, f"the image {block.image.name!r}")
     elif isinstance(block, bpy.types.CacheFile):
         title = f"the cache {block.name!r}"
         yield from _of_path(block, block.filepath, title, is_sequence=block.is_sequence)
+        named = usd_layers.named(absolute(block.filepath, block))
+        yield from (Dependency(path, f"a layer of {title}", is_needed=not named.has_variants) for path in named.layers)
         for layer in block.layers:
             yield from _of_path(block, layer.filepath, f"a layer of {title}", is_needed=not layer.hide_layer)
     elif (title := _PACKABLE.get(type(block))) and not block.packed_file and block.filepath != _BUILT_IN:
@@ -257,18 +271,50 @@ def _of_modifier(obj: bpy.types.Object, modifier: bpy.types.Modifier, *, is_on: 
         folders = [modifier.bake_directory, *(bake.directory for bake in modifier.bakes if bake.use_custom_path)]
         for folder in folders:  # without them, the nodes are evaluated
             yield from _of_path(obj, folder, f"the bakes of the nodes of {obj.name!r}", is_needed=False)
-    elif modifier.type in {"CLOTH", "SOFT_BODY"}:
-        yield from _of_points(obj, modifier.point_cache, is_needed=is_on)
+    for cache in _caches_of(modifier):
+        yield from _of_points(obj, cache, is_needed=is_on)
+
+
+def point_caches(obj: bpy.types.Object) -> list[bpy.types.PointCache]:
+    """The caches of an object's simulations."""
+    of_modifiers = [cache for modifier in obj.modifiers for cache in _caches_of(modifier)]
+    return [*of_modifiers, *(system.point_cache for system in obj.particle_systems)]
+
+
+def _caches_of(modifier: bpy.types.Modifier) -> list[bpy.types.PointCache]:
+    """The caches of points of a modifier, except that of particles."""
+    if modifier.type in {"CLOTH", "SOFT_BODY"}:
+        return [modifier.point_cache]
+    if modifier.type == "DYNAMIC_PAINT" and modifier.canvas_settings is not None:
+        return [
+            each.point_cache for each in modifier.canvas_settings.canvas_surfaces if each.surface_format == "VERTEX"
+        ]
+    return []
 
 
 def _of_points(obj: bpy.types.Object, cache: bpy.types.PointCache, *, is_needed: bool = True) -> Iterator[Dependency]:
-    """The folder of the files of a simulation's cache."""
+    """The folder of the files of a simulation's cache, and the file of the frame that is shown."""
     title = f"the cache of a simulation of {obj.name!r}"
     if cache.use_external:
-        yield from _of_path(obj, cache.filepath, title, is_needed=is_needed)
+        folder = cache.filepath
     elif cache.use_disk_cache and cache.is_baked:
         stem = os.path.splitext(os.path.basename(obj.library.filepath if obj.library else bpy.data.filepath))[0]
-        yield from _of_path(obj, f"//blendcache_{stem}", title, is_needed=is_needed)
+        folder = f"//blendcache_{stem}"
+    else:
+        return
+    for each in _of_path(obj, folder, title, is_needed=False):
+        yield each
+        yield Dependency(_shown_frame(obj, cache, each.path), title, is_needed=is_needed)
+
+
+def _shown_frame(obj: bpy.types.Object, cache: bpy.types.PointCache, folder: str) -> str:
+    """The file of a simulation's cache for the current frame, or for the last one before it that has a file of its own."""
+    frame = min(max(bpy.context.scene.frame_current, cache.frame_start), cache.frame_end)
+    frame -= (frame - cache.frame_start) % max(cache.frame_step, 1)
+    name = cache.name or os.fsencode(obj.name).hex().upper()
+    ends = [f"_{max(cache.index, 0):02}.bphys"] + [".bphys"] * (cache.use_external and cache.index < 0)
+    paths = [os.path.join(folder, f"{name}_{frame:06}{end}") for end in ends]
+    return next(filter(os.path.isfile, paths), paths[-1])
 
 
 def _of_image(image: bpy.types.Image, *, is_surface: bool) -> Iterator[Dependency]:
@@ -314,6 +360,22 @@ def _frames_beside(path: str) -> list[str]:
         return sorted(os.path.join(folder, each) for each in os.listdir(folder) if pattern.fullmatch(each))
     except OSError:
         return []
+
+
+def _frame_of(user: bpy.types.ImageUser) -> int | None:
+    """The number of the file of a sequence that is shown now; None if it is not known."""
+    if not user.use_auto_refresh or not user.frame_duration:
+        return None
+    frame = bpy.context.scene.frame_current - user.frame_start + 1
+    if user.use_cyclic:
+        frame = (frame - 1) % user.frame_duration + 1
+    return min(max(frame, 1), user.frame_duration) + user.frame_offset
+
+
+def _numbered(path: str, frame: int) -> str:
+    """`path` with the number of another frame."""
+    stem, ending = os.path.splitext(path)
+    return _NUMBER.sub(lambda found: f"{frame:0{len(found[0])}}", stem, count=1) + ending
 
 
 def _libraries(blocks: Iterable[bpy.types.ID]) -> Iterator[Dependency]:

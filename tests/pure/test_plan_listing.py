@@ -332,6 +332,20 @@ def test_no_file_beside_a_map_or_report_overwrites_an_input(capsys, here, name, 
     assert listed(capsys, [values], "--check")[0] == 0
 
 
+def test_a_check_looks_for_the_ends_of_files(capsys, here):
+    (here / "cut.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2")
+    (here / "root.usda").write_text("#usda 1.0\n(subLayers = [@part.usda@])\n")
+    sets = [{**SET, "high-file": name, "output": f"{name}.png"} for name in ("cut.obj", "root.usda")]
+    assert listed(capsys, sets, "--list")[0] == 0
+    code, _, problems = listed(capsys, sets, "--check")
+    assert code == 2
+    cut, root, part = (str(here / name) for name in ("cut.obj", "root.usda", "part.usda"))
+    assert [each.partition(": ")[2].partition(": ")[2] for each in problems] == [
+        f"{cut!r} ends too early.",
+        f"{root!r} refers to {part!r}, which cannot be found.",
+    ]
+
+
 def test_a_list_does_not_wait_for_a_pipe(capsys, here):
     os.mkfifo(here / "pipe.obj")
     code, _, (problem,) = listed(capsys, [{**SET, "high-file": "pipe.obj"}], "--check")

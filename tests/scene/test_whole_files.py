@@ -145,10 +145,16 @@ def test_a_small_thumbnail_in_a_jpeg_is_not_its_end(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["mesh_cache_mdd", "mesh_cache_pc2", "alembic_cache", "multires_external", "font_of_nodes"]
+    "name",
+    [
+        *("mesh_cache_mdd", "mesh_cache_pc2", "alembic_cache", "multires_external", "font_of_nodes", "volume_to_mesh"),
+        *("cloth_cache", "soft_body_cache", "dynamic_paint_cache", "particles_cache"),
+    ],
 )
 def test_a_file_of_points_or_letters_that_ends_too_early(name, tmp_path):
-    path = dependency_kinds.KINDS[name](zoo.plane("rock", 8), tmp_path)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    kinds = {**dependency_kinds.KINDS, **dependency_kinds.PARTLY}
+    path = kinds[name](zoo.plane("rock", 8), tmp_path)
     check(path, path.read_bytes())
 
 
@@ -173,3 +179,77 @@ def test_hostile_counts_end_soon(tmp_path):
     for number in range(at, at + 60):
         path.write_bytes(content[:number] + b"\x7f\xff\xff\x7f" + content[number + 4 :])
         assert problem(str(path), is_image=True) in ("", CUT)
+
+
+TEXTS = {
+    ".obj": (lambda path: bpy.ops.wm.obj_export(filepath=path), 0.65),
+    ".usda": (lambda path: bpy.ops.wm.usd_export(filepath=path), 1.0),
+    ".stl": (lambda path: bpy.ops.wm.stl_export(filepath=path, ascii_format=True), 0.9),
+}
+"""How to write files of text, and the least share of the places at which a cut shows."""
+
+
+@pytest.mark.parametrize("ending", TEXTS)
+def test_text_that_ends_within_what_it_says(ending, tmp_path):
+    export, least = TEXTS[ending]
+    zoo.plane("rock", 8, slope=0.3)
+    path = tmp_path / f"rock{ending}"
+    export(str(path))
+    content = path.read_bytes()
+    for whole in (content, content.rstrip(), content.replace(b"\n", b"\r\n"), content + b"\n\n"):
+        path.write_bytes(whole)
+        assert problem(str(path)) == ""
+    lengths = np.random.default_rng(3).integers(len(content) // 5, len(content.rstrip()), 300)
+    cut = 0
+    for length in lengths:
+        path.write_bytes(content[:length])
+        cut += problem(str(path)) == CUT
+    assert cut >= least * len(lengths)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3",
+        "v 0 0 0 1 1 1\nvt 0.5\nf -1 -2 -3",
+        "v 1e-5 .5 -2.\nvn 0 0 1\nl 1 2",
+        "# only a comment",
+        "v 0 0 0\no name with spaces",
+        "v 0 0 0\ng",
+        "f 1//2 2//2 3//2\n\n",
+        "",
+    ],
+)
+def test_an_obj_may_end_without_a_new_line(text, tmp_path):
+    path = tmp_path / "rock.obj"
+    path.write_text(text)
+    assert problem(str(path)) in ("", EMPTY)
+
+
+@pytest.mark.parametrize(
+    "last", ["f", "f 1 2", "f 1/1 2/2 3/", "f 1/1 2/2 3", "v 0 1", "v 0 0 -", "vn 0 0", "vt .", "use"]
+)
+def test_an_obj_that_ends_within_a_line(last, tmp_path):
+    path = tmp_path / "rock.obj"
+    path.write_text(f"v 0 0 0\nvt 0 0\nvn 0 0 1\n{last}")
+    assert problem(str(path)) == CUT
+
+
+def test_brackets_in_texts_of_usd_count_not(tmp_path):
+    path = tmp_path / "rock.usda"
+    whole = (
+        '#usda 1.0\n# {[(\n(\n doc = """a \\" {\n("""\n)\ndef "a{" (references = @b(.usda@) {\n string c = \'[\' }\n'
+    )
+    path.write_text(whole)
+    assert problem(str(path)) == ""
+    path.write_text(whole[:-3])
+    assert problem(str(path)) == CUT
+
+
+def test_a_binary_stl_with_a_title_that_text_begins_with(tmp_path):
+    path = tmp_path / "rock.stl"
+    whole = b"solid by a scanner".ljust(80) + struct.pack("<I", 2) + bytes(100)
+    path.write_bytes(whole)
+    assert problem(str(path)) == ""
+    path.write_bytes(whole[:-1])
+    assert problem(str(path)) == CUT

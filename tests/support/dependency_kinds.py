@@ -12,15 +12,22 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from tests.support import feeds
+from tests.support import feeds, zoo
 
 FONT = Path(bpy.utils.system_resource("DATAFILES"), "fonts", "Inter.woff2")
 KINDS = {}
 """The kinds by their names."""
+PARTLY = {}
+"""Those of which the file is one of many, or may be missing."""
 
 
 def kind(make):
     KINDS[make.__name__] = make
+    return make
+
+
+def partly(make):
+    PARTLY[make.__name__] = make
     return make
 
 
@@ -55,10 +62,43 @@ def nodes_of(obj, name="nodes"):
     return tree, start, end, modifier
 
 
+def give(modifier, identifier, value):
+    """Set an input of the nodes of a modifier."""
+    if hasattr(modifier, "properties"):
+        getattr(modifier.properties.inputs, identifier).value = value
+    else:
+        modifier[identifier] = value
+
+
 def texture_of(path):
     texture = bpy.data.textures.new("rough", "IMAGE")
     texture.image = image_of(path)
     return texture
+
+
+def saved_image(path, size=16, value=None, **values):
+    """Write an image in a format of Blender. value: of all texels; None for noise. values: settings of renders."""
+    image = bpy.data.images.new("noise", size, size)
+    noise = np.random.default_rng(0).random((size * size, 4))
+    image.pixels.foreach_set((noise if value is None else 0 * noise + value).astype(np.float32).reshape(-1))
+    settings = bpy.context.scene.render.image_settings
+    for name, chosen in values.items():
+        setattr(settings, name, chosen)
+    image.save_render(str(path))
+    bpy.data.images.remove(image)
+    settings.file_format = "PNG"
+    return path
+
+
+def linked_object(name, data):
+    obj = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def displace(obj, texture):
+    modifier = obj.modifiers.new("rough", "DISPLACE")
+    modifier.texture, modifier.texture_coords, modifier.strength = texture, "UV", 0.2
 
 
 # Caches of points
@@ -145,8 +185,113 @@ def multires_external(obj, folder):
 @kind
 def displace_image(obj, folder):
     path = picture(folder / "rough.png")
-    modifier = obj.modifiers.new("rough", "DISPLACE")
-    modifier.texture, modifier.texture_coords, modifier.strength = texture_of(path), "UV", 0.2
+    displace(obj, texture_of(path))
+    return path
+
+
+def _of_format(ending, **values):
+    def make(obj, folder):
+        path = saved_image(folder / f"rough{ending}", **values)
+        displace(obj, texture_of(path))
+        return path
+
+    make.__name__ = f"displace_image_{ending[1:]}"
+    kind(make)
+
+
+_of_format(".jpg", file_format="JPEG")
+_of_format(".tif", file_format="TIFF")
+_of_format(".exr", file_format="OPEN_EXR")
+_of_format(".tga", file_format="TARGA_RAW")
+_of_format(".webp", file_format="WEBP")
+_of_format(".bmp", file_format="BMP")
+_of_format(".hdr", file_format="HDR")
+_of_format(".jp2", size=64, file_format="JPEG2000")
+
+
+@kind
+def displace_image_tga_packed(obj, folder):
+    """With its rows compressed."""
+    path = saved_image(folder / "rough.tga", file_format="TARGA")
+    displace(obj, texture_of(path))
+    return path
+
+
+@kind
+def displace_image_of_nodes(obj, folder):
+    """By the nodes of a texture."""
+    path = picture(folder / "rough.png")
+    texture = bpy.data.textures.new("rough", "CLOUDS")
+    texture.use_nodes = True
+    tree = texture.node_tree
+    node, out = tree.nodes.new("TextureNodeImage"), next(each for each in tree.nodes if each.type == "OUTPUT")
+    node.image = image_of(path)
+    tree.links.new(node.outputs[0], out.inputs[0])
+    displace(obj, texture)
+    return path
+
+
+@partly
+def displace_image_sequence(obj, folder):
+    paths = [picture(folder / f"rough.{number:04}.png", number) for number in (1, 2, 3)]
+    texture = texture_of(paths[0])
+    texture.image.source = "SEQUENCE"
+    texture.image_user.frame_duration, texture.image_user.use_auto_refresh = 3, True
+    bpy.context.scene.frame_set(2)
+    displace(obj, texture)
+    return paths[1]
+
+
+@partly
+def displace_image_tiles(obj, folder):
+    paths = [picture(folder / f"rough.{number}.png", number) for number in (1001, 1002)]
+    texture = texture_of(paths[0])
+    texture.image.source = "TILED"
+    texture.image.filepath = str(folder / "rough.<UDIM>.png")
+    texture.image.tiles.new(tile_number=1002)
+    displace(obj, texture)
+    return paths[0]
+
+
+@kind
+def displace_movie(obj, folder):
+    scene, path = bpy.context.scene, folder / "rough.mp4"
+    strips = scene.sequence_editor_create()
+    strips = strips.strips if hasattr(strips, "strips") else strips.sequences
+    length = {"length": 2} if bpy.app.version >= (5, 0) else {"frame_end": 3}
+    strips.new_effect(name="color", type="COLOR", channel=1, frame_start=1, **length).color = (1.0, 0.5, 0.2)
+    scene.frame_end = 2
+    render = scene.render
+    render.resolution_x = render.resolution_y = 32
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "VIDEO"
+    render.image_settings.file_format, render.ffmpeg.format = "FFMPEG", "MPEG4"
+    render.filepath, render.use_file_extension = str(path), False
+    bpy.ops.render.render(animation=True)
+    scene.sequence_editor_clear()
+    displace(obj, texture_of(path))
+    obj.modifiers[0].mid_level = 0.0
+    return path
+
+
+@kind
+def wave_image(obj, folder):
+    path = picture(folder / "wave.png")
+    modifier = obj.modifiers.new("wave", "WAVE")
+    modifier.texture, modifier.texture_coords, modifier.time_offset = texture_of(path), "UV", -20.0
+    return path
+
+
+@kind
+def weights_from_image(obj, folder):
+    path = picture(folder / "mask.png")
+    obj.vertex_groups.new(name="mask").add(range(len(obj.data.vertices)), 1.0, "ADD")
+    modifier = obj.modifiers.new("edit", "VERTEX_WEIGHT_EDIT")
+    modifier.vertex_group, modifier.mask_texture, modifier.mask_tex_mapping = "mask", texture_of(path), "UV"
+    modifier.default_weight = 0.0
+    modifier.falloff_type = "STEP"
+    moved = obj.modifiers.new("move", "DISPLACE")
+    moved.vertex_group, moved.strength = "mask", 0.2
     return path
 
 
@@ -160,6 +305,42 @@ def warp_image(obj, folder):
     modifier = obj.modifiers.new("warp", "WARP")
     modifier.object_from, modifier.object_to = ends
     modifier.texture, modifier.texture_coords = texture_of(path), "UV"
+    return path
+
+
+# Volumes
+
+
+def _written_volume(path):
+    """The file of a volume of a cube."""
+    volume = linked_object("volume", bpy.data.volumes.new("volume"))
+    cube = zoo.cube("filled")
+    volume.modifiers.new("fill", "MESH_TO_VOLUME").object = cube
+    graph = bpy.context.evaluated_depsgraph_get()
+    grids = volume.evaluated_get(graph).data.grids
+    assert len(grids) and grids.save(filepath=str(path))
+    bpy.data.objects.remove(volume)
+    bpy.data.objects.remove(cube)
+    return path
+
+
+@kind
+def volume_to_mesh(obj, folder):
+    path = _written_volume(folder / "cloud.vdb")
+    data = bpy.data.volumes.new("cloud")
+    data.filepath = str(path)
+    obj.modifiers.new("mesh", "VOLUME_TO_MESH").object = linked_object("cloud", data)
+    return path
+
+
+@kind
+def nodes_import_vdb(obj, folder):
+    path = _written_volume(folder / "cloud.vdb")
+    tree, node, _ = _joined_import(obj, path, "VDB")
+    mesh = tree.nodes.new("GeometryNodeVolumeToMesh")
+    realized = node.outputs[0].links[0].to_socket
+    tree.links.new(node.outputs[0], mesh.inputs[0])
+    tree.links.new(mesh.outputs[0], realized)
     return path
 
 
@@ -217,10 +398,7 @@ def nodes_import_by_modifier(obj, folder):
     socket = tree.interface.new_socket("Path", in_out="INPUT", socket_type="NodeSocketString")
     start = next(each for each in tree.nodes if each.type == "GROUP_INPUT")
     tree.links.new(start.outputs["Path"], node.inputs[0])
-    if hasattr(modifier, "properties"):
-        getattr(modifier.properties.inputs, socket.identifier).value = str(path)
-    else:
-        modifier[socket.identifier] = str(path)
+    give(modifier, socket.identifier, str(path))
     return path
 
 
@@ -242,17 +420,58 @@ def nodes_import_in_group(obj, folder):
     return path
 
 
-@kind
-def nodes_image(obj, folder):
-    path = picture(folder / "nodes.png")
-    tree, start, end, _ = nodes_of(obj)
+def _image_nodes(obj):
+    tree, start, end, modifier = nodes_of(obj)
     texture, place = tree.nodes.new("GeometryNodeImageTexture"), tree.nodes.new("GeometryNodeSetPosition")
-    texture.inputs["Image"].default_value = image_of(path)
     position = tree.nodes.new("GeometryNodeInputPosition")
     tree.links.new(position.outputs[0], texture.inputs["Vector"])
     tree.links.new(start.outputs[0], place.inputs["Geometry"])
     tree.links.new(texture.outputs["Color"], place.inputs["Offset"])
     tree.links.new(place.outputs[0], end.inputs[0])
+    return tree, texture, modifier
+
+
+@kind
+def nodes_image(obj, folder):
+    path = picture(folder / "nodes.png")
+    _image_nodes(obj)[1].inputs["Image"].default_value = image_of(path)
+    return path
+
+
+@kind
+def nodes_image_by_modifier(obj, folder):
+    path = picture(folder / "nodes.png")
+    tree, texture, modifier = _image_nodes(obj)
+    socket = tree.interface.new_socket("Image", in_out="INPUT", socket_type="NodeSocketImage")
+    start = next(each for each in tree.nodes if each.type == "GROUP_INPUT")
+    tree.links.new(start.outputs["Image"], texture.inputs["Image"])
+    give(modifier, socket.identifier, image_of(path))
+    obj.update_tag()
+    return path
+
+
+@kind
+def nodes_import_csv(obj, folder):
+    """Points at each row."""
+    path = folder / "rows.csv"
+    path.write_text("x,y\n" + "".join(f"{row}.5,{row}.25\n" for row in range(40)))
+    tree, node, _ = _joined_import(obj, path, "CSV")
+    cube = tree.nodes.new("GeometryNodeMeshCube")
+    placed, realized = tree.nodes.new("GeometryNodeInstanceOnPoints"), node.outputs[0].links[0].to_socket
+    tree.links.new(node.outputs[0], placed.inputs["Points"])
+    tree.links.new(cube.outputs[0], placed.inputs["Instance"])
+    tree.links.new(placed.outputs[0], realized)
+    return path
+
+
+@kind
+def nodes_import_text(obj, folder):
+    path = folder / "words.txt"
+    path.write_text("ab " * 20)
+    tree, node = _filled(obj, "GeometryNodeStringToCurves")
+    text = tree.nodes.new("GeometryNodeImportText")
+    text.inputs[0].default_value = str(path)
+    tree.links.new(text.outputs[0], node.inputs["String"])
     return path
 
 
@@ -294,4 +513,310 @@ def font_of_nodes(obj, folder):
     return path
 
 
-OPTIONS = {}
+@kind
+def bold_font_of_text_object(obj, folder):
+    path = folder / "bold.woff2"
+    shutil.copyfile(FONT, path)
+    text = linked_object("text", bpy.data.curves.new("text", "FONT"))
+    text.data.body, text.data.font_bold = "ab", bpy.data.fonts.load(str(path))
+    text.data.body_format[0].use_bold = True
+    _, node = _filled(obj, "GeometryNodeObjectInfo")
+    node.inputs["Object"].default_value = text
+    return path
+
+
+# Other objects
+
+
+def _other(path, name="other"):
+    """Another object, moved by a cache of points at `path`, which this writes."""
+    other = zoo.plane(name, 8)
+    other.location.z = 0.3
+    mesh_cache_mdd(other, path.parent)
+    (path.parent / "moved.mdd").rename(path)
+    other.modifiers[0].filepath = str(path)
+    return other
+
+
+@kind
+def boolean_of_a_cached_object(obj, folder):
+    other = _other(folder / "other.mdd")
+    other.location.z = 0.0
+    modifier = obj.modifiers.new("cut", "BOOLEAN")
+    modifier.object, modifier.solver = other, "EXACT"
+    return folder / "other.mdd"
+
+
+@kind
+def shrinkwrap_around_a_cached_object(obj, folder):
+    obj.modifiers.new("wrap", "SHRINKWRAP").target = _other(folder / "other.mdd")
+    return folder / "other.mdd"
+
+
+@kind
+def transfer_through_two_objects(obj, folder):
+    """The file moves an object around which another one lies, around which the object lies."""
+    between = zoo.plane("between", 8)
+    between.location.z = 0.1
+    between.modifiers.new("wrap", "SHRINKWRAP").target = _other(folder / "other.mdd")
+    obj.modifiers.new("wrap", "SHRINKWRAP").target = between
+    return folder / "other.mdd"
+
+
+@kind
+def nodes_object_info(obj, folder):
+    tree, start, end, _ = nodes_of(obj)
+    node, both = tree.nodes.new("GeometryNodeObjectInfo"), tree.nodes.new("GeometryNodeJoinGeometry")
+    node.inputs["Object"].default_value = _other(folder / "other.mdd")
+    tree.links.new(start.outputs[0], both.inputs[0])
+    tree.links.new(node.outputs["Geometry"], both.inputs[0])
+    tree.links.new(both.outputs[0], end.inputs[0])
+    return folder / "other.mdd"
+
+
+@kind
+def nodes_collection_info(obj, folder):
+    collection = bpy.data.collections.new("parts")
+    collection.objects.link(_other(folder / "other.mdd"))
+    tree, start, end, _ = nodes_of(obj)
+    node, both = tree.nodes.new("GeometryNodeCollectionInfo"), tree.nodes.new("GeometryNodeJoinGeometry")
+    realized = tree.nodes.new("GeometryNodeRealizeInstances")
+    node.inputs["Collection"].default_value = collection
+    tree.links.new(start.outputs[0], both.inputs[0])
+    tree.links.new(node.outputs[0], realized.inputs[0])
+    tree.links.new(realized.outputs[0], both.inputs[0])
+    tree.links.new(both.outputs[0], end.inputs[0])
+    return folder / "other.mdd"
+
+
+@kind
+def curve_with_a_linked_bevel(obj, folder):
+    """A tube whose section is in a library."""
+    section = bpy.data.curves.new("section", "CURVE")
+    section.splines.new("POLY").points.add(2)
+    for point, place in zip(section.splines[0].points, ((0, 0), (0.2, 0), (0, 0.2)), strict=True):
+        point.co = *place, 0.0, 1.0
+    path = library(folder / "lib.blend", linked_object("section", section))
+    tube = bpy.data.curves.new("tube", "CURVE")
+    tube.splines.new("POLY").points.add(1)
+    tube.splines[0].points[1].co = 1.0, 0.0, 0.3, 1.0
+    tube.bevel_mode, tube.bevel_object = "OBJECT", linked_object_of(path, "section")
+    tree, start, end, _ = nodes_of(obj)
+    node, both = tree.nodes.new("GeometryNodeObjectInfo"), tree.nodes.new("GeometryNodeJoinGeometry")
+    node.inputs["Object"].default_value = linked_object("tube", tube)
+    tree.links.new(node.outputs["Geometry"], both.inputs[0])
+    tree.links.new(start.outputs[0], both.inputs[0])
+    tree.links.new(both.outputs[0], end.inputs[0])
+    return path
+
+
+@kind
+def driver_of_a_linked_place(obj, folder):
+    """A driver reads where an object of a library is."""
+    other = linked_object("placed", None)
+    other.location.z = 0.25
+    path = library(folder / "lib.blend", other)
+    modifier = obj.modifiers.new("move", "DISPLACE")
+    modifier.direction, modifier.mid_level = "Z", 0.0
+    driver = modifier.driver_add("strength").driver
+    driver.type = "SUM"
+    variable = driver.variables.new()
+    variable.targets[0].id, variable.targets[0].data_path = linked_object_of(path, "placed"), "location.z"
+    return path
+
+
+# Caches of simulations and nodes
+
+
+@partly
+def cloth_cache(obj, folder):
+    obj.modifiers.new("cloth", "CLOTH")
+    cache = obj.modifiers[0].point_cache
+    cache.use_disk_cache, cache.frame_end = True, 3
+    with bpy.context.temp_override(point_cache=cache, active_object=obj, object=obj):
+        bpy.ops.ptcache.bake(bake=True)
+    bpy.context.scene.frame_set(3)
+    return max(folder.glob("blendcache_*/*.bphys"))
+
+
+@partly
+def soft_body_cache(obj, folder):
+    obj.modifiers.new("soft", "SOFT_BODY").settings.use_goal = False
+    cache = obj.modifiers[0].point_cache
+    cache.use_disk_cache, cache.frame_end = True, 3
+    with bpy.context.temp_override(point_cache=cache, active_object=obj, object=obj):
+        bpy.ops.ptcache.bake(bake=True)
+    bpy.context.scene.frame_set(3)
+    return max(folder.glob("blendcache_*/*.bphys"))
+
+
+@partly
+def dynamic_paint_cache(obj, folder):
+    """A brush paints a wave into the object."""
+    brush = zoo.cube("brush")
+    brush.modifiers.new("paint", "DYNAMIC_PAINT").ui_type = "BRUSH"
+    bpy.context.view_layer.objects.active = brush
+    bpy.ops.dpaint.type_toggle(type="BRUSH")
+    obj.modifiers.new("paint", "DYNAMIC_PAINT")
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.dpaint.type_toggle(type="CANVAS")
+    surface = obj.modifiers[0].canvas_settings.canvas_surfaces[0]
+    surface.surface_type, surface.frame_end = "DISPLACE", 3
+    cache = surface.point_cache
+    cache.use_disk_cache, cache.frame_end = True, 3
+    with bpy.context.temp_override(point_cache=cache, active_object=obj, object=obj):
+        bpy.ops.ptcache.bake(bake=True)
+    bpy.context.scene.frame_set(3)
+    return max(folder.glob("blendcache_*/*.bphys"))
+
+
+@partly
+def particles_cache(obj, folder):
+    """A cube for each particle."""
+    cube = zoo.cube("cube")
+    cube.scale = 0.1, 0.1, 0.1
+    obj.modifiers.new("particles", "PARTICLE_SYSTEM")
+    system = obj.particle_systems[0]
+    settings = system.settings
+    settings.count, settings.frame_end, settings.render_type, settings.instance_object = 9, 2.0, "OBJECT", cube
+    settings.particle_size = 0.2
+    cache = system.point_cache
+    cache.use_disk_cache, cache.frame_end = True, 3
+    with bpy.context.temp_override(point_cache=cache, active_object=obj, object=obj):
+        bpy.ops.ptcache.bake(bake=True)
+    bpy.context.scene.frame_set(3)
+    return max(path for path in folder.glob("blendcache_*/*.bphys") if "_000003_" in path.name)
+
+
+@partly
+def nodes_bake(obj, folder):
+    tree, start, end, modifier = nodes_of(obj)
+    node, place = tree.nodes.new("GeometryNodeBake"), tree.nodes.new("GeometryNodeSetPosition")
+    if not node.bake_items:
+        node.bake_items.new("GEOMETRY", "Geometry")
+    place.inputs["Offset"].default_value = 0.0, 0.0, 0.2
+    tree.links.new(start.outputs[0], place.inputs[0])
+    tree.links.new(place.outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], end.inputs[0])
+    bpy.context.view_layer.update()
+    modifier.bake_directory, modifier.bake_target = str(folder / "nodes"), "DISK"
+    modifier.bakes[0].bake_mode = "STILL"
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.geometry_node_bake_single(
+        session_uid=obj.session_uid, modifier_name=modifier.name, bake_id=modifier.bakes[0].bake_id
+    )
+    place.inputs["Offset"].default_value = 0.0, 0.0, 0.0
+    return max((path for path in folder.glob("nodes/**/*") if path.is_file()), key=lambda path: path.stat().st_size)
+
+
+# Libraries
+
+
+def library(path, *blocks):
+    """Write datablocks into a library, and remove them."""
+    bpy.data.libraries.write(str(path), set(blocks))
+    bpy.data.batch_remove(blocks)
+    return path
+
+
+def _linked(path, kind_, name):
+    with bpy.data.libraries.load(str(path), link=True) as (there, here):
+        assert name in getattr(there, kind_)
+        setattr(here, kind_, [name])
+    (found,) = getattr(here, kind_)
+    return found
+
+
+@kind
+def linked_target(obj, folder):
+    """An object of a library that the object lies around."""
+    other = zoo.plane("mate", 8, slope=0.2)
+    other.location.z = 0.3
+    path = library(folder / "lib.blend", other)
+    obj.modifiers.new("wrap", "SHRINKWRAP").target = linked_object_of(path, "mate")
+    return path
+
+
+def linked_object_of(path, name):
+    other = _linked(path, "objects", name)
+    bpy.context.scene.collection.objects.link(other)
+    return other
+
+
+@kind
+def linked_mesh(obj, folder):
+    other = zoo.plane("mate", 8, slope=0.2)
+    data = other.data
+    data.name = "data of library"
+    bpy.data.objects.remove(other)
+    path = library(folder / "lib.blend", data)
+    obj.data = _linked(path, "meshes", "data of library")
+    return path
+
+
+@kind
+def linked_nodes(obj, folder):
+    tree, start, end, modifier = nodes_of(obj, "nodes of library")
+    place = tree.nodes.new("GeometryNodeSetPosition")
+    place.inputs["Offset"].default_value = 0.0, 0.0, 0.2
+    tree.links.new(start.outputs[0], place.inputs[0])
+    tree.links.new(place.outputs[0], end.inputs[0])
+    path = library(folder / "lib.blend", tree)
+    modifier.node_group = _linked(path, "node_groups", "nodes of library")
+    return path
+
+
+@kind
+def library_of_a_library(obj, folder):
+    """The nodes of a library are in another one."""
+    tree, start, end, modifier = nodes_of(obj, "inner")
+    place = tree.nodes.new("GeometryNodeSetPosition")
+    place.inputs["Offset"].default_value = 0.0, 0.0, 0.2
+    tree.links.new(start.outputs[0], place.inputs[0])
+    tree.links.new(place.outputs[0], end.inputs[0])
+    inner = library(folder / "inner.blend", tree)
+    outer, start, end, more = nodes_of(obj, "outer")
+    group = outer.nodes.new("GeometryNodeGroup")
+    group.node_tree = _linked(inner, "node_groups", "inner")
+    outer.links.new(start.outputs[0], group.inputs[0])
+    outer.links.new(group.outputs[0], end.inputs[0])
+    path = library(folder / "outer.blend", outer)
+    obj.modifiers.remove(modifier)
+    more.node_group = _linked(path, "node_groups", "outer")
+    return inner
+
+
+@kind
+def library_override(obj, folder):
+    path = linked_target(obj, folder)
+    other = obj.modifiers[0].target
+    override = other.override_create(remap_local_usages=True)
+    override.location.z = 0.4
+    assert obj.modifiers[0].target == override
+    return path
+
+
+@kind
+def image_of_a_library(obj, folder):
+    """A texture of a library, with an image at a path that begins at the library."""
+    (folder / "tex").mkdir()
+    path = picture(folder / "tex" / "rough.png")
+    texture = texture_of(path)
+    texture.name = "rough of library"
+    texture.image.filepath = "//tex/rough.png"
+    file = library(folder / "lib.blend", texture)
+    displace(obj, _linked(file, "textures", "rough of library"))
+    return path
+
+
+@kind
+def linked_armature(obj, folder):
+    """A lattice of a library."""
+    lattice = bpy.data.lattices.new("cage")
+    other = linked_object("lattice", lattice)
+    other.scale = 3.0, 3.0, 3.0
+    for point in lattice.points:
+        point.co_deform[2] += 0.2
+    path = library(folder / "lib.blend", other)
+    obj.modifiers.new("lattice", "LATTICE").object = linked_object_of(path, "lattice")
+    return path

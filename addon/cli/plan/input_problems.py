@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...core.errors import BakeError
 from ...core.file_formats import OPENED
+from ...core.file_structure import usd_layers, whole_files
 from ...core.names import file_names, unknown_name
 from ...core.names.name_matching import match
 from ...output.files.atomic_file import check_writable
@@ -20,8 +21,10 @@ from .plans import Plan
 class InputProblems:
     """Looks at the files of bakes. Each file and each folder is looked at once."""
 
-    def __init__(self, files: InputFiles):
-        self._files = files
+    def __init__(self, files: InputFiles, *, reads: bool):
+        """reads: whether files, which must be trusted, are read as well, and not only their sizes."""
+        self._files, self._reads = files, reads
+        self._broken: dict[str, str] = {}
         self._objects: dict[str, set[str] | None] = {}
         self._writable: set[str] = set()
 
@@ -36,11 +39,28 @@ class InputProblems:
                 yield problem
             elif path not in (options.convert, *options.file[:1]) and _ending(path) not in OPENED:
                 yield f"{path!r} is no mesh file that can be imported: {', '.join(OPENED)} can."
+            elif self._reads and (problem := self._of_content(path, is_image=path == options.convert)):
+                missing = True
+                yield problem
         if not missing:
             yield from self._of_objects(options)
         for path in (options.output, options.export, options.save_blend, options.report):
             if path and path != STDOUT and (problem := self._of_folder(path)):
                 yield problem
+
+    def _of_content(self, path: str, *, is_image: bool) -> str:
+        """Why a file, or a layer that a USD file is put together from, is not whole."""
+        if path not in self._broken:
+            problem = whole_files.problem(path, is_image=is_image)
+            self._broken[path] = f"{path!r} {problem}." if problem else self._of_layers(path)
+        return self._broken[path]
+
+    def _of_layers(self, path: str) -> str:
+        named = usd_layers.named(path)
+        if named.has_variants:  # those that are not chosen may be missing
+            return ""
+        problems = ((layer, whole_files.problem(layer)) for layer in named.layers)
+        return next((f"{path!r} refers to {layer!r}, which {problem}." for layer, problem in problems if problem), "")
 
     def _of_objects(self, options: argparse.Namespace) -> Iterator[str]:
         # Of several files, objects are renamed where names meet. Importers make names of their own.

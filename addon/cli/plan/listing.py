@@ -51,7 +51,7 @@ class _Listing:
         self.chosen = shards.part(
             shards.named(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]
         )
-        found = InputProblems(self._files)
+        found = InputProblems(self._files, reads=options.check and self._run.bounds is None)
         is_refused = self._run.bounds is not None and bool(self.problems)  # nothing elsewhere is looked at
         self._of_bakes = {plan.number: [] if is_refused else list(found.of(plan)) for plan in self.chosen}
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whether a file is there, is what it should be, and has its end, by its structure: pixels and points are not decoded."""
 
+import json
 import math
 import mmap
 import os
@@ -206,8 +207,112 @@ def _pc2(file: BinaryIO, size: int) -> bool:
     return 32 + 12 * frames * points <= size
 
 
+def _points(file: BinaryIO, size: int) -> bool:
+    """A frame of the cache of a simulation: arrays, of which those that are compressed say how long they are."""
+    flags, count, kinds = _unpack(file, "<III", 8)
+    if flags & 0xFFFF == _DYNAMIC_PAINT:
+        at, widths = 28, [0]
+    else:
+        at, widths = 20, [wide for bit, wide in enumerate(_POINT_BYTES) if kinds >> bit & 1]
+        if not flags & _IS_COMPRESSED:
+            return at + count * sum(widths) <= size
+    for wide in widths:
+        is_compressed, length = _unpack(file, "<BI", at)
+        at += 5 + length if is_compressed else 1 + count * wide
+    return at <= size
+
+
+_DYNAMIC_PAINT, _IS_COMPRESSED = 5, 1 << 16
+_POINT_BYTES = 4, 12, 12, 16, 12, 12, 4, 12
+"""The bytes of a point in each array."""
+
+
 def _stl(file: BinaryIO, size: int) -> bool:
     return 84 + 50 * _unpack(file, "<I", 80)[0] <= size
+
+
+def _solid(file: BinaryIO, size: int) -> bool:
+    """An .stl of text, or a binary one whose title begins as text does."""
+    (count,) = _unpack(file, "<I", 80) if size >= 84 else (0,)
+    if size == 84 + 50 * count:
+        return True
+    last = _tail(file, size).rstrip().rpartition(b"\n")[2].strip().lower()
+    return last.startswith((b"endsolid", b"endfacet")) or last == b"solid"
+
+
+def _tail(file: BinaryIO, size: int, most: int = 1 << 16) -> bytes:
+    """The last bytes of a file."""
+    file.seek(max(0, size - most))
+    return file.read(most)
+
+
+def _obj(file: BinaryIO, size: int) -> bool:
+    """Lines are complete except the last one, which may lack its end, but no part of what it says."""
+    *before, last = _tail(file, size).split(b"\n")
+    words = last.split()
+    if not words or not before:
+        return True
+    key, *values = words
+    if key == b"f":
+        slots = {value.count(b"/") for value in values}
+        return len(values) >= 3 and len(slots) == 1 and not (values[-1].endswith(b"/") or values[-1] == b"-")
+    if key in (b"v", b"vn", b"vt"):
+        others = [line.split() for line in before if line.startswith(key + b" ")]
+        is_number = re.fullmatch(
+            rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf)", values[-1] if values else b""
+        )
+        return bool(is_number) and len(words) >= (len(others[-1]) if others else 2)
+    return bool(values) or not any(word.startswith(key) for word in (b"usemtl", b"mtllib"))
+
+
+def _usda(file: BinaryIO, size: int) -> bool:
+    """A USD file of text: each bracket has its other one."""
+    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+        depth = 0
+        for match in _USD_PARTS.finditer(text):
+            depth += {b"{": 1, b"(": 1, b"[": 1, b"}": -1, b")": -1, b"]": -1}.get(match[0], 0)
+    return depth <= 0
+
+
+_USD_PARTS = re.compile(
+    rb'"""(?:[^\\]|\\.)*?"""|"(?:[^"\\\n]|\\.)*"|'
+    rb"'''(?:[^\\]|\\.)*?'''|'(?:[^'\\\n]|\\.)*'|#[^\n]*|@[^@\n]*@|[][(){}]",
+    re.DOTALL,
+)
+"""Texts, comments and paths, which may contain brackets, and brackets."""
+
+
+def _json(file: BinaryIO, size: int) -> bool:
+    if size > _MOST:
+        return True
+    try:
+        json.loads(file.seek(0) or file.read())
+    except ValueError:
+        return False
+    return True
+
+
+def _volume(file: BinaryIO, size: int) -> bool:
+    """An OpenVDB file: each grid says where it ends."""
+    version, has_offsets = _unpack(file, "<I8x?", 8)
+    if version < 222 or not has_offsets:
+        return True
+
+    def text() -> bytes:
+        (length,) = _unpack(file, "<I")
+        if length > _MOST:
+            raise struct.error("no length")
+        return file.read(length)
+
+    file.seek(21 + 36)
+    for _ in range(min(_unpack(file, "<I")[0], _MOST)):
+        text(), text(), text()  # a name, a type and a value
+    end = 0
+    for _ in range(min(_unpack(file, "<I")[0], _MOST)):
+        text(), text(), text()  # a name, a type and the name of the grid whose tree it shares
+        (end,) = _unpack(file, "<16xq")
+        file.seek(end)
+    return end <= size
 
 
 def _external_detail(file: BinaryIO, size: int) -> bool:
@@ -267,6 +372,7 @@ _FORMATS: tuple[tuple[Callable[[bytes, str], bool], Callable[[BinaryIO, int], bo
     (lambda start, ending: ending in TARGA.endings and _is_tga(start), _tga),
     (_starts(b"POINTCACHE2\0"), _pc2),
     (_ends(".mdd"), _mdd),
+    (_ends(".bphys"), _points),
     (_starts(b"BCDF"), _external_detail),
     (_starts(b"\0\1\0\0", b"OTTO", b"true"), _font),
     (_starts(b"wOFF", b"wOF2"), _says_size(">I", 8)),
@@ -274,6 +380,11 @@ _FORMATS: tuple[tuple[Callable[[bytes, str], bool], Callable[[BinaryIO, int], bo
     (_starts(b"Ogawa"), _ogawa),
     (_starts(b"glTF"), _says_size("<I", 8)),
     (lambda start, ending: ending == ".stl" and start[:5] != b"solid", _stl),
+    (_ends(".stl"), _solid),
+    (_ends(".obj"), _obj),
+    (_starts(b"#usda"), _usda),
+    (_ends(".json"), _json),
+    (_starts(b" BDV"), _volume),
     (_ends(".usdz"), lambda file, _: zipfile.is_zipfile(file)),
 )
 """How to tell a format by its first bytes and the ending of its name, and whether a file of it is whole."""
