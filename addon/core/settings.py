@@ -146,6 +146,11 @@ class Settings:
         return layout.of_widened_roughness() if layout and WIDENED_ROUGHNESS.name in self.maps else layout
 
     @property
+    def changes_materials(self) -> bool:
+        """Whether maps are put into the materials of the low object."""
+        return (self.material and self.normal) or self.connect_maps
+
+    @property
     def drawn_maps(self) -> tuple[str, ...]:
         """The maps to draw beside the normal map: those in `maps`, and those that only the packed image stores."""
         wanted = {*self.maps, *(self.packing.maps if self.packing else ())}

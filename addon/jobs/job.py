@@ -132,7 +132,7 @@ def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
     """Raise BakeError if the maps cannot be stored or drawn."""
     for image_settings in settings_by_map(settings).values():
         map_storage.check(low.name, image_settings)
-    if (settings.material and settings.normal) or settings.connect_maps:
+    if settings.changes_materials:
         materials.check(low)
     if settings.vertex_domain != VertexDomain.NONE:
         vertex_attributes.check(low)

@@ -11,6 +11,7 @@ import numpy as np
 from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 
 from .. import older_blender
+from ..core import cures
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.map_types import MARK
@@ -28,8 +29,10 @@ def check(low: Object) -> None:
     """Raise BakeError if `hook_up` cannot change the materials of `low`. Called before the bake."""
     if not low.is_editable:
         raise BakeError(
-            f'"{low.name}" is linked from a library, so its materials cannot be set: make it local first, '
-            "or switch Material off (--no-material)."
+            cures.in_shell(
+                f'"{low.name}" is linked from a library, so its materials cannot be set: make it local first.',
+                cures.NO_MATERIAL,
+            )
         )
     if not low.material_slots and not _is_local(low.data):
         raise BakeError(

@@ -10,6 +10,7 @@ import bpy
 
 from .. import older_blender
 from ..core import progress
+from ..core.cures import in_window
 from ..core.errors import BakeError, sentence
 from ..core.progress import Pace, Progress, Task
 from .callbacks import Key
@@ -103,7 +104,7 @@ class SlicedOperator:
         try:
             result = progress.finish(self.task(context, Pace()))
         except (BakeError, MemoryError) as error:
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, in_window(sentence(error))[0])
             return {"CANCELLED"}
         self.finish(context, result)
         held.hold()
@@ -138,7 +139,7 @@ class SlicedOperator:
             held.hold()
             return {"FINISHED"}
         except (BakeError, MemoryError) as error:
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, in_window(sentence(error))[0])
             return {"CANCELLED"}
         finally:  # after an unexpected error too: the next bake would wait for this one
             if not goes_on:
@@ -173,7 +174,8 @@ class MapOperator(SlicedOperator):
 
     def show(self, context: bpy.types.Context, lines: Iterable[str], warnings: Iterable[str]) -> None:
         """Show the lines of a summary and warnings in the status bar, the Info editor and the panel."""
-        manager, lines, warnings = context.window_manager, list(lines), list(warnings)
+        manager, lines = context.window_manager, list(lines)
+        warnings = [in_window(warning)[0] for warning in warnings]
         for warning in warnings:
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, ". ".join(lines))

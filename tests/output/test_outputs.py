@@ -113,7 +113,7 @@ def test_colors_that_16_bit_floats_do_not_hold_are_named(tmp_path, top, depth):
     colors = values(3, top=top)
     output = str(tmp_path / "m.exr")
     stored = store({"EMISSION": colors}, maps=("EMISSION",), storage="FILE", output=output, depth=depth)
-    warning = "16-bit floats cut off values beyond 65,504 of the emission map. --depth 32 keeps them."
+    warning = "16-bit floats cut off values beyond 65,504 of the emission map; --depth 32 keeps them."
     assert stored.warnings == ([warning] if (top, depth) == (70_000.0, 16) else [])
 
 

@@ -349,7 +349,7 @@ def test_triangles_that_are_not_finite_are_left_out_and_counted(pair, bad, what,
     report = bake_pair(bpy.context, low, [high], Settings(**SMALL, space=space))
     # A corner of a quad is in one or two of its triangles; a vertex in the middle of quads is in 4 to 8, and infinity
     # makes the normals of its neighbors invalid too.
-    (counted,) = (int(n) for w in report.warnings for n in re.findall(r"'hi': (\d+) of its triangles left out", w))
+    (counted,) = (int(n) for w in report.warnings for n in re.findall(r"'hi': (\d+) of its triangles are left out", w))
     assert counted in (range(1, 3) if what == "uv" else range(4, 9))
     assert report.triangles["high"] == 2 * 32 * 32 - counted
     assert np.isfinite(maps.pixels(bpy.data.images["lo_normal"])).all()

@@ -19,7 +19,7 @@ class Layout:
         self.drawn = (
             drawn
             if drawn is not None
-            else SimpleNamespace(labels=[], in_rows=[], icons=[], buttons=[], properties=[], files=[], red=[])
+            else SimpleNamespace(labels=[], in_rows=[], icons=[], buttons=[], given=[], properties=[], files=[], red=[])
         )
         self.enabled = True
         self.is_in_row = is_in_row
@@ -90,7 +90,8 @@ class Layout:
         bpy.ops.imprint.bake.get_rna_type()
         getattr(getattr(bpy.ops, name.split(".")[0]), name.split(".")[1]).get_rna_type()  # raises an error without it
         self.drawn.buttons.append((name, self.enabled))
-        return SimpleNamespace()
+        self.drawn.given.append((name, SimpleNamespace()))
+        return self.drawn.given[-1][1]
 
 
 PANELS = [

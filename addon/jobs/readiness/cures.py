@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Changes a low object so that other programs show its map as it was baked."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import bpy
 import numpy as np
@@ -15,30 +15,54 @@ from ...mesh.triangle_mesh import Mesh
 from ...scene import mesh_reader
 from ...scene.elements import mesh_elements
 from .. import triangulate
-from . import soft_edges
+from . import low_findings, soft_edges
 
 ASIDE = 1.0
 """By how much of u parts are moved: a whole tile, so that they read the same texels."""
 
 
 def cure(
-    context: bpy.types.Context, low: bpy.types.Object, settings: Settings, kind: str, *, is_own_base: bool = False
+    context: bpy.types.Context,
+    low: bpy.types.Object,
+    highs: Sequence[bpy.types.Object],
+    settings: Settings,
+    kind: str,
 ) -> str:
     """Cure one of before_bake.KINDS. Returns a sentence about what was done.
 
-    is_own_base: whether the object is baked without its modifiers.
+    highs: the high objects of the bake; `low` is one of them if it is baked without its modifiers.
 
     Raises BakeError if that is not possible, and then nothing has changed.
     """
-    if low.mode != "OBJECT":
-        raise BakeError(f"{low.name!r} is not in Object Mode: switch to it first.")
-    for block in (low, low.data):
-        if not block.is_editable:
-            raise BakeError(f"{low.name!r} is linked from another file: make it local to change it.")
+    if kind == before_bake.FLIPPED:
+        return _flip(context, low, highs)
+    _check_editable(low)
+    is_own_base = low in highs
     if kind == before_bake.POLYGONS:
         modifier, folded = triangulate.add(context, low, Modifiers.VIEWPORT, is_own_base=is_own_base)
         return triangulate.sentence(low.name, modifier, folded)
     return _CURES[kind](low, settings)
+
+
+def _check_editable(obj: bpy.types.Object) -> None:
+    if obj.mode != "OBJECT":
+        raise BakeError(f"{obj.name!r} is not in Object Mode: switch to it first.")
+    for block in (obj, obj.data):
+        if not block.is_editable:
+            raise BakeError(f"{obj.name!r} is linked from another file: make it local to change it.")
+
+
+def _flip(context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> str:
+    found = low_findings.shown_flipped(context, low, highs)
+    if not found:
+        raise BakeError(f"The faces of {low.name!r} and its high objects point to the same sides.")
+    flipped = highs if found[0].values["is_high"] else [low]
+    for obj in flipped:
+        _check_editable(obj)
+    blocks = list(dict.fromkeys(obj.data for obj in flipped))
+    for data in blocks:
+        data.flip_normals()
+    return f"The normals of {shorten_list(repr(obj.name) for obj in flipped)} are flipped"
 
 
 def _activate_layer(low: bpy.types.Object, settings: Settings) -> str:

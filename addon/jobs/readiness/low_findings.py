@@ -4,10 +4,12 @@
 from collections.abc import Sequence
 
 import bpy
+import numpy as np
 
 from ...audit import before_bake, causes, facing
 from ...audit.before_bake import FLIPPED, HARD_EDGES, LAYER, MIRRORED, POLYGONS, Finding
 from ...audit.causes import Warned
+from ...audit.facing import Faces
 from ...core.errors import shorten_list
 from ...core.settings import Settings
 from ...mesh.inputs import Meshes
@@ -71,6 +73,34 @@ def flipped(meshes: Meshes) -> list[Finding]:
     highs = facing.joined([facing.of_mesh(high, each) for high in meshes.highs])
     names = shorten_list(repr(high.name) for high in meshes.highs)
     return before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+
+
+def shown_flipped(
+    context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]
+) -> list[Finding]:
+    """As `flipped`, for objects as the viewport shows them. Empty in other modes than Object Mode, and for objects that are no
+    meshes."""
+    if low in highs or not highs or any(obj.type != "MESH" or obj.mode != "OBJECT" for obj in (low, *highs)):
+        return []
+    depsgraph = context.evaluated_depsgraph_get()
+    on_low = _some_faces(low.evaluated_get(depsgraph), facing.LOW_FACES)
+    each = max(1, facing.HIGH_FACES // len(highs))
+    on_high = facing.joined([_some_faces(high.evaluated_get(depsgraph), each) for high in highs])
+    return before_bake.find_flipped(on_low, on_high, repr(low.name), shorten_list(repr(high.name) for high in highs))
+
+
+def _some_faces(obj: bpy.types.Object, most: int) -> Faces:
+    """Some faces of an evaluated object, evenly spaced, at most `most`: so few that large meshes take no longer."""
+    polygons, matrix = obj.data.polygons, np.array(obj.matrix_world, np.float64)
+    some = [polygons[number] for number in range(0, len(polygons), max(1, -(-len(polygons) // most)))]
+    centers = np.array([each.center for each in some], np.float64).reshape(-1, 3)
+    normals = np.array([each.normal * each.area for each in some], np.float64).reshape(-1, 3)
+    with np.errstate(all="ignore"):  # an axis may have no scale
+        try:
+            turned = abs(np.linalg.det(matrix[:3, :3])) * np.linalg.inv(matrix[:3, :3]).T
+        except np.linalg.LinAlgError:
+            turned = np.zeros((3, 3))
+    return Faces(centers @ matrix[:3, :3].T + matrix[:3, 3], normals @ turned.T)
 
 
 def warnings(findings: Sequence[Finding]) -> list[Warned]:

@@ -10,7 +10,7 @@ from ...jobs.readiness.low_findings import Finding
 from ...output import map_images
 from ..bake_results import high_objects, results
 from ..live.live_switch import live
-from ..readiness.cure_operators import CURES
+from ..readiness.cure_operators import draw_button, draw_cured
 from ..readiness.panel_findings import findings
 from ..translations.lookup import label, message
 from ..viewport import show_result
@@ -54,7 +54,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
             problem = ""  # Live does not depend on the selection
         box = layout.box()
         if following or problem:
-            draw_paragraphs(box, context, [following or problem], "ERROR" if problem else "INFO")
+            draw_cured(box, context, following or problem, "ERROR" if problem else "INFO")
             if problem:
                 draw_remedy(box, context, low, highs)
         else:
@@ -83,7 +83,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
         row.prop(settings, "live_every_time")
         if live.is_on and live.message:
-            draw_paragraphs(layout.box(), context, [live.message], "ERROR")
+            draw_cured(layout.box(), context, live.message, "ERROR")
         reports = results.all_of(context)
         if reports:
             draw_result(layout, reports)
@@ -116,8 +116,7 @@ def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, found:
     for finding in found:
         text = message(finding.template).format(**finding.values)
         draw_paragraphs(layout, context, [text], "ERROR" if finding.harms else "INFO")
-        name, _, icon = CURES[finding.kind]
-        layout.operator("imprint.cure", text=label(name), translate=False, icon=icon).kind = finding.kind
+        draw_button(layout, finding.kind)
 
 
 def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
@@ -194,7 +193,8 @@ class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         reports = results.all_of(context)
-        draw_paragraphs(self.layout, context, _warnings(reports), "ERROR")
+        for warning in _warnings(reports):
+            draw_cured(self.layout, context, warning, "ERROR")
         for report in reports:
             draw_paragraphs(self.layout, context, report.summary(), "DOT")
 

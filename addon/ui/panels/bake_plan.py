@@ -13,7 +13,7 @@ from ...core.settings import Settings
 from ...jobs import bake_jobs
 from ...jobs.job import Job
 from ...jobs.texture_sets import by_material
-from ...output import datablocks, map_names, map_storage
+from ...output import datablocks, map_names, map_storage, materials
 from ...output.files import planned_files
 from ...scene import object_checks, vertex_weights
 from .. import object_pairs
@@ -38,7 +38,17 @@ def problem(
     if not reason and low is not None and not highs and (waiting := settings.hidden(context, low, highs)):
         reason = hidden(waiting)
     reason = reason or object_checks.problem(context, low, highs, settings.cage_of(low, highs), values.method)
-    return reason or vertex_weights.problem(low, values) or _clash(low, settings)
+    return reason or _material_problem(low, values) or vertex_weights.problem(low, values) or _clash(low, settings)
+
+
+def _material_problem(low: bpy.types.Object, values: Settings) -> str:
+    """Why the maps cannot be put into the materials of `low`; empty if they can, or are not."""
+    try:
+        if values.changes_materials:
+            materials.check(low)
+    except BakeError as error:
+        return str(error)
+    return ""
 
 
 def _clash(low: bpy.types.Object, settings: ImprintSettings) -> str:

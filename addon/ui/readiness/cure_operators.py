@@ -1,16 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operator that cures what is found before a bake."""
+"""The operator that cures what warnings and errors name."""
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
+from ...core import cures as of_settings
 from ...core.errors import BakeError
 from ...jobs.readiness import cures
 from ...scene import object_refs
-from ..translations.lookup import LABEL, tooltip
+from ..panels.sidebar import draw_paragraphs
+from ..translations.lookup import LABEL, label, tooltip
 from ..viewport.progress_display import display
 
 CURES = {
+    "FLIPPED": (
+        "Flip Normals",
+        "Flip the faces of the object that point to the wrong side",
+        "NORMALS_FACE",
+    ),
     "POLYGONS": (
         "Triangulate",
         "Add a modifier that divides the faces into the triangles that Blender draws, so that the bake and exporters use the "
@@ -33,15 +40,43 @@ CURES = {
         "detail of the others",
         "MOD_MIRROR",
     ),
+    of_settings.AUTO: (
+        "Choose Auto",
+        "Set Method to Auto, which casts rays where the UV layouts differ",
+        "SETTINGS",
+    ),
+    of_settings.CAST: ("Cast Rays", "Set Method to Cast, which needs no UVs of the high mesh", "SETTINGS"),
+    of_settings.OWN_HIT: (
+        "Use Own Hit",
+        "Set Hit to Own, which chooses the layer that belongs to each texel",
+        "SETTINGS",
+    ),
+    of_settings.MEASURE: (
+        "Measure Distances",
+        "Measure how far the high surface lies from the low one, instead of using distances that were set",
+        "SETTINGS",
+    ),
+    of_settings.DEPTH: ("Use 32 Bits", "Set Depth to 32, which holds larger values", "SETTINGS"),
+    of_settings.SAMPLES: ("Use 16 Samples", "Set Samples to 16", "SETTINGS"),
+    of_settings.NO_MATERIAL: (
+        "Switch Material Off",
+        "Leave the materials of the low object as they are",
+        "SETTINGS",
+    ),
+    of_settings.MISS_MASK: (
+        "Make Miss Mask",
+        "Also make an image that is white where the rays hit nothing",
+        "SETTINGS",
+    ),
 }
-"""Label, tooltip and icon of each cure."""
+"""Label, tooltip and icon of each cure: those of the low object, and those that change a setting."""
 
 
 class IMPRINT_OT_cure(bpy.types.Operator):
-    """Change the low object so that other programs show its map as it is baked"""
+    """Change what a warning or an error names"""
 
     bl_idname = "imprint.cure"
-    bl_label = "Prepare Low Object"
+    bl_label = "Cure"
     bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(
@@ -71,12 +106,37 @@ class IMPRINT_OT_cure(bpy.types.Operator):
             low, highs = settings.chosen_objects(context, object_refs.by_name(self.low) if self.low else None)
             if low is None or low.type != "MESH":
                 raise BakeError("No low object: select it, or fill the slot.")
-            message = cures.cure(context, low, settings.settings_for(low, highs), self.kind, is_own_base=low in highs)
+            message = self._cured(context, low, highs)
         except BakeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self.report({"INFO"}, message)
         return {"FINISHED"}
+
+    def _cured(self, context: bpy.types.Context, low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:
+        """Do it. Returns a sentence about what was done. Raises BakeError."""
+        settings = context.scene.imprint
+        change = of_settings.CURES.get(self.kind)
+        if change is None:
+            return cures.cure(context, low, highs, settings.settings_for(low, highs), self.kind)
+        rays = settings.rays_of(low, highs)
+        owner = rays if change.setting in rays.bl_rna.properties else settings
+        setattr(owner, change.setting, change.value)
+        return f"{owner.bl_rna.properties[change.setting].name}: {CURES[self.kind][0]}"
+
+
+def draw_cured(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
+    """A sentence of a report or an error, without what cures it in a shell, and the button that cures it."""
+    shown, kind = of_settings.in_window(text)
+    draw_paragraphs(layout, context, [shown], icon)
+    if kind:
+        draw_button(layout, kind)
+
+
+def draw_button(layout: bpy.types.UILayout, kind: str) -> None:
+    """The button of a kind of CURES."""
+    name, _, icon = CURES[kind]
+    layout.operator("imprint.cure", text=label(name), translate=False, icon=icon).kind = kind
 
 
 CLASSES = (IMPRINT_OT_cure,)

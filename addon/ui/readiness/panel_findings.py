@@ -19,6 +19,8 @@ class PanelFindings:
         self.looks = 0
         self._key: tuple | None = None
         self.known: list[Finding] = []
+        self._pair: tuple | None = None
+        self._flipped: list[Finding] = []
         self._handlers = Handlers(
             ("depsgraph_update_post", self._after_update), ("undo_post", self._drop), ("redo_post", self._drop)
         )
@@ -32,13 +34,30 @@ class PanelFindings:
         *,
         is_exported: bool = False,
     ) -> list[Finding]:
-        """The findings for a bake of `low`; empty if only Blender reads the map. settings: of the panel, valid.
+        """The findings for a bake of `low`: whether it is flipped, and more if other programs read the map. settings: of the
+        panel, valid.
 
         is_exported: as in low_findings.is_for_others.
         """
+        found = self._flipped_ones(context, low, highs)
         if not low_findings.is_for_others(settings, is_exported=is_exported):
-            return []
-        return low_findings.left(self._of(context, low, low in highs, settings), is_exported=is_exported)
+            return found
+        return found + low_findings.left(self._of(context, low, low in highs, settings), is_exported=is_exported)
+
+    def _flipped_ones(
+        self, context: bpy.types.Context, low: bpy.types.Object, highs: list[bpy.types.Object]
+    ) -> list[Finding]:
+        """Whether the faces of high and low point to opposite sides, from the last time if nothing has changed since."""
+        key = tuple(
+            value
+            for obj in (low, *highs)
+            for value in (obj.session_uid, obj.data.session_uid if obj.data else 0, obj.name, obj.mode)
+        )
+        if key != self._pair:
+            self._handlers.add()
+            self._flipped = low_findings.shown_flipped(context, low, highs)
+            self._pair = key
+        return self._flipped
 
     def _of(
         self, context: bpy.types.Context, low: bpy.types.Object, is_own_base: bool, settings: Settings
@@ -64,17 +83,21 @@ class PanelFindings:
 
     def _drop(self, *_) -> None:
         self._key, self.known = None, []
+        self._pair, self._flipped = None, []
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        if self._key is None:
+        if self._key is None and self._pair is None:
             return
+        moved = {update.id.original.session_uid for update in depsgraph.updates if update.is_updated_transform}
         changed = {
             update.id.original.session_uid
             for update in depsgraph.updates
             if update.is_updated_geometry or isinstance(update.id, bpy.types.Mesh)
         }
-        if changed.intersection(self._key[:2]):
-            self._drop()
+        if self._pair is not None and not (changed | moved).isdisjoint(self._pair):
+            self._pair, self._flipped = None, []
+        if self._key is not None and changed.intersection(self._key[:2]):
+            self._key, self.known = None, []
 
 
 findings = PanelFindings()

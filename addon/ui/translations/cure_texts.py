@@ -54,10 +54,60 @@ TABLE = {
         "es": "{low} tiene {count:,} triángulos reflejados sobre otros en el espacio UV: el mapa muestra el detalle de uno de "
         "los dos. Desplazados una celda entera, leen el detalle de los otros.",
     },
-    (OPERATOR, "Prepare Low Object"): {"de_DE": "Low-Poly-Objekt vorbereiten", "es": "Preparar el objeto low poly"},
-    (SENTENCE, "Change the low object so that other programs show its map as it is baked"): {
-        "de_DE": "Das Low-Poly-Objekt so ändern, dass andere Programme seine Map wie gebacken zeigen",
-        "es": "Cambia el objeto low poly para que otros programas muestren su mapa tal como se captura",
+    (
+        SENTENCE,
+        "The faces of {flipped} point to the other side than those of {other}: flip its normals before the bake.",
+    ): {
+        "de_DE": "Die Flächen von {flipped} zeigen zur anderen Seite als die von {other}: die Normalen vor dem Backen "
+        "umkehren.",
+        "es": "Las caras de {flipped} apuntan al lado contrario que las de {other}: invertir las normales antes de "
+        "capturar.",
+    },
+    (LABEL, "Flip Normals"): {"de_DE": "Normalen umkehren", "es": "Invertir normales"},
+    (SENTENCE, "Flip the faces of the object that point to the wrong side"): {
+        "de_DE": "Die Flächen des Objekts umkehren, die zur falschen Seite zeigen",
+        "es": "Invierte las caras del objeto que apuntan al lado equivocado",
+    },
+    (LABEL, "Choose Auto"): {"de_DE": "Auto wählen", "es": "Elegir Automático"},
+    (SENTENCE, "Set Method to Auto, which casts rays where the UV layouts differ"): {
+        "de_DE": "Die Methode auf Auto setzen, die Strahlen wirft, wo die UV-Layouts sich unterscheiden",
+        "es": "Pone el método en Automático, que lanza rayos donde las disposiciones UV difieren",
+    },
+    (LABEL, "Cast Rays"): {"de_DE": "Strahlen werfen", "es": "Lanzar rayos"},
+    (SENTENCE, "Set Method to Cast, which needs no UVs of the high mesh"): {
+        "de_DE": "Die Methode auf Strahlen setzen, die keine UVs des High-Poly-Meshes braucht",
+        "es": "Pone el método en Proyectar, que no necesita las UV de la malla high poly",
+    },
+    (LABEL, "Use Own Hit"): {"de_DE": "Eigenen Treffer verwenden", "es": "Usar el impacto propio"},
+    (SENTENCE, "Set Hit to Own, which chooses the layer that belongs to each texel"): {
+        "de_DE": "Den Treffer auf Eigener setzen, der die Schicht wählt, die zu jedem Texel gehört",
+        "es": "Pone el impacto en Propio, que elige la capa que corresponde a cada texel",
+    },
+    (
+        SENTENCE,
+        "Measure how far the high surface lies from the low one, instead of using distances that were set",
+    ): {
+        "de_DE": "Messen, wie weit die High-Poly-Oberfläche von der Low-Poly-Oberfläche entfernt ist, statt eingestellte "
+        "Abstände zu verwenden",
+        "es": "Mide a qué distancia está la superficie high poly de la low poly, en vez de usar distancias definidas",
+    },
+    (LABEL, "Use 32 Bits"): {"de_DE": "32 Bit verwenden", "es": "Usar 32 bits"},
+    (SENTENCE, "Set Depth to 32, which holds larger values"): {
+        "de_DE": "Die Tiefe auf 32 setzen, die größere Werte fasst",
+        "es": "Pone la profundidad en 32, que admite valores mayores",
+    },
+    (LABEL, "Use 16 Samples"): {"de_DE": "16 Samples verwenden", "es": "Usar 16 muestras"},
+    (SENTENCE, "Set Samples to 16"): {"de_DE": "Die Samples auf 16 setzen", "es": "Pone las muestras en 16"},
+    (LABEL, "Switch Material Off"): {"de_DE": "Material ausschalten", "es": "Desactivar Material"},
+    (SENTENCE, "Leave the materials of the low object as they are"): {
+        "de_DE": "Die Materialien des Low-Poly-Objekts lassen, wie sie sind",
+        "es": "Deja los materiales del objeto low poly como están",
+    },
+    (LABEL, "Make Miss Mask"): {"de_DE": "Maske ohne Treffer erstellen", "es": "Crear máscara de fallos"},
+    (OPERATOR, "Cure"): {"de_DE": "Abhilfe", "es": "Remedio"},
+    (SENTENCE, "Change what a warning or an error names"): {
+        "de_DE": "Ändern, was eine Warnung oder ein Fehler nennt",
+        "es": "Cambia lo que nombra una advertencia o un error",
     },
     (LABEL, "Cure"): {"de_DE": "Abhilfe", "es": "Remedio"},
     (SENTENCE, "What to change"): {"de_DE": "Was geändert wird", "es": "Qué cambiar"},
