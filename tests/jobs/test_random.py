@@ -168,7 +168,9 @@ def mesh(rng, name):
         for number in range(rng.choice([1, 1, 1, 2, 8])):
             lay = UVS[pick(rng, UVS)][0]
             if lay is not None and len(corners):
-                layer = data.uv_layers.new(name=str(rng.choice(NAMES)) if number else zoo.LAYER)
+                # Blender's BMesh loses memory if two names are too long for the prefix of their pins. This is its bug.
+                short = str(rng.choice(NAMES)).encode()[:50].decode(errors="ignore")
+                layer = data.uv_layers.new(name=short if number else zoo.LAYER)
                 layer.uv.foreach_set("vector", lay(rng, flat[corners].copy()).astype(np.float32).ravel())
     if data.uv_layers and rng.random() < 0.2:
         data.uv_layers[-1].active_render = True
