@@ -126,6 +126,20 @@ def test_help(capsys):
     assert "--save-blend" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["--low", "low", "--high", "hi"], exit_codes.FAILED),
+        (["--low", "lo", "--high", "high"], exit_codes.FAILED),
+        (["--low", "lo", "--high", "hi", "--save-blend", "m.png"], exit_codes.WRONG_USAGE),
+        (["--low", "lo", "--high", "hi", "--report", "scene/file.blend"], exit_codes.WRONG_USAGE),
+    ],
+)
+def test_a_check_ends_with_the_code_of_the_bake(fails, words, code):
+    given = [BAKE[0], *words, "--output", "m.png"]
+    assert fails(code, *given, "--check") == fails(code, *given)
+
+
 @pytest.mark.parametrize("words", [[], ["lod"], ["farm"], ["report"], ["--jobs", "none.toml"]])
 def test_all_commands_say_their_version(capsys, words):
     assert command.run([*words, "--version"]) == exit_codes.DONE

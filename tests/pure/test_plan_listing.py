@@ -15,6 +15,7 @@ import pytest
 from addon.cli.plan import costs, file_references, listing, plans, run_clashes, shards
 from addon.cli.plan.input_files import InputFiles
 from addon.cli.plan.plans import Plan
+from addon.cli.results.exit_codes import FAILED, WRONG_USAGE
 from addon.cli.usage import arguments, job_file
 from addon.cli.usage.arguments import WrongUsage
 from scripts.imprint import ROOT
@@ -60,7 +61,7 @@ def test_json_has_the_same_as_the_lines(capsys, here):
     sets = [SET, {**SET, "output": "b.png", "low-file": "none.obj"}]
     code, out, _ = listed(capsys, sets, "--list", "--json", "--shard", "1/1")
     found = json.loads("\n".join(out))
-    assert (code, found["imprint_list"], found["planned"], found["shard"]) == (2, 1, 2, "1/1")
+    assert (code, found["imprint_list"], found["planned"], found["shard"]) == (FAILED, 1, 2, "1/1")
     first, second = found["bakes"]
     assert first == {
         "number": 1,
@@ -74,23 +75,23 @@ def test_json_has_the_same_as_the_lines(capsys, here):
 
 
 WRONG = {
-    "a missing file": ({"high-file": "none.obj"}, "There is no file '"),
-    "a folder for a file": ({"high-file": "."}, "There is no file '"),
-    "no mesh": ({"high-file": "jobs.json"}, "is no mesh file that can be imported"),
-    "a missing map to convert": ({"high-file": [], "convert": "old.<UDIM>.png"}, "There is no file '"),
-    "a clash": ({"report": "a_low.obj"}, "would overwrite"),
-    "a folder for a map": ({"output": "folder.png"}, "is a folder: name a file"),
-    "a folder for a report": ({"report": "folder.png"}, "is a folder: name a file"),
+    "a missing file": ({"high-file": "none.obj"}, "There is no file '", FAILED),
+    "a folder for a file": ({"high-file": "."}, "There is no file '", FAILED),
+    "no mesh": ({"high-file": "jobs.json"}, "is no mesh file that can be imported", FAILED),
+    "a missing map to convert": ({"high-file": [], "convert": "old.<UDIM>.png"}, "There is no file '", FAILED),
+    "a clash": ({"report": "a_low.obj"}, "would overwrite", WRONG_USAGE),
+    "a folder for a map": ({"output": "folder.png"}, "is a folder: name a file", WRONG_USAGE),
+    "a folder for a report": ({"report": "folder.png"}, "is a folder: name a file", WRONG_USAGE),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_what_is_wrong_is_said_by_list_and_check(capsys, here, case):
-    changed, expected = WRONG[case]
+    changed, expected, expected_code = WRONG[case]
     (here / "folder.png").mkdir()
     for word in ("--list", "--check"):
         code, out, err = listed(capsys, [{**SET, "output": "b.png"}, {**SET, **changed}], word)
-        assert (code, len(out)) == (2, 2 if word == "--list" else 0)
+        assert (code, len(out)) == (expected_code, 2 if word == "--list" else 0)
         assert len(err) == 1
         assert err[0].startswith("imprint: set 2 (a_low): ")
         assert expected in err[0]
@@ -100,7 +101,7 @@ def test_a_file_where_a_folder_is_needed_is_named(capsys, here):
     """The one of each bake."""
     (here / "maps").write_text("")
     code, _, err = listed(capsys, [SET, {**SET, "output": "maps/b.png"}], "--check")
-    assert (code, len(err)) == (2, 2)
+    assert (code, len(err)) == (FAILED, 2)
     for line, name in zip(err, "ab", strict=True):
         assert f"{str(here / 'maps' / name)}.png' cannot be written" in line
 
@@ -110,7 +111,7 @@ def test_unknown_objects_of_a_blend_are_named(capsys, here):
     right = {"file": "s.blend", "low": "rock_low", "high": ["rock_high"], "output": "r.png"}
     assert listed(capsys, [right], "--check") == (0, [], [])
     code, _, err = listed(capsys, [{**right, "high": ["rock_hihg", "rock_high"], "cage": "box"}], "--check")
-    assert code == 2
+    assert code == FAILED
     assert err == [
         "imprint: rock_low: There is no object called 'rock_hihg' in the file: did you mean 'rock_high' or 'rock_low'?",
         "imprint: rock_low: There is no object called 'box' in the file: it has 'rock_high', 'rock_low'.",
@@ -122,13 +123,13 @@ def test_pairs_of_a_blend_need_names_that_match(capsys, here):
     pairs = {"file": "s.blend", "pairs": True, "output": "{low}.png"}
     assert listed(capsys, [pairs], "--check")[0] == 0
     code, _, err = listed(capsys, [{**pairs, "suffixes": "_a,_b,_c"}], "--check")
-    assert (code, err) == (2, ["imprint: s.blend: No object has a name that ends in '_a'."])
+    assert (code, err) == (FAILED, ["imprint: s.blend: No object has a name that ends in '_a'."])
 
 
 def test_a_file_that_is_no_blend_is_named(capsys, here):
     (here / "s.blend").write_bytes(b"BLENDER-v405 and so on")
     code, _, err = listed(capsys, [{"file": "s.blend", "low": "a", "output": "r.png"}], "--check")
-    assert (code, len(err)) == (2, 1)
+    assert (code, len(err)) == (FAILED, 1)
     assert "is no .blend, or not a complete one" in err[0]
 
 
@@ -349,7 +350,7 @@ def test_a_check_looks_for_the_ends_of_files(capsys, here):
 def test_a_list_does_not_wait_for_a_pipe(capsys, here):
     os.mkfifo(here / "pipe.obj")
     code, _, (problem,) = listed(capsys, [{**SET, "high-file": "pipe.obj"}], "--check")
-    assert (code, "There is no file" in problem) == (2, True)
+    assert (code, "There is no file" in problem) == (FAILED, True)
 
 
 def test_what_a_mesh_refers_to_is_read_once(here, monkeypatch):

@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Sequence
 
+from ..results import exit_codes
 from ..usage.garbage import unsearched
 from . import costs, planning, plans, shards
 from .input_files import InputFiles
@@ -16,8 +17,6 @@ from .plans import Plan
 
 VERSION = 1
 """Version of the keys of the JSON."""
-RIGHT, WRONG = 0, 2
-"""The exit codes."""
 _CONTROL = re.compile(r"[\x00-\x1f\x7f\u2028\u2029]")
 
 
@@ -38,7 +37,7 @@ def _run(options: argparse.Namespace, sets: Sequence[argparse.Namespace], progra
         print(f"{program}: {problem}", file=sys.stderr)
     if options.list:
         print(json.dumps(listing.to_json(), indent=1) if options.json else "\n".join(map(listing.line, listing.chosen)))
-    return WRONG if listing.all_problems else RIGHT
+    return listing.code
 
 
 class _Listing:
@@ -64,6 +63,14 @@ class _Listing:
             for problem in self._of_bakes[plan.number]
         ]
         return [*self.problems, *named]
+
+    @property
+    def code(self) -> int:
+        """The exit code that the bakes would end with, as far as that is known: only what is wrong with all of them together
+        keeps those that are right from being done."""
+        if self.problems:
+            return exit_codes.WRONG_USAGE
+        return exit_codes.FAILED if any(self._of_bakes.values()) else exit_codes.DONE
 
     def line(self, plan: Plan) -> str:
         """A bake in one line: its number, cost, name and files, between tabs."""
