@@ -339,7 +339,7 @@ def test_a_check_looks_for_the_ends_of_files(capsys, here):
     sets = [{**SET, "high-file": name, "output": f"{name}.png"} for name in ("cut.obj", "root.usda")]
     assert listed(capsys, sets, "--list")[0] == 0
     code, _, problems = listed(capsys, sets, "--check")
-    assert code == 2
+    assert code == FAILED
     cut, root, part = (str(here / name) for name in ("cut.obj", "root.usda", "part.usda"))
     assert [each.partition(": ")[2].partition(": ")[2] for each in problems] == [
         f"{cut!r} ends too early.",
