@@ -19,8 +19,8 @@ from ..output.files.atomic_file import reason
 from ..scene import dependencies
 from ..scene.visibility import put
 from . import interruption, outside_files, standard_streams
+from .mesh_files.importer_messages import UnreadReference
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
-from .mesh_files.usd_references import UnreadReference
 from .plan import blend_blocks
 from .plan.input_files import InputFiles
 

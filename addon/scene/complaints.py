@@ -84,9 +84,9 @@ def _of_modifiers(
 def _unread_images(used: Sequence[bpy.types.ID], lacking: Container[str]) -> Iterator[str]:
     """Images of modifiers that Blender cannot read, in sentences, except those of the paths in `lacking`."""
     for image in used:
-        if isinstance(image, bpy.types.Image) and image.source in {"FILE", "MOVIE"} and not image.packed_file:
+        if isinstance(image, bpy.types.Image) and image.source in {"FILE", "MOVIE"} and image.filepath:
             path = dependencies.absolute(image.filepath, image)
-            if path not in lacking and not image.size[0]:
+            if path not in lacking and not image.packed_file and not image.size[0]:
                 yield f"{path!r}, the image {image.name!r}, cannot be read: restore it, or remove what uses it."
 
 

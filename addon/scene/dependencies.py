@@ -363,13 +363,13 @@ def _frames_beside(path: str) -> list[str]:
 
 
 def _frame_of(user: bpy.types.ImageUser) -> int | None:
-    """The number of the file of a sequence that is shown now; None if it is not known."""
-    if not user.use_auto_refresh or not user.frame_duration:
-        return None
+    """The number of the file of a sequence that is shown now; None before its start, and if it is not known."""
     frame = bpy.context.scene.frame_current - user.frame_start + 1
+    if not user.use_auto_refresh or not user.frame_duration or (frame < 1 and not user.use_cyclic):
+        return None
     if user.use_cyclic:
         frame = (frame - 1) % user.frame_duration + 1
-    return min(max(frame, 1), user.frame_duration) + user.frame_offset
+    return min(frame, user.frame_duration) + user.frame_offset
 
 
 def _numbered(path: str, frame: int) -> str:

@@ -129,6 +129,23 @@ def bumps(tmp_path_factory):
 WITH_UVS = [ending for ending in EXPORTERS if ending != ".stl"]
 
 
+def test_an_obj_with_faces_whose_points_are_missing_is_not_baked(tmp_path, capsys):
+    low, high = (zoo.plane(name, 2) for name in ("low", "high"))
+    for obj in (low, high):
+        export(tmp_path / f"{obj.name}.obj", obj)
+    path, low_path = tmp_path / "high.obj", tmp_path / "low.obj"
+    words = ["--low-file", str(low_path), "--high-file", str(path), "--output", str(tmp_path / "m.png"), *SMALL]
+    whole = path.read_text()
+    lines = whole.splitlines(keepends=True)
+    last = max(number for number, line in enumerate(lines) if line.startswith("v "))
+    path.write_text("".join(lines[:last] + lines[last + 1 :]))
+    assert command.run(words) == 1
+    said = f"1 face of {str(path)!r} cannot be read, since points, UVs or normals are missing: export it again."
+    assert said in capsys.readouterr().err
+    path.write_text(whole)
+    assert command.run(words) == 0
+
+
 def test_a_usd_that_refers_to_a_file_that_is_missing_is_not_baked(tmp_path, capsys):
     """The importer leaves that part out."""
     usda = tmp_path / "high.usda"

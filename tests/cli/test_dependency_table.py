@@ -4,6 +4,8 @@ missing, or ends too early, is named."""
 
 import json
 import os
+import subprocess
+import sys
 from contextlib import contextmanager
 
 import bpy
@@ -15,6 +17,7 @@ from addon.cli.done.resuming import Resuming
 from addon.cli.plan import planning
 from addon.cli.plan.input_files import InputFiles
 from addon.cli.usage import arguments, job_file
+from scripts.imprint import ROOT
 from tests.support import dependency_kinds, file_kinds, reports, zoo
 
 
@@ -127,6 +130,42 @@ def test_a_file_that_is_missing_or_ends_too_early_is_named(table, is_cut):
         if not is_named:
             silent[name] = each["state"], said
     assert silent == {}
+
+
+IN_WORKERS = [
+    *("alembic_cache", "usd_layer_of_a_layer", "binary_usd_reference", "high_obj", "high_stl_of_text", "image_of_usda"),
+    *(
+        "dynamic_paint_cache",
+        "displace_movie",
+        "volume_to_mesh",
+        "linked_high",
+        "displace_image_hdr",
+        "material_image_jpg",
+    ),
+]
+
+
+@pytest.mark.slow
+def test_a_shell_does_them_again_and_fails(tmp_path):
+    """In processes of their own: an Alembic file that ends too early ends one while it opens the scene."""
+    files, sets = {}, []
+    for name in IN_WORKERS:
+        (tmp_path / name).mkdir()
+        files[name], options = file_kinds.KINDS[name](tmp_path / name)
+        sets.append({"name": name, "output": f"out/{name}.png", **options})
+    write_jobs(tmp_path, sets)
+    words = [sys.executable, str(ROOT / "scripts" / "bake.py"), "--jobs", "j.json", "--resume", "--report", "r.json"]
+
+    def states():
+        done = subprocess.run([*words, "--workers", "1"], cwd=tmp_path, capture_output=True, text=True, check=False)
+        return done.returncode, {each["state"] for each in reports.bakes(tmp_path / "r.json")}, done.stderr
+
+    assert states()[:2] == (0, {"done"})
+    assert states()[:2] == (0, {"resumed"})
+    with changed(files.values(), lambda content: content[: len(content) // 2]):
+        code, found, said = states()
+        assert (code, found) == (1, {"failed"})
+        assert {name for name in files if f"({name})" not in said} == set()
 
 
 def textured(folder, ending, change):

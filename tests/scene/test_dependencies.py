@@ -155,6 +155,62 @@ def test_modifiers_that_work_are_not_named():
     assert not read(obj, must_be_whole=True).lacks
 
 
+IN_FOLDERS = ["cloth_cache", "soft_body_cache", "dynamic_paint_cache", "particles_cache"]
+OF_FRAMES = [*IN_FOLDERS, "displace_image_sequence"]
+
+
+@pytest.mark.parametrize("name", OF_FRAMES)
+@pytest.mark.parametrize("is_cut", [False, True])
+def test_the_file_of_the_frame_that_is_shown_is_named_once(name, is_cut, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    obj = zoo.plane("rock", 8)
+    path = dependency_kinds.PARTLY[name](obj, tmp_path)
+    found = {each.path for each in dependencies.of([obj])}
+    assert (str(path.parent) in found) == (name in IN_FOLDERS)
+    assert str(path) in found
+    assert complaints.of_files([obj], for_render=True) == []
+    if is_cut:
+        path.write_bytes(path.read_bytes()[:-9])
+    else:
+        path.unlink()
+    (sentence,) = complaints.of_files([obj], for_render=True)
+    assert repr(str(path)) in sentence
+    assert ("ends too early" if is_cut else "cannot be found") in sentence
+
+
+def test_frames_of_a_sequence_begin_again_and_stay_at_their_ends(tmp_path):
+    obj = zoo.plane("rock", 8)
+    dependency_kinds.PARTLY["displace_image_sequence"](obj, tmp_path)
+    user = obj.modifiers[0].texture.image_user
+    user.frame_start, user.frame_duration, user.frame_offset = 11, 2, 1
+
+    def needed():
+        return [each.path[-8:-4] for each in dependencies.of([obj]) if each.is_needed]
+
+    for is_cyclic, frames in ((False, {10: None, 11: 2, 12: 3, 13: 3}), (True, {10: 3, 11: 2, 12: 3, 13: 2})):
+        user.use_cyclic = is_cyclic
+        for frame, number in frames.items():  # as Blender displaces the mesh
+            bpy.context.scene.frame_set(frame)
+            assert needed() == ([f"{number:04}"] if number else [])
+
+
+@pytest.mark.parametrize("ending", [".hdr", ".jp2", ".tga"])
+def test_an_image_that_blender_cannot_read_is_named(ending, tmp_path):
+    """Its format does not say how long it is."""
+    kinds = {".hdr": "displace_image_hdr", ".jp2": "displace_image_jp2", ".tga": "displace_image_tga_packed"}
+    obj = zoo.plane("rock", 8)
+    path = dependency_kinds.KINDS[kinds[ending]](obj, tmp_path)
+    assert not read(obj, must_be_whole=True).lacks
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    obj.modifiers[0].texture.image.reload()
+    (sentence,) = read(obj).lacks
+    assert sentence == f"{str(path)!r}, the image {path.name!r}, cannot be read: restore it, or remove what uses it."
+    with pytest.raises(Incomplete, match="cannot be read"):
+        read(obj, must_be_whole=True)
+    obj.modifiers[0].texture.image.filepath = ""
+    assert not read(obj).lacks
+
+
 @pytest.mark.parametrize("name", dependency_kinds.KINDS)
 @pytest.mark.parametrize("is_cut", [False, True])
 def test_a_file_that_is_missing_or_empty_is_named_once(name, is_cut, tmp_path):

@@ -5,7 +5,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from ...core.errors import BakeError
 from ...output.files.atomic_file import reason
 from .. import standard_streams
 from ..starting import lean_blender
-from . import base_colors, far_coordinates, obj_materials, page_files, ply_texture, usd_references
+from . import base_colors, far_coordinates, importer_messages, obj_materials, page_files, ply_texture
 from .obj_materials import Materials
 
 IMPORTERS = {
@@ -85,7 +85,7 @@ def _import(path: Path, space: Space) -> None:
             more = {**more, "up_axis": space.up, "forward_axis": _FORWARD[space.up]}
         if module == "import_scene":
             lean_blender.complete()  # the importer is an add-on
-        with usd_references.checked(path) if operator == "usd_import" else nullcontext():
+        with importer_messages.checked(path):
             getattr(getattr(bpy.ops, module), operator)(filepath=str(staged), **more)
     new = [obj for obj in bpy.data.objects if obj not in objects]
     pages = [image for image in bpy.data.images if image not in images]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that a USD file refers to and that cannot be read: Blender's importer leaves them out and says so in no result."""
+"""What Blender's importers leave out and only print: files that a USD file refers to, and faces of an .obj without points."""
 
 import re
 from collections.abc import Iterator
@@ -13,6 +13,7 @@ from .. import standard_streams
 _MOST = 1 << 22
 """Bytes of the importer's messages that are searched."""
 _UNREAD = re.compile(rb"Could not (?:open asset|load sublayer) @(.+?)@ (?:for|of) ")
+_LEFT_OUT = re.compile(rb"Invalid (?:vertex|UV|normal) index .*ignoring face")
 
 
 class UnreadReference(BakeError):
@@ -25,11 +26,16 @@ class UnreadReference(BakeError):
 
 @contextmanager
 def checked(path: Path) -> Iterator[None]:
-    """Raise UnreadReference at the end of the block, which imports the USD file at `path`, if it could not read all of it."""
-    with TemporaryFile() as said:
-        with standard_streams.silence(into=said.fileno()):
+    """Raise UnreadReference or BakeError at the end of the block, which imports the file at `path`, if parts were left out."""
+    with TemporaryFile() as file:
+        with standard_streams.silence(into=file.fileno()):
             yield
-        said.seek(0)
-        found = _UNREAD.search(said.read(_MOST))
-    if found:
+        file.seek(0)
+        said = file.read(_MOST)
+    if found := _UNREAD.search(said):
         raise UnreadReference(str(path), found[1].decode(errors="backslashreplace"))
+    if count := len(_LEFT_OUT.findall(said)):
+        faces = "1 face" if count == 1 else f"{count:,} faces"
+        raise BakeError(
+            f"{faces} of {str(path)!r} cannot be read, since points, UVs or normals are missing: export it again."
+        )
