@@ -6,7 +6,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 FLIPPED, TURNED, FLAT, ELSEWHERE, CAGE = "flipped", "turned", "flat", "elsewhere", "cage"
-LAYOUTS, CROSSED, NOT_FINITE, REBUILT, HIDDEN_MISSES = "layouts", "crossed", "not_finite", "rebuilt", "hidden_misses"
+UNFIT, LAYOUTS, CROSSED, NOT_FINITE, REBUILT, HIDDEN_MISSES = (
+    "unfit",
+    "layouts",
+    "crossed",
+    "not_finite",
+    "rebuilt",
+    "hidden_misses",
+)
 """The kinds of warnings that have no check in Report.checks."""
 
 _LOST_Z = frozenset(("backwards", REBUILT))
@@ -16,6 +23,7 @@ _HIDES: Mapping[str, frozenset[str]] = MappingProxyType(
         FLIPPED: _OF_RAYS | {ELSEWHERE, CAGE},
         CAGE: _OF_RAYS | {ELSEWHERE},
         LAYOUTS: _OF_RAYS | {ELSEWHERE},
+        UNFIT: _OF_RAYS | {ELSEWHERE, FLIPPED},
         ELSEWHERE: _OF_RAYS,
         TURNED: _LOST_Z | {"unsure", "behind"},
         NOT_FINITE: frozenset(("uncovered", HIDDEN_MISSES)),

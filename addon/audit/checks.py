@@ -2,21 +2,21 @@
 """Checks a finished map: coverage, missed rays, overlaps, and problems of the low mesh."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core import cures, texel_state, udim
+from ..core import cures, lengths, texel_state, udim
 from ..core.declarations.choices import Method, Space
 from ..core.errors import shorten_list
+from ..core.lengths import Length
 from ..core.settings import Settings
 from ..engine import separation, uv_agreement
 from ..engine.method_choice import Plan
 from ..engine.rays import ray_casting
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
-from ..mesh.local_space import world_box
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap as overlap_pass
@@ -27,10 +27,8 @@ from .tally import Tally, sampled
 
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
-ASIDE, LARGER, FLAT_SIDE = 0.15, 1.5, 0.1
-"""Boxes around high and low fit each other if, along each axis, their centers are no more than this share of the low box's
-side apart, and neither side is more than this many times the other. Sides of the low box shorter than this share of its
-longest one do not count: there, the detail may be larger."""
+MUCH_MISSED = 0.1
+"""Share of the rays that hit nothing above which the place of the high mesh may be to blame, and not its holes."""
 
 Checks = dict[str, Check]
 """By kind, as in Report.checks but without the severity."""
@@ -57,7 +55,7 @@ def audit(
     tally: Tally,
     settings: Settings,
     ray_cast: ray_casting.RayCast | None,
-    length: Callable[[float], str] = "{:.4g}".format,
+    length: Length = lengths.plain,
 ) -> Findings:
     """Check a map. ray_cast: the rays that were cast, or None. length: a length in scene units as text."""
     meshes, low = plan.meshes, plan.meshes.low
@@ -225,7 +223,7 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
 
 
 def _placement_warnings(
-    plan: Plan, checks: Checks, settings: Settings, apart: _Apart, length: Callable[[float], str]
+    plan: Plan, checks: Checks, settings: Settings, apart: _Apart, length: Length
 ) -> Iterator[Warned]:
     """Why the surfaces do not meet."""
     meshes, missed, unsure = plan.meshes, checks["uncovered"], checks["unsure"]
@@ -248,27 +246,18 @@ def _placement_warnings(
             f"below the surface of {highs} there. Move it outward until it encloses {highs}.",
             causes.CAGE,
         )
+    if not plan.casts_rays:
+        return  # what UVs put together may have any place and size
     if apart.beyond > severity.NEARLY_ALL:
         found = f"on {apart.beyond:.2%} of the texels, they are more than {length(apart.usual)} apart"
-    elif _is_elsewhere(meshes, plan, is_short=is_missed, is_far=apart.beyond > severity.MANY_FAR):
-        found = f"{missed['share']:.2%} of the rays hit nothing" if is_missed else "the surfaces are far apart"
+    elif missed["share"] > MUCH_MISSED and not separation.boxes_fit(meshes):
+        found = f"{missed['share']:.2%} of the rays hit nothing"
+    # A low mesh may stand for a part of a larger high one, with deep detail.
+    elif apart.beyond > severity.MANY_FAR and not separation.boxes_fit(meshes, may_be_part=True):
+        found = "the surfaces are far apart"
     else:
         return
     yield Warned(f"{highs} and {low} differ in place or size: {found}. Put them in the same place.", causes.ELSEWHERE)
-
-
-def _is_elsewhere(meshes: Meshes, plan: Plan, *, is_short: bool, is_far: bool) -> bool:
-    """Whether the high mesh has another place or size than the low one, and rays miss it or the surfaces are far apart."""
-    if not (plan.casts_rays and (is_short or is_far)):
-        return False
-    (low_min, low_max), (high_min, high_max) = world_box([meshes.low]), world_box(meshes.highs)
-    sides, high_sides = low_max - low_min, high_max - high_min
-    compared = sides > FLAT_SIDE * sides.max()
-    aside = np.abs((low_min + low_max) - (high_min + high_max)) / 2.0 > ASIDE * sides
-    larger = np.maximum(high_sides, sides) > LARGER * np.minimum(high_sides, sides)
-    # A low mesh may stand for a part of a larger high one.
-    is_inside = not is_short and (high_min <= low_min)[compared].all() and (high_max >= low_max)[compared].all()
-    return not is_inside and bool((aside | larger)[compared].any())
 
 
 def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[Warned]:

@@ -3,8 +3,9 @@
 
 from collections.abc import Callable
 
-from ..core import cures
+from ..core import cures, lengths
 from ..core.declarations.choices import Hit, Method, Space
+from ..core.lengths import Length
 from ..core.settings import Settings
 
 GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
@@ -44,9 +45,7 @@ def rate(kind: str, check: Check, settings: Settings) -> str:
     return WRONG if kind in _HARMS and _HARMS[kind](check, settings) else LOOK
 
 
-def warning(
-    kind: str, check: Check, low: str, settings: Settings, length: Callable[[float], str] = "{:.4g}".format
-) -> str:
+def warning(kind: str, check: Check, low: str, settings: Settings, length: Length = lengths.plain) -> str:
     """The warning about the map of the object `low`, as a sentence. check: one that `rate` finds WRONG. length: a length in
     scene units as text."""
     values = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check

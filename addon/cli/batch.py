@@ -13,7 +13,6 @@ import bpy
 
 from .. import older_blender
 from ..core import progress
-from ..core.declarations.choices import Method
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels.level_report import ChainReport
 from ..core.names import file_names
@@ -126,6 +125,8 @@ def open_files(
     files.opened(plan.name, options, _lows(options, jobs), used)
     notes = input_checks.check_pages(options, settings, jobs)
     hints = input_checks.fit_hints(options, jobs)
+    for job in jobs:
+        job.hints = hints
     notes += input_checks.rounded_coordinates(options, jobs)
     hashes = hashes or (Contents() if options.report else None)
     declared = hashes.all_of(bake_key.inputs(options, bpy.data.filepath)) if hashes else []
@@ -148,10 +149,7 @@ def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> R
         baked = older_blender.with_gpu(lambda: _explained(opened, meter, said))
         is_stopped, chain = baked.is_stopped, baked.chain
         notes = [*stage.notes, *opened.notes, *input_checks.refused_scripts()]
-        reports = [
-            report.with_memory(memory).with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
-            for report in baked.reports
-        ]
+        reports = [report.with_memory(memory).with_warnings(notes) for report in baked.reports]
         if options.export and not is_stopped:
             check_beside = partial(files.exported, opened.name)
             reports = side_files.export(reports, options.export, check_beside, are_levels=chain is not None)

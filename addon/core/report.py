@@ -6,9 +6,10 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from . import udim
+from . import lengths, udim
 from .declarations import bases, readers
 from .declarations.choices import Space
+from .lengths import Length
 from .map_types import BY_NAME, Kind
 from .timings import STAGES, Timings
 
@@ -185,8 +186,8 @@ class Report:
         green = readers.BY_NAME[name].green
         return "" if self.settings.get("green") == green else f"; it reads green as {green}"
 
-    def summary(self) -> list[str]:
-        """Lines for the user: what was baked, and how long it took."""
+    def summary(self, length: Length = lengths.plain) -> list[str]:
+        """Lines for the user: what was baked, and how long it took. length: a length in scene units as text."""
         width, height = self.size
         stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])
         details = []
@@ -204,16 +205,18 @@ class Report:
         if self.rays:
             details.append(f"Flatten on {1.0 - self.rays:.1%} of the texels, rays on {self.rays:.1%}")
         if self.distances:
-            distances = " and ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in self.distances.items())
+            distances = " and ".join(
+                f"{name.replace('_', ' ')} {length(value)}" for name, value in self.distances.items()
+            )
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
         if self.stopped_early:
             details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:
-            details.append(f"Directions blend within {self.blend_width:.4g} of hard edges")
+            details.append(f"Directions blend within {length(self.blend_width)} of hard edges")
         far = self.checks.get("far")
         if far and far["offset"] > far["limit"]:
             details.append(
-                f"High and low are {far['offset']:.4g} apart as a whole; this offset was not counted as a distance"
+                f"High and low are {length(far['offset'])} apart as a whole; this offset was not counted as a distance"
             )
         if self.loss:
             details.append(

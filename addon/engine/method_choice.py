@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core import udim
+from ..core import lengths, udim
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError, shorten_list
+from ..core.lengths import Length
 from ..core.settings import Settings
 from ..mesh import triangle_mesh, uv_layout
 from ..mesh.inputs import Meshes
@@ -44,15 +45,15 @@ class Plan:
         return self.method == Method.CAST or self.has_rays
 
 
-def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings) -> Plan:
+def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings, length: Length = lengths.plain) -> Plan:
     """Decide between Flatten and Cast, and drop the parts of meshes that the method cannot use.
 
-    Raises BakeError for meshes that are far apart.
+    length: a length in scene units as text. Raises BakeError for meshes that are far apart.
     """
     plan = Plan(settings.method, tuple(tiles), meshes)
     if settings.method == Method.AUTO:
         plan = _measured(plan)
-    return _within_reach(plan, settings) if plan.casts_rays else _flattened(plan)
+    return _within_reach(plan, settings, length) if plan.casts_rays else _flattened(plan)
 
 
 def tiles_to_bake(meshes: Meshes, settings: Settings) -> list[int]:
@@ -73,8 +74,8 @@ def tiles_to_bake(meshes: Meshes, settings: Settings) -> list[int]:
     return wanted
 
 
-def nothing_drawn(plan: Plan) -> str:
-    """Why no texel was written, as a sentence."""
+def nothing_drawn(plan: Plan, length: Length = lengths.plain) -> str:
+    """Why no texel was written, as a sentence. length: a length in scene units as text."""
     low, highs, tiles = plan.meshes.low, plan.meshes.highs, plan.tiles
     if not set(tiles).intersection(uv_layout.tiles(low)):
         return f"No triangle of {low.name!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
@@ -89,7 +90,9 @@ def nothing_drawn(plan: Plan) -> str:
             return f"All faces of {_names(meshes)} are points or lines without an area: no ray can meet them."
     distance = gap(low, highs)
     if distance > 0.0:
-        return _far_apart(plan.meshes, distance)
+        return _far_apart(plan.meshes, length(distance))
+    if not separation.boxes_fit(plan.meshes):
+        return f"No ray from {low.name!r} hit {_names(highs)}: they differ in place or size."
     return f"No ray from {low.name!r} hit {_names(highs)}: increase the extrusion and the maximum distance."
 
 
@@ -118,13 +121,13 @@ def _flattened(plan: Plan) -> Plan:
     return replace(plan, meshes=replace(plan.meshes, highs=highs))
 
 
-def _within_reach(plan: Plan, settings: Settings) -> Plan:
+def _within_reach(plan: Plan, settings: Settings, length: Length) -> Plan:
     """`plan` without the high meshes that no ray can reach."""
     meshes = plan.meshes
     distance = gap(meshes.low, meshes.highs)
     radius = local_space_of([meshes.low]).size
     if distance > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
-        raise BakeError(_far_apart(meshes, distance))
+        raise BakeError(_far_apart(meshes, length(distance)))
     # Distant meshes would make the tree less precise: the steps of its quantized boxes grow with the extent of all meshes.
     painted = 1.0 if meshes.offset is None else float(meshes.offset.max())
     reach = max((settings.extrusion or 0.0) * painted, settings.max_distance or 0.0, 2.0 * radius)
@@ -149,5 +152,5 @@ def _names(highs: Sequence[triangle_mesh.Mesh]) -> str:
     return shorten_list(repr(high.name) for high in highs)
 
 
-def _far_apart(meshes: Meshes, distance: float) -> str:
-    return f"{meshes.low.name!r} and {_names(meshes.highs)} do not overlap: they are {distance:.4g} apart."
+def _far_apart(meshes: Meshes, distance: str) -> str:
+    return f"{meshes.low.name!r} and {_names(meshes.highs)} do not overlap: they are {distance} apart."

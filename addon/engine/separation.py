@@ -13,7 +13,7 @@ from ..core.settings import Settings
 from ..core.udim import UvToClip
 from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
-from ..mesh.local_space import LocalSpace, local_space_of
+from ..mesh.local_space import LocalSpace, local_space_of, world_box
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import cast, points
@@ -26,6 +26,11 @@ TRIANGLES = 2**16
 """The most triangles of a high mesh that a quick sample draws. Of a larger mesh it draws every second, third, ..."""
 LIMIT = 0.05
 """Share of the low mesh's radius: the limit for the distance between the surfaces if the settings have none."""
+
+ASIDE, LARGER, FLAT_SIDE = 0.15, 1.5, 0.1
+"""Boxes around high and low fit each other if, along each axis, their centers are no more than this share of the low box's
+side apart, and neither side is more than this many times the other. Sides of the low box shorter than this share of its
+longest one do not count: there, the detail may be larger."""
 
 Probe = Callable[[tuple[int, int], UvToClip], np.ndarray]
 """A function from (width, height) and uv_to_clip to texels (height, width, 4) float32. w: 1 where both meshes are, -1 where
@@ -46,6 +51,19 @@ def quick_probe(meshes: Meshes) -> Probe:
 def limit(low: Mesh, settings: Settings) -> float:
     """The greatest distance between points of one texel that is not reported, in scene units."""
     return LIMIT * local_space_of([low]).size if settings.limit is None else settings.limit
+
+
+def boxes_fit(meshes: Meshes, *, may_be_part: bool = False) -> bool:
+    """Whether the high meshes have about the place and size of the low one. may_be_part: whether it is enough that they extend
+    beyond the low mesh on all sides."""
+    (low_min, low_max), (high_min, high_max) = world_box([meshes.low]), world_box(meshes.highs)
+    sides, high_sides = low_max - low_min, high_max - high_min
+    compared = sides > FLAT_SIDE * sides.max()
+    if may_be_part and (high_min <= low_min)[compared].all() and (high_max >= low_max)[compared].all():
+        return True
+    aside = np.abs((low_min + low_max) - (high_min + high_max)) / 2.0 > ASIDE * sides
+    larger = np.maximum(high_sides, sides) > LARGER * np.minimum(high_sides, sides)
+    return not (aside | larger)[compared].any()
 
 
 def sample(probe: Probe, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:

@@ -1,20 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One bake, step by step: read, choose a method, make a source, draw tile by tile, audit, store, hook up, report."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
 import bpy
 import numpy as np
 
+from ..audit import causes
 from ..audit.causes import Warned
 from ..audit.checks import audit
 from ..audit.deviations import Deviations
 from ..audit.other_readers import OtherReaders
 from ..audit.pictures.bake_pictures import BakePictures
 from ..audit.tally import Tally
+from ..core.declarations.choices import Method
 from ..core.errors import BakeError
+from ..core.lengths import Length
 from ..core.map_types import NORMAL
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
@@ -91,11 +94,11 @@ class _Ready:
     others: OtherReaders
     deviations: Deviations
     pictures: BakePictures
-    length: Callable[[float], str]
+    length: Length
 
 
 def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings) -> Task[_Ready]:
-    name = job.low.name
+    name, length = job.low.name, scene_lengths.of(context.scene)
     yield Progress(f"Reading {name}", 0.0)
     with timings.timed("extract"):
         meshes = reading.read(
@@ -119,7 +122,7 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     with timings.timed("method"):
         in_order = shared_uvs.ordered(meshes, tiles, settings)
-        plan = choose_method(in_order, tiles, settings)
+        plan = choose_method(in_order, tiles, settings, length)
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
     run = Run(settings, timings, pace)
     drawn, others = maps_of_bake(in_order, source, run), OtherReaders(in_order.basis, settings)
@@ -130,15 +133,15 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     hidden = HiddenParts(plan, source, settings, is_shared=in_order is not meshes)
     deviations = Deviations(plan, drawn, settings, pictures, kept=kept, is_wanted=is_wanted, hidden=hidden)
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
-    return _Ready(
-        meshes, warnings, plan, source, Renderer(drawn, run), others, deviations, pictures, scene_lengths.of(context)
-    )
+    if plan.method == Method.CAST:
+        warnings += [Warned(text, causes.UNFIT) for text in job.hints]
+    return _Ready(meshes, warnings, plan, source, Renderer(drawn, run), others, deviations, pictures, length)
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
     """Raises BakeError if no texel was written."""
     if not tally.written:
-        raise BakeError(nothing_drawn(ready.plan))
+        raise BakeError(nothing_drawn(ready.plan, ready.length))
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
         findings = audit(ready.plan, tally, settings, ray_cast, ready.length)

@@ -30,6 +30,7 @@ class Job:
     writes the low mesh for an engine afterwards. is_for_others: whether programs other than Blender read the normal map.
     is_measured: whether the report says how far the low mesh with its map deviates from the high mesh. is_pictured: whether the
     report has a picture, and that. must_be_whole: whether it is an error if objects lack files, or what their modifiers need.
+    hints: why low and high meshes may not fit, in sentences, if rays are cast.
     The attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
     """
 
@@ -38,6 +39,7 @@ class Job:
         self.other_refs: list[ObjectRef] = []
         self.texture_set: MaterialSet | None = None
         self.is_exported = self.is_for_others = self.is_measured = self.is_pictured = self.must_be_whole = False
+        self.hints: list[str] = []
 
     def of_set(self, texture_set: MaterialSet) -> "Job":
         """The same job for one texture set."""
@@ -45,7 +47,7 @@ class Job:
         job.texture_set = texture_set
         job.is_exported, job.is_for_others = self.is_exported, self.is_for_others
         job.is_measured, job.is_pictured = self.is_measured, self.is_pictured
-        job.must_be_whole = self.must_be_whole
+        job.must_be_whole, job.hints = self.must_be_whole, self.hints
         return job
 
     @property

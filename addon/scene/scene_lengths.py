@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lengths as text, in the units of a scene."""
 
-from collections.abc import Callable
-
 import bpy
 
-DIGITS = 4
-"""Significant ones of a length without a unit, and the most after the point of one with a unit."""
+from ..core import lengths
+from ..core.lengths import Length
 
 
-def of(context: bpy.types.Context) -> Callable[[float], str]:
-    """A function that gives a length in scene units as text, as Blender shows lengths."""
-    units = context.scene.unit_settings
+def of(scene: bpy.types.Scene) -> Length:
+    """Lengths as Blender shows them in this scene."""
+    units = scene.unit_settings
     system, scale = units.system, units.scale_length
     if system == "NONE":
-        return f"{{:.{DIGITS}g}}".format
-    return lambda value: bpy.utils.units.to_string(system, "LENGTH", value * scale, precision=DIGITS).strip()
+        return lengths.plain
+    return lambda value: bpy.utils.units.to_string(system, "LENGTH", value * scale, precision=lengths.DIGITS).strip()

@@ -11,7 +11,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
-from ..scene import object_checks, object_refs
+from ..scene import object_checks, object_refs, scene_lengths
 from . import modal, object_pairs
 from .bake_results import results
 from .live.live_switch import live
@@ -25,7 +25,7 @@ class _Bake(modal.MapOperator):
     """An operator that bakes maps; `task` returns their reports."""
 
     def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
-        lines = [line for report in result for line in report.summary()]
+        lines = [line for report in result for line in report.summary(scene_lengths.of(context.scene))]
         self.show(context, lines, [warning for report in result for warning in report.warnings])
         results.remember(context, result)
         if self.options.is_invoke and context.window is not None and context.scene.imprint.show_result:

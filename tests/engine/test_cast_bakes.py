@@ -225,7 +225,7 @@ def test_objects_that_do_not_overlap_are_refused_with_the_distance():
     high = zoo.plane("high")
     high.location.x = 12.0
     bpy.context.view_layer.update()
-    with pytest.raises(BakeError, match="do not overlap: they are 10 apart"):
+    with pytest.raises(BakeError, match="do not overlap: they are 10 m apart"):
         cast(zoo.plane("low"), high)
 
 

@@ -361,6 +361,10 @@ WRONG = {
         lambda: case(zoo.cube("lo"), moved(turned(crate("hi")), 0, 0, 0, scale=0.5)),
         "'hi' and 'lo' differ in place or size: on 100.00% of the texels, they are more than 8.66 cm apart",
     ),
+    "high of a hundredth of the scale": (
+        lambda: case(zoo.cube("lo"), moved(turned(crate("hi")), 0, 0, 0, scale=0.01)),
+        "No ray from 'lo' hit 'hi': they differ in place or size",
+    ),
     "high that is the low": (lambda: case(zoo.plane("lo"), zoo.plane("hi", 4)), "The map is flat"),
     "high and low swapped": (lambda: case(zoo.terrain("lo", 24), zoo.plane("hi", 4)), "'lo' has more faces than 'hi'"),
     "UVs that overlap": (overlapping, ".+ of the texels of 'lo' belong to two or more"),

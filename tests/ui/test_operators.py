@@ -384,7 +384,7 @@ def test_the_panel_shows_the_result(pair):
     drawn = draw()
     assert "picture" in drawn.icons
     assert "lo_normal" in drawn.labels
-    assert any(label.startswith("1 warning, ") for label in drawn.labels)
+    assert any(label.startswith("100% covered, ") for label in drawn.labels)
     assert "Flatten, tangent space, 16 x 16" in drawn.text
 
 

@@ -111,7 +111,7 @@ def test_a_file_keeps_results(baked, tmp_path):
 def test_a_deleted_map_is_reported_as_missing(baked):
     report = results.of(bpy.context)
     name, line = panel_lines(report)
-    assert (name, line.split(",")[0]) == ("lo_normal", "2 warnings")
+    assert (name, line.split(",")[0]) == ("lo_normal", "1 warning")
     bpy.data.images.remove(bpy.data.images["lo_normal"])
     assert panel_lines(report) == ["lo_normal", "The image was undone, renamed or deleted"]
 

@@ -8,6 +8,7 @@ import bpy
 from ...core.report import Report
 from ...jobs.readiness.low_findings import Finding
 from ...output import map_images
+from ...scene import scene_lengths
 from ..bake_results import high_objects, results
 from ..live.live_switch import live
 from ..readiness.cure_operators import draw_button, draw_cured
@@ -196,7 +197,7 @@ class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
         for warning in _warnings(reports):
             draw_cured(self.layout, context, warning, "ERROR")
         for report in reports:
-            draw_paragraphs(self.layout, context, report.summary(), "DOT")
+            draw_paragraphs(self.layout, context, report.summary(scene_lengths.of(context.scene)), "DOT")
 
 
 CLASSES = (IMPRINT_UL_highs, IMPRINT_PT_bake, IMPRINT_PT_report)

@@ -4,6 +4,7 @@
 import bpy
 
 from ...jobs import locate_issues
+from ...scene import scene_lengths
 from ..bake_results import results
 from ..check_operators import CHECKS, REASONS
 from ..translations.lookup import label, message
@@ -60,7 +61,7 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
         else:
             buttons.label(text="", icon="BLANK1")  # keeps the other buttons in their columns
     if "maximum" in check and check["count"]:
-        far = (_length(context, check[name]) for name in ("limit", "percentile_99", "maximum"))
+        far = map(scene_lengths.of(context.scene), (check["limit"], check["percentile_99"], check["maximum"]))
         text = message("Over {}; 99 % within {}, at most {}").format(*far)
         draw_paragraphs(column, context, [text], "BLANK1")
     if kind == "unsure" and check["count"]:
@@ -85,14 +86,6 @@ def _share(check: dict, key: str) -> str:
     """The share of the texels that a check's number `key` counts."""
     share = check[key] / max(1, check["of"])
     return f"{share:.1%}" if share >= 0.001 or not check[key] else "< 0.1%"
-
-
-def _length(context: bpy.types.Context, distance: float) -> str:
-    """A distance in the scene's unit of length."""
-    units = context.scene.unit_settings
-    if units.system == "NONE":
-        return f"{distance:.4g}"
-    return bpy.utils.units.to_string(units.system, "LENGTH", distance * units.scale_length, precision=4)
 
 
 CLASSES = (IMPRINT_PT_checks,)
