@@ -13,7 +13,7 @@ import bpy
 import gpu
 
 from . import passes
-from .core.errors import NoGpu
+from .core.errors import BakeError, NoGpu
 from .core.map_types import MARK
 from .engine import gpu_memory
 
@@ -188,6 +188,30 @@ def modifier_input(modifier: bpy.types.NodesModifier, identifier: str) -> Any:
     if hasattr(modifier, "properties"):
         return getattr(getattr(modifier.properties.inputs, identifier, None), "value", None)
     return modifier.get(identifier)
+
+
+# Before 5.0: paths of files in a map, which cannot be changed
+
+
+def visit_file_paths(visit: Callable[[bpy.types.ID, str, Any], str | None]) -> None:
+    """In 5.2: `bpy.data.file_path_foreach(visit)`. Calls `visit` with each datablock and each path of a file that it names.
+
+    What `visit` returns replaces the path, if it is a string. Older versions know how to replace the path of a datablock that
+    is a file itself, as an image; others raise BakeError.
+    """
+    if hasattr(bpy.data, "file_path_foreach"):
+        bpy.data.file_path_foreach(visit)
+        return
+    for owner, paths in bpy.data.file_path_map().items():
+        for path in sorted(paths):
+            changed = visit(owner, path, None)
+            if changed is None:
+                continue
+            if getattr(owner, "filepath", None) != path:
+                raise BakeError(
+                    f"Blender {bpy.app.version_string} cannot leave out {path!r} of {owner.name!r}: 5.0 can."
+                )
+            owner.filepath = changed
 
 
 # Before 5.0: what add-ons register is stored with the custom properties

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import bpy
 
+from .. import older_blender
 from ..core.errors import BakeError, shorten_list
 from ..scene import dependencies
 from .trust.bounds import is_below
@@ -33,7 +34,7 @@ def leave_out(folders: Sequence[str]) -> list[str]:
         left.append(path)
         return ""
 
-    bpy.data.file_path_foreach(visit)
+    older_blender.visit_file_paths(visit)
     if not left:
         return []
     paths = shorten_list(map(repr, dict.fromkeys(left)))

@@ -395,7 +395,7 @@ def _others(blocks: Sequence[bpy.types.ID]) -> list[Dependency]:
         if owner in wanted and path and path != _BUILT_IN:
             found.append(Dependency(absolute(path, owner), f"a file of {owner.name!r}", is_needed=False))
 
-    bpy.data.file_path_foreach(visit)
+    older_blender.visit_file_paths(visit)
     return found
 
 
