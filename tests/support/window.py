@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drives a real Blender window from scripts in tests/window."""
+"""Drives a real Blender window from scripts in tests/window. Mouse and keys need X11 and xdotool."""
 
 import functools
+import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 
 import bpy
+
+from addon.ui.panels.sidebar import SidebarPanel
+
+STEP = 14
+"""Pixels between the places where `find` looks for a button, which is 20 high."""
 
 
 def view() -> tuple[bpy.types.Window, bpy.types.Area, bpy.types.Region]:
@@ -18,6 +25,97 @@ def at_view():
     """The context of that viewport, for operators."""
     window, area, region = view()
     return bpy.context.temp_override(window=window, area=area, region=region, screen=window.screen)
+
+
+def open_alone(*names: str) -> None:
+    """Only these panels of Imprint are open when they are drawn for the first time. Call it before the add-on is registered."""
+    classes = [SidebarPanel]
+    for panel in classes:
+        classes += panel.__subclasses__()
+        if issubclass(panel, bpy.types.Panel):
+            panel.bl_options = set() if panel.__name__ in names else {"DEFAULT_CLOSED"}
+
+
+def mouse(*words: object) -> None:
+    """Call xdotool."""
+    subprocess.run(["xdotool", *map(str, words)], check=True)
+
+
+def keys(*combinations: str) -> Iterator[float]:
+    """Press keys, as "ctrl+s", with the mouse in the viewport."""
+    whole, _, region = view()
+    mouse("mousemove", region.x + 300, whole.height - region.y - region.height // 2)
+    yield 0.2
+    for combination in combinations:
+        mouse("key", combination)
+        yield 0.5
+
+
+def press(button: str) -> Iterator[float]:
+    """Click a button of the sidebar, as "imprint.bake" for an operator or "imprint.low" for a property."""
+    yield from find(button)
+    mouse("click", 1)
+    yield 0.3
+
+
+def find(button: str) -> Iterator[float]:
+    """Move the mouse to a button of the sidebar's tab Imprint, which is shown. Raises LookupError if it is not in sight."""
+    whole, area, _ = view()
+    area.spaces.active.show_region_ui = True
+    sidebar = next(region for region in area.regions if region.type == "UI")
+    yield 0.5
+    sidebar.active_panel_category = "Imprint"
+    yield 1.0
+    top = whole.height - sidebar.y - sidebar.height
+    for part in (0.25, 0.7, 0.84):
+        for y in range(top + STEP, top + sidebar.height, STEP):
+            mouse("mousemove", round(sidebar.x + sidebar.width * part), y)
+            yield 0.04
+            if _under_mouse(sidebar).removeprefix("bpy.ops.").partition("(")[0] == button:
+                return
+    raise LookupError(f"{button} is not in sight")
+
+
+def _under_mouse(region: bpy.types.Region) -> str:
+    """What Blender copies of the button below the mouse: the call of its operator, or the path of its property."""
+    whole, area, _ = view()
+    with bpy.context.temp_override(window=whole, area=area, region=region, screen=whole.screen):
+        for copy in (bpy.ops.ui.copy_python_command_button, bpy.ops.ui.copy_data_path_button):
+            if copy.poll() and copy() == {"FINISHED"}:
+                return bpy.context.window_manager.clipboard
+    return ""
+
+
+def click_row(name: str, *held: str) -> Iterator[float]:
+    """Click an object of the scene's only collection in the Outliner, with keys held down."""
+    whole = bpy.context.window_manager.windows[0]
+    area = max((a for a in whole.screen.areas if a.type == "OUTLINER"), key=lambda a: a.height)
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    row = 2 + sorted(bpy.context.scene.objects.keys(), key=str.lower).index(name)  # below the scene and the collection
+    height = 20 * bpy.context.preferences.system.ui_scale
+    y = whole.height - region.y - region.height + height * (row + 0.5)
+    mouse("mousemove", region.x + region.width // 3, round(y))
+    yield 0.2
+    for key in held:
+        mouse("keydown", key)
+    yield 0.2
+    mouse("click", 1)
+    yield 0.3
+    for key in held:
+        mouse("keyup", key)
+    yield 0.2
+
+
+def select_only(*objects: bpy.types.Object) -> None:
+    """Select these objects; the first one becomes the active one."""
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj in objects)
+    bpy.context.view_layer.objects.active = objects[0] if objects else None
+
+
+def screenshot(path: Path) -> None:
+    """A picture of the screen, by ImageMagick: Blender's own is empty on some virtual screens."""
+    subprocess.run(["import", "-silent", "-window", "root", str(path)], check=True)
 
 
 def start(steps: Iterator[float]) -> None:

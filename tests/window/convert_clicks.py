@@ -4,11 +4,10 @@ pytest.
 
     blender --factory-startup --python tests/window/convert_clicks.py
 
-Needs X11 (or Xvfb), xdotool and ImageMagick, and the mouse for a minute. Each row has the image and the degrees by which the
+Needs X11 (or Xvfb) and xdotool, and the mouse for a minute. Each row has the image and the degrees by which the
 new map differs from a bake at the 99th percentile, after the press and after Redo. Blender exits with 1 if a row is wrong.
 """
 
-import subprocess
 import sys
 import tempfile
 import time
@@ -22,8 +21,6 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[2]), str(Path(__file__).res
 import addon  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
 from addon.jobs import bake_pair  # noqa: E402
-from addon.ui.panels.sidebar import SidebarPanel  # noqa: E402
-from scripts.dev.manual import window as screens  # noqa: E402
 from tests.support import angles, window, zoo  # noqa: E402
 from tests.support.maps import pixels  # noqa: E402
 
@@ -47,48 +44,35 @@ def step():
     """Run all cases. Yields the seconds to wait."""
     addon.register()
     addon.unregister()
-    open_alone("IMPRINT_PT_bake", "IMPRINT_PT_convert")
+    window.open_alone("IMPRINT_PT_bake", "IMPRINT_PT_convert")
     addon.register()
     folder = Path(tempfile.mkdtemp())
     expected, sources = prepare(folder)
     yield 1.0
-    _, area, _ = window.view()
-    screens.region(area, "UI").active_panel_category = "Imprint"
-    yield 1.0
     wrong = []
-    place = yield from button(sources["floats"])
     print(f"{'image':16} {'pressed':>8} {'redone':>8}", flush=True)
     for name, image in sources.items():
         bpy.context.scene.imprint.convert_image = bpy.data.images[image]
         with window.at_view():
             bpy.ops.ed.undo_push(message="before")
         yield 0.5
-        press(*place)
+        yield from window.press("imprint.convert")
         first = yield from off(expected)
-        keys("ctrl+z")
+        yield from window.keys("ctrl+z")
         yield 1.0
         if NEW in bpy.data.images or shown() is not None:
             wrong.append(f"{name}: Undo leaves the map")
-        keys("ctrl+shift+z")
+        yield from window.keys("ctrl+shift+z")
         again = yield from off(expected)
         print(f"{name:16} {first:8.4f} {again:8.4f}", flush=True)
         if not max(first, again) < SOURCES[name][1]:
             wrong.append(f"{name}: the map differs")
-        keys("ctrl+z")
+        yield from window.keys("ctrl+z")
         yield 1.0
     print(wrong or "as promised", flush=True)
     addon.unregister()
     if wrong:
         raise SystemExit(1)
-
-
-def open_alone(*names):
-    """Only these panels of Imprint are open when they are drawn for the first time."""
-    classes = [SidebarPanel]
-    for panel in classes:
-        classes += panel.__subclasses__()
-        if issubclass(panel, bpy.types.Panel):
-            panel.bl_options = set() if panel.__name__ in names else {"DEFAULT_CLOSED"}
 
 
 def prepare(folder):
@@ -119,21 +103,6 @@ def prepare(folder):
     return pixels(bpy.data.images["expected"]), sources
 
 
-def button(image):
-    """Where the button is: the lowest part of the sidebar that changes when an image is chosen."""
-    seen = []
-    for chosen in ("", image):
-        bpy.context.scene.imprint.convert_image = bpy.data.images.get(chosen)
-        yield 0.5
-        seen.append(screens.screen().astype(int))
-    _, area, _ = window.view()
-    sidebar = screens.region(area, "UI")
-    changed = np.abs(seen[1] - seen[0]).max(axis=2) > 16
-    changed[:, : sidebar.x] = changed[:, sidebar.x + sidebar.width :] = False
-    row = np.flatnonzero(changed.any(axis=1))[-1]
-    return int(np.flatnonzero(changed[row - 4 : row + 1].any(axis=0)).mean()), int(row - 4)
-
-
 def shown():
     """The image of the low object's normal map, or None."""
     material = bpy.data.objects["lo"].active_material
@@ -153,20 +122,6 @@ def off(expected):
     if texels.shape != expected.shape:
         return np.inf
     return np.percentile(angles.degrees(angles.decode(texels), angles.decode(expected)), 99)
-
-
-def press(x, y):
-    mouse("mousemove", x, y, "sleep", "0.3", "click", "1")
-
-
-def keys(combination):
-    """Press keys where the viewport gets them."""
-    _, _, region = window.view()
-    mouse("mousemove", region.x + 300, 400, "sleep", "0.3", "key", combination)
-
-
-def mouse(*words):
-    subprocess.run(["xdotool", *map(str, words)], check=True)
 
 
 if __name__ == "__main__":  # otherwise, another script calls step()

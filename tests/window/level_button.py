@@ -14,8 +14,6 @@ import bpy
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[2]), str(Path(__file__).resolve().parent)]
 
-import live_strokes  # noqa: E402
-
 import addon  # noqa: E402
 from addon.ui import modal  # noqa: E402
 from tests.support import window, zoo  # noqa: E402
@@ -74,7 +72,7 @@ def escape(press_button):
     press_button()
     yield from until(lambda: modal.runner.run is not None)
     yield 1.0
-    live_strokes.mouse("key", "Escape")
+    window.mouse("key", "Escape")
     yield from until(lambda: modal.runner.run is None)
     return [] if contents() == before else [f"{contents()} remain of {before}"]
 

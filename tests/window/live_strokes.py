@@ -8,7 +8,6 @@ moved, the number of maps while the button was down, the seconds from its releas
 equals a new bake to the bit. Blender exits with 1 if a row is wrong.
 """
 
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -156,15 +155,15 @@ def stroke(pace, offset=0):
     note()
     first = len(maps_drawn)
     live.on_new.append(note)
-    mouse("mousemove", x, y)
+    window.mouse("mousemove", x, y)
     yield 0.3
-    mouse("mousedown", 1)
+    window.mouse("mousedown", 1)
     yield 0.1
     for number in range(12):
-        mouse("mousemove", x + pace * number, y + pace // 2 * number)
+        window.mouse("mousemove", x + pace * number, y + pace // 2 * number)
         yield 0.1
     live.on_new.remove(note)
-    mouse("mouseup", 1)
+    window.mouse("mouseup", 1)
     yield 0.05
     return len(maps_drawn) - first
 
@@ -202,10 +201,6 @@ def points(obj):
     source = obj.active_shape_key.data if obj.data.shape_keys else obj.data.vertices
     source.foreach_get("co", values)
     return values.reshape(-1, 3)
-
-
-def mouse(*words):
-    subprocess.run(["xdotool", *map(str, words)], check=True)
 
 
 if __name__ == "__main__":  # otherwise, another script calls step() or single functions

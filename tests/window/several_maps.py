@@ -74,7 +74,7 @@ def escape():
         step_name, is_done = yield from until(lambda: display.current.what not in {*stopped, "Starting"})
         if is_done:
             break
-        live_strokes.mouse("key", "Escape")
+        window.mouse("key", "Escape")
         _, is_stopped = yield from until(lambda: False)
         stopped.add(step_name)
         after = {*bpy.data.images.keys()}, {*bpy.data.materials.keys()}

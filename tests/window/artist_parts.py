@@ -1,0 +1,398 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parts that tests/window/artist.py plays, each in a Blender of its own with the installed zip. The file of a part is
+FOLDER/PART/scene.blend, which an earlier part has saved there.
+"""
+
+import json
+import math
+import sys
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+MODULE = "bl_ext.user_default.imprint"
+for loaded in [name for name in sys.modules if name.startswith(f"{MODULE}.addon")]:
+    sys.modules[loaded.removeprefix(f"{MODULE}.")] = sys.modules[loaded]  # what is imported below is what is installed
+
+import addon  # noqa: E402
+from addon.ui import modal, object_pairs  # noqa: E402
+from addon.ui.bake_results import results  # noqa: E402
+from addon.ui.live.live_switch import live  # noqa: E402
+from tests.support import saved_scenes, window  # noqa: E402
+from tests.support.window import click_row, keys, press  # noqa: E402
+from tests.window import live_strokes  # noqa: E402
+
+PART, FOLDER = sys.argv[sys.argv.index("--") + 1], Path(sys.argv[sys.argv.index("--") + 2])
+PATIENCE = 60.0
+"""Seconds to wait for a bake."""
+Steps = Iterator[float]
+wrong: list[str] = []
+"""What is not as promised."""
+
+
+# The parts
+
+
+def part_first_day() -> Steps:
+    """Two objects selected in the Outliner, three maps, Ctrl S, Ctrl Q."""
+    small(maps={"AO", "BASE_COLOR"}, show_result=True, crate=True)
+    keep_for("second_day")
+    yield from select_pair()
+    yield from bake()
+    check("three images", mine() == ["crate_low_ao", "crate_low_base_color", "crate_low_normal"])
+    check("the high object is hidden", not bpy.data.objects["crate_high"].visible_get())
+    yield from saved_by_key()
+
+
+def part_second_day() -> Steps:
+    """The file is as it was, and is baked at once; the eye of the result works."""
+    same_as_saved()
+    first = contents()
+    yield from click_row("crate_low")
+    yield from bake()
+    check("baked at once", contents() == first)
+    yield from keys("a")
+    check("only the low object can be selected", [obj.name for obj in bpy.context.selected_objects] == ["crate_low"])
+    yield from bake()
+    check("baked with all selected", contents() == first)
+    for is_shown in (True, False):
+        yield from press("imprint.show_high")
+        check("the eye of the result", bpy.data.objects["crate_high"].visible_get() == is_shown)
+    keep_for("elsewhere")
+    yield from saved_by_key()
+
+
+def part_elsewhere() -> Steps:
+    """The file was saved in another folder. Its low object is renamed and copied, and appended and linked to other files."""
+    same_as_saved()
+    yield from click_row("crate_low")
+    first = contents()["crate_low_normal"]
+    for key, name in (("shift+d", "crate_low.001"), ("alt+d", "crate_low.002")):
+        yield from keys(key, "Escape")
+        check(f"{key} makes {name}", bpy.context.object.name == name)
+        yield from bake()
+        check(f"{name} has the pair", contents()[f"{name}_normal"] == first)
+    low, high = bpy.data.objects["crate_low"], bpy.data.objects["crate_high"]
+    low.name, high.name = "box", "sculpt"
+    yield from click_row("box")
+    yield from bake()
+    check("renamed objects are a pair", contents()["box_normal"] == first)
+    keep_for("library")
+    library = bpy.data.filepath
+    for way in ("append", "link"):
+        start_file()
+        small()
+        with window.at_view():
+            getattr(bpy.ops.wm, way)(directory=f"{library}/Object/", filename="box")
+        yield 0.5
+        came = "box_normal" if way == "append" else "box_normal of the library"
+        check(f"{way}: the image came along", contents()[came] == first)
+        yield from click_row("box")
+        picture(way)
+        if way == "link":
+            yield from press("imprint.show_hidden")  # Blender puts the low object into the scene alone
+            window.select_only(bpy.data.objects["box"])
+            with window.at_view():
+                bpy.ops.object.make_override_library("INVOKE_DEFAULT")
+            yield 0.5
+            check("override", bpy.context.object.override_library is not None)
+            bpy.context.scene.imprint.material = False  # it is that of the library
+        yield from bake()
+        check(f"{way}: baked", contents()["box_normal"] == contents()[came] == first)
+        keep_for(way)
+
+
+def part_append() -> Steps:
+    """The low object that was appended, on another day."""
+    same_as_saved()
+    yield from click_row("box")
+    yield from bake()
+
+
+def part_link() -> Steps:
+    """The override of a low object, on another day."""
+    same_as_saved()
+    yield from bake()
+
+
+def part_deleted() -> Steps:
+    """A high object is deleted by X after Fill from Selection: the file does not keep its mesh."""
+    small(crate=True)
+    yield from select_pair()
+    yield from press("imprint.use_selection")
+    yield from bake()
+    yield from click_row("crate_high")
+    yield from keys("Delete")
+    picture("deleted")
+    keep_for("without_high")
+
+
+def part_without_high() -> Steps:
+    """The deleted high object is named, and removed by its button."""
+    check("no object", "crate_high" not in bpy.data.objects)
+    check("no mesh", "crate_high" not in bpy.data.meshes)
+    yield from click_row("crate_low")
+    picture("missing")
+    yield from press("imprint.remove_missing")
+    check("no slot", not any(slot.title for slot in bpy.context.scene.imprint.highs))
+    picture("removed")
+
+
+def part_preset() -> Steps:
+    """A preset for an engine, a step, Undo: the preset stays."""
+    small(crate=True)
+    settings = bpy.context.scene.imprint
+    yield from click_row("crate_low")
+    with window.at_view():
+        bpy.ops.ed.undo_push(message="before")
+        folder = Path(addon.__file__).parent / "presets" / "imprint"
+        preset = next(path for path in sorted(folder.glob("*.py")) if "-Y" in path.read_text())
+        bpy.ops.imprint.use_preset("EXEC_DEFAULT", True, filepath=str(preset))
+    check("the preset is set", settings.green == "-Y")
+    yield from keys("g", "x", "1", "Return")
+    check("moved", bpy.data.objects["crate_low"].location.x == 1.0)
+    yield from keys("ctrl+z")
+    check("moved back", bpy.data.objects["crate_low"].location.x == 0.0)
+    check("the preset stays", bpy.context.scene.imprint.green == "-Y")
+    yield from keys("ctrl+z")
+    check("the preset is undone", bpy.context.scene.imprint.green == "+Y")
+
+
+def part_bevel() -> Steps:
+    """Bevel and Weighted Normal on the low object, after a high object was baked."""
+    small(crate=True)
+    yield from select_pair()
+    yield from bake()
+    first = contents()["crate_low_normal"]
+    low = bpy.data.objects["crate_low"]
+    low.modifiers.new("Bevel", "BEVEL")
+    low.modifiers.new("Weighted Normal", "WEIGHTED_NORMAL")
+    yield from click_row("crate_low")
+    picture("modifiers")
+    yield from bake()
+    check("the high object is baked", results.of(bpy.context).high == ["crate_high"])
+    low.modifiers.clear()
+    yield from bake()
+    check("as without them", contents()["crate_low_normal"] == first)
+
+
+def part_names() -> Steps:
+    """Pairs by name, with numbers at the end."""
+    addon.unregister()
+    window.open_alone("IMPRINT_PT_bake", "IMPRINT_PT_pairs")
+    addon.register()
+    small()
+    for number, name in enumerate(("pipe_low", "pipe_high", "pipe_low.001", "pipe_high.001")):
+        grid(name, 40 if "high" in name else 6, x=4.0 * (number // 2), height=0.1 + 0.05 * number)
+    window.select_only()
+    yield from press("imprint.bake_pairs")
+    yield from finished()
+    for name in ("pipe_low", "pipe_low.001"):
+        pair = object_pairs.of(bpy.data.objects[name])
+        check(name, [high.name for high in pair.found()] == [name.replace("low", "high")])
+    picture("names")
+    check("two images", mine() == ["pipe_low.001_normal", "pipe_low_normal"])
+
+
+def part_live() -> Steps:
+    """Live, a stroke, Live off, Ctrl S."""
+    small(crate=True)
+    keep_for("after_live")
+    yield from select_pair()
+    yield from press("imprint.live")
+    yield from until(lambda: "crate_low_normal" in mine() and live.is_resting)
+    first = contents()["crate_low_normal"]
+    bpy.data.objects["crate_low"].hide_set(True)
+    window.select_only(bpy.data.objects["crate_high"])
+    with window.at_view():
+        bpy.ops.object.mode_set(mode="SCULPT")
+        bpy.ops.view3d.view_axis(type="TOP")
+        bpy.ops.view3d.view_selected()
+    yield 1.5
+    yield from live_strokes.stroke(8)
+    yield from until(lambda: live.is_resting)
+    picture("live")
+    stroke = contents()["crate_low_normal"]
+    check("the map follows the stroke", stroke != first)
+    yield from press("imprint.live")
+    yield from until(lambda: not live.is_on)
+    check("the map stays", contents()["crate_low_normal"] == stroke)
+    yield from saved_by_key()
+
+
+def part_after_live() -> Steps:
+    """The map of Live, on another day; a bake draws the same."""
+    same_as_saved()
+    first = contents()["crate_low_normal"]
+    with window.at_view():
+        bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.data.objects["crate_low"].hide_set(False)
+    yield from click_row("crate_low")
+    yield from bake()
+    check("a bake draws the map of Live", contents()["crate_low_normal"] == first)
+
+
+# What they are made of
+
+
+def start_file() -> None:
+    """An empty scene, beside a tall Outliner."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    bpy.context.preferences.view.show_splash = False
+    bpy.data.batch_remove([*bpy.data.objects, *bpy.data.meshes])
+    for area in bpy.context.window_manager.windows[0].screen.areas:
+        if area.type == "PROPERTIES":
+            area.type = "OUTLINER"
+
+
+def small(crate: bool = False, **values) -> None:
+    """Settings of a small bake. crate: with a high and a low object."""
+    settings = bpy.context.scene.imprint
+    settings.width, settings.height, settings.rays, settings.show_result = 256, 256, 32, False
+    for name, value in values.items():
+        setattr(settings, name, value)
+    if crate:
+        grid("crate_high", 60, height=0.1).data.materials.append(red())
+        grid("crate_low", 6)
+
+
+def grid(name: str, cuts: int, *, x: float = 0.0, height: float = 0.0) -> bpy.types.Object:
+    with window.at_view():
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=cuts, y_subdivisions=cuts, size=3.0, location=(x, 0.0, 0.0))
+        obj = bpy.context.object
+    obj.name = obj.data.name = name
+    for vertex in obj.data.vertices:
+        vertex.co.z = height * math.sin(4.0 * vertex.co.x) * math.cos(4.0 * vertex.co.y)
+    return obj
+
+
+def red() -> bpy.types.Material:
+    material = bpy.data.materials.new("red")
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.1, 0.1, 1.0)
+    return material
+
+
+def select_pair() -> Steps:
+    """Select the high and the low object in the Outliner, as the manual says."""
+    yield from click_row("crate_high")
+    yield from click_row("crate_low", "ctrl")
+    selected = sorted(obj.name for obj in bpy.context.selected_objects)
+    check("both are selected", selected == ["crate_high", "crate_low"] and bpy.context.object.name == "crate_low")
+
+
+def bake() -> Steps:
+    """Press Bake and wait for the end of the bake."""
+    before = _baked()
+    yield from press("imprint.bake")
+    yield from finished()
+    check("a bake has ended", _baked() != before)
+
+
+def _baked() -> dict[str, str]:
+    return {whole_name(obj): pair.baked for obj in bpy.data.objects if (pair := object_pairs.of(obj)) is not None}
+
+
+def whole_name(block: bpy.types.ID) -> str:
+    """The name, with that of its library."""
+    return block.name if block.library is None else f"{block.name} of the library"
+
+
+def finished() -> Steps:
+    yield 0.3
+    yield from until(lambda: modal.runner.run is None)
+    yield 0.5
+
+
+def until(is_there) -> Steps:
+    for _ in range(int(PATIENCE / 0.1)):
+        if is_there():
+            return
+        yield 0.1
+    raise TimeoutError
+
+
+def mine() -> list[str]:
+    """The images of bakes."""
+    return sorted(contents())
+
+
+def contents() -> dict[str, dict]:
+    """A hash of the pixels of each baked image."""
+    return {whole_name(image): saved_scenes.content(image) for image in bpy.data.images if image.source != "VIEWER"}
+
+
+def keep_for(part: str) -> None:
+    """Save the file as that of another part."""
+    path = FOLDER / part / "scene.blend"
+    path.parent.mkdir(exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    _write_state(path)
+
+
+def saved_by_key() -> Steps:
+    """Save by Ctrl S."""
+    yield from keys("ctrl+s")
+    yield from until(lambda: not bpy.data.is_dirty)
+    _write_state(Path(bpy.data.filepath))
+
+
+def _write_state(path: Path) -> None:
+    path.with_suffix(".json").write_text(json.dumps(_state()))
+
+
+def _state() -> dict:
+    """What saved_scenes.state has, without Blender's own materials."""
+    state = saved_scenes.state()
+    kept = {material.name for material in bpy.data.materials if material.users}
+    state["materials"] = {name: tree for name, tree in state["materials"].items() if name in kept}
+    state["images"] = {name: image for name, image in state["images"].items() if image["size"] != [0, 0]}
+    return json.loads(json.dumps(state))
+
+
+def same_as_saved() -> None:
+    """The file is as it was when it was saved in another process."""
+    wanted = json.loads(Path(bpy.data.filepath).with_suffix(".json").read_text())
+    for name, found in _state().items():
+        check(f"{name} as saved", found == wanted[name])
+        if found != wanted[name]:
+            print(f"    {found}\n    {wanted[name]}", flush=True)
+
+
+def check(what: str, is_right: bool) -> None:
+    print(f"  {what:45} {'as promised' if is_right else 'WRONG'}", flush=True)
+    if not is_right:
+        wrong.append(what)
+        picture(f"wrong {what}")
+
+
+def picture(name: str) -> None:
+    """A picture of the window, in the folder."""
+    window.screenshot(FOLDER / f"{PART} {name}.png")
+
+
+def play() -> Steps:
+    """Play the part, and quit Blender."""
+    if not bpy.data.filepath:
+        start_file()
+    yield 1.0
+    is_played = False
+    try:
+        yield from globals()[f"part_{PART}"]()
+        is_played = True
+    finally:
+        picture("end")
+        if not is_played:
+            traceback.print_exc()
+            raise SystemExit(1)
+    if wrong:
+        raise SystemExit(1)
+    (FOLDER / f"{PART}.done").touch()
+    if not bpy.data.is_dirty:
+        yield from keys("ctrl+q")
+
+
+window.start(play())
