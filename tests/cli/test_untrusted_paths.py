@@ -112,6 +112,10 @@ def attack(root, key, value, *words, capfd):
     return code, capfd.readouterr().err.splitlines()
 
 
+def is_of_other_systems(line):
+    return "is a path of Windows" in line or "has ~ or a variable" in line
+
+
 @pytest.mark.parametrize("place", PLACES_TO_WRITE)
 @pytest.mark.parametrize("key", WRITES)
 def test_no_file_is_written_elsewhere(root, key, place, capfd):
@@ -119,7 +123,7 @@ def test_no_file_is_written_elsewhere(root, key, place, capfd):
     code, said = attack(root, key, path, capfd=capfd)
     assert code == exit_codes.WRONG_USAGE
     (line,) = said
-    assert "the only folder that --untrusted writes to" in line
+    assert "the only folder that --untrusted writes to" in line or is_of_other_systems(line)
 
 
 def test_no_link_of_the_output_folder_is_written_to(root, capfd):
@@ -155,11 +159,8 @@ def test_no_folder_is_read_elsewhere(root, place, capfd):
     code = command.run(["--jobs", str(root / "job/j.json"), "--untrusted"], may_start_processes=True)
     (line,) = capfd.readouterr().err.splitlines()
     assert outside_of(root) == before
-    if place == "~/x":  # a folder of this name below the job file's
-        assert "No such file" in line or "There is no" in line
-    else:
-        assert code == exit_codes.WRONG_USAGE
-        assert "the only folder that --untrusted reads" in line
+    assert code == exit_codes.WRONG_USAGE
+    assert "the only folder that --untrusted reads" in line or is_of_other_systems(line)
 
 
 LIBRARIES = {
@@ -234,7 +235,7 @@ def test_no_library_of_a_blend_is_read_elsewhere(root, pack, library, capfd):
 def test_a_wrong_size_in_a_blend_stops_nothing(root, size, capfd):
     (root / "job/s.blend").write_bytes(blend((b"LI", b"x"), (b"OB", b"y"), size=size))
     code, said = attack(root, "file", "s.blend", "--check", capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == exit_codes.FAILED
     assert said == [f"imprint: a: {str(root / 'job/s.blend')!r} is no .blend, or not a complete one."]
 
 
@@ -242,7 +243,7 @@ def test_a_blend_that_unpacks_to_very_much_is_not_unpacked(root, monkeypatch, ca
     monkeypatch.setattr(blend_blocks, "MOST_COMPRESSED", 4)
     (root / "job/s.blend").write_bytes(gzip.compress(blend((b"DATA", bytes(1 << 23)))))
     code, said = attack(root, "file", "s.blend", "--check", capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE and len(said) == 1
+    assert code == exit_codes.FAILED and len(said) == 1
 
 
 def test_a_file_that_would_be_read_for_days_is_refused(root, capfd):
@@ -386,7 +387,8 @@ def test_random_paths(root, seed, capfd):
         assert len(said) >= 1
         assert all(line.startswith("imprint: ") for line in said)
     if not real.is_relative_to(folder):
-        assert any("--untrusted" in line or "is a folder" in line or "UDIM" in line for line in said)
+        words = "--untrusted", "is a folder", "UDIM"
+        assert any(is_of_other_systems(line) or any(word in line for word in words) for line in said)
 
 
 @pytest.mark.parametrize(
