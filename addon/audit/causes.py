@@ -14,10 +14,11 @@ UNFIT, LAYOUTS, CROSSED, NOT_FINITE, REBUILT, HIDDEN_MISSES = (
     "rebuilt",
     "hidden_misses",
 )
+OTHER_DETAIL = "other_detail"
 """The kinds of warnings that have no check in Report.checks."""
 
 _LOST_Z = frozenset(("backwards", REBUILT))
-_OF_RAYS = frozenset(("uncovered", "far", "unsure", "behind", TURNED, FLAT, HIDDEN_MISSES)) | _LOST_Z
+_OF_RAYS = frozenset(("uncovered", "far", "unsure", "behind", TURNED, FLAT, HIDDEN_MISSES, OTHER_DETAIL)) | _LOST_Z
 _HIDES: Mapping[str, frozenset[str]] = MappingProxyType(
     {
         FLIPPED: _OF_RAYS | {ELSEWHERE, CAGE},
@@ -27,6 +28,8 @@ _HIDES: Mapping[str, frozenset[str]] = MappingProxyType(
         ELSEWHERE: _OF_RAYS,
         TURNED: _LOST_Z | {"unsure", "behind"},
         NOT_FINITE: frozenset(("uncovered", HIDDEN_MISSES)),
+        CROSSED: frozenset((OTHER_DETAIL,)),
+        "overlap": frozenset((OTHER_DETAIL,)),
         "uncovered": frozenset((HIDDEN_MISSES,)),
         "behind": _LOST_Z | {"unsure"},
         "backwards": frozenset((REBUILT,)),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core import cures, lengths, texel_state, udim
+from ..core import cures, texel_state, udim
 from ..core.declarations.choices import Method, Space
 from ..core.errors import shorten_list
 from ..core.lengths import Length
@@ -20,7 +20,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap as overlap_pass
-from . import causes, mip_gaps, severity, unsure_hits
+from . import causes, mip_gaps, severity, stacked_detail, unsure_hits
 from .causes import Warned
 from .severity import Check
 from .tally import Tally, sampled
@@ -55,9 +55,12 @@ def audit(
     tally: Tally,
     settings: Settings,
     ray_cast: ray_casting.RayCast | None,
-    length: Length = lengths.plain,
+    *,
+    length: Length,
+    stacked: Check,
 ) -> Findings:
-    """Check a map. ray_cast: the rays that were cast, or None. length: a length in scene units as text."""
+    """Check a map. ray_cast: the rays that were cast, or None. length: a length in scene units as text. stacked: from
+    stacked_detail.check."""
     meshes, low = plan.meshes, plan.meshes.low
     uv_checks, uv_warnings = _uv_layout(plan, settings)
     texel_checks = _texels(plan, tally, settings)
@@ -70,6 +73,7 @@ def audit(
         distances = separation.distances(texels, np.zeros(3))[texels[..., 3] > 0.0]
     distance_checks, apart = _distances(plan, settings, distances if ray_cast else None)
     checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
+    checks["overlap"] |= stacked
     checks["behind"]["backwards"] = checks["backwards"]["share"]
     with_method = replace(settings, method=Method.CAST) if plan.casts_rays else settings
     for kind, check in checks.items():
@@ -85,6 +89,7 @@ def audit(
             *uv_warnings,
             *_placement_warnings(plan, checks, settings, apart, length),
             *_crossed_warnings(plan, checks, settings),
+            *_other_detail_warnings(low, stacked),
             *(
                 Warned(severity.warning(kind, check, low.name, with_method, length), kind)
                 for kind, check in checks.items()
@@ -275,6 +280,16 @@ def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterato
                 "and the tangents those of another."
             )
             yield Warned(cures.in_shell(text, cures.CAST), causes.CROSSED)
+
+
+def _other_detail_warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
+    if stacked["differing"] > severity.MANY_DIFFERENT:
+        yield Warned(
+            f"{stacked['hidden']:,} triangles of {low.name!r} show the detail of other parts with the same UVs, and on "
+            f"{stacked['differing']:.1%} of their texels it is more than {stacked_detail.DIFFERENT:.0f} degrees from their "
+            "own. Give these parts UVs of their own.",
+            causes.OTHER_DETAIL,
+        )
 
 
 def _faces(meshes: Meshes) -> Checks:

@@ -12,6 +12,9 @@ GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
 
 MUCH_OVERLAP = 1e-3
 """Share of texels that triangles may share without harm: decimation leaves a few slivers."""
+MANY_DIFFERENT = 1e-2
+"""Share of the texels of hidden parts whose own detail may differ from what they show without harm: symmetric meshes have a few
+at the borders of layers."""
 MANY_MISSES = 1e-3
 """Share of rays that may hit nothing without harm."""
 MANY_UNCOVERED = 1e-2

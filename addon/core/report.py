@@ -70,7 +70,9 @@ class Report:
     (hard_edges) or faces (polygons, uneven). of: the number of those that were checked. share: count / of. severity: "GOOD",
     "LOOK" or "WRONG".
 
-    Some kinds have more. overlap: the texels of parts that are stacked on purpose. outside: the triangles that are moved by
+    Some kinds have more. overlap: the texels of parts that are stacked on purpose, the triangles in parts that others hide on
+    the map (hidden), and the share of the texels of these whose own detail is more than 2 degrees from what they show
+    (differing; of a tangent-space map, else 0). outside: the triangles that are moved by
     whole tiles on purpose. mirrored: islands. gaps: the texels near the border, and the number of texels needed between
     islands. far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that
     own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
@@ -186,6 +188,15 @@ class Report:
         green = readers.BY_NAME[name].green
         return "" if self.settings.get("green") == green else f"; it reads green as {green}"
 
+    def _shared(self) -> list[str]:
+        """That parts of the low mesh show the detail of others, for the summary."""
+        overlap = self.checks.get("overlap", {})
+        if not overlap.get("hidden"):
+            return []
+        differing = overlap["differing"]
+        how = f", which differs from theirs on {differing:.1%} of their texels" if differing else ""
+        return [f"Shared UVs: {overlap['hidden']:,} triangles show the detail of other parts{how}"]
+
     def summary(self, length: Length = lengths.plain) -> list[str]:
         """Lines for the user: what was baked, and how long it took. length: a length in scene units as text."""
         width, height = self.size
@@ -209,6 +220,7 @@ class Report:
                 f"{name.replace('_', ' ')} {length(value)}" for name, value in self.distances.items()
             )
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
+        details += self._shared()
         if self.stopped_early:
             details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:

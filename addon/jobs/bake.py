@@ -8,7 +8,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..audit import causes
+from ..audit import causes, stacked_detail
 from ..audit.causes import Warned
 from ..audit.checks import audit
 from ..audit.deviations import Deviations
@@ -92,6 +92,7 @@ class _Ready:
     source: Source
     renderer: Renderer
     others: OtherReaders
+    hidden: HiddenParts
     deviations: Deviations
     pictures: BakePictures
     length: Length
@@ -135,7 +136,8 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
     if plan.method == Method.CAST:
         warnings += [Warned(text, causes.UNFIT) for text in job.hints]
-    return _Ready(meshes, warnings, plan, source, Renderer(drawn, run), others, deviations, pictures, length)
+    renderer = Renderer(drawn, run)
+    return _Ready(meshes, warnings, plan, source, renderer, others, hidden, deviations, pictures, length)
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
@@ -144,7 +146,8 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
         raise BakeError(nothing_drawn(ready.plan, ready.length))
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
-        findings = audit(ready.plan, tally, settings, ray_cast, ready.length)
+        stacked = stacked_detail.check(ready.plan, ready.hidden, ready.renderer.maps, settings)
+        findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
     stopped = ready.renderer.stopped / tally.written
     read = ready.others.results(tally.backwards)
     with timings.timed("audit"):

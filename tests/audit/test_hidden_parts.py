@@ -62,18 +62,20 @@ def test_both_halves_of_a_mirrored_low_mesh_count_at_their_own_places(stacked):
     low = mirrored()
     low.modifiers[0].use_mirror_merge = False  # so that the normals are those of a half alone
     report = baked(low, high, stacked=stacked, **RAYS)
-    apart = between_halves(high)
-    assert np.percentile(apart, 95) > 5.0
-    same_figures(report.deviation, np.concatenate([apart, np.zeros_like(apart)]))
+    between = between_halves(high)
+    assert np.percentile(between, 95) > 5.0
+    same_figures(report.deviation, np.concatenate([between, np.zeros_like(between)]))
+    assert report.checks["overlap"]["hidden"] == 2 * 4 * 4
+    assert report.checks["overlap"]["differing"] == pytest.approx(np.mean(between > 2.0), abs=0.01)
 
 
 def test_the_folded_side_of_an_island_counts_too():
     """Merged in the middle, both halves are one island."""
     high = asymmetric()
     found = baked(mirrored(), high, **RAYS).deviation
-    apart = between_halves(high)
+    between = between_halves(high)
     assert found["texels"] == 2 * SIZE * SIZE
-    assert found["percentile_95"] == pytest.approx(np.percentile(np.concatenate([apart, 0 * apart]), 95), rel=0.1)
+    assert found["percentile_95"] == pytest.approx(np.percentile(np.concatenate([between, 0 * between]), 95), rel=0.1)
 
 
 def test_bands_change_nothing(monkeypatch):
@@ -105,14 +107,14 @@ def test_halves_of_one_high_mesh_with_the_same_uvs_count_by_flatten(stacked):
     low, smooth, bumped = half("low", 1), half("smooth", 1, n=32), half("bumped", 1, n=32)
     bump(bumped)
     alone = [maps.bake(low, high, image=high.name, size=(SIZE, SIZE)) for high in (smooth, bumped)]
-    apart = angles.degrees(*map(angles.decode, alone))
+    between = angles.degrees(*map(angles.decode, alone))
     copy = half("copy", -1, n=32)
     with bpy.context.temp_override(active_object=bumped, selected_editable_objects=[bumped, copy]):
         bpy.ops.object.join()
     low.modifiers.new("Mirror", "MIRROR").use_mirror_merge = False
     report = baked(low, bumped, method="FLATTEN", stacked=stacked)
-    assert np.percentile(apart, 95) > 5.0
-    same_figures(report.deviation, np.concatenate([apart, np.zeros_like(apart)]))
+    assert np.percentile(between, 95) > 5.0
+    same_figures(report.deviation, np.concatenate([between, np.zeros_like(between)]))
 
 
 @pytest.mark.parametrize(("method", "slopes"), [("AUTO", (0.02, 0.0)), ("FLATTEN", (0.02, 0.0, 0.01))])
@@ -163,3 +165,12 @@ def seen_from_above(shading):
     pixels = np.empty((SIZE, SIZE, 4), np.float32)
     into.read(pixels)
     return pixels
+
+
+@pytest.mark.parametrize(("slope", "share"), [(0.030, 0.0), (0.040, 1.0)])
+def test_plates_differ_from_2_degrees_on(slope, share):
+    low, highs = plates((0.0, slope))
+    report = baked(low, *highs, method="CAST", extrusion=1.0, max_distance=2.0)
+    assert report.checks["overlap"]["differing"] == share
+    assert sum("8 triangles of 'low' show the detail of other parts" in text for text in report.warnings) == share
+    assert any("Shared UVs: 8 triangles show the detail of other parts" in line for line in report.summary())

@@ -213,6 +213,13 @@ def moved_copies():
     return case(low, high)
 
 
+def asymmetric(*, offset=0.0):
+    """Mirrored halves over a high mesh whose halves differ."""
+    low = mirror(zoo.plane("lo", 2))
+    low.modifiers[0].offset_u = offset
+    return case(low, moved(turned(zoo.terrain("hi", 48)), 0, 0, 0, scale=(2, 1, 1)))
+
+
 def decal():
     picture = moved(zoo.terrain("decal", 12, height=0.02), 0, 0, 0.02, scale=(0.3, 0.3, 1.0))
     return case(zoo.plane("lo"), zoo.plane("hi", 8), picture)
@@ -368,6 +375,11 @@ WRONG = {
     "high that is the low": (lambda: case(zoo.plane("lo"), zoo.plane("hi", 4)), "The map is flat"),
     "high and low swapped": (lambda: case(zoo.terrain("lo", 24), zoo.plane("hi", 4)), "'lo' has more faces than 'hi'"),
     "UVs that overlap": (overlapping, ".+ of the texels of 'lo' belong to two or more"),
+    "mirrored halves that differ": (
+        asymmetric,
+        r"8 triangles of 'lo' show the detail of other parts with the same UVs, and on \d+",
+    ),
+    "halves that differ side by side": (lambda: asymmetric(offset=1.0), "8 triangles of 'lo' show the detail of other"),
     "halves in object space": (
         lambda: case(zoo.mirrored("lo", slope=0.3), zoo.mirrored("hi", 24, slope=0.5), space="OBJECT"),
         "100.00% of the texels of 'lo' belong to two or more",

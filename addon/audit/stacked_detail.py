@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compares the detail of parts of a low mesh that share texels: all of them show that of one."""
+
+import numpy as np
+
+from ..core.declarations.choices import Space
+from ..core.settings import Settings
+from ..engine.bands import Band
+from ..engine.hidden_parts import HiddenParts
+from ..engine.maps.sampling import SampledMaps
+from ..engine.method_choice import Plan
+from ..passes import target
+from .severity import MUCH_OVERLAP, Check
+
+SIDE = 256
+"""Texels a side, at most, on which detail is compared."""
+DIFFERENT = 2.0
+"""Degrees, in tangent space, above which parts do not have the same detail."""
+
+
+def check(plan: Plan, hidden: HiddenParts, drawn: SampledMaps, settings: Settings) -> Check:
+    """What Report.checks has of hidden parts, for the check "overlap". drawn: the maps of the bake."""
+    found = {"hidden": hidden.triangles, "differing": 0.0}
+    if not (hidden.triangles and settings.space == Space.TANGENT and settings.normal):
+        return found
+    covered = compared = differing = 0
+    size = min(settings.width, SIDE), min(settings.height, SIDE)
+    with target.using(target.TargetPool()):
+        for tile in plan.tiles:
+            band = Band(0, size[1], size, 0, tile)
+            shown, is_shown = _detail(drawn, band)
+            covered += int(np.count_nonzero(is_shown))
+            for layer in hidden.layers:
+                own, is_known = _detail(layer.maps, band)
+                both = is_known & is_shown & hidden.is_hidden(layer, band)
+                cosines = (shown[both] * own[both]).sum(axis=1)
+                compared += len(cosines)
+                differing += int(np.count_nonzero(cosines < np.cos(np.radians(DIFFERENT))))
+    if compared <= MUCH_OVERLAP * covered:  # decimation leaves slivers on other triangles
+        return found | {"hidden": 0}
+    return found | {"differing": differing / compared if differing > MUCH_OVERLAP * covered else 0.0}
+
+
+def _detail(maps: SampledMaps, band: Band) -> tuple[np.ndarray, np.ndarray]:
+    """The normals of the high surface (height, width, 3) in tangent space, and where they are known (height, width) bool."""
+    texels = np.empty((band.height, band.width, 4), np.float32)
+    target.read(maps.space.of_sample(maps.high_normals(band), band), texels)
+    return texels[..., :3], texels[..., 3] > 0.0
