@@ -214,18 +214,66 @@ def test_a_texture_that_is_no_whole_image_fails_like_a_missing_one(ending, damag
     assert str(path) in capfd.readouterr().err
 
 
-def test_a_bake_whose_nodes_compute_the_path_of_a_file_is_done_again(tmp_path, capfd):
-    low, high = zoo.plane("low", 8), zoo.plane("high", 8)
-    dependency_kinds.nodes_import_by_text_node(high, tmp_path)
-    tree = high.modifiers[0].node_group
-    node = next(each for each in tree.nodes if each.bl_idname == "GeometryNodeImportOBJ")
+@pytest.mark.parametrize("role", ["high", "cage"])
+def test_a_bake_whose_nodes_compute_the_path_of_a_file_is_done_again(role, tmp_path, capfd):
+    objects = {name: zoo.plane(name, 8) for name in ("low", "high", "cage")}
+    dependency_kinds.nodes_import_by_text_node(objects[role], tmp_path)
+    modifier = objects[role].modifiers[0]
+    node = next(each for each in modifier.node_group.nodes if each.bl_idname == "GeometryNodeImportOBJ")
+    tree = modifier.node_group
     text, joined = node.inputs[0].links[0].from_node, tree.nodes.new("GeometryNodeStringJoin")
     tree.links.new(text.outputs[0], joined.inputs["Strings"])
     tree.links.new(joined.outputs[0], node.inputs[0])
+    if role == "cage":
+        end = next(each for each in tree.nodes if each.type == "GROUP_OUTPUT")
+        tree.links.new(next(each for each in tree.nodes if each.type == "GROUP_INPUT").outputs[0], end.inputs[0])
     blend = str(tmp_path / "scene.blend")
     bpy.ops.wm.save_as_mainfile(filepath=blend)
-    sets = [{"name": "computed", "file": blend, "low": low.name, "high": [high.name], "output": "computed.png"}]
-    (tmp_path / "j.json").write_text(json.dumps({"defaults": {"size": 16}, "bake": sets}))
+    write_jobs(tmp_path, [{"name": "computed", "file": blend, "output": "computed.png", **PARTS}])
     for _ in range(2):
         assert run(tmp_path)["computed"]["state"] == "done"
         assert "the node 'Import OBJ' of 'nodes' computes the path of its file" in capfd.readouterr().err
+
+
+PARTS = {"low": "low", "high": ["high"], "cage": "cage"}
+
+
+@pytest.mark.parametrize("is_cache", [False, True])
+def test_a_usd_file_whose_layers_cannot_be_followed_is_read_again(is_cache, tmp_path, capfd):
+    if is_cache:
+        _, options = file_kinds.KINDS["usd_cache_of_layers"](tmp_path)
+    else:
+        _, options = file_kinds.KINDS["usd_sublayer"](tmp_path)
+    root = tmp_path / "root.usda"
+    more = 'customLayerData = { string templateAssetPath = "./clip.##.usd" }\n    subLayers'
+    root.write_text(root.read_text().replace("subLayers", more))
+    write_jobs(tmp_path, [{"name": "clips", "output": "clips.png", **options}])
+    for _ in range(2):
+        assert run(tmp_path)["clips"]["state"] == "done"
+        assert f"{str(root)!r} names files in a way that cannot be followed, so --resume" in capfd.readouterr().err
+
+
+SOME = ["usd_reference", "usd_layer_of_a_layer", "usd_cache_of_layers", "dynamic_paint_cache"]
+
+
+def test_layers_and_caches_are_known_when_they_change(tmp_path):
+    """A few of the kinds of the table."""
+    files, sets = {}, []
+    for name in SOME:
+        (tmp_path / name).mkdir()
+        files[name], options = file_kinds.KINDS[name](tmp_path / name)
+        sets.append({"name": name, "output": f"out/{name}.png", **options})
+    write_jobs(tmp_path, sets)
+    assert {each["state"] for each in run(tmp_path).values()} == {"done"}
+    assert left_out(tmp_path) == set(SOME)
+    with changed(files.values(), flipped):
+        assert left_out(tmp_path) == set()
+
+
+def test_a_map_takes_the_place_of_no_layer(tmp_path, capsys):
+    path, options = file_kinds.KINDS["usd_reference"](tmp_path)
+    content = path.read_bytes()
+    words = ["--low-file", options["low-file"], "--high-file", options["high-file"][0], "--export", str(path)]
+    assert command.run([*words, "--output", str(tmp_path / "m.png"), "--size", "16"]) == 2
+    assert "what 'root.usda' refers to" in capsys.readouterr().err
+    assert path.read_bytes() == content

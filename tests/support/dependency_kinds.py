@@ -169,6 +169,16 @@ def usd_cache(obj, folder):
 
 
 @kind
+def usd_cache_of_layers(obj, folder):
+    path = _exported(obj, folder, ".usda", bpy.ops.wm.usd_export, selected_objects_only=True)
+    path = path.rename(folder / "part.usda")
+    root = folder / "root.usda"
+    root.write_text('#usda 1.0\n(\n    subLayers = [@part.usda@]\n    upAxis = "Z"\n)\n')
+    _sequence_cache(obj, root)
+    return path
+
+
+@kind
 def multires_external(obj, folder):
     modifier = obj.modifiers.new("detail", "MULTIRES")
     bpy.context.view_layer.objects.active = obj

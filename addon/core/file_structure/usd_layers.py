@@ -78,9 +78,19 @@ def _read(path: str, _state: tuple[int, ...]) -> Named:
             words = _words(content).split(b"\0")
             names = [word for word in words if b"." in word or b"`" in word]
             return _sorted(path, names, is_computed=_COMPUTED in words, has_variants=_VARIANTS in words)
-        names = [match[1] or match[2] for match in _PATH.finditer(content)]
+        names = list(_paths(content))
         is_computed, has_variants = (content.find(word) >= 0 for word in (_COMPUTED, _VARIANTS))
         return _sorted(path, names, is_computed=is_computed, has_variants=has_variants)
+
+
+def _paths(content: mmap.mmap) -> Iterator[bytes]:
+    """What stands between @ in a file of text, which may be long."""
+    at = content.find(b"@")
+    while at >= 0:
+        match = _PATH.match(content, at)
+        if match:
+            yield match[1] or match[2]
+        at = content.find(b"@", match.end() if match else at + 1)
 
 
 def _sorted(path: str, names: Iterable[bytes], *, is_computed: bool, has_variants: bool) -> Named:

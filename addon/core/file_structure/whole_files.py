@@ -276,10 +276,10 @@ def _usda(file: BinaryIO, size: int) -> bool:
 
 _USD_PARTS = re.compile(
     rb'"""(?:[^\\]|\\.)*?"""|"(?:[^"\\\n]|\\.)*"|'
-    rb"'''(?:[^\\]|\\.)*?'''|'(?:[^'\\\n]|\\.)*'|#[^\n]*|@[^@\n]*@|[][(){}]",
+    rb"'''(?:[^\\]|\\.)*?'''|'(?:[^'\\\n]|\\.)*'|#[^\n]*|@[^@\n]*@|\[[^][{}\"'@#]*\]|[][(){}]",
     re.DOTALL,
 )
-"""Texts, comments and paths, which may contain brackets, and brackets."""
+"""Texts, comments, paths and arrays of numbers, which are long and may contain brackets, and brackets."""
 
 
 def _json(file: BinaryIO, size: int) -> bool:
