@@ -131,6 +131,34 @@ def test_islands_closer_to_the_border_than_half_a_texel_of_the_mip_level(border,
     assert in_udim.checks["gaps"]["count"] == 0
 
 
+@pytest.mark.parametrize("wide", [128, 512])
+def test_gaps_on_a_map_that_is_not_square(wide):
+    """Along u and along v alike, also where only every second texel along u is looked at."""
+    boxes = [(0.25, 2 / 64, 0.5, 0.5), (0.5 + 6 / wide, 2 / 64, 0.75, 0.5)]
+    swapped = [tuple(np.array(box)[[1, 0, 3, 2]]) for box in boxes]
+    report = bake(tiles("lo", *boxes), zoo.plane("hi"), size=(wide, 64))
+    turned = bake(tiles("turned", *swapped), zoo.plane("hi2"), size=(64, wide))
+    expected = np.zeros((64, wide), bool)
+    rows, half = slice(2, 32), wide // 2
+    expected[rows, half - 2 : half] = expected[rows, half + 6 : half + 8] = True
+    expected[2:4, wide // 4 : half] = expected[2:4, half + 6 : wide * 3 // 4] = True
+    np.testing.assert_array_equal(mask(report, "gaps"), expected)
+    np.testing.assert_array_equal(mask(turned, "gaps"), expected.T)
+    assert report.checks["gaps"] == turned.checks["gaps"]
+    step = max(1, wide // mip_gaps.QUICK)
+    assert report.checks["gaps"]["count"] == expected[:, ::step].sum()
+
+
+def test_gaps_on_each_tile():
+    close = np.array([(0.125, 0.125, 0.5, 0.5), (0.5 + 2 / 64, 0.125, 0.875, 0.5)])
+    boxes = (0.25, 0.25, 0.75, 0.75), *(close + 1)
+    plain = bake(tiles("plain", *close), zoo.plane("hi")).checks["gaps"]
+    report = bake(tiles("lo", *boxes), tiles("hi2", *boxes), udim=True, storage="PACK")
+    assert report.tiles == [1001, 1012]
+    assert part(report.checks["gaps"], "count", "of") == {"count": plain["count"], "of": plain["of"] + 32 * 32}
+    assert plain["count"] > 0
+
+
 @pytest.mark.parametrize("box", [(0, 0, 1, 1), (0, 0.25, 1, 0.75), (0.25, 0, 0.75, 1)])
 def test_an_island_that_continues_past_the_border_is_close_to_itself(box):
     report = bake(tiles("lo", box), zoo.plane("hi"))

@@ -55,6 +55,43 @@ def test_colors_of_16_bits_are_multiplied_with_alpha_after_they_are_linear(tmp_p
     assert np.abs(page(image, is_premultiplied=True)[..., :3] - expected).max() < TOLERANCE
 
 
+def write_tiff(path, values) -> str:
+    """Write stored values (H, W, 4), row 0 at the bottom. The meaning of the fourth channel is left open. Returns the path."""
+    height, width, channels = values.shape
+    data, bits = values[::-1].tobytes(), 8 * values.dtype.itemsize
+    short, long = 3, 4
+    tags = (
+        *((256, short, 1, width), (257, short, 1, height), (258, short, channels, 8), (259, short, 1, 1)),
+        *((262, short, 1, 2), (273, long, 1, 16), (277, short, 1, channels), (278, short, 1, height)),
+        *((279, long, 1, len(data)), (338, short, 1, 0)),
+    )
+    entries = b"".join(struct.pack("<HHII", *tag) for tag in tags)
+    directory = struct.pack("<H", len(tags)) + entries + struct.pack("<I", 0)
+    each = struct.pack(f"<{channels}H", *[bits] * channels)
+    path.write_bytes(b"II*\0" + struct.pack("<I", 16 + len(data)) + each + data + directory)
+    return str(path)
+
+
+@pytest.mark.parametrize("kind", ["gray and alpha", "open channel of 8 bits", "open channel of 16 bits"])
+def test_alpha_of_rare_files_is_that_of_blenders_buffer(tmp_path, kind):
+    """Cycles reads other values from some of them."""
+    values = stored(16 if "16" in kind else 8, seed=7)
+    if kind == "gray and alpha":
+        values[..., :3] = values[..., :1]
+        path = feeds.write_png(tmp_path / "image.png", values[..., [0, 3]])
+    else:
+        path = write_tiff(tmp_path / "image.tif", values)
+    image = bpy.data.images.load(path)
+    buffer = np.array(image.pixels[:]).reshape(HEIGHT, WIDTH, 4)
+    assert (buffer[..., 3] < 0.9).any()
+    colors, alpha = buffer[..., :3], buffer[..., 3:]
+    straight = colors / alpha if image.is_float else srgb_to_linear(colors)
+    multiplied = colors if image.is_float else srgb_to_linear(colors * alpha)
+    for is_premultiplied, expected in ((False, straight), (True, multiplied)):
+        found = page(image, is_premultiplied=is_premultiplied)
+        assert np.abs(found - np.concatenate([expected, alpha], axis=-1)).max() < TOLERANCE
+
+
 def in_cycles(image, *, uses_alpha) -> np.ndarray:
     """The image as Cycles bakes it, a texel for each pixel, of (size, size, 3) where it is larger than the image."""
     material = bpy.data.materials.new("M")

@@ -116,12 +116,14 @@ def _fetched(page, at, extension):
 
 
 def write_png(path, values) -> str:
-    """Write stored values (H, W, 3 or 4) uint8 or uint16, row 0 at the bottom. Returns the path."""
+    """Write stored values (H, W, 1 to 4) uint8 or uint16, row 0 at the bottom. Returns the path."""
     height, width, channels = values.shape
     rows = values[::-1].astype(values.dtype.newbyteorder(">")).reshape(height, -1).view(np.uint8)
     lines = np.zeros((height, 1 + rows.shape[1]), np.uint8)
     lines[:, 1:] = rows
-    header = struct.pack(">IIBBBBB", width, height, 8 * values.dtype.itemsize, {3: 2, 4: 6}[channels], 0, 0, 0)
+    header = struct.pack(
+        ">IIBBBBB", width, height, 8 * values.dtype.itemsize, {1: 0, 2: 4, 3: 2, 4: 6}[channels], 0, 0, 0
+    )
     chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(lines.tobytes())), (b"IEND", b""))
     packed = (
         struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks
