@@ -54,12 +54,17 @@ def ordered(
 
 
 def _has_copies(meshes: Meshes) -> bool:
-    """Whether modifiers make copies of a surface, with its UVs, that is baked onto its own base mesh."""
+    """Whether modifiers make copies of a surface, with its UVs, that is baked onto its own base mesh.
+
+    What they add with other UVs is detail, which rays find.
+    """
     (high, *_) = meshes.highs
     if not meshes.is_own_base or high.uv is None:
         return False
     of_high, of_low = (np.nansum(np.abs(uv_layout.areas(mesh))) for mesh in (high, meshes.low))
-    return bool(of_high > COPIED * of_low)
+    if of_high <= COPIED * of_low:
+        return False
+    return uv_islands.points_at_a_place(high) > COPIED * uv_islands.points_at_a_place(meshes.low)
 
 
 def _is_shared(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> bool:

@@ -92,6 +92,16 @@ def stacks(mesh: Mesh, uv: np.ndarray | None = None) -> np.ndarray:
     return np.unique(sums, return_inverse=True)[1]
 
 
+def points_at_a_place(mesh: Mesh) -> float:
+    """How many points of the surface, in the mean, have the same UV, of the points of corners. 0 without triangles."""
+    used = np.unique(mesh.triangles)
+    if not len(used):
+        return 0.0
+    places = hashes(np.stack([_near(mesh.uv[used, axis]) for axis in range(2)], axis=1))
+    points = hashes(np.stack([places, mesh.vertices[used].astype(np.uint64)], axis=1))
+    return len(np.unique(points)) / len(np.unique(places))
+
+
 def without_copies(mesh: Mesh) -> np.ndarray:
     """Which triangles (T,) bool to keep, so that only one of the faces on the same place in UV space is left."""
     first = np.unique(stacks(mesh), return_index=True)[1]

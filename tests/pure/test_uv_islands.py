@@ -199,3 +199,13 @@ def test_hard_edges_between_split_vertices_are_listed_from_both_sides():
 
 def test_opposite_winding_is_not_mistaken_for_mirroring():
     assert uv_seams.hard_edges(strip(degrees=(45.0, 45.0), turned=True)).tolist() == [[1, 2]]
+
+
+def test_points_at_a_place():
+    triangles, uv = grid(6)
+    copies = np.concatenate([triangles, triangles + len(uv)])
+    for rows, coordinates, expected in ((triangles, uv, 1.0), (copies, np.tile(uv, (2, 1)), 2.0)):
+        low = mesh(np.zeros((len(coordinates), 3)), rows, range(len(rows)), uv=coordinates)
+        assert uv_islands.points_at_a_place(low) == expected
+    beside = mesh(np.zeros((2 * len(uv), 3)), copies, range(len(copies)), uv=np.concatenate([uv, uv + (2, 0)]))
+    assert uv_islands.points_at_a_place(beside) == 1.0
