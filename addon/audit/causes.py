@@ -14,11 +14,13 @@ UNFIT, LAYOUTS, CROSSED, NOT_FINITE, REBUILT, HIDDEN_MISSES = (
     "rebuilt",
     "hidden_misses",
 )
-OTHER_DETAIL = "other_detail"
+OTHER_DETAIL, MATERIALS = "other_detail", "materials"
 """The kinds of warnings that have no check in Report.checks."""
 
 _LOST_Z = frozenset(("backwards", REBUILT))
-_OF_RAYS = frozenset(("uncovered", "far", "unsure", "behind", TURNED, FLAT, HIDDEN_MISSES, OTHER_DETAIL)) | _LOST_Z
+_OF_RAYS = (
+    frozenset(("uncovered", "far", "unsure", "behind", TURNED, FLAT, HIDDEN_MISSES, OTHER_DETAIL, MATERIALS)) | _LOST_Z
+)
 _HIDES: Mapping[str, frozenset[str]] = MappingProxyType(
     {
         FLIPPED: _OF_RAYS | {ELSEWHERE, CAGE},
@@ -29,6 +31,7 @@ _HIDES: Mapping[str, frozenset[str]] = MappingProxyType(
         TURNED: _LOST_Z | {"unsure", "behind"},
         NOT_FINITE: frozenset(("uncovered", HIDDEN_MISSES)),
         CROSSED: frozenset((OTHER_DETAIL,)),
+        MATERIALS: frozenset(("overlap", CROSSED)),
         "overlap": frozenset((OTHER_DETAIL,)),
         "uncovered": frozenset((HIDDEN_MISSES,)),
         "behind": _LOST_Z | {"unsure"},

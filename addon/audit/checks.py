@@ -283,13 +283,18 @@ def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterato
 
 
 def _other_detail_warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
-    if stacked["differing"] > severity.MANY_DIFFERENT:
-        yield Warned(
-            f"{stacked['hidden']:,} triangles of {low.name!r} show the detail of other parts with the same UVs, and on "
-            f"{stacked['differing']:.1%} of their texels it is more than {stacked_detail.DIFFERENT:.0f} degrees from their "
-            "own. Give these parts UVs of their own.",
-            causes.OTHER_DETAIL,
-        )
+    if stacked["differing"] <= severity.MANY_DIFFERENT:
+        return
+    if stacked["under_others"] > 0.5 * stacked["hidden"]:
+        text = f"Materials of {low.name!r} share UVs, and its map has the detail of one of them."
+        yield Warned(cures.in_shell(text, cures.TEXTURE_SETS), causes.MATERIALS)
+        return
+    yield Warned(
+        f"{stacked['hidden']:,} triangles of {low.name!r} show the detail of other parts with the same UVs, and on "
+        f"{stacked['differing']:.1%} of their texels it is more than {stacked_detail.DIFFERENT:.0f} degrees from their own. "
+        "Give these parts UVs of their own.",
+        causes.OTHER_DETAIL,
+    )
 
 
 def _faces(meshes: Meshes) -> Checks:

@@ -18,9 +18,12 @@ DIFFERENT = 2.0
 """Degrees, in tangent space, above which parts do not have the same detail."""
 
 
-def check(plan: Plan, hidden: HiddenParts, drawn: SampledMaps, settings: Settings) -> Check:
-    """What Report.checks has of hidden parts, for the check "overlap". drawn: the maps of the bake."""
-    found = {"hidden": hidden.triangles, "differing": 0.0}
+def check(
+    plan: Plan, hidden: HiddenParts, drawn: SampledMaps, settings: Settings, materials: np.ndarray | None = None
+) -> Check:
+    """What Report.checks has of hidden parts, for the check "overlap". drawn: the maps of the bake. materials (T,) int: the
+    number of each low triangle's material; None to leave them out."""
+    found = {"hidden": hidden.triangles, "under_others": 0, "differing": 0.0}
     if not (hidden.triangles and settings.space == Space.TANGENT and settings.normal):
         return found
     covered = compared = differing = 0
@@ -38,6 +41,8 @@ def check(plan: Plan, hidden: HiddenParts, drawn: SampledMaps, settings: Setting
                 differing += int(np.count_nonzero(cosines < np.cos(np.radians(DIFFERENT))))
     if compared <= MUCH_OVERLAP * covered:  # decimation leaves slivers on other triangles
         return found | {"hidden": 0}
+    if materials is not None:
+        found["under_others"] = hidden.under_others(materials)
     return found | {"differing": differing / compared if differing > MUCH_OVERLAP * covered else 0.0}
 
 

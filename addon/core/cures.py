@@ -21,8 +21,8 @@ class Cure:
     value: Any
 
 
-AUTO, CAST, OWN_HIT, MEASURE, DEPTH, SAMPLES, NO_MATERIAL, MISS_MASK = (
-    *("AUTO", "CAST", "OWN_HIT", "MEASURE", "DEPTH", "SAMPLES", "NO_MATERIAL", "MISS_MASK"),
+AUTO, CAST, OWN_HIT, MEASURE, DEPTH, SAMPLES, NO_MATERIAL, MISS_MASK, TEXTURE_SETS = (
+    *("AUTO", "CAST", "OWN_HIT", "MEASURE", "DEPTH", "SAMPLES", "NO_MATERIAL", "MISS_MASK", "TEXTURE_SETS"),
 )
 CURES: Mapping[str, Cure] = MappingProxyType(
     {
@@ -33,6 +33,7 @@ CURES: Mapping[str, Cure] = MappingProxyType(
         DEPTH: Cure("--depth 32 keeps them", "depth", "32"),
         SAMPLES: Cure("--samples 16 shows it", "samples", "16"),
         NO_MATERIAL: Cure("--no-material leaves them as they are", "material", False),
+        TEXTURE_SETS: Cure("--texture-sets bakes an image for each", "texture_sets", True),
         MISS_MASK: Cure("--mask shows them", "mask", True),
     }
 )

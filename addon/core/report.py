@@ -71,7 +71,8 @@ class Report:
     "LOOK" or "WRONG".
 
     Some kinds have more. overlap: the texels of parts that are stacked on purpose, the triangles in parts that others hide on
-    the map (hidden), and the share of the texels of these whose own detail is more than 2 degrees from what they show
+    the map (hidden) and those of them that parts of another material hide (under_others; 0 with texture sets, and for maps that
+    are not in tangent space), and the share of the texels of these whose own detail is more than 2 degrees from what they show
     (differing; of a tangent-space map, else 0). outside: the triangles that are moved by
     whole tiles on purpose. mirrored: islands. gaps: the texels near the border, and the number of texels needed between
     islands. far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that

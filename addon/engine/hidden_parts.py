@@ -76,14 +76,28 @@ class HiddenParts:
             moved = uv_islands.moved_copies(low)
             self._tiles[moved] = np.floor(low.uv[low.triangles[moved]].mean(axis=1))
         is_moved = self._tiles.any(axis=1)
-        self._layers = np.zeros(len(low.triangles), np.int64)
+        self._layers, self._parts = np.zeros((2, len(low.triangles)), np.int64)
+        self._pairs = np.empty((0, 2), np.int64)
         if is_shared or is_moved.any():
-            self._layers = _layers(_moved_back(low, self._tiles), is_moved, _size(settings, PROBE), plan.tiles)
+            # The map does not have those that were moved: all others hide them.
+            order = np.argsort(~is_moved, kind="stable")
+            drawn = _moved_back(low, self._tiles).with_triangles(order)
+            parts = self._parts[order] = uv_islands.parts(drawn)
+            self._pairs = _hiding(drawn, parts, _size(settings, PROBE), plan.tiles)
+            self._layers[order] = _layers(self._pairs, int(parts.max()) + 1)[parts]
 
     @property
     def triangles(self) -> int:
         """How many triangles of the low mesh are in hidden parts."""
         return int(np.count_nonzero(self._layers))
+
+    def under_others(self, labels: np.ndarray) -> int:
+        """How many triangles of the low mesh are in parts that are hidden by parts with other labels. labels (T,) int: of the
+        triangles; that of a part's first triangle counts."""
+        label = np.zeros(int(self._parts.max()) + 1, np.int64)
+        label[self._parts[::-1]] = labels[::-1]
+        upper, lower = self._pairs.T
+        return int(np.isin(self._parts, lower[label[upper] != label[lower]]).sum())
 
     @cached_property
     def layers(self) -> list[Layer]:
@@ -186,26 +200,13 @@ class HiddenParts:
         return result
 
 
-def _layers(low: Mesh, is_moved: np.ndarray, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
-    """The layer of each triangle (T,) int: 0 if no other part hides its part anywhere, else from 1.
-
-    is_moved (T,) bool: those that the map does not have, which all others hide.
-    """
-    order = np.argsort(~is_moved, kind="stable")
-    drawn = low.with_triangles(order)
-    depth = _depth(drawn, size, tiles)
-    layers = np.zeros(len(order), np.int64)
-    if depth < 2:
-        return layers
-    parts = uv_islands.parts(drawn)
-    pairs, count = _hiding(drawn, parts, min(depth, DEEPEST), size, tiles), int(parts.max()) + 1
-    hidden = np.unique(pairs % count)
-    of_part = np.zeros(count, np.int64)
-    for part in hidden:  # parts are few: islands that lie below others
-        others = np.concatenate([pairs[pairs % count == part] // count, pairs[pairs // count == part] % count])
-        taken = set(of_part[others].tolist())
-        of_part[part] = next(number for number in range(1, len(taken) + 2) if number not in taken)
-    layers[order] = of_part[parts]
+def _layers(pairs: np.ndarray, count: int) -> np.ndarray:
+    """The layer (count,) int of each part: 0 for those that no other part hides, else from 1. pairs: from `_hiding`."""
+    layers = np.zeros(count, np.int64)
+    upper, lower = pairs.T
+    for part in np.unique(lower):  # parts are few: islands that lie below others
+        taken = set(layers[np.concatenate([upper[lower == part], lower[upper == part]])].tolist())
+        layers[part] = next(number for number in range(1, len(taken) + 2) if number not in taken)
     return layers
 
 
@@ -220,11 +221,12 @@ def _depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
     return most
 
 
-def _hiding(low: Mesh, parts: np.ndarray, depth: int, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
-    """Which parts share texels, (N,) int: the number of the upper part, times the number of parts, plus that of the lower."""
+def _hiding(low: Mesh, parts: np.ndarray, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
+    """Which parts share texels: (N, 2) int, the upper and the lower one."""
+    depth = min(_depth(low, size, tiles), DEEPEST)
     uploaded, count = triangle_ids.upload(low.triangles, low.uv), int(parts.max()) + 1
     found = [np.empty(0, np.int64)]
-    for tile in tiles:
+    for tile in tiles if depth > 1 else ():
         above, is_left = [], None
         for numbers in triangle_ids.layers(uploaded, size, udim.uv_to_clip(tile), depth):
             is_left = numbers > 0.0 if is_left is None else is_left & (numbers > 0.0)  # then the top one comes again
@@ -233,7 +235,7 @@ def _hiding(low: Mesh, parts: np.ndarray, depth: int, size: tuple[int, int], til
                 both = is_left & (upper != part)
                 found.append(np.unique(upper[both] * count + part[both]))
             above.append(part)
-    return np.unique(np.concatenate(found))
+    return np.stack(np.divmod(np.unique(np.concatenate(found)), count), axis=1)
 
 
 def _moved_back(mesh: Mesh, tiles: np.ndarray) -> Mesh:

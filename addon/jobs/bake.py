@@ -35,6 +35,7 @@ from ..mesh.inputs import Meshes
 from ..output import map_storage
 from ..output.outputs import Outputs, Stored, into_materials
 from ..scene import object_checks, reading, scene_lengths
+from . import texture_sets
 from .job import Job
 from .readiness import low_findings
 from .report_making import DrawnJob, report_of
@@ -146,7 +147,8 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
         raise BakeError(nothing_drawn(ready.plan, ready.length))
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
-        stacked = stacked_detail.check(ready.plan, ready.hidden, ready.renderer.maps, settings)
+        materials = texture_sets.numbers(job.low, ready.plan.meshes) if not settings.texture_sets else None
+        stacked = stacked_detail.check(ready.plan, ready.hidden, ready.renderer.maps, settings, materials)
         findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
     stopped = ready.renderer.stopped / tally.written
     read = ready.others.results(tally.backwards)

@@ -220,6 +220,21 @@ def asymmetric(*, offset=0.0):
     return case(low, moved(turned(zoo.terrain("hi", 48)), 0, 0, 0, scale=(2, 1, 1)))
 
 
+def materials(**settings):
+    """Two plates beside each other, each with a material and UVs of its own that fill the tile."""
+    low, other = zoo.plane("lo", 2), placed(moved_mesh(zoo.plane("lo 2", 3), 3.0), 0.9, (0.05, 0.0))
+    for obj in (low, other):
+        material(obj, "ShaderNodeTexNoise")
+    with bpy.context.temp_override(active_object=low, selected_editable_objects=[low, other]):
+        bpy.ops.object.join()
+    return case(low, turned(terrain()), moved(turned(zoo.terrain("hi 2", 36)), 3.0, 0, 0), **settings)
+
+
+def moved_mesh(obj, x):
+    obj.data.transform(Matrix.Translation((x, 0.0, 0.0)))
+    return obj
+
+
 def decal():
     picture = moved(zoo.terrain("decal", 12, height=0.02), 0, 0, 0.02, scale=(0.3, 0.3, 1.0))
     return case(zoo.plane("lo"), zoo.plane("hi", 8), picture)
@@ -243,6 +258,7 @@ RIGHT = {
     ),
     "mirrored halves in one place": lambda: case(mirror(zoo.plane("lo", 2)), mirror(terrain())),
     "mirrored halves side by side": moved_copies,
+    "texture sets": lambda: materials(texture_sets=True),
     "UDIM": udim,
     "its own modifiers": lambda: case(*[displaced(zoo.plane("lo", 2))] * 2),
     "multires": multires,
@@ -380,6 +396,11 @@ WRONG = {
         r"8 triangles of 'lo' show the detail of other parts with the same UVs, and on \d+",
     ),
     "halves that differ side by side": (lambda: asymmetric(offset=1.0), "8 triangles of 'lo' show the detail of other"),
+    "materials that share UVs": (
+        materials,
+        "Materials of 'lo' share UVs, and its map has the detail of one of them",
+        cures.TEXTURE_SETS,
+    ),
     "halves in object space": (
         lambda: case(zoo.mirrored("lo", slope=0.3), zoo.mirrored("hi", 24, slope=0.5), space="OBJECT"),
         "100.00% of the texels of 'lo' belong to two or more",

@@ -63,6 +63,11 @@ CURES = {
         "Leave the materials of the low object as they are",
         "SETTINGS",
     ),
+    of_settings.TEXTURE_SETS: (
+        "Use Texture Sets",
+        "Switch Texture Sets on, which bakes an image for each material of the low object",
+        "SETTINGS",
+    ),
     of_settings.MISS_MASK: (
         "Make Miss Mask",
         "Also make an image that is white where the rays hit nothing",

@@ -103,6 +103,11 @@ TABLE = {
         "de_DE": "Die Materialien des Low-Poly-Objekts lassen, wie sie sind",
         "es": "Deja los materiales del objeto low poly como están",
     },
+    (LABEL, "Use Texture Sets"): {"de_DE": "Textursätze verwenden", "es": "Usar conjuntos de texturas"},
+    (SENTENCE, "Switch Texture Sets on, which bakes an image for each material of the low object"): {
+        "de_DE": "Textursätze einschalten: Jedes Material des Low-Poly-Objekts bekommt ein eigenes Bild",
+        "es": "Activa los conjuntos de texturas, que procesan una imagen para cada material del objeto low poly",
+    },
     (LABEL, "Make Miss Mask"): {"de_DE": "Maske ohne Treffer erstellen", "es": "Crear máscara de fallos"},
     (OPERATOR, "Cure"): {"de_DE": "Abhilfe", "es": "Remedio"},
     (SENTENCE, "Change what a warning or an error names"): {
