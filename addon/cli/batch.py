@@ -129,8 +129,9 @@ def open_files(
         job.hints = hints
     notes += input_checks.rounded_coordinates(options, jobs)
     hashes = hashes or (Contents() if options.report else None)
-    declared = hashes.all_of(bake_key.inputs(options, bpy.data.filepath)) if hashes else []
-    found = hashes.all_of(scene_files.read_by(options, jobs)) if hashes else []
+    reading = hashes.checking(interruption.check) if hashes else None
+    declared = reading.all_of(bake_key.inputs(options, bpy.data.filepath)) if reading else []
+    found = reading.all_of(scene_files.read_by(options, jobs)) if reading else []
     not_followed = scene_files.not_followed(options, jobs)
     return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, not_followed, hashes)
 

@@ -3,16 +3,18 @@
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.errors import BakeError, NoGpu, sentence
 from ..core.names.printable import printable
+from ..core.progress import Progress
 from ..core.timings import startup
 from .done.resuming import Resuming
 from .done.turns import Turns
+from .done.turns_aside import TurnsAside
 from .plan import plans, run_clashes
 from .plan.plans import Plan
 from .results import exit_codes, kept_files, report_file, run_report, terminal_text
@@ -55,13 +57,18 @@ class Many:
             arguments.are_many(self.options) or run_options.needs_worker(self.options)
         )
 
-    def turns(self, bounds: Bounds | None) -> Turns:
+    def turns(self, bounds: Bounds | None, meter: Meter) -> Turns:
         """The bakes, without those that are done if the options say so. bounds: the folders of files that are not trusted."""
         if not run_options.has_records(self.options):
             return Turns(self.chosen)
         of_run = {"is_forced": self.options.force, "records": self.options.records, "bounds": bounds}
-        of_run["pictures"] = self.options.pictures
-        return Resuming(self.chosen, open_file=plans.open_file(), **of_run)
+        of_run |= {"pictures": self.options.pictures, "open_file": plans.open_file()}
+        shares, name = [0.0], self.options.jobs or self.options.pairs or self.program
+
+        def make(check: Callable[[], None]) -> Turns:
+            return Resuming(self.chosen, check=check, on_share=shares.append, **of_run)
+
+        return TurnsAside(make, lambda: meter.show(name, Progress("Comparing with records", shares[-1])))
 
 
 def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes: bool) -> int:
@@ -77,7 +84,8 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
         meter.report(f"{many.program}: warning: {lacks}")
     try:
         meter.planned(many.planned, len(many.chosen), many.shard)
-        with _Found(many, files, meter) as found, many.turns(files.bounds) as turns, ExitStack() as held:
+        with _Found(many, files, meter) as found, many.turns(files.bounds, meter) as turns, ExitStack() as held:
+            meter.clear()
             for done in turns.done:
                 found.add(Done.resumed(done.plan, done.result))
             source: Iterable[Done] = ()

@@ -432,6 +432,39 @@ def test_a_bake_that_hangs_is_ended_some_time_after_one_signal(folder):
     assert not [number for number in children if Path(f"/proc/{number}").exists()]
 
 
+def test_a_large_file_that_is_compared_delays_neither_limits_nor_signals(folder):
+    """The second bake waits for its file, which the first process reads for its record."""
+    process = start(*jobs(folder, "hang", "slow"), "--resume", "--timeout", "3", "--workers", "2")
+    begun = time.monotonic()
+    assert process.stderr.readline() == "imprint: set 1 (hang_low): It took more than 3 s, the limit.\n"
+    assert time.monotonic() - begun < 20.0
+    process.send_signal(signal.SIGTERM)
+    begun = time.monotonic()
+    process.communicate(timeout=60)
+    assert time.monotonic() - begun < supervisor.LONGEST_STOP
+    assert process.returncode == 128 + signal.SIGTERM
+    assert outcome(folder) == [("set 1 (hang_low)", "failed", "timeout", "")]
+    assert not list(folder.glob("*.imprint.*"))
+
+
+def test_a_large_file_of_an_untrusted_bake_delays_no_signal(folder):
+    """What its process says of it is compared."""
+    (folder / "out").mkdir()
+    words = jobs(folder, "slow")
+    (folder / "j.json").write_text((folder / "j.json").read_text().replace('"slow.png"', '"out/m.png"'))
+    process = start(*words, "--untrusted", "--progress", "json")
+    while "started" not in process.stderr.readline():
+        pass
+    while not (folder / "out/m.png").exists():
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGTERM)
+    begun = time.monotonic()
+    process.communicate(timeout=60)
+    assert time.monotonic() - begun < supervisor.LONGEST_STOP + supervisor.PATIENCE + 1.0
+    assert [state for _, state, *_ in outcome(folder)] == ["stopped"]
+
+
 def test_a_message_that_comes_byte_by_byte_delays_no_signal(folder):
     process = start(*jobs(folder, "drip"), "--log", "logs")
     while not (folder / "logs").is_dir() or not list((folder / "logs").iterdir()):

@@ -503,8 +503,8 @@ def test_tiles_count_together(folder):
 
 def test_a_file_is_read_once(folder, monkeypatch):
     hashes, read = Contents(), []
-    real = contents.hashlib.file_digest
-    monkeypatch.setattr(contents.hashlib, "file_digest", lambda *more: read.append(1) or real(*more))
+    real = Contents._hash
+    monkeypatch.setattr(Contents, "_hash", lambda *more: read.append(1) or real(*more))
     path = str(folder / "in" / "a_low.ply")
     assert hashes.of(path).is_same(hashes.of(path))
     assert len(read) == 1

@@ -4,12 +4,15 @@
 import hashlib
 import os
 import stat
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from ...core import udim
+
+BLOCK = 1 << 18
+"""Bytes that are hashed between two checks."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,9 @@ class Content:
 class Contents:
     """Hashes files, each once as long as it does not change while this object exists."""
 
-    def __init__(self):
+    def __init__(self, check: Callable[[], None] = lambda: None):
+        """check: called again and again while a file is read. What it raises ends that."""
+        self._check = check
         self._known: dict[str, str] = {}
         """Hashes by stamps. No file keeps them: other machines have other clocks and numbers of files."""
 
@@ -56,10 +61,16 @@ class Contents:
                     return Content(path, what)
                 stamp = _stamp(found)
                 if stamp not in self._known:
-                    self._known[stamp] = hashlib.file_digest(file, "sha256").hexdigest()
+                    self._known[stamp] = self._hash(file)
         except (OSError, ValueError):  # missing, a folder, or not a valid path
             return Content(path, what)
         return Content(path, what, found.st_size, self._known[stamp], stamp)
+
+    def checking(self, check: Callable[[], None]) -> "Contents":
+        """These contents with another `check`."""
+        found = Contents(check)
+        found._known = self._known
+        return found
 
     def all_of(self, paths: Iterable[tuple[str, str]]) -> list[Content]:
         """The contents of files, each once: paths, and what they are."""
@@ -67,6 +78,13 @@ class Contents:
         for path, what in paths:
             titles.setdefault(os.path.abspath(path), what)
         return [self.of(path, what) for path, what in titles.items()]
+
+    def _hash(self, file: BinaryIO) -> str:
+        digest, block = hashlib.sha256(), memoryview(bytearray(BLOCK))
+        while count := file.readinto(block):
+            self._check()
+            digest.update(block[:count])
+        return digest.hexdigest()
 
     def _of_several(self, path: str, what: str, paths: Sequence[str]) -> Content:
         found = [self.of(each) for each in paths]

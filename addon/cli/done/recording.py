@@ -36,16 +36,23 @@ def finish(
 
 
 def finish_untrusted(
-    draft: Draft | None, plan: Plan, done: Done, bounds: Bounds, unplanned: Callable[[Sequence[str]], Sequence[str]]
+    draft: Draft | None,
+    plan: Plan,
+    done: Done,
+    bounds: Bounds,
+    unplanned: Callable[[Sequence[str]], Sequence[str]],
+    *,
+    check: Callable[[], None] = lambda: None,
 ) -> Done:
     """As `finish`, by the parent of the process that did the bake and may lie: what it says of files is compared with them. A
     bake has failed if its process names what it may not have written or read.
 
     unplanned: returns the paths among others to which the bake may not have written, as run_clashes.Run.unplanned.
+    check: as in Contents.
     """
     entry = done.entry
     entry.number, entry.name, entry.signal, entry.log, entry.picture = plan.number, plan.name, "", "", ""
-    hashes = Contents()
+    hashes = Contents(check)
     try:
         _check_written(entry, bounds, unplanned, hashes)
         for each in entry.inputs:

@@ -43,13 +43,16 @@ class Resuming(Turns):
         bounds: Bounds | None = None,
         claims: Claims | None = None,
         clock: Callable[[], float] = time.monotonic,
+        check: Callable[[], None] = lambda: None,
+        on_share: Callable[[float], None] = lambda _: None,
     ):
         """Compare all bakes with their records. is_forced: all are to do. open_file: as in plans.plans. records: as in
-        bake_record.path_of. pictures: the folder of pictures. bounds: the folders of files that are not trusted.
+        bake_record.path_of. pictures: the folder of pictures. bounds: the folders of files that are not trusted. check: as in
+        Contents. on_share: called with the share of the bakes that are compared.
         """
         super().__init__(())
         self._is_forced, self._open_file, self._records, self._bounds = is_forced, open_file, records, bounds
-        self._pictures, self._contents, self._claims = pictures, Contents(), claims or Claims()
+        self._pictures, self._contents, self._claims = pictures, Contents(check), claims or Claims()
         self._clock, self._ask_at = clock, 0.0
         self._claimed: dict[int, tuple[Path, int]] = {}
         """The claims of this process, by the numbers of plans, and their chains."""
@@ -62,7 +65,10 @@ class Resuming(Turns):
                 self._chains.setdefault(plan.chain, []).append(plan)
         self._are_done: dict[int, bool] = {}
         """Whether another process has done a chain that this process has claimed."""
-        reasons = {plan.number: plan.problem or self._reason(plan) for plan in planned}
+        reasons: dict[int, Resumed | str] = {}
+        for place, plan in enumerate(planned):
+            on_share(place / len(planned))
+            reasons[plan.number] = plan.problem or self._reason(plan)
         for plan in planned:
             why = reasons[plan.number]
             if any(not isinstance(reasons[each.number], Resumed) for each in self._chains.get(plan.chain, ())):

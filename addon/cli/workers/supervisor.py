@@ -2,8 +2,10 @@
 """Bakes in workers, which are kept while they are well and replaced when they are not."""
 
 import math
+import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -73,6 +75,9 @@ class Supervisor:
         """Those whose workers have ended before they began."""
         self._sent = 0
         """How many workers have ended so in a row."""
+        self._thread, self._gives_up = ThreadPoolExecutor(1, "imprint-compares"), threading.Event()
+        self._compared: list[tuple[Plan, str, Future[Done]]] = []
+        """Bakes of untrusted files that have ended, with their logs, while what their processes said is compared."""
 
     def __enter__(self) -> "Supervisor":
         with ExitStack() as held:
@@ -83,6 +88,8 @@ class Supervisor:
 
     def __exit__(self, *_) -> None:
         self._held.close()
+        self._gives_up.set()
+        self._thread.shutdown()
         for worker in self._workers:
             worker.process.channel.close()  # they end at once, together
         deadline = time.monotonic() + CLOSING
@@ -111,7 +118,7 @@ class Supervisor:
         begun, stop_by = 0, math.inf
         ended: list[Done] = []
         """Results that the caller gets once workers have their next bakes."""
-        while turns.count or self._returned or any(worker.plan for worker in self._workers):
+        while turns.count or self._returned or self._compared or any(worker.plan for worker in self._workers):
             if interruption.code() and stop_by == math.inf:
                 stop_by = time.monotonic() + LONGEST_STOP
                 turns.stop()
@@ -131,8 +138,9 @@ class Supervisor:
                 if not turns.count:
                     continue
                 taken = {each.chain for each in self._workers if each is not worker and each.chain}
+                taken |= {plan.chain for plan, _, _ in self._compared if plan.chain}
                 turn = turns.next(taken)
-                if turn is None:  # others do what is left
+                if turn is None:  # others do what is left, or files are still read
                     continue
                 begun += 1
                 if isinstance(turn, Resumed):
@@ -146,6 +154,7 @@ class Supervisor:
             while ended:
                 yield ended.pop(0)
             try:
+                ended += self._take_compared()
                 ended += self._hear(files, meter)
                 ended += self._check_limits()
             except NoGpu:
@@ -159,6 +168,8 @@ class Supervisor:
         error = f"It was stopped. Its process was ended since it went on for {LONGEST_STOP:g} s."
         for worker in [worker for worker in self._workers if worker.plan]:
             yield self._end(worker, error, state=State.STOPPED)
+        for plan, log, _ in self._compared:
+            yield Done(Entry(plan.number, plan.name, State.STOPPED, "It was stopped.", log=log))
 
     def _fill(self, left: int) -> None:
         """Start workers for the bakes that are left, and a spare one if it may be needed."""
@@ -241,18 +252,34 @@ class Supervisor:
 
     def _take(self, worker: BusyWorker, done: Done, files: run_clashes.Run) -> Iterator[Done]:
         """A bake has ended. Its worker goes on unless it has grown too large."""
-        if self._confinement:
-            plan, bounds = worker.plan, self._confinement.bounds
-            unplanned = partial(files.unplanned, plan.name, plan.options)
-            done = recording.finish_untrusted(worker.assigned.draft, plan, done, bounds, unplanned)
-        done.entry.log = worker.log
-        self._chains.ended(worker.plan, done)
+        assigned, log, has_failed = worker.assigned, worker.log, done.entry.cause == Cause.MEMORY
         worker.assigned = None
-        has_failed = done.entry.cause == Cause.MEMORY
         if has_failed or (self._limits.memory and worker.process.memory > self._limits.memory):
             self._has_lost = True
             self._remove(worker)
-        yield done
+        if self._confinement is None:
+            yield self._ended(assigned.plan, done, log)
+            return
+        plan, bounds = assigned.plan, self._confinement.bounds
+        unplanned = partial(files.unplanned, plan.name, plan.options)
+        compare = partial(recording.finish_untrusted, assigned.draft, plan, done, bounds, unplanned)
+        self._compared.append((plan, log, self._thread.submit(compare, check=self._check_reading)))
+
+    def _check_reading(self) -> None:
+        if self._gives_up.is_set():
+            raise interruption.Stopped
+
+    def _take_compared(self) -> Iterator[Done]:
+        """The results that were compared with the disk, in a thread."""
+        for each in [each for each in self._compared if each[2].done()]:
+            self._compared.remove(each)
+            plan, log, done = each
+            yield self._ended(plan, done.result(), log)
+
+    def _ended(self, plan: Plan, done: Done, log: str) -> Done:
+        done.entry.log = log
+        self._chains.ended(plan, done)
+        return done
 
     def _bury(self, worker: BusyWorker, why: str = "") -> Iterator[Done]:
         """A worker has ended by itself, or its messages are wrong. why: a sentence for that, else empty."""

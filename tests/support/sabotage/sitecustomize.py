@@ -17,7 +17,8 @@ from multiprocessing import connection
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-TARGET = "addon.cli.batch"
+TARGET, HASHES = "addon.cli.batch", "addon.cli.done.contents"
+IS_WORKER = "IMPRINT_WORKER" in os.environ
 
 
 def crash():
@@ -224,28 +225,46 @@ class Early(Connection):
 
 
 class Finder:
-    """Finds the module whose function is replaced."""
+    """Finds the modules whose functions are replaced."""
 
     def find_spec(self, name, path=None, target=None):
-        if name != TARGET:
+        change = {TARGET: with_deeds, HASHES: with_slow_files}.get(name)
+        if change is None:
             return None
         spec = PathFinder.find_spec(name, path, target)
         load = spec.loader.exec_module
 
         def exec_module(module):
             load(module)
-            open_files = module.open_files
-
-            def sabotaged(plan, *more, **named):
-                for word, deed in DEEDS.items():
-                    if word in Path(plan.options.low_file or "").stem:
-                        deed()
-                return open_files(plan, *more, **named)
-
-            module.open_files = sabotaged
+            change(module)
 
         spec.loader.exec_module = exec_module
         return spec
+
+
+def with_deeds(module):
+    open_files = module.open_files
+
+    def sabotaged(plan, *more, **named):
+        for word, deed in DEEDS.items():
+            if word in Path(plan.options.low_file or "").stem:
+                deed()
+        return open_files(plan, *more, **named)
+
+    module.open_files = sabotaged
+
+
+def with_slow_files(module):
+    """Files with "slow" in their names are read as if they were large, by the parent of all workers."""
+    read = module.Contents._hash
+
+    def _hash(self, file):
+        for _ in range(600 if "slow" in os.path.basename(file.name) and not IS_WORKER else 0):
+            time.sleep(0.1)
+            self._check()
+        return read(self, file)
+
+    module.Contents._hash = _hash
 
 
 sys.meta_path.insert(0, Finder())
