@@ -86,6 +86,23 @@ def test_a_file_without_material_in_its_name_is_refused(pair, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_image_without_material_in_its_name_is_refused(pair, tmp_path):
+    with pytest.raises(BakeError, match=r"Texture sets need \{material\} in the name of the image"):
+        bake(*pair, image="one")
+    with pytest.raises(BakeError, match=r"Texture sets need \{material\} in the name of the image"):
+        bake(*pair, image="one", storage="FILE", output=str(tmp_path / "{material}.png"))
+    assert not bpy.data.images
+
+
+def test_faces_of_a_slot_that_is_gone_are_in_the_set_of_the_last_one(pair):
+    low, high = pair
+    low.data.polygons.foreach_set("material_index", [0, 7, 0, 7, 0, 7])
+    reports = bake(low, high)
+    assert [report.material for report in reports] == list(COLORS)
+    for report in reports:
+        assert report.coverage == pytest.approx(0.81, abs=0.03)
+
+
 def test_material_in_a_name_needs_texture_sets(pair, tmp_path):
     with pytest.raises(BakeError, match="Texture Sets is off"):
         bake(*pair, texture_sets=False, storage="FILE", output=str(tmp_path / "{material}.png"))

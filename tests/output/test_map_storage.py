@@ -5,6 +5,7 @@ import os
 import threading
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -278,6 +279,30 @@ def test_a_file_that_cannot_be_moved_into_place_leaves_the_old_one(texels, tmp_p
     assert str(refused.value) == f"{str(path)!r} could not be written: Permission denied."
     assert path.read_bytes() == b"an old picture"
     assert os.listdir(tmp_path) == ["map.png"]
+    assert difference(before, snapshot()) == {}
+
+
+def test_a_second_file_that_cannot_be_moved_into_place_leaves_the_first_one(texels, tmp_path, monkeypatch):
+    paths, replace = [tmp_path / "first.png", tmp_path / "second.png"], atomic_file.os.replace
+
+    def fail(source, target):
+        if Path(target) == paths[1]:
+            raise OSError(13, "Permission denied")
+        replace(source, target)
+
+    for path in paths:
+        path.write_bytes(b"an old picture")
+    before = snapshot()
+    made = [Settings(width=WIDTH, height=HEIGHT, image=path.stem, storage="FILE", output=str(path)) for path in paths]
+    with map_storage.Writer("", made[0]) as first, map_storage.Writer("", made[1]) as second:
+        for writer in (first, second):
+            writer.add(1001, texels.copy())
+        monkeypatch.setattr(atomic_file.os, "replace", fail)
+        with pytest.raises(BakeError, match=r"second\.png' could not be written: Permission denied"):
+            map_storage.commit_all([first, second])
+        monkeypatch.undo()
+    assert [path.read_bytes() for path in paths] == [b"an old picture"] * 2
+    assert sorted(os.listdir(tmp_path)) == ["first.png", "second.png"]
     assert difference(before, snapshot()) == {}
 
 

@@ -11,7 +11,7 @@ from PIL import Image
 from addon.core import texel_state
 from addon.core.map_types import BY_NAME, NORMAL, Labeled
 from addon.core.settings import Settings
-from addon.output import value_encoding
+from addon.output import datablocks, value_encoding
 from addon.output.outputs import Outputs, connect_maps
 from tests.support.maps import pixels
 
@@ -115,6 +115,42 @@ def test_colors_that_16_bit_floats_do_not_hold_are_named(tmp_path, top, depth):
     stored = store({"EMISSION": colors}, maps=("EMISSION",), storage="FILE", output=output, depth=depth)
     warning = "16-bit floats cut off values beyond 65,504 of the emission map; --depth 32 keeps them."
     assert stored.warnings == ([warning] if (top, depth) == (70_000.0, 16) else [])
+
+
+def test_each_map_that_16_bit_floats_do_not_hold_is_named(tmp_path):
+    bright = {name: values(3, top=70_000.0) for name in ("EMISSION", "BASE_COLOR", "METALLIC")}
+    bright["METALLIC"] /= 2.0
+    (warning,) = store(bright, maps=tuple(bright), storage="FILE", output=str(tmp_path / "m.exr"), depth=16).warnings
+    assert warning.startswith("16-bit floats cut off values beyond 65,504 of the base color map, emission map; ")
+
+
+def test_each_map_knows_its_high_objects():
+    store({"BASE_COLOR": values(3), "AO": gray(5)}, maps=("BASE_COLOR", "AO"))
+    for name in ("map", "map_base_color", "map_ao"):
+        assert datablocks.origin(name) == LABELS[Labeled.OBJECTS]
+
+
+@pytest.mark.parametrize("with_value", [0, 1])
+def test_a_map_is_empty_if_all_its_tiles_are(tmp_path, with_value):
+    output = str(tmp_path / "m.<UDIM>.png")
+    settings = Settings(
+        width=WIDTH,
+        height=HEIGHT,
+        image="map",
+        udim=True,
+        storage="FILE",
+        output=output,
+        maps=("BASE_COLOR", "METALLIC"),
+    )
+    state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
+    none = np.zeros((HEIGHT, WIDTH, 4), np.float32)
+    with Outputs(settings) as outputs:
+        for number, tile in enumerate((1001, 1002)):
+            color = values(3) if number == with_value else none.copy()
+            drawn = {NORMAL.name: values(0), "BASE_COLOR": color, "METALLIC": none.copy()}
+            outputs.add(tile, {name: (texels, state) for name, texels in drawn.items()})
+        stored = outputs.commit(LABELS, [])
+    assert [name for name, how in stored.maps.items() if how.get("empty")] == ["metallic"]
 
 
 @pytest.mark.parametrize("storage", ["PACK", "MEMORY"])

@@ -302,6 +302,63 @@ def test_live_follows_the_settings(pair):
     assert live.message == ""
 
 
+def test_live_names_the_present_problem_of_the_settings(pair):
+    switch(True)
+    follow()
+    settings = bpy.context.scene.imprint
+    settings.udim = True
+    follow()
+    settings.udim, settings.texture_sets = False, True
+    follow()
+    assert "turn Texture Sets off" in live.message
+    settings.texture_sets, settings.width = False, 48
+    follow()
+    assert live.message == ""
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+
+
+def test_a_change_that_is_not_stored_yet_is_stored_before_the_settings_change(pair, monkeypatch):
+    _, high = pair
+    switch(True)
+    monkeypatch.setattr(live, "rest", 1000.0)
+    move(high, 1)
+    bpy.context.view_layer.update()
+    while not live.is_resting and live.session.drawn < 2:
+        live.tick()
+    expected = fresh()
+    assert not np.array_equal(pixels(bpy.data.images["lo_normal"]), expected)
+    bpy.context.scene.imprint.image = "another"
+    monkeypatch.setattr(live, "rest", 0.0)
+    follow()
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), expected)
+    assert np.array_equal(pixels(bpy.data.images["another"]), expected)
+
+
+@pytest.mark.parametrize("which", ["lo", "hi"])
+def test_live_follows_uvs_with_their_margin(pair, which):
+    low, high = pair
+    for obj in pair:  # both fill a part of the map, so that there is a margin
+        scale_uvs(obj, 0.5)
+    bpy.context.scene.imprint.margin = 3
+    switch(True)
+    before = pixels(bpy.data.images["lo_normal"])
+    scale_uvs(low if which == "lo" else high, 1.5)
+    follow()
+    now = pixels(bpy.data.images["lo_normal"])
+    assert np.array_equal(now, fresh())
+    assert not np.array_equal(now, before)
+
+
+def scale_uvs(obj, factor):
+    """Scale the UVs about the middle of the map."""
+    layer = obj.data.uv_layers[0].uv
+    uv = np.empty(2 * len(layer), np.float32)
+    layer.foreach_get("vector", uv)
+    layer.foreach_set("vector", 0.5 + factor * (uv - np.float32(0.5)))
+    obj.data.update()
+    obj.update_tag()
+
+
 def test_files_are_written_when_live_is_turned_off(pair, tmp_path):
     _, high = pair
     settings = bpy.context.scene.imprint

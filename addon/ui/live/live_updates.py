@@ -144,7 +144,7 @@ class Following:
             raise
         self.free()
         self.session, self._settings, self._refused = session, wanted, None
-        self._strokes, self._all_changed, self._are_others_old = Strokes(session), True, True
+        self._strokes, self._all_changed = Strokes(session), True
         return False
 
     def advance(self, seconds: float, rest: float) -> bool:
