@@ -268,10 +268,12 @@ LATE = ["--low=rock_a_low", "--high=rock_a_high", "--no-material", *SMALL]
 @pytest.mark.parametrize("option", ["report", "save-blend"])
 def test_a_library_is_not_overwritten(place, capsys, output, option):
     before = tree(place)
+    is_early = option == "report" and (place / output).exists()  # no report replaces a .blend, whatever reads it
+    sentence = "which is not JSON" if is_early else "would overwrite a linked library"
     assert (
         command.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == exit_codes.WRONG_USAGE
     )
-    assert "would overwrite a linked library" in capsys.readouterr().err
+    assert sentence in capsys.readouterr().err
     assert tree(place) == before
     bake = {
         "file": "in/linked.blend",
@@ -281,8 +283,9 @@ def test_a_library_is_not_overwritten(place, capsys, output, option):
         option: output,
     }
     (place / "jobs.json").write_text(json.dumps({"bake": [bake]}))
-    assert command.run(["--jobs=jobs.json", "--no-material", *SMALL]) == exit_codes.FAILED
-    assert "would overwrite a linked library" in capsys.readouterr().err
+    code = exit_codes.WRONG_USAGE if is_early else exit_codes.FAILED
+    assert command.run(["--jobs=jobs.json", "--no-material", *SMALL]) == code
+    assert sentence in capsys.readouterr().err
     assert {path: content for path, content in tree(place).items() if path.name != "jobs.json"} == before
 
 
