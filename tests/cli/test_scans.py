@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests files of scans: pages by any name, missing ones, coordinates far from the origin, vertex colors, and hints."""
 
+import json
 import os
 import re
 from pathlib import Path
@@ -152,6 +153,25 @@ def test_a_material_for_each_tile_keeps_single_pages(folder):
     )
     (obj,) = import_file(folder / "scan.obj", PLAIN)
     assert sorted(name for name, _ in pages_of(obj)) == ["texture_1001.png", "texture_1002.png"]
+
+
+def test_a_page_with_options_of_another_program_keeps_its_path(folder):
+    """Blender's importer takes an option that it does not know for a part of the name."""
+    (folder / "o.mtl").write_text("newmtl m\nmap_Kd -colorspace sRGB -o 1 1 none.png\n")
+    (folder / "o.obj").write_text("mtllib o.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
+    import_file(folder / "o.obj", PLAIN)
+    (image,) = bpy.data.images
+    assert image.filepath == str(folder / "none.png")
+
+
+def test_an_importer_that_fails_at_a_file_says_whose_fault_it_is(folder):
+    mesh = {"primitives": [{"attributes": {"POSITION": 7}}]}
+    nodes = {"scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}]}
+    (folder / "a.gltf").write_text(json.dumps({"asset": {"version": "2.0"}, "meshes": [mesh], **nodes}))
+    with pytest.raises(BakeError) as refused:
+        import_file(folder / "a.gltf", PLAIN)
+    start = f"{str(folder / 'a.gltf')!r} could not be imported: it is damaged, or has something that Blender's importer does"
+    assert re.fullmatch(re.escape(start) + r" not expect \(\w+Error: .*\)\.", str(refused.value))
 
 
 @pytest.mark.parametrize("ending", [".gltf", ".fbx"])

@@ -28,7 +28,11 @@ IMAGES = {
     "  map_Kd   b c.png": ("map_Kd", "b c.png"),
     "map_Kd\tA.PNG": ("map_Kd", "a.png"),
     "map_Bump -bm 0.5 b c.png": ("map_Bump -bm 0.5", "b c.png"),
-    "map_Kd -s 1 2 3 -clamp on a.png": ("map_Kd -s 1 2 3 -clamp on", "a.png"),
+    "map_Kd -s 1 2 3 -clamp on a.png": ("map_Kd -s 1 2 3", "a.png"),
+    "map_Kd -colorspace sRGB -o 1 2 b c.png": ("map_Kd -o 1 2", "b c.png"),
+    "map_Kd -blendu on -odd none.png": ("map_Kd", "none.png"),
+    "map_Kd -s": ("map_Kd", "-s"),
+    "refl -type sphere a.png": ("refl -type sphere", "a.png"),
     "map_Kd -o 0.5 a.png": ("map_Kd -o 0.5", "a.png"),
     "map_Kd -odd.png": ("map_Kd", "-odd.png"),
     'map_Kd "b c.png"': ("map_Kd", "b c.png"),
@@ -42,6 +46,11 @@ def test_the_image_of_a_line_is_found_after_its_options(folder, line):
     ((placeholder, name),) = files.items()
     assert first == "newmtl x"
     assert (second, name) == (f"{IMAGES[line][0]} {placeholder}", IMAGES[line][1])
+
+
+@pytest.mark.parametrize("name", ["/", ".", "..", '""', "-clamp on ./"])
+def test_a_line_that_names_no_image_is_left_out(folder, name):
+    assert read(folder, f"newmtl x\nmap_Kd {name}\n") == (["newmtl x", ""], {})
 
 
 def test_other_lines_stay_byte_by_byte(folder):

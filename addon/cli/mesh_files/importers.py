@@ -149,8 +149,8 @@ def _append(path: Path) -> None:
 
 
 def _cause(error: RuntimeError | OSError) -> str:
-    """The importer's own message. Importers written in Python end with the cause, after a traceback."""
+    """The importer's own message. Importers written in Python may fail with an error of Python, after a traceback."""
     if "Traceback" not in str(error):
         return reason(error)
     last = [line for line in str(error).splitlines() if line.strip() and not line.startswith((" ", "Location"))][-1]
-    return last.rstrip(".")
+    return f"it is damaged, or has something that Blender's importer does not expect ({last.rstrip('.')})"

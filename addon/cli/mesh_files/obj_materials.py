@@ -17,7 +17,9 @@ _IMAGE_WORDS = ("map_", "bump", "disp", "decal", "refl", "norm")
 _COLORS = ("map_kd", "map_ke", "map_ks", "map_ka")
 """The lines whose images are colors. Others are numbers or normals, which are not stored as sRGB."""
 _OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
-"""The most arguments of options before an image's name. All others have one."""
+"""The most arguments of options before an image's name, which are numbers. All others have one."""
+_READ = ("-s", "-o", "-bm", "-type")
+"""The options that Blender's importer uses. It takes those that it does not know for the beginning of the name."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +96,10 @@ def _with_placeholder(line: bytes, folders: list[Path], known: dict[tuple, tuple
     if not rest.strip() or not word.lower().startswith(_IMAGE_WORDS):
         return line.strip()
     options, name = _split(rest)
+    if not page_search.cleaned(name).strip("./"):  # it names a folder
+        return b""
     path = page_search.find(name, folders)
-    if path is None and options:  # what looks like options may be the beginning of the name
+    if path is None and name != rest.strip():  # what looks like options may be the beginning of the name
         path = page_search.find(rest, folders)
         options, name = ("", rest.strip()) if path else (options, name)
     page = Page(name, path, word.lower() in _COLORS)
@@ -106,21 +110,18 @@ def _with_placeholder(line: bytes, folders: list[Path], known: dict[tuple, tuple
 
 
 def _split(text: str) -> tuple[str, str]:
-    """The options and the name in what follows the first word of a line."""
-    words, first = [word for word in text.split(" ") if word], 0
-    while first < len(words) and words[first].startswith("-") and len(words[first]) > 1:
-        option, most = words[first].lower(), _OPTIONS.get(words[first].lower(), 1)
-        first += 1
-        if option in _OPTIONS:
-            last = first + most
-            while first < min(last, len(words) - 1) and _NUMBER.fullmatch(words[first]):
-                first += 1
-        else:
+    """The options that Blender reads, and the name, in what follows the first word of a line."""
+    words, first, read = [word for word in text.split(" ") if word], 0, []
+    while first < len(words) - 1 and words[first].startswith("-") and len(words[first]) > 1:
+        begin, option = first, words[first].lower()
+        first, last = first + 1, min(first + 1 + _OPTIONS.get(option, 1), len(words) - 1)
+        while first < last and (option not in _OPTIONS or _NUMBER.fullmatch(words[first])):
             first += 1
+        read += words[begin:first] if option in _READ else []
     rest = text.strip()
     for word in words[:first]:
         rest = rest[len(word) :].lstrip()
-    return " ".join(words[:first]), rest
+    return " ".join(read), rest
 
 
 def _decoded(text: bytes) -> str:
