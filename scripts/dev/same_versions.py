@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks that older versions of Blender bake the same maps as the one of .venv, in the background.
+"""Checks that older versions of Blender bake the same maps as the one of .venv, in the background, and that another process
+finds all in the files that they save.
 
     .venv/bin/python scripts/dev/same_versions.py [--versions 4.5.15 5.0.1 5.1.2] [--size 512] [--environments DIR] [--out DIR]
 
 Each version is a wheel in an environment of its own in DIR, which is made once: 400 MB to download each, and a Python 3.11
-or 3.13. It bakes one pair, made of the same numbers in each version, with CASES. Ends with 1 if an output is missing, or if a
-texel differs by more than TOLERANCE.
+or 3.13. It bakes one pair, made of the same numbers in each version, with CASES. Ends with 1 if an output is missing, if a
+texel differs by more than TOLERANCE, or if a saved file differs: tests/support/saved_scenes.py has what is in it.
 """
 
 import argparse
+import json
 import os
 import shutil
 import subprocess
@@ -178,6 +180,19 @@ def maps_of(python: str, folder: Path, size: int) -> dict[str, np.ndarray]:
         return dict(found)
 
 
+def lost(python: str, folder: Path) -> list[str]:
+    """What of a file that Blender in this Python has saved is not the same when it is opened in another process, in lines."""
+    scene = str(folder / "saved" / "scene.blend")
+    states = []
+    for name, given in (("first_day", [str(folder), scene]), ("opened", [scene])):
+        command = [python, "-m", "tests.support.saved_scenes", name, str(folder / f"{name}.json"), *given]
+        subprocess.run(command, cwd=ROOT, check=True, stdin=subprocess.DEVNULL)
+        states.append(json.loads((folder / f"{name}.json").read_text()))
+    saved, found = states[0]["first"], states[1]
+    print(f"{len(saved['images'])} images of a saved file", flush=True)
+    return [f"{part} of a saved file" for part in saved if found[part] != saved[part]]
+
+
 def compare(wanted: dict[str, np.ndarray], found: dict[str, np.ndarray]) -> list[str]:
     """What differs by more than TOLERANCE, in lines; smaller differences are printed."""
     failed = [f"{name}: only one version has it" for name in sorted(wanted.keys() ^ found.keys())]
@@ -210,8 +225,10 @@ def main() -> int:
     failed = False
     for version in given.versions:
         python = environment(given.environments.resolve(), version)
-        lines = compare(wanted, maps_of(python, out.resolve() / version, given.size))
+        folder = out.resolve() / version
+        lines = compare(wanted, maps_of(python, folder, given.size))
         print(f"{version}: {len(wanted) - len(lines)} of {len(wanted)} outputs are equal to {TOLERANCE}", flush=True)
+        lines += lost(python, folder)
         for line in lines:
             print(f"  differs: {line}")
         failed |= bool(lines)

@@ -22,13 +22,7 @@ def states(tmp_path_factory, gpu_context, registered):
     """The state of the file of each way when it was saved, the one in another process, and that before all."""
     folder = tmp_path_factory.mktemp("saved")
     path = {way: folder / way / "scene.blend" for way in WAYS}
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    saved_scenes.save(path["first"])  # files are relative to it
-    for kind in KINDS:
-        saved_scenes.build(kind, str(folder))
-        saved_scenes.bake(kind)
-    saved_scenes.show_bake()
-    saved = {"never": saved_scenes.state(), "first": saved_scenes.save(path["first"])}
+    saved = saved_scenes.first_day(str(folder), str(path["first"]))
     saved["elsewhere"] = saved_scenes.save(path["elsewhere"])
     for kind in KINDS:
         saved_scenes.bake(kind)

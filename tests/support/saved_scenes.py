@@ -8,6 +8,7 @@ what it returns into the file OUT.
 
 import hashlib
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
@@ -216,7 +217,9 @@ def state() -> dict:
         "pairs": {name: _pair(pair) for name, pair in pairs.items()},
         "settings": {scene.name: _settings(scene.imprint) for scene in bpy.data.scenes},
         "materials": {
-            material.name: json.loads(json.dumps(snapshot._tree(material.node_tree))) for material in bpy.data.materials
+            material.name: json.loads(json.dumps(snapshot._tree(material.node_tree)))
+            for material in bpy.data.materials
+            if material.node_tree is not None
         },
         "views": {
             f"{screen.name} {number}": snapshot.settings(space.shading) | {"local": space.local_view is not None}
@@ -272,6 +275,17 @@ def save(path: Path) -> dict:
     return json.loads(json.dumps(state()))
 
 
+def first_day(folder: str, path: str) -> dict[str, dict]:
+    """Make a file with maps of all kinds, and save it. Returns its states before and after saving."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    save(Path(path))  # files are relative to it
+    for kind in KINDS:
+        build(kind, folder)
+        bake(kind)
+    show_bake()
+    return {"never": state(), "first": save(Path(path))}
+
+
 def opened(path: str) -> dict:
     """The state of a file."""
     bpy.ops.wm.open_mainfile(filepath=path)
@@ -304,11 +318,14 @@ def main(name: str, out: str, *arguments: str) -> None:
 
     import addon
 
-    gpu.init()
+    if hasattr(gpu, "init"):  # see addon/older_blender.py
+        gpu.init()
     addon.register()
     result = globals()[name](*arguments)
     Path(out).write_text(json.dumps(result))
     addon.unregister()
+    sys.stdout.flush()
+    os._exit(0)  # Blender 4.5 hangs where its process ends
 
 
 if __name__ == "__main__":
