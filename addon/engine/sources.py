@@ -82,6 +82,19 @@ def normal_source(
     return Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
 
 
+def hits_are_chosen(plan: Plan, settings: Settings) -> bool:
+    """Whether rays have another hit than that which belongs to their texel, since the settings name another rule."""
+    return plan.casts_rays and settings.hit != Hit.OWN
+
+
+def own_source(
+    plan: Plan, settings: Settings, timings: Timings, pace: Pace, *, uploads: mesh_upload.UploadCache | None = None
+) -> Task[Source]:
+    """The source of normals alone of a bake with the rule OWN, which no settings choose: what belongs to each texel."""
+    own = replace(settings, hit=Hit.OWN, maps=())
+    return (yield from normal_source(plan, own, timings, pace, uploads=uploads))
+
+
 def _flat_surface(highs: Sequence[Mesh], settings: Settings, timings: Timings) -> HighSurface:
     """What hits of Flatten are on, with a tree only if maps cast rays."""
     if any(BY_NAME[name].family.casts_rays for name in settings.maps):

@@ -2,7 +2,7 @@
 """One bake, step by step: read, choose a method, make a source, draw tile by tile, audit, store, hook up, report."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import bpy
@@ -23,10 +23,11 @@ from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..engine import gpu_memory, margins, shared_uvs
+from ..engine import gpu_memory, margins, shared_uvs, sources
 from ..engine.hidden_parts import HiddenParts
 from ..engine.maps.family import Run
 from ..engine.maps.maps_of_bake import maps_of_bake
+from ..engine.maps.sampling import SampledMaps
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
 from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
@@ -93,6 +94,7 @@ class _Ready:
     source: Source
     renderer: Renderer
     others: OtherReaders
+    truth: SampledMaps
     hidden: HiddenParts
     deviations: Deviations
     pictures: BakePictures
@@ -132,13 +134,17 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
     is_wanted = (job.is_measured or job.is_pictured) and settings.normal
     kept = partial(map_storage.kept, settings=settings)
-    hidden = HiddenParts(plan, source, settings, is_shared=in_order is not meshes)
-    deviations = Deviations(plan, drawn, settings, pictures, kept=kept, is_wanted=is_wanted, hidden=hidden)
+    truth = drawn
+    if is_wanted and sources.hits_are_chosen(plan, settings):
+        source_of_truth = yield from part(sources.own_source(plan, settings, timings, pace), 1.0, 1.0)
+        truth = maps_of_bake(in_order, source_of_truth, replace(run, settings=replace(settings, maps=())))
+    hidden = HiddenParts(plan, truth.source, settings, is_shared=in_order is not meshes)
+    deviations = Deviations(plan, truth, settings, pictures, kept=kept, is_wanted=is_wanted, hidden=hidden)
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
     if plan.method == Method.CAST:
         warnings += [Warned(text, causes.UNFIT) for text in job.hints]
     renderer = Renderer(drawn, run)
-    return _Ready(meshes, warnings, plan, source, renderer, others, hidden, deviations, pictures, length)
+    return _Ready(meshes, warnings, plan, source, renderer, others, truth, hidden, deviations, pictures, length)
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
@@ -148,7 +154,7 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
         materials = texture_sets.numbers(job.low, ready.plan.meshes) if not settings.texture_sets else None
-        stacked = stacked_detail.check(ready.plan, ready.hidden, ready.renderer.maps, settings, materials)
+        stacked = stacked_detail.check(ready.plan, ready.hidden, ready.truth, settings, materials)
         findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
     stopped = ready.renderer.stopped / tally.written
     read = ready.others.results(tally.backwards)

@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 from addon.audit.angle_counts import AngleCounts
 from addon.core.progress import Pace
@@ -169,3 +170,38 @@ def change(mesh, function):
     values = np.empty(2 * len(uvs), np.float32)
     uvs.foreach_get("vector", values)
     uvs.foreach_set("vector", np.float32(function(values.reshape(-1, 2))).ravel())
+
+
+@pytest.mark.parametrize(("hit", "degrees"), [("OWN", 0.0), ("OUTERMOST", np.degrees(np.arctan(0.2)))])
+def test_the_truth_is_the_layer_that_belongs_to_a_texel_whatever_hit_the_settings_choose(hit, degrees):
+    """A tilted plate below a level one: the rays of both start above both."""
+    lows, highs = (
+        [zoo.plane("low", 2), zoo.plane("low above", 2)],
+        [zoo.plane("high", 4, slope=0.2), zoo.plane("high above", 4)],
+    )
+    for obj, height, move in zip([*lows, *highs], (0.0, 1.0) * 2, (0.0, 0.5) * 2, strict=True):
+        shrink(obj.data, move)
+        obj.data.transform(Matrix.Translation((0.0, 0.0, height)))
+    for one, other in (lows, highs):
+        with bpy.context.temp_override(active_object=one, selected_editable_objects=[one, other]):
+            bpy.ops.object.join()
+    chosen = settings(method="CAST", hit=hit, extrusion=2.0, max_distance=3.0)
+    (found,) = measured(lows[:1], highs[:1], chosen)
+    assert found["median"] < EXACT
+    assert found["percentile_99"] == pytest.approx(degrees, abs=EXACT)
+    session = live_session.Session(bpy.context, Job(lows[0], highs[:1]), chosen, Pace())
+    session.run(bpy.context)
+    shading = view_shading.Shading(session)
+    shading.update(is_measured=True)
+    assert shading.figures.percentile_99 == pytest.approx(degrees, abs=EXACT)
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+def test_wrong_layers_of_the_outermost_hit_are_found_on_a_collar(shared_assets):
+    """39 percent of its texels show the outside of the collar in place of the inside."""
+    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "layers" / "collar.blend"))
+    low, high = (bpy.data.objects[name] for name in ("lo", "hi"))
+    for hit, least, most in (("OWN", 0.0, EXACT), ("OUTERMOST", 90.0, 180.0)):
+        (found,) = measured([low], [high], settings(method="CAST", hit=hit, width=256, height=256))
+        assert least <= found["percentile_95"] <= most

@@ -94,7 +94,7 @@ def _of_angles(start: str, meaning: str, find: Callable[[dict], dict | None], ne
 def _angles() -> Iterator[Figure]:
     yield from _of_angles(
         "deviation",
-        "degrees between the normals that the low mesh shows with its map and those of the high mesh",
+        "degrees between the normals that the low mesh shows with its map and those of the high mesh at its texels' hits",
         lambda report: report.get("deviation"),
         DEVIATION,
     )

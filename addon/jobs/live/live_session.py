@@ -239,26 +239,30 @@ class Session:
         return self._uploads.upload(key, mesh.triangles, **attributes)
 
     def high_normals(self) -> gpu.types.GPUTexture:
-        """The normals of the high surface at the centers of the last map's texels, as sources.Source draws them.
+        """The normals of the high surface at the centers of the last map's texels, as sources.Source draws them, with the hits
+        that belong to the texels.
 
         The texture is in the current pool.
         """
         size = self.settings.width, self.settings.height
-        self._complete()
-        return self._drawer.high_normals(Band(0, size[1], size, 0))
+        return self._true_drawer().high_normals(Band(0, size[1], size, 0))
 
     def hidden_parts(self) -> HiddenParts:
         """The parts of the low mesh that show texels of other parts on the last map."""
-        self._complete()
-        return HiddenParts(self.plan, self._source, self.settings, is_shared=self._meshes is not self._as_read)
+        is_shared = self._meshes is not self._as_read
+        return HiddenParts(self.plan, self._true_drawer().source, self.settings, is_shared=is_shared)
 
-    def _complete(self) -> None:
-        """Make what draws a whole map, if only a part of the last one was drawn."""
-        if self._drawer is None:
+    def _true_drawer(self) -> sampling.SampledMaps:
+        """What draws a whole map, with the hits that belong to the texels; for the last map, it is made once."""
+        is_other = sources.hits_are_chosen(self.plan, self.settings)
+        if self._drawer is None or (is_other and self._drawer.source is self._source):
+            make = sources.own_source if is_other else sources.normal_source
             run = Run(self.settings, Timings(), Pace())
-            preparing = sources.normal_source(self.plan, run.settings, run.timings, run.pace, uploads=self._uploads)
-            self._source = progress.finish(preparing)
-            self._drawer = maps_of_bake(self.plan.meshes, self._source, run, uploads=self._uploads)
+            source = progress.finish(make(self.plan, run.settings, run.timings, run.pace, uploads=self._uploads))
+            if not is_other:
+                self._source = source
+            self._drawer = maps_of_bake(self.plan.meshes, source, run, uploads=self._uploads)
+        return self._drawer
 
     def store(self) -> None:
         """Put the last normal map into its image datablock, and the image into the material if it is new."""
