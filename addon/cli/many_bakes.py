@@ -12,6 +12,7 @@ from ..core.errors import BakeError, NoGpu, sentence
 from ..core.names.printable import printable
 from ..core.progress import Progress
 from ..core.timings import startup
+from .done.claims import Claims
 from .done.resuming import Resuming
 from .done.turns import Turns
 from .done.turns_aside import TurnsAside
@@ -57,8 +58,9 @@ class Many:
             arguments.are_many(self.options) or run_options.needs_worker(self.options)
         )
 
-    def turns(self, bounds: Bounds | None, meter: Meter) -> Turns:
-        """The bakes, without those that are done if the options say so. bounds: the folders of files that are not trusted."""
+    def turns(self, bounds: Bounds | None, meter: Meter, *, is_here: bool) -> Turns:
+        """The bakes, without those that are done if the options say so. bounds: the folders of files that are not trusted.
+        is_here: whether this process does them."""
         if not run_options.has_records(self.options):
             return Turns(self.chosen)
         of_run = {"is_forced": self.options.force, "records": self.options.records, "bounds": bounds}
@@ -66,7 +68,8 @@ class Many:
         shares, name = [0.0], self.options.jobs or self.options.pairs or self.program
 
         def make(check: Callable[[], None]) -> Turns:
-            return Resuming(self.chosen, check=check, on_share=shares.append, **of_run)
+            claims = Claims(is_busy=is_here)
+            return Resuming(self.chosen, claims=claims, check=check, on_share=shares.append, **of_run)
 
         return TurnsAside(make, lambda: meter.show(name, Progress("Comparing with records", shares[-1])))
 
@@ -84,12 +87,14 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
         meter.report(f"{many.program}: warning: {lacks}")
     try:
         meter.planned(many.planned, len(many.chosen), many.shard)
-        with _Found(many, files, meter) as found, many.turns(files.bounds, meter) as turns, ExitStack() as held:
+        has_workers = bool(files.bounds) or (may_start_processes and many.has_workers)
+        opened = many.turns(files.bounds, meter, is_here=not has_workers)
+        with _Found(many, files, meter) as found, opened as turns, ExitStack() as held:
             meter.clear()
             for done in turns.done:
                 found.add(Done.resumed(done.plan, done.result))
             source: Iterable[Done] = ()
-            if turns.count and (files.bounds or (may_start_processes and many.has_workers)):
+            if turns.count and has_workers:
                 rights = held.enter_context(closing(Confinement(files.bounds, options.log))) if files.bounds else None
                 supervisor = held.enter_context(Supervisor(options.workers, _limits(options), rights))
                 source = supervisor.bake_all(turns, files, meter, wanted)

@@ -16,10 +16,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ...output.files import temporary_paths
 from ...output.files.atomic_file import make_folder
 from ...output.files.temporary_paths import TemporaryPath
+from . import claim_beats
+from .claim_beats import Beats
 
 try:
     import fcntl
@@ -48,21 +51,31 @@ class _Held:
     token: str = field(default_factory=lambda: secrets.token_hex(16))
     count: int = 0
 
+    @property
+    def values(self) -> dict[str, Any]:
+        """What the file contains beside how often it was changed."""
+        machine = self.machine if self.is_locked else ""
+        return {"token": self.token, "host": platform.node(), "machine": machine, "process": os.getpid()}
+
     def beat(self) -> None:
-        """Change the claim in place: if another process has taken it over, only a removed file changes. Raises OSError."""
+        """Change the claim. Raises OSError."""
         self.count += 1
-        values = {"token": self.token, "host": platform.node(), "machine": self.machine if self.is_locked else ""}
-        text = json.dumps({**values, "process": os.getpid(), "counter": f"{self.count:012}"})
-        os.lseek(self.descriptor, 0, os.SEEK_SET)
-        os.write(self.descriptor, text.encode())
-        os.fsync(self.descriptor)  # so that other machines see it
+        claim_beats.write(self.descriptor, claim_beats.text(self.values, self.count))
 
 
 class Claims:
     """The claims that this process has, and those of others that it watches. `close` gives all up."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic, machine: str = "", beat: float = BEAT):
-        """clock: in seconds. machine: an identifier of this machine."""
+    def __init__(
+        self,
+        clock: Callable[[], float] = time.monotonic,
+        machine: str = "",
+        beat: float = BEAT,
+        *,
+        is_busy: bool = False,
+    ):
+        """clock: in seconds. machine: an identifier of this machine. is_busy: whether this process bakes, so that another one
+        has to change its claims as well."""
         self._clock, self._machine, self._every = clock, machine or temporary_paths.machine(), beat
         self._held: dict[Path, _Held] = {}
         self._watched: dict[Path, tuple[bytes, float]] = {}
@@ -70,6 +83,7 @@ class Claims:
         self._is_busy = threading.Lock()
         self._is_closed = threading.Event()
         self._thread: threading.Thread | None = None
+        self._beats = Beats(beat) if is_busy else None
 
     def __enter__(self) -> "Claims":
         return self
@@ -93,6 +107,8 @@ class Claims:
             held = self._held.pop(path, None)
         if held is None:
             return
+        if self._beats is not None:
+            self._beats.send(str(path))
         if fcntl is None:
             os.close(held.descriptor)
         with suppress(OSError):  # a share that is gone; others see that the claim does not change
@@ -111,6 +127,8 @@ class Claims:
             self.release(path)
         if self._thread is not None:
             self._thread.join()
+        if self._beats is not None:
+            self._beats.close()
 
     def _create(self, path: Path) -> bool:
         """Create the file of a claim, unless there is one. Raises OSError."""
@@ -125,6 +143,8 @@ class Claims:
         self._watched.pop(path, None)
         with self._is_busy:
             self._held[path] = held
+        if self._beats is not None:
+            self._beats.send(str(path), held.values)
         if self._thread is None:
             self._thread = threading.Thread(target=self._beat, name="imprint-claims", daemon=True)
             self._thread.start()
@@ -148,6 +168,8 @@ class Claims:
 
     def _beat(self) -> None:
         while not self._is_closed.wait(self._every):
+            if self._beats is not None and self._beats.is_running:
+                continue
             with self._is_busy:
                 for held in self._held.values():
                     with suppress(OSError):  # a share that is gone for a moment
