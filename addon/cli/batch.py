@@ -23,11 +23,10 @@ from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
 from ..scene import object_refs
-from . import input_checks, interruption, memory_check, scene_files, side_files, standard_streams
-from .done import bake_key
+from . import input_checks, interruption, memory_check, read_files, side_files, standard_streams
 from .done.contents import Content, Contents
 from .mesh_files.importers import Space
-from .plan import run_clashes
+from .plan import named_files, run_clashes
 from .plan.plans import Plan, subject
 from .results import gates, report_file, run_report
 from .results.bake_result import Result
@@ -121,7 +120,7 @@ def open_files(
         job.is_measured, job.is_pictured = gates.DEVIATION in gates.needs(options.strict), is_pictured
     # In a chain, a bake may read the maps of those before it.
     read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
-    used = [*scene_files.used(options), *read]
+    used = [*read_files.used(options), *read]
     files.opened(plan.name, options, _lows(options, jobs), used)
     notes = input_checks.check_pages(options, settings, jobs)
     hints = input_checks.fit_hints(options, jobs)
@@ -130,9 +129,9 @@ def open_files(
     notes += input_checks.rounded_coordinates(options, jobs)
     hashes = hashes or (Contents() if options.report else None)
     reading = hashes.checking(interruption.check) if hashes else None
-    declared = reading.all_of(bake_key.inputs(options, bpy.data.filepath)) if reading else []
-    found = reading.all_of(scene_files.read_by(options, jobs)) if reading else []
-    not_followed = scene_files.not_followed(options, jobs)
+    declared = reading.all_of(named_files.inputs(options, bpy.data.filepath)) if reading else []
+    found = reading.all_of(read_files.read_by(options, jobs)) if reading else []
+    not_followed = read_files.not_followed(options, jobs)
     return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, not_followed, hashes)
 
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scenes for a bake without a window: a .blend is opened, mesh files are imported into an empty scene."""
 
-import argparse
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -12,9 +11,8 @@ import bpy
 
 from ..core.errors import BakeError
 from ..core.file_formats import OPENED
-from ..core.file_structure import usd_layers, whole_files
+from ..core.file_structure import whole_files
 from ..jobs.job import Job
-from ..output import datablocks
 from ..output.files.atomic_file import reason
 from ..scene import dependencies
 from ..scene.visibility import put
@@ -22,7 +20,6 @@ from . import interruption, outside_files, standard_streams
 from .mesh_files.importer_messages import UnreadReference
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
 from .plan import blend_blocks
-from .plan.input_files import InputFiles
 
 
 class Stage:
@@ -189,47 +186,3 @@ def _only(name: str, meshes: Iterable[bpy.types.Object]) -> bpy.types.Object:
             "file as FILE and name one of them."
         )
     return first
-
-
-def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[str, str]]:
-    """The files that the open scene's bake reads beside those of its options, and what they are. Some may not exist."""
-    yield from used(options)
-    for name in _named(options):
-        title = f"what {os.path.basename(name)!r} refers to"
-        yield from ((path, title) for path in InputFiles().references(name))
-    lows, highs = [job.low for job in jobs], [high for job in jobs for high in job.highs]
-    cages = [job.cage for job in jobs if job.cage]
-    for each in dependencies.of([*lows, *highs, *cages], highs):
-        # The materials of a low object that is its own high one show the maps that the bake replaces.
-        if not (each.is_own_map and set(lows) & set(highs)):
-            yield each.path, each.what
-
-
-def not_followed(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
-    """Why the bake may read files that `read_by` does not know, in clauses."""
-    objects = [obj for job in jobs for obj in (job.low, *job.highs, job.cage) if obj]
-    return [
-        *filter(None, (usd_layers.named(name).unknown for name in _named(options))),
-        *dependencies.not_followed(objects),
-    ]
-
-
-def used(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    """The files that the open scene uses beside its own, and what they are: libraries, caches, layers of USD files, textures of
-    imported meshes."""
-    yield from (
-        (path, what) for path, what in datablocks.sources() if path != bpy.data.filepath
-    )  # it may be saved over
-    # The images of a .blend may be maps of an earlier bake, which the next bake replaces.
-    named = _named(options)
-    for name in named:
-        yield from ((path, f"what {os.path.basename(name)!r} refers to") for path in usd_layers.named(name).layers)
-    if named and not any(Path(name).suffix.lower().startswith(".blend") for name in named):
-        for image in bpy.data.images:
-            if image.filepath and image.source in {"FILE", "TILED", "SEQUENCE"}:
-                yield bpy.path.abspath(image.filepath), "a texture of the meshes"
-
-
-def _named(options: argparse.Namespace) -> list[str]:
-    """The mesh files and .blend files of a bake's options."""
-    return [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]

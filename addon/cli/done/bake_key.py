@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, is_dataclass
 from typing import Any
 
 from ...core import versions
-from ..usage import arguments
+from ..plan import named_files
 from ..usage.options import FILE, JOBS, OPTIONS, STRICT
 from ..usage.run_options import RUN_OPTIONS
 from . import moved_paths
@@ -48,7 +48,7 @@ def canonical(value: Any) -> str:
 
 def of(options: argparse.Namespace, contents: Contents, open_file: str = "") -> Key:
     """The key of a bake. This reads its files. open_file: the path of the open .blend, which a bake without files uses."""
-    found = tuple(contents.of(path, what) for path, what in inputs(options, open_file))
+    found = tuple(contents.of(path, what) for path, what in named_files.inputs(options, open_file))
     return Key(settings(options), found, versions.imprint(), versions.blender(), versions.code())
 
 
@@ -61,15 +61,6 @@ def settings(options: argparse.Namespace) -> dict[str, Any]:
         given[name] = path and moved_paths.written(os.path.abspath(path), os.path.dirname(output))
     given["pairs"] = bool(options.pairs)  # a folder's meshes are inputs of their bakes
     return json.loads(json.dumps(given, default=_plain))
-
-
-def inputs(options: argparse.Namespace, open_file: str = "") -> Iterator[tuple[str, str]]:
-    """The files that the options name to read: paths, and what they are. open_file: as in `of`."""
-    opened = options.file or ([open_file] if not (options.low_file or arguments.is_folder(options)) else [])
-    parts = [*((path, "the file to open") for path in opened), (options.low_file, "the low mesh's file")]
-    parts += [*((path, "the high mesh's file") for path in options.high_file), (options.cage_file, "the cage's file")]
-    parts.append((options.convert, "the map to convert"))
-    return ((path, what) for path, what in parts if path)
 
 
 def _plain(value: Any) -> Any:

@@ -6,12 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ...core.errors import BakeError
+from ..plan import named_files
 from ..plan.plans import Plan
 from ..results import bake_result, run_report
 from ..results.bake_result import Done
 from ..results.run_report import Entry, State
 from ..trust.bounds import Bounds
-from . import bake_key, bake_record
+from . import bake_record
 from .bake_record import Draft
 from .contents import Content, Contents
 
@@ -61,7 +62,7 @@ def finish_untrusted(
         return Done.of(
             bake_result.failure(plan.name, BakeError(f"Its process gave a wrong result: {error}")), plan.number
         )
-    named = {os.path.abspath(path) for path, _ in bake_key.inputs(plan.options)}
+    named = {os.path.abspath(path) for path, _ in named_files.inputs(plan.options)}
     found = [hashes.of(each["path"], each["what"]) for each in entry.inputs]
     for said, content in zip(entry.inputs, found, strict=True):
         if content.facts() != said:

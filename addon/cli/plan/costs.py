@@ -3,10 +3,9 @@
 
 import argparse
 import functools
-from collections.abc import Iterable
 
 from ...core.settings import Settings
-from . import run_clashes
+from . import named_files, run_clashes
 from .input_files import InputFiles
 
 BYTE = 2
@@ -19,20 +18,8 @@ def cost(options: argparse.Namespace, files: InputFiles) -> int:
     samples = 1 if options.convert else options.samples
     texels = options.size[0] * options.size[1] * max(1, len(options.tiles)) * max(1, len(run_clashes.frames(options)))
     # A scene that is saved may replace the file that it was read from, while other machines look for their part.
-    read = [] if options.save_blend else inputs(options)
+    read = () if options.save_blend else {path for path, _ in named_files.inputs(options)}
     return texels * samples * maps + BYTE * sum(map(files.size, read))
-
-
-def inputs(options: argparse.Namespace) -> list[str]:
-    """The paths of the files that the options name, in their order."""
-    named: Iterable[str | None] = (
-        *options.file,
-        options.low_file,
-        *options.high_file,
-        options.cage_file,
-        options.convert,
-    )
-    return list(dict.fromkeys(filter(None, named)))
 
 
 def _maps(options: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from ..results import exit_codes
 from ..usage.garbage import unsearched
-from . import costs, planning, plans, shards
+from . import costs, named_files, planning, plans, shards
 from .input_files import InputFiles
 from .input_problems import InputProblems
 from .plans import Plan
@@ -98,7 +98,7 @@ class _Listing:
             "number": plan.number,
             "name": plan.name or plans.subject(plan.options, plans.open_file()),
             "cost": self.costs[plan.number],
-            "inputs": [os.path.abspath(path) for path in costs.inputs(plan.options)],
+            "inputs": list(dict.fromkeys(os.path.abspath(path) for path, _ in named_files.inputs(plan.options))),
             "outputs": [os.path.abspath(path) for path in self._run.outputs(plan.name, plan.options)],
             "problems": self._of_bakes[plan.number],
         }

@@ -16,10 +16,9 @@ from ...output.files.path_clashes import Places
 from ..results import own_files
 from ..results.report_file import LINES
 from ..trust.bounds import Bounds
-from ..usage import arguments
 from ..usage.garbage import unsearched
 from ..usage.options import STDOUT
-from . import blend_blocks, map_files, plans
+from . import blend_blocks, map_files, named_files, plans
 from .input_files import InputFiles
 
 _UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (file_names.LOW, file_names.MATERIAL, udim.TOKEN)))})")
@@ -118,7 +117,7 @@ class Run:
         """
         by_blend: dict[str, list[str]] = {}
         for name, options in bakes if len(bakes) > 1 else ():
-            for path in dict.fromkeys([*options.file, options.low_file or "", *options.high_file]):
+            for path in named_files.scenes(options):
                 if path.lower().endswith(".blend"):
                     by_blend.setdefault(os.path.realpath(path), []).append(name)
         if not by_blend or not any(map(_is_there, self._all_written(bakes))):
@@ -186,20 +185,10 @@ class Run:
 
     def _read_by(self, options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
         """The files that a bake reads: path, what it is, and "scene" if the saved scene may replace it."""
-        is_scene = not (options.low_file or arguments.is_folder(options))
-        opened = options.file or ([self._open_file] if self._open_file and is_scene else [])
-        for path in opened:
-            yield path, "the file to open", "scene"
-        if options.low_file:
-            yield options.low_file, "the low mesh's file", ""
-        for path in options.high_file:
-            yield path, "the high mesh's file", ""
-        if options.cage_file:
-            yield options.cage_file, "the cage mesh's file", ""
-        if options.convert:
-            yield options.convert, "the map to convert", ""
-        for path in (*opened, options.low_file, *options.high_file, options.cage_file):
-            for other in self._inputs.references(path) if path else ():
+        for path, what in named_files.inputs(options, self._open_file):
+            yield path, what, "scene" if what == named_files.OPENED else ""
+        for path in named_files.scenes(options, self._open_file):
+            for other in self._inputs.references(path):
                 yield other, f"what {os.path.basename(path)!r} refers to", ""
 
     def _read_file(self, path: str, title: str, by: Hashable = None) -> None:
@@ -282,7 +271,7 @@ def _libraries(
         return
     seen = set()
     for name, options in bakes:
-        for path in (*options.file, options.low_file or "", *options.high_file, options.cage_file or ""):
+        for path in named_files.scenes(options):
             if path not in seen and path.endswith(".blend"):
                 seen.add(path)
                 yield from ((str(library), name) for library in blend_blocks.libraries(Path(path)))

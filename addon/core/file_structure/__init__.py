@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads as much of the structure of image files as is needed to know their size."""
+"""Reads as much of the structure of files as is needed: their size, whether they are whole, and what they refer to."""
