@@ -233,14 +233,31 @@ def test_a_mesh_read_with_uvs_is_not_one_without_them(then, now):
     assert moved_vertices.read(obj.data, now, known, mesh_reader.matrix(obj)) is None
 
 
-@pytest.mark.parametrize(("step", "reads"), [(1, 0), (2, 1)])
-def test_memory_is_compared_only_where_values_lie_one_after_the_other(step, reads):
+@pytest.mark.parametrize(("step", "number", "reads"), [(1, 4, 0), (2, 4, 1), (1, 1, 1)])
+def test_memory_is_compared_only_where_values_lie_one_after_the_other(step, number, reads):
+    """A single value shows no distance to the next one."""
     values = np.arange(8, dtype=np.int32)
-    pointers = [values.ctypes.data + 4 * step * number for number in range(4)]
-    collection = [SimpleNamespace(as_pointer=lambda pointer=pointer: pointer) for pointer in pointers]
+    collection = [element(values.ctypes.data + 4 * step * each) for each in range(number)]
     done = []
-    assert moved_vertices._holds(collection, values[::step][:4].copy(), lambda: done.append(1) or values[::step][:4])
+    known = values[::step][:number].copy()
+    assert moved_vertices._holds(collection, known, lambda: done.append(1) or known)
     assert len(done) == reads
+
+
+@pytest.mark.parametrize(("step", "shift", "is_copied"), [(3, 0, True), (4, 0, False), (3, 1, False)])
+def test_triangles_are_copied_from_memory_only_where_it_holds_them(step, shift, is_copied):
+    """step: values from one triangle to the next. shift: what Blender says that they are, minus what the memory holds."""
+    values = np.arange(64, dtype=np.int32)
+    starts = range(0, 5 * step, step)
+    source = [element(values.ctypes.data + 4 * start, values[start : start + 3] + shift) for start in starts]
+    found = np.full((5, 3), -1, np.int32)
+    assert mesh_reader._copy_triangles(source, found) == is_copied
+    assert (found == (values[:15].reshape(5, 3) if is_copied else -1)).all()
+
+
+def element(pointer, loops=()):
+    """An element of one of Blender's collections, at an address."""
+    return SimpleNamespace(as_pointer=lambda: pointer, loops=loops)
 
 
 def test_meshes_that_had_other_normals_are_read_whole():

@@ -5,7 +5,6 @@ Computing the normals of a whole mesh is most of the time of reading it. Those o
 their order, so a mesh with only these faces has the same ones, to the bit.
 """
 
-import ctypes
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -89,10 +88,9 @@ def _holds(collection: bpy.types.bpy_prop_collection, known: np.ndarray, read: C
 
     Compares Blender's memory itself if the elements lie one after the other: copying it takes longer.
     """
-    count, size = len(collection), known.nbytes // max(1, len(collection))
-    if count and collection[-1].as_pointer() - collection[0].as_pointer() == size * (count - 1):
-        memory = (ctypes.c_int32 * (known.nbytes // 4)).from_address(collection[0].as_pointer())
-        return np.array_equal(np.frombuffer(memory, np.int32), known.reshape(-1).view(np.int32))
+    memory = mesh_reader.memory_of(collection, known.size // max(1, len(collection)))
+    if memory is not None:
+        return np.array_equal(memory.reshape(-1), known.reshape(-1).view(np.int32))
     return np.array_equal(read(), known)
 
 
