@@ -24,26 +24,25 @@ def check(
     """What Report.checks has of hidden parts, for the check "overlap". drawn: the maps of the bake. materials (T,) int: the
     number of each low triangle's material; None to leave them out."""
     found = {"hidden": hidden.triangles, "under_others": 0, "differing": 0.0}
-    if not (hidden.triangles and settings.space == Space.TANGENT and settings.normal):
+    if hidden.share <= MUCH_OVERLAP:  # decimation leaves slivers on other triangles
+        return found | {"hidden": 0}
+    if settings.space != Space.TANGENT or not settings.normal:  # each part has other normals in other spaces
         return found
-    covered = compared = differing = 0
+    if materials is not None:
+        found["under_others"] = hidden.under_others(materials)
+    compared = differing = 0
     size = min(settings.width, SIDE), min(settings.height, SIDE)
     with target.using(target.TargetPool()):
         for tile in plan.tiles:
             band = Band(0, size[1], size, 0, tile)
             shown, is_shown = _detail(drawn, band)
-            covered += int(np.count_nonzero(is_shown))
             for layer in hidden.layers:
                 own, is_known = _detail(layer.maps, band)
                 both = is_known & is_shown & hidden.is_hidden(layer, band)
                 cosines = (shown[both] * own[both]).sum(axis=1)
                 compared += len(cosines)
                 differing += int(np.count_nonzero(cosines < np.cos(np.radians(DIFFERENT))))
-    if compared <= MUCH_OVERLAP * covered:  # decimation leaves slivers on other triangles
-        return found | {"hidden": 0}
-    if materials is not None:
-        found["under_others"] = hidden.under_others(materials)
-    return found | {"differing": differing / compared if differing > MUCH_OVERLAP * covered else 0.0}
+    return found | {"differing": differing / max(1, compared)}
 
 
 def _detail(maps: SampledMaps, band: Band) -> tuple[np.ndarray, np.ndarray]:

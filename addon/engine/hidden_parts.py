@@ -62,8 +62,8 @@ class Layer:
 class HiddenParts:
     """The hidden parts of the low mesh of `plan`, in layers. source: of the bake. is_shared: whether triangles share texels.
 
-    Parts that were moved by whole tiles are hidden as well. Parts that hide themselves are not found, and no more than DEEPEST
-    of those on one place.
+    share: of the covered texels, those that hide a part. Parts that were moved by whole tiles are hidden as well. Parts that
+    hide themselves are not found, and no more than DEEPEST of those on one place.
     """
 
     def __init__(self, plan: Plan, source: Source, settings: Settings, *, is_shared: bool):
@@ -77,13 +77,13 @@ class HiddenParts:
             self._tiles[moved] = np.floor(low.uv[low.triangles[moved]].mean(axis=1))
         is_moved = self._tiles.any(axis=1)
         self._layers, self._parts = np.zeros((2, len(low.triangles)), np.int64)
-        self._pairs = np.empty((0, 2), np.int64)
+        self._pairs, self.share = np.empty((0, 2), np.int64), 0.0
         if is_shared or is_moved.any():
             # The map does not have those that were moved: all others hide them.
             order = np.argsort(~is_moved, kind="stable")
             drawn = _moved_back(low, self._tiles).with_triangles(order)
             parts = self._parts[order] = uv_islands.parts(drawn)
-            self._pairs = _hiding(drawn, parts, _size(settings, PROBE), plan.tiles)
+            self._pairs, self.share = _hiding(drawn, parts, _size(settings, PROBE), plan.tiles)
             self._layers[order] = _layers(self._pairs, int(parts.max()) + 1)[parts]
 
     @property
@@ -203,9 +203,11 @@ class HiddenParts:
 def _layers(pairs: np.ndarray, count: int) -> np.ndarray:
     """The layer (count,) int of each part: 0 for those that no other part hides, else from 1. pairs: from `_hiding`."""
     layers = np.zeros(count, np.int64)
-    upper, lower = pairs.T
-    for part in np.unique(lower):  # parts are few: islands that lie below others
-        taken = set(layers[np.concatenate([upper[lower == part], lower[upper == part]])].tolist())
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    starts = np.searchsorted(both[:, 0], np.arange(count + 1))
+    for part in np.unique(pairs[:, 1]).tolist():  # islands that lie below others
+        taken = set(layers[both[starts[part] : starts[part + 1], 1]].tolist())
         layers[part] = next(number for number in range(1, len(taken) + 2) if number not in taken)
     return layers
 
@@ -221,21 +223,24 @@ def _depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
     return most
 
 
-def _hiding(low: Mesh, parts: np.ndarray, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
-    """Which parts share texels: (N, 2) int, the upper and the lower one."""
+def _hiding(low: Mesh, parts: np.ndarray, size: tuple[int, int], tiles: Sequence[int]) -> tuple[np.ndarray, float]:
+    """Which parts share texels, (N, 2) int, the upper and the lower one, and on which share of the covered texels any do."""
     depth = min(_depth(low, size, tiles), DEEPEST)
     uploaded, count = triangle_ids.upload(low.triangles, low.uv), int(parts.max()) + 1
-    found = [np.empty(0, np.int64)]
+    found, shared, covered = [np.empty(0, np.int64)], 0, 0
     for tile in tiles if depth > 1 else ():
-        above, is_left = [], None
+        above, is_left, is_shared = [], np.ones(size[::-1], bool), np.zeros(size[::-1], bool)
         for numbers in triangle_ids.layers(uploaded, size, udim.uv_to_clip(tile), depth):
-            is_left = numbers > 0.0 if is_left is None else is_left & (numbers > 0.0)  # then the top one comes again
+            is_left = is_left & (numbers > 0.0)  # then the top one comes again
             part = np.where(is_left, parts[numbers.astype(np.int64) - 1], -1)
             for upper in above:
                 both = is_left & (upper != part)
+                is_shared |= both
                 found.append(np.unique(upper[both] * count + part[both]))
             above.append(part)
-    return np.stack(np.divmod(np.unique(np.concatenate(found)), count), axis=1)
+        shared, covered = shared + int(is_shared.sum()), covered + int((above[0] >= 0).sum())
+    pairs = np.stack(np.divmod(np.unique(np.concatenate(found)), count), axis=1)
+    return pairs, shared / max(1, covered)
 
 
 def _moved_back(mesh: Mesh, tiles: np.ndarray) -> Mesh:
