@@ -199,7 +199,7 @@ def _gaps(low: Mesh, tiles: Sequence[int], settings: Settings, *, overlaps: bool
 @dataclass(frozen=True)
 class _Apart:
     """How far the surfaces are apart. offset (3,): of the high meshes as wholes, which does not count. beyond: the share of the
-    texels that are farther apart than `usual`, the default limit, in scene units."""
+    texels that are farther apart than `usual`, the default limit or a larger one, in scene units."""
 
     offset: np.ndarray
     beyond: float
@@ -217,6 +217,7 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
         found = separation.distances(texels, offset)
         found = found[found >= 0.0]
     limit, usual = (separation.limit(meshes.low, each) for each in (settings, replace(settings, limit=None)))
+    usual = max(usual, limit)  # a larger one allows for more
     maximum, percentile_99 = (float(found.max()), float(np.quantile(found, 0.99))) if found.size else (0.0, 0.0)
     check = _share(int(np.count_nonzero(found > limit)), found.size) | {
         "maximum": maximum,

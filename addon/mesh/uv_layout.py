@@ -49,8 +49,10 @@ def cut_off(mesh: Mesh, which: np.ndarray, tiles: tuple[int, int] = (1, 1)) -> f
     reach outside; the others do not count."""
     sizes = np.abs(areas(mesh))
     total = float(sizes.sum(dtype=np.float64))
-    if not which.any() or not 0.0 < total < np.inf:
+    if not which.any() or total == 0.0:
         return 0.0
+    if not np.isfinite(total):  # of UVs that lie far outside
+        return 1.0
     a, b, c = (corner[which] for corner in _uv_corners(mesh))
     points = a[:, None] * _SPREAD[:, 0] + b[:, None] * _SPREAD[:, 1] + c[:, None] * _SPREAD[:, 2]
     is_out = (points.real < 0.0) | (points.real > tiles[0]) | (points.imag < 0.0) | (points.imag > tiles[1])

@@ -127,13 +127,14 @@ def test_bakes_that_were_done_before_are_events(folder):
 
 def test_a_single_bake_has_events_too(folder):
     words = ["--low-file", "good_low.obj", "--high-file", "good_high.obj", "--output", "a.png", "--size", "16"]
+    words += ["--limit", "0.01"]
     code, out, err = run(*words, "--progress", "json", "--report", "-")
     found = checked(err)
     assert code == exit_codes.DONE
     assert [each["name"] for each in (*of(found, "started"), *of(found, "done"))] == ["good_low", "good_low"]
     severities = {each["text"]: each["severity"] for each in of(found, "message")}
     assert all(("warning: " in text) == (severity == "warning") for text, severity in severities.items())
-    assert set(severities.values()) == {"warning", "info"}  # the high mesh is far away; the summary
+    assert set(severities.values()) == {"warning", "info"}  # the high mesh is beyond the limit; the summary
     assert json.loads(out)["bakes"][0]["state"] == "done"
 
 
