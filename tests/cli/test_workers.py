@@ -233,7 +233,8 @@ def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is
 
 def made(*, plan, is_ready, begun=0.0):
     """Stands for a worker."""
-    return SimpleNamespace(plan=plan, begun=begun, process=SimpleNamespace(is_ready=is_ready, close=lambda: None))
+    process = SimpleNamespace(is_ready=is_ready, close=lambda: None)
+    return SimpleNamespace(plan=plan, begun=begun, is_well=is_ready, process=process)
 
 
 def dying(made_):
@@ -313,6 +314,24 @@ def test_a_worker_that_ends_unready_ends_the_run_after_others_could_not_be_start
     assert len(made_) == 1 + supervisor.MOST_STARTS
     with pytest.raises(NoGpu):
         list(watching._bury(first))
+
+
+def test_workers_that_end_between_their_start_and_their_first_bake_are_not_started_for_ever(monkeypatch):
+    """As where other machines have all bakes that are left."""
+    made_ = []
+    monkeypatch.setattr(supervisor, "BusyWorker", dying(made_))
+    watching = supervisor.Supervisor(1, supervisor.Limits())
+
+    def fill():
+        watching._fill(1)
+        made_[-1].process.is_ready = True
+        return list(watching._bury(made_[-1]))
+
+    for _ in range(supervisor.MOST_STARTS - 1):
+        assert fill() == []
+    with pytest.raises(NoGpu, match=r"^Blender ends here before it bakes: exit code 9\.$"):
+        fill()
+    assert len(made_) == supervisor.MOST_STARTS
 
 
 def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch):
@@ -570,7 +589,9 @@ def test_a_worker_that_stops_in_a_message_is_ended(content, monkeypatch):
     process.end = lambda: worker_process.Ending("signal 9, Killed", "SIGKILL", lacked_memory=False)
     process.last_printed = str
     plan = plans.Plan("a", None)
-    worker_ = SimpleNamespace(process=process, plan=plan, begun=0.0, has_begun=True, log="", last_words=str)
+    worker_ = SimpleNamespace(
+        process=process, plan=plan, begun=0.0, has_begun=True, is_well=True, log="", last_words=str
+    )
     watching = supervisor.Supervisor(1, supervisor.Limits())
     watching._workers.append(worker_)
     os.write(ours.other.fileno(), content)

@@ -23,6 +23,8 @@ class BusyWorker:
         """Its bake."""
         self.has_begun = False
         """Whether it has received that."""
+        self.is_well = False
+        """Whether it has received any bake: one may end after Blender has started, and before that."""
         self.chain = 0
         """The chain of its last bake, whose scene is open in it."""
         self.begun = 0.0

@@ -42,7 +42,7 @@ the first one: containers 10 seconds, Slurm and Kubernetes 30."""
 CLOSING = 5.0
 """Seconds for workers without a bake to end when all is done."""
 MOST_STARTS = 3
-"""So many workers may end one after the other before Blender has started in them."""
+"""So many workers may end one after the other before they received a bake, as where Blender does not start."""
 LONGEST_START = 300.0
 """Seconds after which a worker counts as one that has ended before Blender has started."""
 MOST_SENT = 3
@@ -217,9 +217,10 @@ class Supervisor:
                 case None:
                     pass  # it has not arrived yet
                 case Ready():
-                    worker.process.is_ready, self._starts = True, 0
+                    worker.process.is_ready = True
                 case Begun():
-                    worker.has_begun, self._sent = True, 0
+                    worker.has_begun = worker.is_well = True
+                    self._sent = self._starts = 0
                 case Percent():
                     if meter.is_on:
                         meter.show(message.subject, Progress(message.what, message.done), worker.plan)
@@ -289,9 +290,10 @@ class Supervisor:
         printed, words = worker.process.last_printed(), worker.last_words()
         self._remove(worker)
         if worker.plan is None:
-            if not worker.process.is_ready:
+            if not worker.is_well:
                 line = last_words.last_line(printed)
-                self._count_start(f"{why or ending.text}{f', {line!r}' if line else ''}")
+                what = "ends here before it bakes" if worker.process.is_ready else "does not start here"
+                self._count_start(f"{why or ending.text}{f', {line!r}' if line else ''}", what)
             return
         if not worker.has_begun and self._sent < MOST_SENT - 1:
             self._sent += 1
@@ -306,11 +308,11 @@ class Supervisor:
             error, cause = f"Blender crashed with {ending.text}{words}.", Cause.CRASH
         yield self._lost(worker, error, cause, ending.signal)
 
-    def _count_start(self, end: str) -> None:
-        """A worker has ended before Blender has started. Raises NoGpu if too many have, and it has started in no other."""
+    def _count_start(self, end: str, what: str = "does not start here") -> None:
+        """A worker has ended before it received a bake. Raises NoGpu if too many have, and Blender has started in no other."""
         self._starts += 1
         if self._starts >= MOST_STARTS and not any(worker.process.is_ready for worker in self._workers):
-            raise NoGpu(f"Blender does not start here: {end}.")
+            raise NoGpu(f"Blender {what}: {end}.")
 
     def _check_limits(self) -> Iterator[Done]:
         late = time.monotonic() - LONGEST_START
@@ -328,7 +330,7 @@ class Supervisor:
 
     def _remove(self, worker: BusyWorker) -> None:
         self._workers.remove(worker)
-        if worker.process.is_ready:  # it is needed again that others start
+        if worker.is_well:  # it is needed again that others start
             self._starts = 0
         worker.process.close()
 
