@@ -19,7 +19,8 @@ from ..core.preflight import placement
 from ..core.settings import Settings
 from ..jobs.job import Job
 from ..scene import complaints, dependencies, object_checks
-from .mesh_files import obj_materials
+from .mesh_files import obj_materials, page_files
+from .plan import named_files
 from .usage.option_types import word_for
 
 _IMAGES = {*BY_ENDING, ".jpg", ".jpeg", ".webp", ".hdr", ".bmp"}
@@ -43,6 +44,8 @@ def check_pages(options: argparse.Namespace, settings: Settings, jobs: Sequence[
         return []
     highs = [high for job in jobs for high in job.highs if high.type == "MESH"]
     libraries = list(_libraries(options))
+    if not any(Path(name).suffix.lower().startswith(".blend") for name in named_files.scenes(options) or (".blend",)):
+        libraries += map(repr, page_files.missing_tiles(highs))
     if options.allow_missing_pages:  # the bake reports the images that each material lacks
         return [_not_found(libraries)] if libraries else []
     lacking = dependencies.lacking(each for each in dependencies.of((), highs) if each.is_surface)

@@ -106,8 +106,6 @@ CUT = {
 """What is said of a file that ends too early."""
 WITHOUT_END = {".mtl", ".csv", ".txt"}
 """Text that may end anywhere."""
-UNKNOWN = {"tile_of_obj"}
-"""What cannot be missed: tiles of an .obj are those that are there."""
 
 
 @pytest.mark.slow
@@ -124,7 +122,7 @@ def test_a_file_that_is_missing_or_ends_too_early_is_named(table, is_cut):
     for name, path in chosen.items():
         each = found[name]
         said = " ".join([each["error"], *(text for report in each["reports"] for text in report["warnings"])])
-        is_named = path.name in said or (name in UNKNOWN and not is_cut) or (name in texts and texts[name] in said)
+        is_named = path.name in said or (name in texts and texts[name] in said)
         if is_cut and path.suffix in WITHOUT_END:
             is_named = each["state"] == "done"
         if not is_named:
@@ -268,6 +266,18 @@ def test_layers_and_caches_are_known_when_they_change(tmp_path):
     assert left_out(tmp_path) == set(SOME)
     with changed(files.values(), flipped):
         assert left_out(tmp_path) == set()
+
+
+def test_a_tile_that_faces_show_and_that_no_file_has_is_named(tmp_path, capsys):
+    path, options = file_kinds.KINDS["tile_of_obj"](tmp_path)
+    words = ["--low-file", options["low-file"], "--high-file", options["high-file"][0], "--maps", "base-color"]
+    words += ["--output", str(tmp_path / "m.png"), "--size", "16"]
+    assert command.run(words) == 0
+    path.unlink()
+    assert command.run(words) == 1
+    assert repr(str(path)) in capsys.readouterr().err
+    assert command.run([*words, "--allow-missing-pages"]) == 0
+    assert repr(str(path)) in capsys.readouterr().err
 
 
 def test_a_map_takes_the_place_of_no_layer(tmp_path, capsys):

@@ -321,7 +321,7 @@ def warp_image(obj, folder):
 # Volumes
 
 
-def _written_volume(path):
+def written_volume(path):
     """The file of a volume of a cube."""
     volume = linked_object("volume", bpy.data.volumes.new("volume"))
     cube = zoo.cube("filled")
@@ -336,7 +336,7 @@ def _written_volume(path):
 
 @kind
 def volume_to_mesh(obj, folder):
-    path = _written_volume(folder / "cloud.vdb")
+    path = written_volume(folder / "cloud.vdb")
     data = bpy.data.volumes.new("cloud")
     data.filepath = str(path)
     obj.modifiers.new("mesh", "VOLUME_TO_MESH").object = linked_object("cloud", data)
@@ -345,7 +345,7 @@ def volume_to_mesh(obj, folder):
 
 @kind
 def nodes_import_vdb(obj, folder):
-    path = _written_volume(folder / "cloud.vdb")
+    path = written_volume(folder / "cloud.vdb")
     tree, node, _ = _joined_import(obj, path, "VDB")
     mesh = tree.nodes.new("GeometryNodeVolumeToMesh")
     realized = node.outputs[0].links[0].to_socket

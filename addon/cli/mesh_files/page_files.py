@@ -8,8 +8,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ...core import udim
 from ...core.file_formats import OPEN_EXR
-from ...core.udim import TOKEN
 from ...scene.images import image_files
 from . import page_search
 from .obj_materials import Page
@@ -34,7 +34,7 @@ def replace_placeholders(images: Iterable[bpy.types.Image], pages: Mapping[str, 
             image.colorspace_settings.is_data = True
         elif path.suffix.lower() in _LINEAR:
             image.colorspace_settings.name = "Linear Rec.709"
-        if TOKEN in path.name:
+        if udim.TOKEN in path.name:
             _make_tiled(image, path)
 
 
@@ -116,11 +116,37 @@ def _images(material: bpy.types.Material | None) -> Iterator[bpy.types.Image]:
                 yield node.image
 
 
+def missing_tiles(objects: Iterable[bpy.types.Object]) -> list[str]:
+    """The files of tiles on which faces have UVs, and which the tiled images of their materials do not have."""
+    found = []
+    for obj in objects:
+        for number, slot in enumerate(obj.material_slots):
+            tiled = [image for image in _images(slot.material) if image.source == "TILED" and image.filepath]
+            used = (
+                [udim.number(*place) for place in _tiles_of(obj.data, number) if _can_have_tile(*place)]
+                if tiled
+                else ()
+            )
+            for image in tiled:
+                missing = sorted({*used} - {tile.number for tile in image.tiles})
+                found += [udim.fill_all(bpy.path.abspath(image.filepath), tile) for tile in missing]
+    return list(dict.fromkeys(found))
+
+
+def _can_have_tile(column: int, row: int) -> bool:
+    return 0 <= column < udim.COLUMNS and 0 <= row < udim.ROWS
+
+
 def _is_on_several_tiles(data: bpy.types.Mesh, material: int) -> bool:
     """Whether the faces of a material have UVs on more than one UDIM tile."""
+    return len(_tiles_of(data, material)) > 1
+
+
+def _tiles_of(data: bpy.types.Mesh, material: int) -> list[tuple[int, int]]:
+    """The column and row of each UDIM tile on which the faces of a material have UVs."""
     layer = data.uv_layers.active
     if layer is None:
-        return False
+        return []
     uv = np.empty((len(data.loops), 2), np.float32)
     layer.uv.foreach_get("vector", uv.reshape(-1))
     sizes, materials = np.empty(len(data.polygons), np.int32), np.empty(len(data.polygons), np.int32)
@@ -129,4 +155,4 @@ def _is_on_several_tiles(data: bpy.types.Mesh, material: int) -> bool:
     own = uv[np.repeat(materials == material, sizes)]
     # Exactly on the border, a corner belongs to both tiles.
     tiles = np.unique(np.floor(own[(own % 1.0 != 0.0).all(axis=1)]), axis=0)
-    return len(tiles) > 1
+    return [(int(column), int(row)) for column, row in tiles if np.isfinite(column + row)]
