@@ -378,6 +378,9 @@ class Bake:
     GRACE = 3.0
     """Seconds from the second signal to SIGKILL. Blender may be busy in code that ignores signals."""
 
+    SAID = 4096
+    """Bytes of what Blender printed that are shown after a crash."""
+
     def __init__(self, python, arguments):
         self.signals = []
         """The signals received."""
@@ -385,25 +388,27 @@ class Bake:
         self._process = None
 
     def run(self):
-        """Run the bake. Returns its exit code, and the name of the object that was being baked when it ended."""
+        """Run the bake. Returns its exit code, the name of the object that was being baked when it ended, and what Blender
+        printed if it crashed."""
         numbers = [getattr(signal, name) for name in self.STOP if hasattr(signal, name)]
         numbers = [
             number for number in numbers if (number.name, signal.getsignal(number)) != ("SIGHUP", signal.SIG_IGN)
         ]
         before = {number: signal.signal(number, self._receive) for number in numbers}
         try:
-            with tempfile.TemporaryFile() as baking:
-                self._start(numbers, baking.fileno())
+            with tempfile.TemporaryFile() as baking, tempfile.TemporaryFile() as said:
+                self._start(numbers, baking.fileno(), said.fileno())
                 if self._process is None:
-                    return 0, ""
+                    return 0, "", []
                 code = self._process.wait()
                 baking.seek(0)
-                return code, os.fsdecode(baking.read())
+                said.seek(max(0, said.seek(0, os.SEEK_END) - self.SAID))
+                return code, os.fsdecode(baking.read()), said.read().decode(errors="replace").splitlines()
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def _start(self, numbers, baking):
+    def _start(self, numbers, baking, said):
         """Start Blender, unless this process has received a signal.
 
         Signals are blocked in the child until it handles them, and in this process until the child exists.
@@ -412,12 +417,12 @@ class Bake:
         if WINDOWS:  # on Windows, Ctrl-C reaches all processes of a console
             self._process = subprocess.Popen(self._command, env=environment)
             return
-        environment.update(IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking))
+        environment.update(IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking), IMPRINT_SAID=str(said))
         blocked = [*numbers, signal.SIGUSR1, signal.SIGUSR2]
         signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
         try:
             if not self.signals:
-                self._process = subprocess.Popen(self._command, env=environment, pass_fds=[baking])
+                self._process = subprocess.Popen(self._command, env=environment, pass_fds=[baking, said])
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, blocked)
 
@@ -461,10 +466,12 @@ def bake(options):
     python = environment()
     require_gpu(python, may_install=False)
     running = Bake(python, options.rest)
-    code, baking = running.run()
+    code, baking, said = running.run()
     if running.signals:
         return 128 + running.signals[0]
     if crash(code):
+        for line in filter(str.strip, said):
+            print_message(f"Blender: {line.strip()}", "info")
         raise Failure(post_mortem(python, code, baking))
     return code
 

@@ -47,7 +47,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
     with interruption.listening():
         if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
             return _work()
-        with standard_streams.ours(), events.meter(words) as meter:
+        with standard_streams.ours(interruption.said()) as said_by_blender, events.meter(words) as meter:
             if VERSION in words:
                 print(versions.line())
                 return DONE
@@ -68,6 +68,8 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
             else:
                 done = _run(words, program, meter, _read, may_start_processes=may_start_processes)
             code = interruption.code() or done
+            for line in said_by_blender():
+                meter.report(f"{program}: Blender: {line}")
             meter.finished(code)
             return code
 

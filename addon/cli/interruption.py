@@ -18,8 +18,9 @@ from ..output.files import atomic_file
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
 ASK, END = "SIGUSR1", "SIGUSR2"
 """How scripts/imprint.py forwards a first and a second signal: the process group may have received the same one as well."""
-LAUNCHER, BAKING = "IMPRINT_LAUNCHER", "IMPRINT_BAKING"
-"""Environment variables with the process number of scripts/imprint.py, and the file to write the current bake's name to."""
+LAUNCHER, BAKING, SAID = "IMPRINT_LAUNCHER", "IMPRINT_BAKING", "IMPRINT_SAID"
+"""Environment variables with the process number of scripts/imprint.py, and the files for the current bake's name and for what
+Blender prints."""
 
 
 class Stopped(Exception):
@@ -91,11 +92,22 @@ def is_launched() -> bool:
 
 def note(name: str) -> None:
     """Pass the name of the current bake to scripts/imprint.py, which names it if Blender crashes."""
-    descriptor = os.environ.get(BAKING, "")
-    if is_launched() and descriptor.isdecimal():
+    descriptor = _of_launcher(BAKING)
+    if descriptor is not None:
         with suppress(OSError):  # a full disk; the name only matters in a crash
-            os.ftruncate(int(descriptor), 0)
-            os.pwrite(int(descriptor), os.fsencode(printable(name)), 0)
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, os.fsencode(printable(name)), 0)
+
+
+def said() -> int | None:
+    """The descriptor of the file for what Blender prints, of which scripts/imprint.py shows the end after a crash. None without
+    it."""
+    return _of_launcher(SAID)
+
+
+def _of_launcher(variable: str) -> int | None:
+    descriptor = os.environ.get(variable, "")
+    return int(descriptor) if is_launched() and descriptor.isdecimal() else None
 
 
 @contextmanager

@@ -5,7 +5,7 @@ import io
 import os
 import select
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
 from ..core.names.printable import printable
@@ -58,29 +58,46 @@ def be_patient() -> None:
     sys.stdout, sys.stderr = (_text(_Patient(number, "wb", closefd=False)) for number in (1, 2))
 
 
-@contextmanager
-def ours() -> Iterator[None]:
-    """Both standard streams ignore errors, and Blender's own messages go to standard error.
+MOST_SAID = 20
+"""Lines of Blender that are printed."""
 
-    Streams that are not the system's own, as in a test that captures them, stay as they are.
+
+@contextmanager
+def ours(said: int | None = None) -> Iterator[Callable[[], list[str]]]:
+    """Both standard streams ignore errors, and Blender's own messages go to standard error, or to a file.
+
+    said: the descriptor of the file. Yields a function that returns the lines in it, which are to be printed as lines of
+    Imprint. Streams that are not the system's own, as in a test that captures them, stay as they are.
     """
     if not (_is(sys.stdout, 1) and _is(sys.stderr, 2)):
-        yield
+        yield list
         return
     out, err = (_Patient(os.dup(number), "wb") for number in (1, 2))
     flush()
-    kept = os.dup(1)
-    os.dup2(2, 1)
+    kept = os.dup(1), os.dup(2)
+    os.dup2(2 if said is None else said, 1)
+    if said is not None:
+        os.dup2(said, 2)
     try:
         with _text(out) as stdout, _text(err) as stderr, redirect_stdout(stdout), redirect_stderr(stderr):
-            yield
+            yield lambda: [] if said is None else _lines(said)
             stdout.flush()
             if out.error is not None and not isinstance(out.error, BrokenPipeError):  # as in "| head -1"
                 print(f"imprint: standard output could not be written: {out.error.strerror}.", file=stderr)
     finally:
         flush()
-        os.dup2(kept, 1)
-        os.close(kept)
+        for number, copy in zip((1, 2), kept, strict=True):
+            os.dup2(copy, number)
+            os.close(copy)
+
+
+def _lines(said: int) -> list[str]:
+    """The different lines in a file, at most MOST_SAID of them, and how many more there are."""
+    flush()
+    text = os.pread(said, 1 << 20, 0).decode(errors="replace")
+    found = list(dict.fromkeys(line.strip() for line in text.splitlines() if line.strip()))
+    more = len(found) - MOST_SAID
+    return found if more <= 0 else [*found[:MOST_SAID], f"and {more:,} more lines"]
 
 
 def _is(stream, number: int) -> bool:

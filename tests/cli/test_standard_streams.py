@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests output to a pipe, and to a terminal that names must not control."""
 
+import ast
 import contextlib
 import os
 import re
 import subprocess
 import sys
+import tempfile
 import threading
 
 import bpy
@@ -97,6 +99,76 @@ def test_an_object_s_name_cannot_control_the_terminal(tmp_path):
     assert code == 0, said
     assert "]0;OWNED" in said
     assert controls(said) == set()
+
+
+SAYS = """
+import ctypes, os, sys
+from addon.cli import standard_streams
+said = int(sys.argv[1])
+with standard_streams.ours(said) as lines:
+    os.write(2, b"a warning of a library\\n\\n")
+    ctypes.CDLL(None).printf(b"ERROR in C\\n")
+    print("ours")
+    for number in range(30):
+        os.write(1, b"a warning of a library\\nline %d\\n" % number)
+    print(lines(), file=sys.stderr)
+os.write(2, b"after it\\n")
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="descriptors of POSIX")
+def test_what_libraries_print_is_kept_for_the_end():
+    with tempfile.TemporaryFile() as said:
+        program = [sys.executable, "-c", SAYS, str(said.fileno())]
+        done = subprocess.run(program, capture_output=True, text=True, check=True, cwd=ROOT, pass_fds=[said.fileno()])
+    assert done.stdout == "ours\n"
+    lines, after = done.stderr.splitlines()
+    assert after == "after it"
+    found = ast.literal_eval(lines)
+    assert found[0] == "a warning of a library"
+    assert {*found[1:-1]} <= {"ERROR in C", *(f"line {number}" for number in range(30))}
+    assert (len(found), found[-1]) == (standard_streams.MOST_SAID + 1, "and 12 more lines")
+
+
+ENDS = """
+import os, signal
+os.write(int(os.environ["IMPRINT_SAID"]), b"x" * 9000 + b"\\nlast words\\n\\n")
+os.kill(os.getpid(), signal.SIGSEGV)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="descriptors of POSIX")
+def test_the_launcher_shows_what_blender_printed_last_before_a_crash(tmp_path, monkeypatch, capsys):
+    (tmp_path / "bake.py").write_text(ENDS)
+    monkeypatch.setattr(imprint, "SCRIPTS", tmp_path)
+    monkeypatch.setattr(imprint, "environment", lambda: sys.executable)
+    monkeypatch.setattr(imprint, "require_gpu", lambda *_, **__: None)
+    monkeypatch.setattr(imprint, "probe", lambda _python: (0, ""))
+    assert imprint.main(["bake"]) == 1
+    first, second, third = capsys.readouterr().err.splitlines()
+    assert len(first) < 5000
+    assert second == "imprint: Blender: last words"
+    assert third.startswith("imprint: Blender crashed with signal 11")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="descriptors of POSIX")
+@pytest.mark.usefixtures("gpu_context")
+def test_all_lines_of_a_bake_are_of_imprint(tmp_path):
+    for name in ("low", "high"):
+        zoo.plane(name)
+        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_selected_objects=False)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    (tmp_path / "page.png").write_text("<html>")
+    (tmp_path / "high.mtl").write_text("newmtl m\nmap_Kd page.png\n")
+    mesh = (tmp_path / "high.obj").read_text()
+    (tmp_path / "high.obj").write_text(re.sub("^f ", "usemtl m\nf ", mesh, count=1, flags=re.MULTILINE))
+    words = "--low-file low.obj --high-file high.obj --size 16 --limit 9 --maps base-color --output m_normal.png"
+    program = [sys.executable, imprint.__file__, "bake", *words.split(), "--allow-missing-pages"]
+    done = subprocess.run(program, capture_output=True, text=True, check=True, cwd=tmp_path)
+    lines = done.stderr.splitlines()
+    assert all(line.startswith("imprint: ") for line in lines), lines
+    assert any(line.startswith("imprint: Blender: ") and "page.png" in line for line in lines)
 
 
 def test_the_launcher_writes_no_name_as_it_is(capsys, monkeypatch):
