@@ -96,7 +96,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
         if clashes:
             raise WrongPlace("\n".join(clashes))
         named = shards.named(planned, options.only)
-        chosen = shards.part(named, options.shard, lambda plan: costs.cost(plan.options, inputs))
+        chosen = shards.part(named, options.shard, lambda plan: costs.cost(plan.options))
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:

@@ -13,7 +13,6 @@ from collections import Counter
 import pytest
 
 from addon.cli.plan import costs, file_references, listing, plans, run_clashes, shards
-from addon.cli.plan.input_files import InputFiles
 from addon.cli.plan.plans import Plan
 from addon.cli.results.exit_codes import FAILED, WRONG_USAGE
 from addon.cli.usage import arguments, job_file
@@ -52,9 +51,9 @@ def test_a_line_has_number_cost_name_and_files(capsys, here):
     code, out, err = listed(capsys, [SET, {**SET, "output": "b.png", "maps": "ao", "mask": True}], "--list")
     assert (code, err) == (0, [])
     first, second = (line.split("\t") for line in out)
-    assert first == ["1", str(64 * 64 + 2 * 16), "set 1 (a_low)", str(here / "maps" / "a.png")]
+    assert first == ["1", str(64 * 64), "set 1 (a_low)", str(here / "maps" / "a.png")]
     files = ", ".join(str(here / name) for name in ("b.png", "b_missed.png", "b_ao.png"))
-    assert second == ["2", str(2 * 64 * 64 + 2 * 16), "set 2 (a_low)", files]
+    assert second == ["2", str(2 * 64 * 64), "set 2 (a_low)", files]
 
 
 def test_json_has_the_same_as_the_lines(capsys, here):
@@ -66,7 +65,7 @@ def test_json_has_the_same_as_the_lines(capsys, here):
     assert first == {
         "number": 1,
         "name": "set 1 (a_low)",
-        "cost": 64 * 64 + 2 * 16,
+        "cost": 64 * 64,
         "inputs": [str(here / "a_low.obj"), str(here / "a_high.obj")],
         "outputs": [str(here / "maps" / "a.png")],
         "problems": [],
@@ -226,13 +225,28 @@ def test_clashes_with_bakes_of_other_machines_are_found(capsys, here):
     assert "would both be" in err[0]
 
 
-def test_a_scene_that_is_saved_over_its_file_does_not_move_bakes(here):
-    """Other machines may look for their part after it was saved."""
-    blend(here / "s.blend", "a")
-    words = ["s.blend", "--low", "a", "--output", "m.png", "--size", "64"]
-    read, saved = (arguments.parse([*words, *more]) for more in ([], ["--save-blend", "s.blend"]))
-    assert costs.cost(saved, InputFiles()) == 64 * 64
-    assert costs.cost(read, InputFiles()) > 64 * 64
+def test_files_do_not_move_bakes(capsys, here):
+    """Other machines may see another version of them, or look for their part after a scene was saved over its file."""
+    sets = [{**SET, "low-file": f"{number}_low.obj", "output": f"{number}.png"} for number in range(1, 9)]
+    parts = set()
+    for sizes in (range(1, 9), range(9, 1, -1)):
+        for number, size in enumerate(sizes, 1):
+            (here / f"{number}_low.obj").write_text("v 0 0 0\n" * 10 * size)
+        parts.add(tuple(line.split("\t")[0] for line in listed(capsys, sets, "--list", "--shard", "1/3")[1]))
+    assert parts == {("1", "4", "7")}
+
+
+def test_texels_samples_maps_tiles_and_frames_cost():
+    def of(*words):
+        return costs.cost(
+            arguments.parse(["s.blend", "--low", "a", "--output", "m_<UDIM>_#.png", "--size", "64", *words])
+        )
+
+    one = of()
+    assert one == 64 * 64
+    for words in (["--samples", "4"], ["--tiles", "1001,1002,1003,1011"], ["--maps", "ao,height,position"]):
+        assert of(*words) == 4 * one
+    assert of("--frames", "3-6") == 4 * one
 
 
 @pytest.mark.parametrize("words", [["--list"], ["--list", "--json", "--shard", "2/3"]])

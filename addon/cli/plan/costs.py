@@ -5,21 +5,18 @@ import argparse
 import functools
 
 from ...core.settings import Settings
-from . import named_files, run_clashes
-from .input_files import InputFiles
-
-BYTE = 2
-"""What a byte of a file to read costs, where a sample of a texel costs 1."""
+from . import run_clashes
 
 
-def cost(options: argparse.Namespace, files: InputFiles) -> int:
-    """The cost of a bake, which has no unit and is the same on every machine. files: gives the sizes of its inputs."""
+def cost(options: argparse.Namespace) -> int:
+    """The cost of a bake: the samples of all texels of its maps.
+
+    It depends on the options alone, so that it is the same on every machine, also where a file is missing or was changed.
+    """
     maps = 1 if options.convert else max(1, _maps(options))
     samples = 1 if options.convert else options.samples
     texels = options.size[0] * options.size[1] * max(1, len(options.tiles)) * max(1, len(run_clashes.frames(options)))
-    # A scene that is saved may replace the file that it was read from, while other machines look for their part.
-    read = () if options.save_blend else {path for path, _ in named_files.inputs(options)}
-    return texels * samples * maps + BYTE * sum(map(files.size, read))
+    return texels * samples * maps
 
 
 def _maps(options: argparse.Namespace) -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files that bakes read: whether they are there, and how large they are. Each is looked at once."""
+"""The files that bakes read: whether they are there, and which they are. Each is looked at once."""
 
 import os
 import stat
@@ -14,7 +14,6 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
 class _Found(NamedTuple):
-    size: int
     problem: str
     identity: tuple[int, int] | None = None
     """As path_clashes.identity."""
@@ -28,10 +27,6 @@ class InputFiles:
     def __init__(self):
         self._known: dict[str, _Found] = {}
         self._references: dict[str, tuple[str, ...]] = {}
-
-    def size(self, path: str) -> int:
-        """The bytes of a file; 0 if it cannot be read."""
-        return self._look(path).size
 
     def problem(self, path: str) -> str:
         """Why a file cannot be read, as a sentence, or ""."""
@@ -53,7 +48,7 @@ class InputFiles:
         return found
 
     def _look_into(self, path: str) -> _Found:
-        """Opens an .obj. What only asks for sizes does not: the path may be one that an untrusted call must not read."""
+        """Opens an .obj. What only asks for problems does not: the path may be one that an untrusted call must not read."""
         known = self._known.get(path)
         if known is None or known.has_library is None:
             opened = _look_into(path) if _is_obj(path) else None
@@ -75,23 +70,23 @@ def _look_at_tiles(path: str) -> _Found:
     """As `_look`, of the files of all tiles."""
     tiles = [_look(each) for each in udim.files(path).values()]
     if not tiles:
-        return _Found(0, f"There is no file {os.path.abspath(path)!r}.")
-    return _Found(sum(tile.size for tile in tiles), next((tile.problem for tile in tiles if tile.problem), ""))
+        return _Found(f"There is no file {os.path.abspath(path)!r}.")
+    return _Found(next((tile.problem for tile in tiles if tile.problem), ""))
 
 
 def _look(path: str) -> _Found:
     try:
         found = os.stat(path)
     except FileNotFoundError:
-        return _Found(0, f"There is no file {os.path.abspath(path)!r}.")
+        return _Found(f"There is no file {os.path.abspath(path)!r}.")
     except (OSError, ValueError) as error:
-        return _Found(0, f"{path!r} cannot be read: {reason(error)}.")
+        return _Found(f"{path!r} cannot be read: {reason(error)}.")
     identity = found.st_dev, found.st_ino
     if not stat.S_ISREG(found.st_mode):
-        return _Found(0, f"There is no file {os.path.abspath(path)!r}.", identity)  # as the bake says
+        return _Found(f"There is no file {os.path.abspath(path)!r}.", identity)  # as the bake says
     if not found.st_mode & stat.S_IROTH and not os.access(path, os.R_OK):
-        return _Found(0, f"{path!r} cannot be read: Permission denied.", identity)
-    return _Found(found.st_size, "", identity)
+        return _Found(f"{path!r} cannot be read: Permission denied.", identity)
+    return _Found("", identity)
 
 
 def _look_into(path: str) -> _Found | None:
@@ -103,7 +98,7 @@ def _look_into(path: str) -> _Found | None:
     try:
         found = os.fstat(descriptor)
         if stat.S_ISREG(found.st_mode):
-            return _Found(found.st_size, "", (found.st_dev, found.st_ino), file_references.has_library(descriptor))
+            return _Found("", (found.st_dev, found.st_ino), file_references.has_library(descriptor))
         return None
     finally:
         os.close(descriptor)

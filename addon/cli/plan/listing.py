@@ -46,7 +46,7 @@ class _Listing:
     def __init__(self, options: argparse.Namespace, sets: Sequence[argparse.Namespace]):
         self._options, self._files = options, InputFiles()
         self.planned, self.warnings, self._run, self.problems = planning.plan(options, sets, self._files)
-        self.costs = {plan.number: costs.cost(plan.options, self._files) for plan in self.planned}
+        self.costs = {plan.number: costs.cost(plan.options) for plan in self.planned}
         self.chosen = shards.part(
             shards.named(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]
         )
