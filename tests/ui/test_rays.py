@@ -43,7 +43,7 @@ def test_distances_set_by_a_script_need_no_switch(small):
     zoo.plane("lo")
     zoo.plane("hi").location.z = 0.2
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], extrusion=0.5, max_distance=0.75) == {"FINISHED"}
-    assert "extrusion 0.5 and max distance 0.75" in bpy.context.window_manager.imprint_summary
+    assert "extrusion 50 cm and max distance 75 cm" in bpy.context.window_manager.imprint_summary
 
 
 def test_a_cage_by_name(small):
@@ -113,10 +113,10 @@ def test_the_switch_may_be_set_by_a_script(small):
     names = {"low": "lo", "high": [{"name": "hi"}]}
     small.extrusion, small.max_distance = 0.5, 0.75
     assert bpy.ops.imprint.bake(measure=False, **names) == {"FINISHED"}
-    assert "extrusion 0.5 and max distance 0.75" in bpy.context.window_manager.imprint_summary
+    assert "extrusion 50 cm and max distance 75 cm" in bpy.context.window_manager.imprint_summary
     small.measure = False
     assert bpy.ops.imprint.bake(measure=True, **names) == {"FINISHED"}
-    assert "extrusion 0.5 " not in bpy.context.window_manager.imprint_summary
+    assert "extrusion 50 cm" not in bpy.context.window_manager.imprint_summary
 
 
 def test_set_distances_are_not_shown_as_measured(small):
