@@ -162,6 +162,29 @@ def part_preset() -> Steps:
     check("the preset is undone", bpy.context.scene.imprint.green == "+Y")
 
 
+def part_undone() -> Steps:
+    """A bake, a change of the high object, another bake; Undo and Redo of each."""
+    small(maps={"AO"}, storage="MEMORY", crate=True)
+    yield from select_pair()
+    yield from bake()
+    first = contents()
+    yield from click_row("crate_high")
+    yield from keys("s", "z", "3", "Return")
+    yield from click_row("crate_low")
+    yield from bake()
+    second = contents()
+    check("the second bake is another one", first.keys() == second.keys() and first != second)
+    for key, wanted, scale in (("ctrl+z", first, 3.0), ("ctrl+shift+z", second, 3.0), ("ctrl+z", first, 3.0)):
+        yield from keys(key)
+        check(key, contents() == wanted and bpy.data.objects["crate_high"].scale.z == scale)
+    yield from keys("ctrl+z", "ctrl+z")
+    check("the change is undone", contents() == first and bpy.data.objects["crate_high"].scale.z == 1.0)
+    yield from keys("ctrl+z", "ctrl+z")
+    check("the first bake is undone", not contents() and not _baked())
+    yield from keys(*["ctrl+shift+z"] * 5)
+    check("all is done again", contents() == second and [*_baked()] == ["crate_low"])
+
+
 def part_bevel() -> Steps:
     """Bevel and Weighted Normal on the low object, after a high object was baked."""
     small(crate=True)
