@@ -89,7 +89,16 @@ def test_the_command_in_the_readme_is_parsed():
     assert (options.output, options.save_blend, options.report) == ("MAP.exr", "OUT.blend", "REPORT.json")
 
 
-@pytest.mark.parametrize(("text", "size"), [("2048", (2048, 2048)), ("4096x1024", (4096, 1024)), ("64X32", (64, 32))])
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("2048", (2048, 2048)),
+        ("4096x1024", (4096, 1024)),
+        ("64X32", (64, 32)),
+        ("2k", (2048, 2048)),
+        ("4Kx1024", (4096, 1024)),
+    ],
+)
 def test_sizes(text, size):
     assert arguments.parse(["--low", "lo", "--output", "m.png", "--size", text]).size == size
 

@@ -91,9 +91,12 @@ def _is_number(word: str) -> bool:
 
 def size(value: str) -> tuple[int, int]:
     sides = value.lower().split("x")
-    if len(sides) > 2 or not all(map(_is_number, sides)):
-        raise argparse.ArgumentTypeError(f"{value!r} is neither a number of texels nor two of them as 4096x1024")
-    return int(sides[0]), int(sides[-1])
+    if len(sides) > 2 or not all(_is_number(side.removesuffix("k")) for side in sides):
+        raise argparse.ArgumentTypeError(
+            f"{value!r} is neither a number of texels nor two of them, as 2048, 2k or 4096x1024"
+        )
+    texels = [int(side.removesuffix("k")) * (1024 if side.endswith("k") else 1) for side in sides]
+    return texels[0], texels[-1]
 
 
 def frames(value: str) -> tuple[int, int]:

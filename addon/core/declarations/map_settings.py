@@ -72,7 +72,7 @@ MAP: dict[str, Setting] = {
         default=2048,
         least=MIN_SIZE,
         most=MAX_SIZE,
-        option=Option(metavar="2048|4096x1024"),
+        option=Option(metavar="2048|2k|4096x1024"),
     ),
     "width": WholeNumber(
         label="Width",
