@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+from mathutils import Vector
 
 from addon.core.progress import Pace
 from addon.core.settings import Settings
@@ -101,8 +102,8 @@ def test_each_of_many_plates_on_one_place_counts():
     same_figures(found, np.repeat(np.degrees(np.arctan(slopes)), SIZE * SIZE))
 
 
-@pytest.mark.parametrize("stacked", ["FIRST", "LAST"])
-def test_halves_of_one_high_mesh_with_the_same_uvs_count_by_flatten(stacked):
+@pytest.mark.parametrize(("stacked", "aside"), [("FIRST", 0.0), ("LAST", 0.0), ("FIRST", 5.0)])
+def test_halves_of_one_high_mesh_with_the_same_uvs_count_by_flatten(stacked, aside):
     """One half of the high mesh has a bump, which is baked alone for the truth."""
     low, smooth, bumped = half("low", 1), half("smooth", 1, n=32), half("bumped", 1, n=32)
     bump(bumped)
@@ -112,6 +113,7 @@ def test_halves_of_one_high_mesh_with_the_same_uvs_count_by_flatten(stacked):
     with bpy.context.temp_override(active_object=bumped, selected_editable_objects=[bumped, copy]):
         bpy.ops.object.join()
     low.modifiers.new("Mirror", "MIRROR").use_mirror_merge = False
+    bumped.location.x = aside
     report = baked(low, bumped, method="FLATTEN", stacked=stacked)
     assert np.percentile(between, 95) > 5.0
     same_figures(report.deviation, np.concatenate([between, np.zeros_like(between)]))
@@ -125,15 +127,15 @@ def test_plates_of_high_meshes_with_the_same_uvs_count_by_flatten(method, slopes
     same_figures(report.deviation, np.repeat(np.degrees(np.arctan(slopes) - np.arctan(slopes[0])), SIZE * SIZE))
 
 
-def plates(slopes):
-    """Plates beside each other with the same UVs in one low mesh, and high meshes of these slopes at their places."""
-    uv, moves = zoo.grid_uv(2, 2), 3 * np.arange(len(slopes))
-    points = [np.column_stack([2 * uv - 1 + (move, 0), np.zeros(len(uv))]) for move in moves]
+def plates(slopes, axis=0):
+    """Plates in a row along an axis with the same UVs in one low mesh, and high meshes of these slopes at their places."""
+    uv, moves = zoo.grid_uv(2, 2), 3.0 * np.outer(np.arange(len(slopes)), np.eye(3)[axis])
+    points = [np.column_stack([2 * uv - 1, np.zeros(len(uv))]) + move for move in moves]
     faces = np.concatenate([zoo.grid_faces(2, 2, number * len(uv)) for number in range(len(slopes))])
     low = zoo.build("low", np.concatenate(points), faces, np.tile(uv, (len(slopes), 1))[faces])
     highs = [zoo.plane(f"high {number}", slope=slope) for number, slope in enumerate(slopes)]
     for high, move in zip(highs, moves, strict=True):
-        high.location.x = move
+        high.location = move
     return low, highs
 
 
@@ -174,3 +176,73 @@ def test_plates_differ_from_2_degrees_on(slope, share):
     assert report.checks["overlap"]["differing"] == share
     assert sum("8 triangles of 'low' show the detail of other parts" in text for text in report.warnings) == share
     assert any("Shared UVs: 8 triangles show the detail of other parts" in line for line in report.summary())
+
+
+def test_parts_of_a_texture_set_count_at_their_own_places():
+    """Plates above each other have two materials, in turns: each set has a plate of its own, and a copy that shows it. All rays
+    start above all plates."""
+    slopes = np.array([0.1, 0.2, 0.15, 0.4])
+    low, highs = plates(slopes, axis=2)
+    for number in range(2):
+        low.data.materials.append(bpy.data.materials.new(f"paint {number}"))
+    low.data.polygons.foreach_set("material_index", np.arange(16) // 4 % 2)
+    bpy.context.view_layer.update()
+    job = Job(low, highs)
+    job.is_measured = True
+    settings = chosen(method="CAST", extrusion=12.0, max_distance=13.0, texture_sets=True, image="{material}")
+    reports = bake_jobs.bake_all(bpy.context, [job], settings)
+    assert [report.material for report in reports] == ["paint 0", "paint 1"]
+    for report, own in zip(reports, (slopes[::2], slopes[1::2]), strict=True):
+        degrees = np.degrees(np.arctan(own) - np.arctan(own[0]))
+        same_figures(report.deviation, np.repeat(degrees, SIZE * SIZE))
+
+
+def test_only_the_hidden_side_of_a_part_counts_as_such():
+    """A plate whose UVs lie half on those of another one is exact on the other half."""
+    slopes = np.array([0.1, 0.3])
+    low, highs = plates(slopes)
+    for index, corner in enumerate(low.data.uv_layers.active.uv):
+        corner.vector.x = 0.5 * corner.vector.x + 0.25 * (index >= 16)
+    found = baked(low, *highs, method="CAST", extrusion=1.0, max_distance=2.0).deviation
+    degrees = np.degrees(np.arctan(0.3) - np.arctan(0.1))
+    same_figures(found, np.repeat([0.0, 0.0, 0.0, degrees], SIZE * SIZE // 4))
+
+
+def test_parts_on_any_udim_tile_count_at_their_own_places():
+    slopes = np.array([0.1, 0.2, 0.3])
+    low, highs = plates(slopes)
+    uvs = low.data.uv_layers.active.uv
+    for index, corner in enumerate(uvs):
+        corner.vector += Vector((2.0, 1.0) if index < 16 or index >= 32 else (0.0, 0.0))
+    report = baked(low, *highs, method="CAST", extrusion=1.0, max_distance=2.0, udim=True, storage="PACK")
+    assert report.tiles == [1001, 1013]
+    degrees = np.degrees(np.arctan([0.1, 0.2, 0.3]) - np.arctan([0.1, 0.2, 0.1]))
+    same_figures(report.deviation, np.repeat(degrees, SIZE * SIZE))
+
+
+def test_parts_count_at_their_own_places_where_flatten_leaves_texels_to_rays():
+    """A strip of the high mesh has UVs that lie elsewhere, so that Auto casts rays there."""
+    low, bumped, copy = half("low", 1), half("bumped", 1, n=40), half("copy", -1, n=40)
+    bump(bumped)
+    alone = [maps.bake(low, high, image=high.name, size=(SIZE, SIZE), **RAYS) for high in (bumped,)]
+    low.modifiers.new("Mirror", "MIRROR").use_mirror_merge = False
+    smooth = maps.bake(half("other", -1), copy, image="copy", size=(SIZE, SIZE), **RAYS)
+    with bpy.context.temp_override(active_object=bumped, selected_editable_objects=[bumped, copy]):
+        bpy.ops.object.join()
+    move_some_uvs(bumped)
+    report = baked(low, bumped)
+    assert report.method == "FLATTEN"
+    assert 0.01 < report.rays < 0.2
+    between = angles.degrees(*map(angles.decode, (alone[0], smooth)))
+    assert report.deviation["texels"] == pytest.approx(2 * SIZE * SIZE, rel=0.01)
+    assert report.deviation["percentile_95"] == pytest.approx(np.percentile([between, 0 * between], 95), abs=0.5)
+
+
+def move_some_uvs(obj):
+    """Put the UVs of a strip of faces outside the tile."""
+    uvs = obj.data.uv_layers.active.uv
+    values = np.empty(2 * len(uvs), np.float32)
+    uvs.foreach_get("vector", values)
+    values = values.reshape(-1, 4, 2)
+    values[values[..., 1].mean(axis=1) > 0.975] += 3.0
+    uvs.foreach_set("vector", values.ravel())
