@@ -483,3 +483,13 @@ def test_points_that_overflow_do_not_count_for_the_offset():
     texels[0, 1, :, 0] = 2.0, 3.0, 4.0
     assert separation.offset(texels, "FLATTEN").tolist() == [3.0, 0.0, 0.0]
     assert separation.offset(texels[:, :1], "FLATTEN").tolist() == [0.0, 0.0, 0.0]
+
+
+def test_a_single_texel_with_detail_between_the_compared_ones_is_found():
+    normals = np.zeros((16, 16, 4), np.float32)
+    normals[..., 2:] = 1.0
+    flat, one = tally.Tally(), tally.Tally()
+    flat.add_raw(normals, Settings())
+    normals[1, 1, :3] = (0.6, 0.0, 0.8)
+    one.add_raw(normals, Settings())
+    assert (flat.leaning, one.leaning) == (0, 1)

@@ -350,6 +350,23 @@ def overlapping():
     )
 
 
+def other_halves():
+    """Mirrored halves that share their UVs, below a surface that is not symmetric."""
+    return case(mirror(zoo.plane("lo", 2)), moved(turned(zoo.terrain("hi", 48, waves=3)), 0, 0, 0, scale=(2, 1, 1)))
+
+
+def two_materials():
+    """Two faces side by side that share their UVs and have a material each."""
+    low, high = zoo.two_islands("lo", gap=0.0), moved(turned(zoo.terrain("hi", 48)), 0, 0, 0, scale=(2, 1, 1))
+    layer = low.data.uv_layers[0].uv
+    for number in range(4):
+        layer[number + 4].vector = layer[number].vector
+    for number in range(2):
+        low.data.materials.append(bpy.data.materials.new(f"Part {number}"))
+        low.data.polygons[number].material_index = number
+    return case(placed(low, 0.9, (0.05, 0.05)), high)
+
+
 def wavy_torus(*, place=(0, 0, 0), scale=1.0):
     return moved(turned(torus("hi", 96, 48, waves=0.02)), *place, scale=scale)
 
@@ -401,6 +418,8 @@ WRONG = {
         "Materials of 'lo' share UVs, and its map has the detail of one of them",
         cures.TEXTURE_SETS,
     ),
+    "halves of other detail": (other_halves, "8 triangles of 'lo' show the detail of other parts"),
+    "two materials on one place": (two_materials, "Materials of 'lo' share UVs", cures.TEXTURE_SETS),
     "halves in object space": (
         lambda: case(zoo.mirrored("lo", slope=0.3), zoo.mirrored("hi", 24, slope=0.5), space="OBJECT"),
         "100.00% of the texels of 'lo' belong to two or more",
