@@ -41,6 +41,13 @@ def test_a_file_of_text(root):
     assert (found.unknown, found.has_variants) == ("", False)
 
 
+def test_paths_in_comments_and_texts_are_none(root):
+    text = '#usda 1.0\n# as in @a.usda@\n(\n doc = """see @b.usda@, [{"""\n subLayers = [@c.usda@, @d.usda@]\n)\n'
+    text += 'def "a" { string b = "@e.usda@" \n int[] c = [1, 2] \n asset[] d = [@f.usda@] }'
+    found = usd_layers.named(write(root / "root.usda", text))
+    assert found.layers == tuple(str(root / f"{name}.usda") for name in "cdf")
+
+
 @pytest.mark.parametrize("text", [usd_files.SUBLAYER, usd_files.REFERENCE])
 @pytest.mark.parametrize("name", ["root.usdc", "root.usd"])
 def test_a_binary_file(root, text, name):

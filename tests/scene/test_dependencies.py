@@ -178,23 +178,16 @@ def test_the_file_of_the_frame_that_is_shown_is_named_once(name, is_cut, tmp_pat
     assert ("ends too early" if is_cut else "cannot be found") in sentence
 
 
-def test_the_cache_of_a_fluid_is_a_folder_of_whole_files(tmp_path):
+def test_the_folder_of_a_cache_has_whole_files(tmp_path):
     folder = tmp_path / "fluid"
     (folder / "data").mkdir(parents=True)
     path = dependency_kinds.written_volume(folder / "data" / "fluid_0001.vdb")
-    obj = zoo.cube("domain")
-    domain = obj.modifiers.new("fluid", "FLUID")
-    domain.fluid_type = "DOMAIN"
-    settings = domain.domain_settings
-    settings.cache_type, settings.cache_directory = "MODULAR", str(folder)
-    assert {each.path for each in dependencies.of([obj]) if each.is_needed} == {str(folder)}
-    assert complaints.of_files([obj], for_render=True) == []
+    cache = [dependencies.Dependency(str(folder), "the cache")]
+    assert dependencies.lacking(cache) == []
     path.write_bytes(path.read_bytes()[:-9])
-    (sentence,) = complaints.of_files([obj], for_render=True)
-    assert sentence.startswith(f"{str(path)!r}, the cache of the fluid of 'domain', ends too early")
+    assert dependencies.lacking(cache) == [dependencies.Lacking(str(path), "the cache", "ends too early")]
     path.unlink()
-    (sentence,) = complaints.of_files([obj], for_render=True)
-    assert sentence.startswith(f"{str(folder)!r}, the cache of the fluid of 'domain', is empty")
+    assert dependencies.lacking(cache) == [dependencies.Lacking(str(folder), "the cache", "is empty")]
 
 
 def test_frames_of_a_sequence_begin_again_and_stay_at_their_ends(tmp_path):

@@ -235,6 +235,18 @@ def test_an_obj_that_ends_within_a_line(last, tmp_path):
     assert problem(str(path)) == CUT
 
 
+def test_json_that_ends_too_early(tmp_path):
+    path = tmp_path / "bake.json"
+    whole = '{"version": 3, "items": {"a b": [1.5, true, null, {"c": "d"}]}}\n'
+    path.write_text(whole)
+    assert problem(str(path)) == ""
+    for length in range(1, len(whole) - 1):
+        path.write_text(whole[:length])
+        assert problem(str(path)) == CUT
+    path.write_text("# a file of settings\n" + whole)  # of a program that takes comments
+    assert problem(str(path)) == ""
+
+
 def test_brackets_in_texts_of_usd_count_not(tmp_path):
     path = tmp_path / "rock.usda"
     whole = (

@@ -17,7 +17,12 @@ ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 _LAYERS = (*ENDINGS, ".abc", ".mtlx", ".sdf")
 """Endings of files that can be layers."""
 _BINARY = b"PXR-USDC"
-_PATH = re.compile(rb"@@@(.+?)@@@|@([^@\r\n]+)@")
+PARTS = re.compile(
+    rb'"""(?:[^\\]|\\.)*?"""|"(?:[^"\\\n]|\\.)*"|'
+    rb"'''(?:[^\\]|\\.)*?'''|'(?:[^'\\\n]|\\.)*'|#[^\n]*|@@@(.+?)@@@|@([^@\n]*)@|\[[^][{}\"'@#]*\]|[][(){}]",
+    re.DOTALL,
+)
+"""Parts of a file of text: texts, comments, paths, arrays of numbers, which can be long, and other brackets."""
 _COMPUTED = b"templateAssetPath"
 """The word for files of which a frame's number is a part."""
 _VARIANTS = b"variantSet"
@@ -78,19 +83,9 @@ def _read(path: str, _state: tuple[int, ...]) -> Named:
             words = _words(content).split(b"\0")
             names = [word for word in words if b"." in word or b"`" in word]
             return _sorted(path, names, is_computed=_COMPUTED in words, has_variants=_VARIANTS in words)
-        names = list(_paths(content))
+        names = [match[1] or match[2] for match in PARTS.finditer(content) if match[1] or match[2]]
         is_computed, has_variants = (content.find(word) >= 0 for word in (_COMPUTED, _VARIANTS))
         return _sorted(path, names, is_computed=is_computed, has_variants=has_variants)
-
-
-def _paths(content: mmap.mmap) -> Iterator[bytes]:
-    """What stands between @ in a file of text, which may be long."""
-    at = content.find(b"@")
-    while at >= 0:
-        match = _PATH.match(content, at)
-        if match:
-            yield match[1] or match[2]
-        at = content.find(b"@", match.end() if match else at + 1)
 
 
 def _sorted(path: str, names: Iterable[bytes], *, is_computed: bool, has_variants: bool) -> Named:

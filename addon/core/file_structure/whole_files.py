@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import BinaryIO
 
 from ..file_formats import TARGA
+from . import usd_layers
 
 MISSING, EMPTY, CUT = "cannot be found", "is empty", "ends too early"
 """Clauses."""
@@ -269,26 +270,19 @@ def _usda(file: BinaryIO, size: int) -> bool:
     """A USD file of text: each bracket has its other one."""
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
         depth = 0
-        for match in _USD_PARTS.finditer(text):
+        for match in usd_layers.PARTS.finditer(text):
             depth += {b"{": 1, b"(": 1, b"[": 1, b"}": -1, b")": -1, b"]": -1}.get(match[0], 0)
     return depth <= 0
-
-
-_USD_PARTS = re.compile(
-    rb'"""(?:[^\\]|\\.)*?"""|"(?:[^"\\\n]|\\.)*"|'
-    rb"'''(?:[^\\]|\\.)*?'''|'(?:[^'\\\n]|\\.)*'|#[^\n]*|@[^@\n]*@|\[[^][{}\"'@#]*\]|[][(){}]",
-    re.DOTALL,
-)
-"""Texts, comments, paths and arrays of numbers, which are long and may contain brackets, and brackets."""
 
 
 def _json(file: BinaryIO, size: int) -> bool:
     if size > _MOST:
         return True
+    text = (file.seek(0) or file.read()).decode(errors="replace").rstrip()
     try:
-        json.loads(file.seek(0) or file.read())
-    except ValueError:
-        return False
+        json.loads(text)
+    except json.JSONDecodeError as error:  # which stands at the end, or at the start of the last text or word
+        return error.pos < len(text) - len("false") and not error.msg.startswith("Unterminated")
     return True
 
 
