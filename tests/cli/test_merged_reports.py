@@ -12,7 +12,7 @@ from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-OF_A_CALL = {"seconds", "startup", "log", "memory"}
+OF_A_CALL = {"started", "host", "call", "seconds", "startup", "log", "memory"}
 """Keys whose values are of the call and the machine, and not of the bake."""
 
 
