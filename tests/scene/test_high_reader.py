@@ -467,6 +467,26 @@ def test_instances_have_the_material_of_their_object_and_the_id_of_the_high_obje
     assert set(report.maps["material_id"]["colours"]) == {"first", "second"}
 
 
+@pytest.mark.parametrize("owners", [1, 2])
+def test_instances_of_one_mesh_have_the_materials_of_their_objects_and_the_ids_of_their_owners(owners):
+    plane, first = low(), zoo.terrain("first", height=0.02)
+    first.data.materials.append(None)
+    second = first.copy()
+    for obj, side in ((first, 1), (second, -1)):
+        if side < 0:
+            link(obj)
+        obj.material_slots[0].link = "OBJECT"
+        obj.material_slots[0].material = bpy.data.materials.new(f"of {side}")
+        obj.scale.x, obj.location.x = 0.5, -0.5 * side
+    shown = [shelf(first, second)] if owners == 1 else [shelf(first, name="A"), shelf(second, name="B")]
+    highs = [link(empty(f"hi {number}", collection)) for number, collection in enumerate(shown)]
+    settings = Settings("CAST", width=32, height=32, storage="MEMORY", maps=("OBJECT_ID", "MATERIAL_ID"))
+    report = bake_pair(bpy.context, plane, highs, settings)
+    for name, count in (("object_id", owners), ("material_id", 2)):
+        texels = maps.pixels(bpy.data.images[report.maps[name]["image"]])
+        assert (texels[16, 8, :3] != texels[16, 24, :3]).any() == (count == 2), name
+
+
 # Hidden objects and collections
 
 

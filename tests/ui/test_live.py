@@ -334,12 +334,13 @@ def test_a_change_that_is_not_stored_yet_is_stored_before_the_settings_change(pa
     assert np.array_equal(pixels(bpy.data.images["another"]), expected)
 
 
+@pytest.mark.parametrize("margin_type", ["EXTEND", "ADJACENT_FACES"])
 @pytest.mark.parametrize("which", ["lo", "hi"])
-def test_live_follows_uvs_with_their_margin(pair, which):
+def test_live_follows_uvs_with_their_margin(pair, which, margin_type):
     low, high = pair
     for obj in pair:  # both fill a part of the map, so that there is a margin
         scale_uvs(obj, 0.5)
-    bpy.context.scene.imprint.margin = 3
+    bpy.context.scene.imprint.margin, bpy.context.scene.imprint.margin_type = 3, margin_type
     switch(True)
     before = pixels(bpy.data.images["lo_normal"])
     scale_uvs(low if which == "lo" else high, 1.5)
