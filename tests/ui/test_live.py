@@ -338,7 +338,11 @@ def test_a_change_that_is_not_stored_yet_is_stored_before_the_settings_change(pa
 @pytest.mark.parametrize("which", ["lo", "hi"])
 def test_live_follows_uvs_with_their_margin(pair, which, margin_type):
     low, high = pair
-    for obj in pair:  # both fill a part of the map, so that there is a margin
+    for obj in pair:  # both fill two parts of the map, so that there is a margin, and a seam
+        layer = obj.data.uv_layers[0].uv
+        for face in obj.data.polygons:
+            for corner in face.loop_indices if face.center.x > 0.0 else ():
+                layer[corner].vector.x += 0.2
         scale_uvs(obj, 0.5)
     bpy.context.scene.imprint.margin, bpy.context.scene.imprint.margin_type = 3, margin_type
     switch(True)
