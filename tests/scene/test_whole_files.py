@@ -261,7 +261,8 @@ def test_brackets_in_texts_of_usd_count_not(tmp_path):
 def test_a_binary_stl_with_a_title_that_text_begins_with(tmp_path):
     path = tmp_path / "rock.stl"
     whole = b"solid by a scanner".ljust(80) + struct.pack("<I", 2) + bytes(100)
-    path.write_bytes(whole)
-    assert problem(str(path)) == ""
+    for more in (b"", b"colors"):
+        path.write_bytes(whole + more)
+        assert problem(str(path)) == ""
     path.write_bytes(whole[:-1])
     assert problem(str(path)) == CUT

@@ -235,7 +235,7 @@ def _stl(file: BinaryIO, size: int) -> bool:
 def _solid(file: BinaryIO, size: int) -> bool:
     """An .stl of text, or a binary one whose title begins as text does."""
     (count,) = _unpack(file, "<I", 80) if size >= 84 else (0,)
-    if size == 84 + 50 * count:
+    if 84 + 50 * count <= size:  # in text, these bytes are a number that no file reaches
         return True
     last = _tail(file, size).rstrip().rpartition(b"\n")[2].strip().lower()
     return last.startswith((b"endsolid", b"endfacet")) or last == b"solid"
