@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs numpy work on blocks of long arrays in threads. numpy releases Python's lock, so all cores work."""
 
+import functools
 import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -15,12 +19,45 @@ BLOCK = 2**16
 """Elements per block, so that intermediate values fit in a processor's cache."""
 
 
+QUOTA = Path("/sys/fs/cgroup/cpu.max")
+"""On Linux in a container: the microseconds of all processors that it may have in so many microseconds, or "max"."""
+_of_pool = threading.local()
+"""Has `is_own` in the threads of the pool."""
+
+
+def processors() -> int:
+    """How many processors this process may use: those of its affinity, and as many as its container has."""
+    if hasattr(os, "process_cpu_count"):  # Python 3.13
+        count = os.process_cpu_count()
+    else:
+        count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    with suppress(OSError, ValueError):  # "max" is no number
+        quota, period = map(int, QUOTA.read_text(encoding="ascii").split())
+        count = min(count or 1, -(-quota // period))
+    return max(1, count or 1)
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(processors(), "imprint", lambda: setattr(_of_pool, "is_own", True))
+
+
 def map_parallel(work: Callable[[Part], Result], parts: Sequence[Part]) -> list[Result]:
-    """Call `work` with each of `parts` in threads. Returns the results in the order of `parts`."""
-    if len(parts) < 2:
+    """Call `work` with each of `parts` in threads. Returns the results in the order of `parts`.
+
+    If one raises, no other goes on afterwards. Within `work`, another call goes through its parts one by one.
+    """
+    if len(parts) < 2 or getattr(
+        _of_pool, "is_own", False
+    ):  # a thread that waits for others of its pool may wait for ever
         return list(map(work, parts))
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        return list(threads.map(work, parts))
+    jobs = [_pool().submit(work, part) for part in parts]
+    try:
+        return [job.result() for job in jobs]
+    finally:
+        for job in jobs:
+            job.cancel()
+        wait(jobs)
 
 
 def for_blocks(count: int, work: Callable[[slice], None], block: int | None = None) -> None:
@@ -35,7 +72,7 @@ def for_shares(count: int, block: int, work: Callable[[Iterator[slice]], None]) 
     """
     found = blocks(count, block)
     shared = iter(found)  # `next` of a list's iterator is one step for all threads
-    map_parallel(work, [shared] * min(os.cpu_count() or 1, len(found)))
+    map_parallel(work, [shared] * min(processors(), len(found)))
 
 
 def blocks(count: int, block: int) -> list[slice]:

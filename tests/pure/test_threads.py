@@ -2,6 +2,10 @@
 """Tests threads: each element of a long array is visited once, also where the last block is shorter."""
 
 import os
+import subprocess
+import sys
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -10,6 +14,7 @@ from addon.core import threads
 from addon.mesh import uv_layout
 from addon.mesh.spatial import bvh
 from addon.mesh.triangle_mesh import Mesh
+from scripts.imprint import ROOT
 
 BLOCK = threads.BLOCK
 
@@ -39,10 +44,10 @@ def test_blocks_of_another_size_cover_each_element_once():
     assert sorted(sizes) == [2, 5, 5, 5]
 
 
-@pytest.mark.parametrize("cores", [None, 1, 3, 8])
+@pytest.mark.parametrize("cores", [1, 3, 8])
 @pytest.mark.parametrize("count", [0, 1, 5, 17])
 def test_shares_cover_each_element_once_in_as_many_calls_as_cores(count, cores, monkeypatch):
-    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    monkeypatch.setattr(threads, "processors", lambda: cores)
     seen, calls = np.zeros(count, int), []
 
     def count_visits(parts):
@@ -53,7 +58,59 @@ def test_shares_cover_each_element_once_in_as_many_calls_as_cores(count, cores, 
 
     threads.for_shares(count, 5, count_visits)
     assert (seen == 1).all()
-    assert len(calls) == min(cores or 1, -(-count // 5))
+    assert len(calls) == min(cores, -(-count // 5))
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="affinity of Linux")
+@pytest.mark.parametrize("is_old", [False, True], ids=["this Python", "Python before 3.13"])
+def test_processors_are_those_that_the_process_may_use(is_old):
+    program = (
+        "import os, sys; sys.path.insert(0, sys.argv[1]); os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])\n"
+        f"if {is_old} and hasattr(os, 'process_cpu_count'): del os.process_cpu_count\n"
+        "from addon.core import threads; print(threads.processors(), threads._pool()._max_workers)"
+    )
+    done = subprocess.run([sys.executable, "-c", program, str(ROOT)], capture_output=True, text=True, check=True)
+    assert done.stdout == "1 1\n"
+
+
+@pytest.mark.parametrize(
+    ("quota", "expected"),
+    [("max 100000", 8), ("150000 100000", 2), ("50000 100000", 1), ("9900000 100000", 8), ("", 8), (None, 8)],
+)
+def test_a_container_may_have_fewer_processors(monkeypatch, tmp_path, quota, expected):
+    monkeypatch.setattr(os, "process_cpu_count", lambda: 8, raising=False)
+    monkeypatch.setattr(threads, "QUOTA", tmp_path / "cpu.max")
+    if quota is not None:
+        threads.QUOTA.write_text(f"{quota}\n")
+    assert threads.processors() == expected
+
+
+def test_threads_are_used_again_and_calls_within_calls_end():
+    """All threads of the pool are in the outer call."""
+    seen = set()
+
+    def work(number):
+        seen.add(threading.get_ident())
+        return sum(threads.map_parallel(lambda other: number * other, range(10)))
+
+    for _ in range(20):
+        assert threads.map_parallel(work, range(40)) == [45 * number for number in range(40)]
+    assert len(seen) <= threads.processors()
+
+
+def test_after_an_error_no_thread_goes_on():
+    going = []
+
+    def work(number):
+        if number == 0:
+            raise ValueError
+        going.append(number)
+        time.sleep(0.01)
+        going.remove(number)
+
+    with pytest.raises(ValueError):
+        threads.map_parallel(work, range(100))
+    assert going == []
 
 
 def test_map_parallel_returns_results_in_order():

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.core import file_formats
+from addon.core import file_formats, threads
 from addon.core.errors import BakeError
 from addon.output import quantize
 from addon.output.files.atomic_file import Partial
@@ -186,10 +186,10 @@ def test_many_bytes_are_tried_over_several_rows_seed_14():
     assert deflating.choose(np.repeat(pairs[:16], 2, axis=0), search) == deflating.RUNS
 
 
-@pytest.mark.parametrize("cores", [None, 1, 2, 8])
+@pytest.mark.parametrize("cores", [1, 2, 8])
 def test_each_processor_gets_a_piece_of_all_rows(cores, monkeypatch):
-    monkeypatch.setattr(os, "cpu_count", lambda: cores)
-    assert len(content.pieces(1000, 8192)) == (cores or 1)
+    monkeypatch.setattr(threads, "processors", lambda: cores)
+    assert len(content.pieces(1000, 8192)) == cores
     assert len(content.pieces(1000, 4)) == 1
 
 
@@ -366,7 +366,7 @@ def test_a_closed_queue_does_not_begin_what_waits(tmp_path):
         return b""
 
     queue = WriteQueue()
-    many = Content([wait] * (os.cpu_count() or 1), lambda file, results: file.write(b"".join(results)))
+    many = Content([wait] * threads.processors(), lambda file, results: file.write(b"".join(results)))
     queue.add(lambda: many, reserved(tmp_path / "1.png"))
     queue.add(lambda: slow_content(b"never", log), reserved(tmp_path / "2.png"))
     assert begun.wait(10)

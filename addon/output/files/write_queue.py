@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Packs and writes files in threads, while the caller draws the next map."""
 
-import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
+from ...core import threads
 from ..writers.content import Content
 from .atomic_file import Partial
 
@@ -20,7 +20,7 @@ class WriteQueue:
     """
 
     def __init__(self):
-        self._packing = ThreadPoolExecutor(os.cpu_count(), "imprint-pack")
+        self._packing = ThreadPoolExecutor(threads.processors(), "imprint-pack")
         self._writing = ThreadPoolExecutor(1, "imprint-write")
         self._unfinished: deque[Future] = deque()
 
@@ -46,8 +46,8 @@ class WriteQueue:
 
     def close(self) -> None:
         """Stop. Files that are not finished stay as they are. Can be called more than once."""
-        for threads in (self._packing, self._writing):
-            threads.shutdown(cancel_futures=True)
+        for each in (self._packing, self._writing):
+            each.shutdown(cancel_futures=True)
 
 
 def _write(content: Content, parts: deque[Future], partial: Partial) -> None:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The content of a file that threads pack, and the division of its rows into blocks and pieces."""
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO
@@ -39,7 +38,7 @@ def pieces(height: int, row_bytes: int, whole: int = 1) -> list[slice]:
 
     whole: rows that stay together. The number of rows of a slice is a multiple of it, but for the last one.
     """
-    wanted = -(-height * row_bytes // (os.cpu_count() or 1))
+    wanted = -(-height * row_bytes // threads.processors())
     wanted = min(max(wanted, LEAST_PIECE), MOST_PIECE)
     count = whole * max(1, wanted // (row_bytes * whole))
     return threads.blocks(height, count)
