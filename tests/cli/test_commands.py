@@ -335,7 +335,7 @@ def test_a_report_or_a_page_replaces_no_other_files(scene, fails, words, sentenc
     assert (scene / words[1]).read_bytes()[:4] in (b"\x89PNG", b"BLEN", b"(\xb5/\xfd")
 
 
-@pytest.mark.parametrize("start", ["", "\ufeff \n{", "[]"])
+@pytest.mark.parametrize("start", ["", "\ufeff \n{", "[]", "\0" * 2000])
 def test_a_report_replaces_what_may_be_one(scene, start):
     (scene / "r.json").write_text(start, encoding="utf-8")
     (scene / "s.html").write_text("<!doctype HTML>")

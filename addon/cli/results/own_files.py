@@ -6,7 +6,9 @@ import os
 from ...core.errors import WrongPlace
 
 READ = 1024
-"""Bytes of the beginning of a file, which has comments and blanks."""
+"""Bytes of the beginning of a file, which may have blanks."""
+_BLANK = b" \t\r\n\0"
+"""Bytes that are nothing. File systems leave zeros of a file that was written when the power failed."""
 
 
 def check_report(path: str, title: str) -> None:
@@ -27,7 +29,8 @@ def _check(path: str, title: str, starts: tuple[bytes, ...], kind: str) -> None:
             start = file.read(READ)
     except OSError:  # the bake reports it
         return
-    if start and not start.removeprefix(b"\xef\xbb\xbf").lstrip().lower().startswith(starts):
+    start = start.removeprefix(b"\xef\xbb\xbf").lstrip(_BLANK).lower()
+    if start and not start.startswith(starts):
         raise WrongPlace(
             f"{title[:1].upper()}{title[1:]} would overwrite {path!r}, which is not {kind}: choose another path for it."
         )
