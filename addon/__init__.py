@@ -2,19 +2,38 @@
 """The add-on: what Blender registers, in order, and removes in reverse order."""
 
 import sys
+from collections.abc import Sequence
 from types import ModuleType
 
 
 def register() -> None:
-    """Called by Blender when the extension is enabled."""
+    """Called by Blender when the extension is enabled. If it raises, nothing stays registered."""
     import atexit
 
     import bpy
 
-    for module in _modules():
-        module.register()
+    begun: list[ModuleType] = []
+    try:
+        for module in _modules():
+            begun.append(module)
+            module.register()
+    except BaseException:
+        _undo(begun)
+        raise
     bpy.app.handlers.load_pre.append(bpy.app.handlers.persistent(before_loading))  # it stays for the next file
     atexit.register(free)
+
+
+def _undo(modules: Sequence[ModuleType]) -> None:
+    """Remove what some modules have registered. The last one has failed, and may lack some of its classes."""
+    import bpy
+
+    *whole, failed = modules
+    for each in reversed(list(vars(failed).values())):
+        if isinstance(each, type) and each.__module__ == failed.__name__ and getattr(each, "is_registered", False):
+            bpy.utils.unregister_class(each)
+    for module in reversed(whole):
+        module.unregister()
 
 
 def unregister() -> None:

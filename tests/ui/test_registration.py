@@ -103,14 +103,22 @@ def test_gpu_objects_are_freed_when_blender_ends(monkeypatch):
     assert at_exit == []
 
 
-def test_errors_while_registering_are_raised(monkeypatch):
+@pytest.mark.parametrize("module", [operators, weight_operators, modal], ids=lambda module: module.__name__)
+def test_errors_while_registering_are_raised_and_leave_nothing(monkeypatch, module):
+    """Also where the module has registered some of its classes."""
+
     def fail():
+        bpy.utils.register_class(module.CLASSES[0])
         raise ValueError("already registered as a subclass")
 
-    monkeypatch.setattr(operators, "register", fail)
+    handlers = bpy.app.handlers.load_pre, bpy.app.handlers.save_pre, bpy.app.handlers.undo_post
+    before = [list(each) for each in handlers]
+    monkeypatch.setattr(module, "register", fail)
     with pytest.raises(ValueError, match="already registered"):
         addon.register()
-    properties.unregister()
+    assert traces() == set()
+    assert not command.is_registered()
+    assert [list(each) for each in handlers] == before
 
 
 @pytest.mark.usefixtures("registered")
