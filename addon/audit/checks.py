@@ -71,7 +71,7 @@ def audit(
             separation.full_probe(meshes, ray_cast), (settings.width, settings.height), plan.tiles
         )
         distances = separation.distances(texels, np.zeros(3))[texels[..., 3] > 0.0]
-    distance_checks, apart = _distances(plan, settings, distances if ray_cast else None)
+    distance_checks, placement = _distances(plan, settings, distances if ray_cast else None)
     checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
     checks["overlap"] |= stacked
     checks["behind"]["backwards"] = checks["backwards"]["share"]
@@ -87,7 +87,7 @@ def audit(
         warnings=(
             *_direction_warnings(meshes, tally, settings),
             *uv_warnings,
-            *_placement_warnings(plan, checks, settings, apart, length),
+            *_placement_warnings(plan, checks, settings, placement, length),
             *_crossed_warnings(plan, checks, settings),
             *_other_detail_warnings(low, stacked),
             *(
@@ -197,7 +197,7 @@ def _gaps(low: Mesh, tiles: Sequence[int], settings: Settings, *, overlaps: bool
 
 
 @dataclass(frozen=True)
-class _Apart:
+class _Placement:
     """How far the surfaces are apart. offset (3,): of the high meshes as wholes, which does not count. beyond: the share of the
     texels that are farther apart than `usual`, the default limit or a larger one, in scene units."""
 
@@ -206,7 +206,7 @@ class _Apart:
     usual: float
 
 
-def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tuple[Checks, _Apart]:
+def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tuple[Checks, _Placement]:
     """found: the distances (N,) of the hits of rays, in scene units, or None without rays."""
     meshes, offset = plan.meshes, np.zeros(3, np.float32)
     if found is None:
@@ -225,11 +225,11 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
         "limit": limit,
         "offset": math.hypot(*offset.tolist()),
     }
-    return {"far": check}, _Apart(offset, np.count_nonzero(found > usual) / max(1, found.size), usual)
+    return {"far": check}, _Placement(offset, np.count_nonzero(found > usual) / max(1, found.size), usual)
 
 
 def _placement_warnings(
-    plan: Plan, checks: Checks, settings: Settings, apart: _Apart, length: Length
+    plan: Plan, checks: Checks, settings: Settings, placement: _Placement, length: Length
 ) -> Iterator[Warned]:
     """Why the surfaces do not meet."""
     meshes, missed, unsure = plan.meshes, checks["uncovered"], checks["unsure"]
@@ -237,9 +237,9 @@ def _placement_warnings(
     if meshes.is_own_base:
         return
     # A single high mesh with another UV layout is far on most texels. One of several may cover only a few.
-    if settings.method == Method.FLATTEN and (len(meshes.highs) > 1 or apart.beyond > severity.MANY_FAR):
+    if settings.method == Method.FLATTEN and (len(meshes.highs) > 1 or placement.beyond > severity.MANY_FAR):
         thinned = [separation.thinned(high) for high in meshes.drawn_highs]
-        differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, apart.offset)
+        differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, placement.offset)
         if differing:
             yield Warned(cures.in_shell(f"{differing[:1].upper()}{differing[1:]}.", cures.AUTO), causes.LAYOUTS)
             return
@@ -254,12 +254,12 @@ def _placement_warnings(
         )
     if not plan.casts_rays:
         return  # what UVs put together may have any place and size
-    if apart.beyond > severity.NEARLY_ALL:
-        found = f"on {apart.beyond:.2%} of the texels, they are more than {length(apart.usual)} apart"
+    if placement.beyond > severity.NEARLY_ALL:
+        found = f"on {placement.beyond:.2%} of the texels, they are more than {length(placement.usual)} apart"
     elif missed["share"] > MUCH_MISSED and not separation.boxes_fit(meshes):
         found = f"{missed['share']:.2%} of the rays hit nothing"
     # A low mesh may stand for a part of a larger high one, with deep detail.
-    elif apart.beyond > severity.MANY_FAR and not separation.boxes_fit(meshes, may_be_part=True):
+    elif placement.beyond > severity.MANY_FAR and not separation.boxes_fit(meshes, may_be_part=True):
         found = "the surfaces are far apart"
     else:
         return

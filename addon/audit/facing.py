@@ -76,5 +76,5 @@ def _middle(points: np.ndarray) -> np.ndarray:
 
 def _gap(first: np.ndarray, second: np.ndarray) -> float:
     """The distance between the boxes around points (N, 3) and (M, 3)."""
-    apart = np.maximum(first.min(axis=0) - second.max(axis=0), second.min(axis=0) - first.max(axis=0))
-    return float(np.linalg.norm(np.maximum(apart, 0.0)))
+    between = np.maximum(first.min(axis=0) - second.max(axis=0), second.min(axis=0) - first.max(axis=0))
+    return float(np.linalg.norm(np.maximum(between, 0.0)))
