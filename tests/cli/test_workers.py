@@ -546,7 +546,7 @@ def test_a_folder_for_logs_that_cannot_be_written_is_refused(folder):
     assert run(*jobs(folder, "a"), "--log", "j.json") == (
         exit_codes.WRONG_USAGE,
         "",
-        "imprint: --log: no files can be written to 'j.json': File exists.\n",
+        "imprint: --log: no files can be written to 'j.json': Not a directory.\n",
     )
 
 
