@@ -11,6 +11,7 @@ import bpy
 import pytest
 
 from addon.cli import command
+from addon.cli.done.contents import Contents
 from addon.cli.results import run_report
 from addon.cli.results.run_report import Cause, State
 from addon.core import versions
@@ -142,9 +143,9 @@ def test_the_words_for_states_and_causes_are_in_the_manual():
 
 def test_each_file_is_hashed_once_if_at_all(whole, tmp_path, monkeypatch):
     """The report of a set, that of all, and the record want the same hashes."""
-    read, digest = [], hashlib.file_digest
+    read, hashed = [], Contents._hash
     monkeypatch.setattr(
-        hashlib, "file_digest", lambda file, *more: (read.append(Path(file.name).name), digest(file, *more))[1]
+        Contents, "_hash", lambda self, file: (read.append(Path(file.name).name), hashed(self, file))[1]
     )
     job = {"file": "file.blend", "low": "a_low", "high": "a_high", "output": "map.png", "report": "own.json"}
     (tmp_path / "jobs.json").write_text(json.dumps({"bake": [job]}), encoding="utf-8")
