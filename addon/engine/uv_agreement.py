@@ -10,6 +10,7 @@ import numpy as np
 from ..core import udim
 from ..core.declarations.choices import Method
 from ..core.udim import UvToClip
+from ..mesh import uv_layout
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
@@ -29,6 +30,8 @@ CROSSED = 1e-3
 SHIFT = 0.5
 """Share of a small part's extent: how much the vectors from low to high may differ on its texels, on average. If a bolt has
 the UVs of another bolt close to it, or is rotated, they differ by more than its size."""
+UNDRAWN = 1e-4
+"""Share of the surface of a high mesh that may have no area in UV space: decimation leaves such slivers. More is detail."""
 SMALLEST_PROBE = 32
 """Texels a side on which each of many high meshes is compared. Each of a few is compared on up to PROBE_SIZE."""
 SMALLEST_EXTENT = 1e-6
@@ -75,6 +78,9 @@ def measure(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> Agreement
         return Agreement(
             False, f"the UV layouts differ: the meshes' points are close on only {share:.1%} of the texels"
         )
+    without_area = next(filter(None, map(_undrawn, highs)), "")
+    if without_area:
+        return Agreement(False, without_area)
     is_everywhere = share >= EVERYWHERE
     if is_everywhere and share < 1.0 - CROSSED:
         is_everywhere = crossed(low, [separation.thinned(high) for high in highs], tiles) <= CROSSED
@@ -225,6 +231,18 @@ class _Surface:
         for slot, array in enumerate(texels):
             drawn.read(array, slot=slot)
         return texels
+
+
+def _undrawn(high: Mesh) -> str:
+    """Why Flatten would not draw a part of a high mesh, as a clause; empty if it draws all of it."""
+    is_flat = uv_layout.areas(high) == 0.0
+    if not is_flat.any():
+        return ""
+    a, b, c = np.moveaxis(high.positions[high.vertices[high.triangles]], 1, 0)
+    with np.errstate(over="ignore", invalid="ignore"):  # of faces that are very large
+        sizes = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        share = sizes[is_flat].sum(dtype=np.float64) / (sizes.sum(dtype=np.float64) or 1.0)
+    return f"{share:.1%} of the surface of {high.name!r} has no area in UV space" if share > UNDRAWN else ""
 
 
 def _tangential(vectors: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -68,6 +68,18 @@ def test_a_bolt_that_shares_the_layout_is_flattened(box):
     assert (report.method, "agree" in report.why) == ("FLATTEN", True)
 
 
+@pytest.mark.parametrize(
+    ("box", "method"), [(BOX, "CAST"), ((0.2, 0.2, 0.201, 0.201), "FLATTEN")], ids=["bolt", "sliver"]
+)
+def test_a_part_without_area_in_uv_space_is_cast_unless_it_is_a_sliver(box, method):
+    low, high, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", box, CORNERS["without area"])
+    with bpy.context.temp_override(active_object=high, object=high, selected_editable_objects=[high, bolt]):
+        bpy.ops.object.join()
+    report = bake(low, high)
+    assert report.method == method, report.why
+    assert ("of the surface of 'hi' has no area in UV space" in report.why) == (method == "CAST")
+
+
 def test_meshes_moved_aside_together_are_flattened():
     low, terrain, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", BOX, shared(BOX))
     terrain.location = bolt.location = (3.0, 1.0, 0.0)
