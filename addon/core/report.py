@@ -73,9 +73,10 @@ class Report:
     Some kinds have more. overlap: the texels of parts that are stacked on purpose, the triangles in parts that others hide on
     the map (hidden) and those of them that parts of another material hide (under_others; 0 with texture sets, and for maps that
     are not in tangent space), and the share of the texels of these whose own detail is more than 2 degrees from what they show
-    (differing; of a tangent-space map, else 0). outside: the triangles that are moved by
-    whole tiles on purpose. mirrored: islands. gaps: the texels near the border, and the number of texels needed between
-    islands. far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that
+    (differing; of a tangent-space map, else 0). outside: the triangles that are moved by whole tiles on purpose, and the share
+    of the UV area that is cut off (cut_off). behind: the share of the texels with a z of 0 or less (backwards). mirrored:
+    islands. gaps: the texels near the border, and the number of texels needed between islands.
+    far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that
     own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
     contested, jumps, other_layer) of engine.rays.unsure_texels.Doubts; a texel can have several. uneven: whether the low mesh
     is the base of its own high one."""

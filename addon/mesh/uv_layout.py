@@ -14,6 +14,8 @@ _SPREAD = np.array(
     [(i + 1 / 3, j + 1 / 3, 10 - i - j + 1 / 3) for i in range(11) for j in range(11 - i)], np.float32
 ) / np.float32(11.0)
 """Weights (N, 3) of corners for points that are spread evenly over a triangle."""
+_SPREAD_BLOCK = 2**12
+"""Triangles whose points are computed at once: those of a mesh of millions do not fit in memory."""
 ROUNDING = 2.0**-21
 """Share of the distance from the origin of UV space: how far single precision moves a corner, with room."""
 
@@ -53,10 +55,17 @@ def cut_off(mesh: Mesh, which: np.ndarray, tiles: tuple[int, int] = (1, 1)) -> f
         return 0.0
     if not np.isfinite(total):  # of UVs that lie far outside
         return 1.0
-    a, b, c = (corner[which] for corner in _uv_corners(mesh))
-    points = a[:, None] * _SPREAD[:, 0] + b[:, None] * _SPREAD[:, 1] + c[:, None] * _SPREAD[:, 2]
-    is_out = (points.real < 0.0) | (points.real > tiles[0]) | (points.imag < 0.0) | (points.imag > tiles[1])
-    return float((sizes[which] * is_out.mean(axis=1)).sum(dtype=np.float64) / total)
+    chosen = np.flatnonzero(which)
+    shares = np.empty(len(chosen), np.float32)
+
+    def measure(part: slice) -> None:
+        a, b, c = (corners[:, None] for corners in _uv_corners(mesh, chosen[part]))
+        points = a * _SPREAD[:, 0] + b * _SPREAD[:, 1] + c * _SPREAD[:, 2]
+        is_out = (points.real < 0.0) | (points.real > tiles[0]) | (points.imag < 0.0) | (points.imag > tiles[1])
+        shares[part] = is_out.mean(axis=1)
+
+    threads.for_blocks(len(chosen), measure, _SPREAD_BLOCK)
+    return float((sizes[chosen] * shares).sum(dtype=np.float64) / total)
 
 
 def over_centers(
@@ -116,7 +125,7 @@ def tiles(mesh: Mesh) -> list[int]:
     return sorted(found)
 
 
-def _uv_corners(mesh: Mesh, which: slice = slice(None)) -> list[np.ndarray]:
+def _uv_corners(mesh: Mesh, which: slice | np.ndarray = slice(None)) -> list[np.ndarray]:
     """The UVs of the three corners of the triangles `which`, (T,) each, as complex numbers: one gather reads u and v."""
     uv = mesh.uv.view(np.complex64)[:, 0]
     return [np.take(uv, corner, mode="clip") for corner in mesh.triangles[which].T]
