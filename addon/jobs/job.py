@@ -135,7 +135,7 @@ def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
     for image_settings in settings_by_map(settings).values():
         map_storage.check(low.name, image_settings)
     if settings.changes_materials:
-        materials.check(low)
+        materials.check(low, can_be_off=not settings.connect_maps)
     if settings.vertex_domain != VertexDomain.NONE:
         vertex_attributes.check(low)
     try:

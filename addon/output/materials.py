@@ -25,15 +25,12 @@ CONVENTIONS: Mapping[tuple[str, str, str], str] = MappingProxyType(
 """The channels that the Normal Map node can read, with Blender's identifiers."""
 
 
-def check(low: Object) -> None:
-    """Raise BakeError if `hook_up` cannot change the materials of `low`. Called before the bake."""
+def check(low: Object, *, can_be_off: bool = True) -> None:
+    """Raise BakeError if `hook_up` cannot change the materials of `low`. Called before the bake. can_be_off: whether they stay
+    as they are without the setting Material."""
     if not low.is_editable:
-        raise BakeError(
-            cures.in_shell(
-                f'"{low.name}" is linked from a library, so its materials cannot be set: make it local first.',
-                cures.NO_MATERIAL,
-            )
-        )
+        cause = f'"{low.name}" is linked from a library, so its materials cannot be set: make it local first.'
+        raise BakeError(cures.in_shell(cause, cures.NO_MATERIAL) if can_be_off else cause)
     if not low.material_slots and not _is_local(low.data):
         raise BakeError(
             f'"{low.name}" has no material, and its mesh "{low.data.name}" is linked from a library and cannot be '

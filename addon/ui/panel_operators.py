@@ -55,7 +55,7 @@ class IMPRINT_OT_connect_maps(bpy.types.Operator):
         reports, warnings = results.all_of(context), []
         try:
             low = reports[0].refs[0].resolve()
-            materials.check(low)
+            materials.check(low, can_be_off=False)
             for report in reports:
                 warnings += outputs.connect_maps(
                     low,

@@ -45,7 +45,7 @@ def _material_problem(low: bpy.types.Object, values: Settings) -> str:
     """Why the maps cannot be put into the materials of `low`; empty if they can, or are not."""
     try:
         if values.changes_materials:
-            materials.check(low)
+            materials.check(low, can_be_off=not values.connect_maps)
     except BakeError as error:
         return str(error)
     return ""
