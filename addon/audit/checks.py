@@ -107,7 +107,8 @@ def _direction_warnings(meshes: Meshes, tally: Tally, settings: Settings) -> Ite
             causes.TURNED,
         )
     if settings.normal and tally.compared and not tally.leaning:
-        compared = "its own modifiers" if meshes.is_own_base else shorten_list(repr(high.name) for high in meshes.highs)
+        names = (repr(high.name) for high in meshes.listed_highs)
+        compared = "its own modifiers" if meshes.is_own_base else shorten_list(names)
         yield Warned(
             f"The map is flat: nothing of {compared} differs from {low!r}. Is that the right high object?", causes.FLAT
         )
@@ -119,7 +120,7 @@ def uv_space(settings: Settings) -> tuple[int, int]:
 
 
 def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[Warned]]:
-    low, highs, space = plan.meshes.low, plan.meshes.highs, uv_space(settings)
+    low, highs, space = plan.meshes.low, plan.meshes.listed_highs, uv_space(settings)
     areas, outside = uv_layout.areas(low), uv_layout.outside(low, space)
     is_mirrored, count = areas < 0.0, len(low.triangles)
     # With UDIM, triangles that were moved by whole tiles are on a tile of their own and do not repeat another one.
@@ -233,7 +234,7 @@ def _placement_warnings(
 ) -> Iterator[Warned]:
     """Why the surfaces do not meet."""
     meshes, missed, unsure = plan.meshes, checks["uncovered"], checks["unsure"]
-    low, highs = repr(meshes.low.name), shorten_list(repr(high.name) for high in meshes.highs)
+    low, highs = repr(meshes.low.name), shorten_list(repr(high.name) for high in meshes.listed_highs)
     if meshes.is_own_base:
         return
     # A single high mesh with another UV layout is far on most texels. One of several may cover only a few.

@@ -76,7 +76,7 @@ def tiles_to_bake(meshes: Meshes, settings: Settings) -> list[int]:
 
 def nothing_drawn(plan: Plan, length: Length = lengths.plain) -> str:
     """Why no texel was written, as a sentence. length: a length in scene units as text."""
-    low, highs, tiles = plan.meshes.low, plan.meshes.highs, plan.tiles
+    low, highs, tiles = plan.meshes.low, plan.meshes.listed_highs, plan.tiles
     if not set(tiles).intersection(uv_layout.tiles(low)):
         return f"No triangle of {low.name!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
     if plan.method == Method.FLATTEN:
@@ -131,15 +131,17 @@ def _within_reach(plan: Plan, settings: Settings, length: Length) -> Plan:
     # Distant meshes would make the tree less precise: the steps of its quantized boxes grow with the extent of all meshes.
     painted = 1.0 if meshes.offset is None else float(meshes.offset.max())
     reach = max((settings.extrusion or 0.0) * painted, settings.max_distance or 0.0, 2.0 * radius)
-    is_near = [gap(meshes.low, [high]) <= reach for high in meshes.highs]
-    if not any(is_near):
+    near = [high for high in meshes.highs if gap(meshes.low, [high]) <= reach]
+    if not near:
         return plan
-    pairs = list(zip(meshes.highs, is_near, strict=True))
+    kept = set(map(id, near))
     return replace(
         plan,
-        meshes=replace(meshes, highs=[high for high, near in pairs if near]),
+        meshes=replace(meshes, highs=near),
         warnings=tuple(
-            f"{high.name!r} lies out of reach of the rays and was left out." for high, near in pairs if not near
+            f"{high.name!r} lies out of reach of the rays and was left out."
+            for high in meshes.listed_highs
+            if id(high) not in kept
         ),
     )
 
@@ -153,4 +155,4 @@ def _names(highs: Sequence[triangle_mesh.Mesh]) -> str:
 
 
 def _far_apart(meshes: Meshes, distance: str) -> str:
-    return f"{meshes.low.name!r} and {_names(meshes.highs)} do not overlap: they are {distance} apart."
+    return f"{meshes.low.name!r} and {_names(meshes.listed_highs)} do not overlap: they are {distance} apart."

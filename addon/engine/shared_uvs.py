@@ -48,9 +48,12 @@ def ordered(
             low = low.with_triangles(order)
     if is_same:
         return meshes
+    changed = replace(meshes, low=low, basis=basis, kept=kept)
+    if not is_first:
+        return changed
     # Copies of modifiers are in the same order in both meshes. Finding the parts of many triangles takes long.
     highs = [high.with_triangles(np.arange(len(high.triangles))[::-1]) for high in reversed(meshes.highs)]
-    return replace(meshes, low=low, basis=basis, kept=kept, highs=highs if is_first else meshes.highs)
+    return replace(changed, highs=highs, is_reversed=True)
 
 
 def _has_copies(meshes: Meshes) -> bool:

@@ -22,6 +22,7 @@ class Meshes:
     whole, kept, material: for a texture set, `low` has only the triangles of one material; then the low mesh with all of them,
     the indices of those that were kept, and the material's name. shown: with is_own_base, the high mesh with the UVs that
     modifiers moved, as the viewport shows it; None if no modifier moves UVs. lacks: what the objects lack, in sentences.
+    is_reversed: whether `highs` are in the reverse order of the objects, so that Flatten draws the first one last.
 
     Painted by corner of `low`, (C,) float32, or None without a painted group. offset: factors from 0 to 2 on the extrusion.
     straight: from -1 to 1, added to the share of the mesh's own normals in the directions.
@@ -44,6 +45,12 @@ class Meshes:
     kept: np.ndarray | None = None
     material: str = ""
     lacks: list[str] = field(default_factory=list)
+    is_reversed: bool = False
+
+    @property
+    def listed_highs(self) -> list[Mesh]:
+        """The high meshes in the order of the objects, for messages."""
+        return self.highs[::-1] if self.is_reversed else self.highs
 
     @property
     def whole_low(self) -> Mesh:

@@ -118,6 +118,16 @@ def test_one_of_several_plates_wins_everywhere_where_their_faces_are_mixed(stack
     assert np.abs(-found[..., 0] / found[..., 2] - slopes[plate]).max() < 1e-4
 
 
+@pytest.mark.parametrize("stacked", ["FIRST", "LAST"])
+def test_messages_list_high_objects_in_the_order_of_the_artist(stacked):
+    low = zoo.plane("low", 2)
+    low.modifiers.new("Array", "ARRAY").relative_offset_displace = 0, 0, 0
+    highs = [zoo.plane("a", 2), zoo.plane("b", 3)]
+    report, _ = maps.bake_all_maps(low, *highs, maps=(), **cast({"stacked": stacked}))
+    (flat,) = [each for each in report.warnings if each.startswith("The map is flat")]
+    assert flat.startswith("The map is flat: nothing of 'a', 'b' differs from 'low'.")
+
+
 def test_a_surface_shows_its_modeled_half_on_its_own_base_mesh():
     """The base mesh has no copies: their normals would get its tangents."""
     obj = half("low", 1)
