@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests what an error has of the text that a process printed before it crashed."""
 
-import os
 import random
 import subprocess
 import sys
@@ -77,16 +76,6 @@ def test_the_tail_begins_after_what_was_printed_before(tmp_path):
     path.write_bytes(b"y" * 2 * last_words.TAIL)
     with path.open("rb") as file:
         assert len(last_words.tail(file.fileno())) == last_words.TAIL
-
-
-def test_only_plain_files_are_read(tmp_path):
-    secret = tmp_path / "secret"
-    secret.write_text("secret")
-    os.symlink(secret, tmp_path / "link")
-    os.mkfifo(tmp_path / "pipe")
-    assert last_words.of_file(str(secret)) == ", after it printed 'secret'"
-    assert [last_words.of_file(str(tmp_path / name)) for name in ("link", "pipe", "none", "")] == [""] * 4
-    assert last_words.of_file(str(tmp_path)) == ""
 
 
 def test_the_last_line_is_short():

@@ -361,12 +361,6 @@ def test_a_check_looks_for_the_ends_of_files(capsys, here):
     ]
 
 
-def test_a_list_does_not_wait_for_a_pipe(capsys, here):
-    os.mkfifo(here / "pipe.obj")
-    code, _, (problem,) = listed(capsys, [{**SET, "high-file": "pipe.obj"}], "--check")
-    assert (code, "There is no file" in problem) == (FAILED, True)
-
-
 def test_what_a_mesh_refers_to_is_read_once(here, monkeypatch):
     (here / "a_high.obj").write_text("mtllib a.mtl\nv 0 0 0\n")
     (here / "a.mtl").write_text("newmtl a\nmap_Kd 3.png\n")
