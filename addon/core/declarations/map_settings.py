@@ -181,7 +181,8 @@ MAP: dict[str, Setting] = {
     ),
     "limit": Distance(
         label="Limit",
-        tooltip="Distance between the high and the low surface above which a warning is shown",
+        tooltip="Distance between the high and the low surface above which the check Far counts texels. Where it is set, a "
+        "warning names them",
         empty="5 % of the low mesh's radius",
         switch="limited",
         shown=0.1,

@@ -276,15 +276,21 @@ TABLE = {
         "counts from 5 % of the low mesh's radius on, and warns of nothing that is deep",
     ): {
         "de_DE": "Den Abstand zwischen High-Poly- und Low-Poly-Oberfläche einstellen, ab dem gewarnt wird. Ohne ihn zählt die "
-        "Prüfung Entfernt ab 5 % des Radius des Low-Poly-Meshes und warnt nicht vor dem, was nur tief ist",
+        "Prüfung Weit entfernt ab 5 % des Radius des Low-Poly-Meshes und warnt nicht vor dem, was nur tief ist",
         "es": "Define la distancia entre las superficies high poly y low poly a partir de la cual se muestra una advertencia. "
         "Sin ella, la comprobación Lejos cuenta desde el 5 % del radio de la malla low poly y no advierte de lo que solo es "
         "profundo",
     },
     (LABEL, "Limit"): {"de_DE": "Grenze", "es": "Límite"},
-    (SENTENCE, "Distance between the high and the low surface above which a warning is shown"): {
-        "de_DE": "Abstand zwischen High-Poly- und Low-Poly-Oberfläche, ab dem gewarnt wird",
-        "es": "Distancia entre las superficies high poly y low poly a partir de la cual se muestra una advertencia",
+    (
+        SENTENCE,
+        "Distance between the high and the low surface above which the check Far counts texels. Where it is set, a warning "
+        "names them",
+    ): {
+        "de_DE": "Abstand zwischen High-Poly- und Low-Poly-Oberfläche, ab dem die Prüfung Weit entfernt Texel zählt. Ist er "
+        "eingestellt, nennt eine Warnung sie",
+        "es": "Distancia entre las superficies high poly y low poly a partir de la cual la comprobación Lejos cuenta texels. "
+        "Si está definida, una advertencia los nombra",
     },
     (LABEL, "Channels"): {"de_DE": "Kanäle", "es": "Canales"},
     (LABEL, "Red"): {"de_DE": "Rot", "es": "Rojo"},
