@@ -13,7 +13,7 @@ from ..engine import gpu_memory, shared_uvs
 from ..engine.method_choice import choose_method, tiles_to_bake
 from ..engine.rays.ray_casting import RayCast
 from ..engine.sources import normal_source
-from ..scene import reading
+from ..scene import reading, scene_lengths
 from .job import Job, check_job
 
 
@@ -33,5 +33,6 @@ def measure(
     meshes = reading.read(context, low, highs, cage, settings)
     with gpu_memory.trimmed():
         tiles = tiles_to_bake(meshes, settings)
-        plan = choose_method(shared_uvs.ordered(meshes, tiles, settings), tiles, settings)
+        in_order = shared_uvs.ordered(meshes, tiles, settings)
+        plan = choose_method(in_order, tiles, settings, scene_lengths.of(context.scene))
         return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast

@@ -11,9 +11,11 @@ import pytest
 from mathutils import Matrix
 
 from addon.core.errors import BakeError
+from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
-from addon.jobs import Job, bake_all, bake_pair
+from addon.jobs import Job, bake_all, bake_pair, ray_measuring
+from addon.jobs.live.live_session import Session
 from tests.support import angles, cycles, lanes, maps, oracle, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -225,8 +227,15 @@ def test_objects_that_do_not_overlap_are_refused_with_the_distance():
     high = zoo.plane("high")
     high.location.x = 12.0
     bpy.context.view_layer.update()
-    with pytest.raises(BakeError, match="do not overlap: they are 10 m apart"):
-        cast(zoo.plane("low"), high)
+    low, settings = zoo.plane("low"), Settings(method="CAST", width=16, height=16, storage="MEMORY")
+    live = Session(bpy.context, Job(low, [high]), settings, Pace())
+    for refused in (
+        lambda: cast(low, high),
+        lambda: live.run(bpy.context),
+        lambda: ray_measuring.measure(bpy.context, low, [high], settings),
+    ):
+        with pytest.raises(BakeError, match="do not overlap: they are 10 m apart"):
+            refused()
 
 
 @pytest.mark.parametrize("value", [-0.1, float("nan"), float("inf")])

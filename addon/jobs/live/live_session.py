@@ -30,7 +30,7 @@ from ...mesh.triangle_mesh import Mesh
 from ...output import datablocks, output_clashes, outputs
 from ...passes import target
 from ...passes.mesh_upload import UploadCache
-from ...scene import instances, mesh_reader, object_checks, object_modes, reading
+from ...scene import instances, mesh_reader, object_checks, object_modes, reading, scene_lengths
 from .. import bake_jobs
 from ..bake import READY
 from ..job import Job, check_job, files_kept
@@ -94,9 +94,10 @@ class Session:
         Raises BakeError.
         """
         settings, timings = replace(self.settings, method=self._method), Timings()
+        length = scene_lengths.of(context.scene)
         yield Progress(f"Reading {self.job.low.name}", 0.0)
         meshes = self._read(context, changed, replace(self.others.drawing, method=self._method))
-        plan = choose_method(meshes, [udim.FIRST], settings)
+        plan = choose_method(meshes, [udim.FIRST], settings, length)
         if self.plan is not None and self.plan.has_rays:
             plan = replace(plan, method=self.plan.method, has_rays=True)  # the method stays while meshes change
         elif not plan.has_rays:
@@ -112,7 +113,7 @@ class Session:
         drawer = maps_of_bake(meshes, source, run, uploads=self._uploads)
         drawing = self._kept.draw(rendering.Renderer(drawer, run), plan, self._post_processes[NORMAL.name])
         if not (yield from progress.part(drawing, READY, 1.0)):
-            raise BakeError(nothing_drawn(plan))
+            raise BakeError(nothing_drawn(plan, length))
         self._finish(plan, source, drawer)
 
     def _finish(self, plan: Plan, source: Source | None, drawer: sampling.SampledMaps | None) -> None:
