@@ -3,12 +3,12 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import gpu
 import numpy as np
 
-from ..core import udim
+from ..core import threads, udim
 from ..core.progress import Pace
 from ..core.settings import Settings
 from ..core.timings import Timings
@@ -176,7 +176,7 @@ class HiddenParts:
             for found in zip(*(_middles(high, space.points(high)) for high in meshes.highs), strict=True)
         )
         points -= (aside / space.size).astype(np.float32)
-        result, nearest = np.zeros(len(points), np.int64), np.full(len(points), np.inf, np.float32)
+        nearest = _Nearest(points, uvs)
         size = _size(self._settings, PROBE)
         attributes = {
             "uv": low.uv,
@@ -190,14 +190,35 @@ class HiddenParts:
             for tile in self._plan.tiles if uploaded is not None else ():
                 gbuffer.draw(drawn, uploaded, udim.uv_to_clip(tile))
                 drawn.read(texels)
-                place = np.floor((uvs - udim.place(tile)) * size)
-                inside = np.flatnonzero(((place >= 0) & (place < size)).all(axis=1))
-                column, row = place[inside].astype(np.int64).T
-                below = texels[row, column]
-                far = np.where(below[:, 3] > 0.0, np.linalg.norm(points[inside] - below[:, :3], axis=1), np.inf)
-                is_nearer = far < nearest[inside]
-                result[inside[is_nearer]], nearest[inside[is_nearer]] = number, far[is_nearer]
-        return result
+                nearest.add(number, texels, tile)
+        return nearest.layers
+
+
+class _Nearest:
+    """The layer of which a point is nearest to each of some points.
+
+    layers (N,) int: 0 where no layer has a point at their UVs.
+    """
+
+    def __init__(self, points: np.ndarray, uvs: np.ndarray):
+        """points (N, 3), uvs (N, 2)."""
+        self._points, self._uvs = points, uvs
+        self._distances = np.full(len(points), np.inf, np.float32)
+        self.layers = np.zeros(len(points), np.int64)
+
+    def add(self, number: int, texels: np.ndarray, tile: int) -> None:
+        """Compare them with the points of a layer on a UDIM tile. texels (height, width, 4): w is above 0 where it has one."""
+        threads.for_blocks(len(self._points), partial(self._add, number, texels, udim.place(tile)))
+
+    def _add(self, number: int, texels: np.ndarray, corner: tuple[int, int], part: slice) -> None:
+        size = texels.shape[1::-1]
+        place = np.floor((self._uvs[part] - corner) * size)
+        inside = np.flatnonzero(((place >= 0) & (place < size)).all(axis=1))
+        column, row = place[inside].astype(np.int64).T
+        below, inside = texels[row, column], inside + part.start
+        far = np.where(below[:, 3] > 0.0, np.linalg.norm(self._points[inside] - below[:, :3], axis=1), np.inf)
+        is_nearer = far < self._distances[inside]
+        self.layers[inside[is_nearer]], self._distances[inside[is_nearer]] = number, far[is_nearer]
 
 
 def _layers(pairs: np.ndarray, count: int) -> np.ndarray:
