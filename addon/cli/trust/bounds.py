@@ -36,6 +36,7 @@ class Bounds:
     def check_read(self, path: str, title: str) -> None:
         """Raise WrongPlace unless `path` is in the input folder, or in the output folder, after its links. title: the file, for
         messages."""
+        _check_name(path, title)
         for each in _with_tiles(path):
             real = os.path.realpath(each)
             if not (is_below(real, self.inputs) or is_below(real, self.outputs)):
@@ -45,6 +46,7 @@ class Bounds:
     def check_write(self, path: str, title: str) -> None:
         """Raise WrongPlace unless `path` is in the output folder, after its links, and is itself none. title: the file, for
         messages."""
+        _check_name(path, title)
         for each in _with_tiles(path):
             if not is_below(os.path.realpath(each), self.outputs):
                 raise WrongPlace(
@@ -160,6 +162,16 @@ def _passes(check: Callable[[str, str], None], path: str) -> bool:
 def is_below(path: str, folder: str) -> bool:
     """Whether a path is in a folder. Both are absolute and without links."""
     return Path(path).is_relative_to(folder)
+
+
+def _check_name(path: str, title: str) -> None:
+    """Raise WrongPlace for what the system does not take as a path: a process that lies can name anything."""
+    try:
+        is_path = "\0" not in os.fsdecode(os.fsencode(path))
+    except UnicodeError:
+        is_path = False
+    if not is_path:
+        raise WrongPlace(f"{_subject(title)}, {path!r}, is no path of this system.")
 
 
 def _with_tiles(path: str) -> Iterator[str]:
