@@ -14,7 +14,7 @@ from addon.cli import command
 from addon.cli.results import run_report
 from addon.cli.results.bake_result import Done
 from addon.cli.results.run_report import Entry
-from addon.cli.results.sheets import picture_files, result_sheet
+from addon.cli.results.sheets import picture_files, result_sheet, sheet_file
 from addon.cli.results.sheets.sheet_file import SheetFile
 from addon.core.errors import BakeError
 from tests.support import reports
@@ -99,6 +99,18 @@ def test_rows_are_in_the_order_of_the_job_file(tmp_path):
     assert [row[2] for row in read((tmp_path / "s.html").read_text(encoding="utf-8")).rows[1:]] == ["n1", "n2", "n3"]
     assert "3 planned: 3 done" in (tmp_path / "s.html").read_text(encoding="utf-8")
     assert [path.name for path in tmp_path.iterdir()] == ["s.html"]
+
+
+def test_a_name_with_bytes_that_are_no_text_has_question_marks(tmp_path):
+    """Python has such a byte of a file's name as half a character, which no encoding takes."""
+    named, head = Entry(1, "crate \udcff"), run_report.head(1)
+    sheet = SheetFile(tmp_path / "a.html", head)
+    sheet.add(named, b"")
+    sheet.finish()
+    merged = {**head, "summary": run_report.summary([named])}
+    sheet_file.write(tmp_path / "b.html", merged, iter([result_sheet.row(named.to_dict(), b"")]))
+    for name in ("a.html", "b.html"):
+        assert "<td>crate ?</td>" in (tmp_path / name).read_text(encoding="utf-8")
 
 
 def test_a_page_that_cannot_be_written_is_an_error(tmp_path):

@@ -43,7 +43,7 @@ class SheetFile:
             if self._rows is None:
                 make_folder(self.path.parent)
                 self._rows = tempfile.TemporaryFile(dir=self.path.parent)  # noqa: SIM115 (see close)
-            size = self._rows.write(result_sheet.row(entry.to_dict(), picture).encode())
+            size = self._rows.write(result_sheet.row(entry.to_dict(), picture).encode(errors="replace"))
             self._places.append((entry.number, self._size, size))
             self._size += size
         except OSError as error:
@@ -63,6 +63,9 @@ class SheetFile:
 
 
 def write(path: Path, report: dict[str, Any], rows: Iterator[str]) -> None:
-    """Write a page. report, rows: as in result_sheet.page. Raises BakeError."""
-    with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
+    """Write a page. report, rows: as in result_sheet.page. A byte of a file's name that is no text becomes a question mark.
+
+    Raises BakeError.
+    """
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", errors="replace") as file:
         file.writelines(result_sheet.page(report, path.stem, rows))
