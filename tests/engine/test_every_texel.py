@@ -11,7 +11,9 @@ import pytest
 from addon.core.declarations import bases
 from addon.core.declarations.all_settings import DECLARED
 from addon.core.map_types import NORMAL
+from addon.mesh import uv_islands
 from addon.passes.bake import samples
+from addon.scene import mesh_reader
 from tests.engine.test_blender_readers import PAIRS, triangulated
 from tests.support import angles, decoders, raster, zoo
 from tests.support.covering import covering
@@ -30,8 +32,9 @@ COUNTS = DECLARED["samples"].values
 
 
 def most_off(low, high, size, *, basis="CYCLES", **settings):
-    """The most degrees by which a texel with a covered center is off, if it is read by the last triangle there, or, where this
-    is a matter of rounding, by the best one. And how many texels these are: all, of several triangles, and of rounding."""
+    """The most degrees by which a texel with a covered center is off, if it is read by the triangle that is drawn last there,
+    which is in the first part of the mesh, or, where this is a matter of rounding, by the best one. And how many texels these
+    are: all, of several triangles, and of rounding."""
     size = size, size
     normals, objects = (
         bake(low, high, size=size, image=space, space=space, basis=basis, **settings).reshape(-1, 4)
@@ -51,14 +54,22 @@ def most_off(low, high, size, *, basis="CYCLES", **settings):
     off, triangle, inside = off[is_written], over.triangle[is_written], over.inside[is_written]
     best, last, rounded = np.full(len(texels), np.inf), np.zeros(len(texels), int), np.zeros(len(texels), bool)
     np.minimum.at(best, number, off)
-    np.maximum.at(last, number, triangle)
+    rank = drawn_as(low)[triangle]
+    np.maximum.at(last, number, rank)
     np.logical_or.at(rounded, number, np.abs(inside) < ROUNDING)
     by_last = np.zeros(len(texels))
-    is_last = triangle == last[number]
+    is_last = rank == last[number]
     by_last[number[is_last]] = off[is_last]
     several = np.bincount(number) > 1
     counts = len(texels), np.count_nonzero(several & ~rounded), np.count_nonzero(several & rounded)
     return np.where(rounded, best, by_last).max(), counts
+
+
+def drawn_as(low):
+    """The place (T,) of each triangle in the order in which they are drawn: part after part, the first one last."""
+    with mesh_reader.evaluated(low, bpy.context.evaluated_depsgraph_get()) as data:
+        mesh = mesh_reader.surface(data, data.uv_layers.active.name, low.name, np.eye(4), with_faces=True)
+    return np.argsort(np.argsort(-uv_islands.parts(mesh), kind="stable"))
 
 
 def folded(size):
