@@ -8,7 +8,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.core import progress, udim
+from addon.core import progress
 from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine import rendering, sources
@@ -17,9 +17,6 @@ from addon.engine.maps.normal_space import NormalSpace
 from addon.engine.maps.sampling import SampledMaps
 from addon.engine.margins import for_maps
 from addon.mesh import triangle_mesh
-from addon.passes import mesh_upload, target
-from addon.passes.audit import overlap
-from addon.scene import mesh_reader
 from tests.support import angles, cycles, lanes, maps
 
 pytestmark = pytest.mark.shared
@@ -86,8 +83,7 @@ def test_tangent_map_gives_the_high_normals_in_the_normal_map_node(shared_assets
     bpy.context.scene.render.engine = "CYCLES"  # the map is made for the scene's render engine
     texels = bake(low, high, "tangent", material=True)
     seen, written = cycles.world_normals(low, SIZE)
-    # Where parts of the low mesh share texels, Cycles writes the last one, and the map has the first.
-    both = angles.eroded(written & (texels[..., 3] > 0) & ~shared(low), 2)
+    both = angles.eroded(written & (texels[..., 3] > 0) & ~cycles.shared(low, SIZE), 2)
     folded = folds(low)[both]
     error = angles.degrees(angles.decode(expected), seen)[both]
     wrong = error > VISIBLY_WRONG
@@ -124,26 +120,12 @@ def diffuse_material():
     return material
 
 
-def evaluated(low):
-    with mesh_reader.evaluated(low, bpy.context.evaluated_depsgraph_get()) as data:
-        return mesh_reader.surface(data, data.uv_layers.active.name, low.name, mesh_reader.matrix(low))
-
-
-def shared(low):
-    """Which texels (H, W) several triangles of the low mesh share."""
-    mesh, counts = evaluated(low), np.empty(SIZE[::-1], np.float32)
-    drawn = target.get("shared", *SIZE, "R16F")
-    overlap.draw(drawn, mesh_upload.upload(mesh.triangles, uv=mesh.uv), udim.uv_to_clip())
-    drawn.read(counts)
-    return counts > 1.0
-
-
 def folds(low):
     """Where (H, W) the low mesh has a triangle with a corner normal behind its own face.
 
     Cycles treats such a texel as a back face and flips the normal: no map is right on a folded sliver.
     """
-    mesh = evaluated(low)
+    mesh = cycles.read(low)
     corners = mesh.positions[mesh.vertices[mesh.triangles]] @ mesh.to_world[:3, :3].T
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     face *= np.sign(np.linalg.det(mesh.to_world[:3, :3]))  # mirroring reverses the winding, not the outside

@@ -14,7 +14,7 @@ SIZE = (512, 512)
 PAIRS = ["spot_1696_536", "king_40480_4000", "helmet_23358_6117"]
 FAST = ["spot_1696_536"]
 COLOR = 2 / 255
-"""The issue's limit for stored colors."""
+"""The limit of stored colors."""
 SHARE = 0.99
 """Of the texels away from borders."""
 
@@ -55,7 +55,7 @@ def test_colors_are_those_of_cycles_emission_bake(shared_assets, name):
     _, maps = bake_all_maps(low, high, maps=["BASE_COLOR"], size=SIZE, method="CAST", hit="OUTERMOST", **reach)
     expected, written = cycles.bake_colors(low, SIZE, {material: node.outputs["Color"]}, highs=[high], **reach)
     known = maps["base_color"][..., 3] == 1.0
-    inner = angles.eroded(written & known, 1)
+    inner = angles.eroded(written & known & ~cycles.shared(low, SIZE), 1)
     error = np.abs(stored(maps["base_color"][..., :3]) - stored(expected[..., :3])).max(axis=-1)[inner]
     print(
         f"{name}: {inner.mean():.2f} compared, {(error < COLOR).mean():.4%} within 2/255, "
@@ -79,7 +79,7 @@ def test_the_high_meshes_own_normal_map_is_that_of_cycles(shared_assets, name):
     layouts.set_inputs(material, Normal=node.outputs["Normal"])
     texels = bake(low, high, method="CAST", hit="OUTERMOST", space="OBJECT", size=SIZE, **reach)
     expected, written = cycles.bake_normals(low, SIZE, space="OBJECT", highs=[high], **reach)
-    inner = angles.eroded(written & (texels[..., 3] == 1.0), 1)
+    inner = angles.eroded(written & (texels[..., 3] == 1.0) & ~cycles.shared(low, SIZE), 1)
     error, without = (angles.degrees(angles.decode(one), angles.decode(expected))[inner] for one in (texels, plain))
     print(
         f"{name}: median {np.median(error):.3f}, 99 % {np.percentile(error, 99):.3f}; without detail {np.median(without):.1f}"

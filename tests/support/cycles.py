@@ -3,7 +3,28 @@
 import bpy
 import numpy as np
 
+from addon.core import udim
+from addon.mesh.triangle_mesh import Mesh
+from addon.passes import mesh_upload, target
+from addon.passes.audit import overlap
+from addon.scene import mesh_reader
 from tests.support import angles
+
+
+def read(obj) -> Mesh:
+    """The evaluated mesh of `obj`, with its active UVs."""
+    with mesh_reader.evaluated(obj, bpy.context.evaluated_depsgraph_get()) as data:
+        return mesh_reader.surface(data, data.uv_layers.active.name, obj.name, mesh_reader.matrix(obj))
+
+
+def shared(obj, size) -> np.ndarray:
+    """Which texels (H, W) bool several triangles of `obj` share: Cycles writes the last of them, Imprint that of the first
+    part."""
+    mesh, counts = read(obj), np.empty(size[::-1], np.float32)
+    drawn = target.get("shared", *size, "R16F")
+    overlap.draw(drawn, mesh_upload.upload(mesh.triangles, uv=mesh.uv), udim.uv_to_clip())
+    drawn.read(counts)
+    return counts > 1.0
 
 
 def world_normals(obj, size, **options) -> tuple[np.ndarray, np.ndarray]:
