@@ -10,7 +10,7 @@ from addon.core.settings import Settings
 from addon.export import engine_files
 from addon.jobs import bake_jobs, bake_pair
 from addon.jobs.job import Job
-from tests.support import angles, glb, lanes, maps, snapshot, zoo
+from tests.support import angles, cycles, glb, lanes, maps, snapshot, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -37,13 +37,14 @@ def bent_pair(**options):
     return zoo.sheet("bent", surface(0.0), 3, 4, **options), zoo.sheet("fine", surface(0.004), 96, 96)
 
 
-def off(path, name, truth, tmp_path):
-    """Degrees between what a MikkTSpace reader shows of a file and an object-space map, where both have texels."""
+def off(path, name, truth, tmp_path, *, shared=False):
+    """Degrees between what a MikkTSpace reader shows of a file and an object-space map, where both have texels. shared (H, W):
+    texels that do not count, since the reader shows the last of several triangles there."""
     (part,) = glb.parts(path, name)
     picture, channels, depth = glb.texels(part.normal_map, tmp_path)
     assert (channels, depth) == (3, 8)
     normals, covered = glb.shown(part, picture)
-    both = angles.eroded(covered & (truth[..., 3] > 0.0), 1)
+    both = angles.eroded(covered & (truth[..., 3] > 0.0) & ~np.asarray(shared), 1)
     assert both.sum() > 100
     return angles.degrees(normals[both], angles.decode(truth)[both])
 
@@ -66,7 +67,7 @@ def test_real_meshes_and_lows_with_ngons(shared_assets, tmp_path, name):
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     truth = maps.bake(low, high, image="truth", space="OBJECT", size=(512, 512))
     (done,) = export(tmp_path / "out.glb", bake(low, high, size=512))
-    found = off(tmp_path / "out.glb", "lo", truth, tmp_path)
+    found = off(tmp_path / "out.glb", "lo", truth, tmp_path, shared=cycles.shared(low, (512, 512)))
     assert np.percentile(found, 99) < EIGHT_BITS_P99
     assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] < EIGHT_BITS_P99
 
