@@ -2,7 +2,6 @@
 """Tests claims on bakes, with processes that have them at the same time and processes that are killed."""
 
 import errno
-import json
 import os
 import random
 import signal
@@ -265,55 +264,3 @@ def test_a_kill_at_any_moment_leaves_nothing_that_stops_the_next_process(tmp_pat
         clock.now += EMPTY_FOR
         assert [number for number in left if not held.take(tmp_path / f"{number}.lock")] == []
     assert [name for name in names(tmp_path) if not name.endswith((".done", ".working"))] == []
-
-
-def count(path):
-    return int(json.loads(path.read_bytes())["counter"])
-
-
-@pytest.mark.skipif(os.name == "nt", reason="the other process does nothing there")
-@pytest.mark.parametrize("is_busy", [True, False])
-def test_a_process_in_which_python_does_not_run_keeps_its_claims(tmp_path, is_busy):
-    """As while Blender calculates tangents of millions of faces. sum() holds Python's lock as that does."""
-    path, given_up = tmp_path / "a", tmp_path / "b"
-    with Claims(beat=0.02, is_busy=is_busy) as held:
-        assert held.take(path) and held.take(given_up)
-        held.release(given_up)
-        while count(path) < 3:
-            time.sleep(0.01)
-        before, start = count(path), time.monotonic()
-        while time.monotonic() - start < 0.3:
-            sum(range(30_000_000))
-        assert (count(path) - before > 5) == is_busy
-        assert not given_up.exists()
-    assert not path.exists()
-
-
-@pytest.mark.skipif(os.name == "nt", reason="the other process does nothing there")
-def test_claims_stay_if_the_process_that_changes_them_is_killed(tmp_path):
-    with Claims(beat=0.02, is_busy=True) as held:
-        assert held.take(tmp_path / "a")
-        held._beats._process.kill()
-        held._beats._process.wait()
-        before = (tmp_path / "a").read_bytes()
-        time.sleep(0.2)
-        assert (tmp_path / "a").read_bytes() != before
-
-
-@pytest.mark.skipif(os.name == "nt", reason="the other process does nothing there")
-def test_the_process_that_changes_claims_ends_with_its_parent(tmp_path):
-    program = (
-        "import os, sys, time; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
-        "from addon.cli.done.claims import Claims\n"
-        "held = Claims(is_busy=True); held.take(Path(sys.argv[2])); print(held._beats._process.pid, flush=True)\n"
-        "os._exit(9)"
-    )
-    words = [sys.executable, "-c", program, str(ROOT), str(tmp_path / "a")]
-    number = int(subprocess.run(words, capture_output=True, check=False).stdout)
-    for _ in range(200):
-        try:
-            os.kill(number, 0)
-        except ProcessLookupError:
-            return
-        time.sleep(0.05)
-    raise AssertionError

@@ -12,7 +12,6 @@ from addon.cli.results import exit_codes, run_report
 from addon.cli.results.only import Only, ranges
 from addon.cli.results.report_file import ReportFile
 from addon.cli.results.run_report import Cause, Entry, State
-from addon.core.errors import BakeError
 
 
 def entry(number, state=State.DONE, **values):
@@ -63,18 +62,6 @@ def test_a_report_is_in_the_order_of_the_job_file(tmp_path, seed):
     second = write(tmp_path / "second.json", [entry(number, problems=["ä" * number]) for number in numbers], 11)
     names = [[each["name"] for each in json.loads(Path(path).read_text())["bakes"]] for path in (first, second)]
     assert names[0] == names[1] == [f"set {number}" for number in range(1, 12)]
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
-def test_a_full_disk_is_an_error_at_the_end(tmp_path):
-    (tmp_path / "1.json.lines").symlink_to("/dev/full")
-    file = ReportFile(tmp_path / "1.json", 2)
-    file.add(entry(1))
-    file.add(entry(2))
-    with pytest.raises(BakeError, match="1.json.lines' could not be written: No space left on device"):
-        file.finish()
-    file.close()
-    assert not (tmp_path / "1.json").exists()
 
 
 def test_missing_bakes_are_named(tmp_path, capsys):

@@ -131,18 +131,6 @@ def test_a_full_disk_stops_no_bake_and_is_an_error_at_the_end(tmp_path, monkeypa
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
-@pytest.mark.parametrize("size", [1, 100_000])
-def test_a_disk_that_is_full_while_the_rows_are_written_is_an_error_at_the_end(tmp_path, monkeypatch, size):
-    monkeypatch.setattr(tempfile, "TemporaryFile", lambda **_: open("/dev/full", "w+b"))  # noqa: SIM115
-    sheet = SheetFile(tmp_path / "s.html", run_report.head(1))
-    sheet.add(Entry(1, "a"), b"p" * size)
-    with pytest.raises(BakeError, match="could not be written: No space left on device"):
-        sheet.finish()
-    sheet.close()
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_run_that_ends_early_leaves_no_file(tmp_path):
     sheet = SheetFile(tmp_path / "s.html", run_report.head(1))
     sheet.add(Entry(1, "a"), b"")

@@ -2,8 +2,6 @@
 """Tests threads: each element of a long array is visited once, also where the last block is shorter."""
 
 import os
-import subprocess
-import sys
 import threading
 import time
 
@@ -14,7 +12,6 @@ from addon.core import threads
 from addon.mesh import uv_layout
 from addon.mesh.spatial import bvh
 from addon.mesh.triangle_mesh import Mesh
-from scripts.imprint import ROOT
 
 BLOCK = threads.BLOCK
 
@@ -59,18 +56,6 @@ def test_shares_cover_each_element_once_in_as_many_calls_as_cores(count, cores, 
     threads.for_shares(count, 5, count_visits)
     assert (seen == 1).all()
     assert len(calls) == min(cores, -(-count // 5))
-
-
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="affinity of Linux")
-@pytest.mark.parametrize("is_old", [False, True], ids=["this Python", "Python before 3.13"])
-def test_processors_are_those_that_the_process_may_use(is_old):
-    program = (
-        "import os, sys; sys.path.insert(0, sys.argv[1]); os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])\n"
-        f"if {is_old} and hasattr(os, 'process_cpu_count'): del os.process_cpu_count\n"
-        "from addon.core import threads; print(threads.processors(), threads._pool()._max_workers)"
-    )
-    done = subprocess.run([sys.executable, "-c", program, str(ROOT)], capture_output=True, text=True, check=True)
-    assert done.stdout == "1 1\n"
 
 
 @pytest.mark.parametrize(
