@@ -2,7 +2,7 @@
 """The add-on: what Blender registers, in order, and removes in reverse order."""
 
 import sys
-from collections.abc import Sequence
+from contextlib import ExitStack
 from types import ModuleType
 
 
@@ -12,28 +12,25 @@ def register() -> None:
 
     import bpy
 
-    begun: list[ModuleType] = []
-    try:
+    with ExitStack() as undo:
         for module in _modules():
-            begun.append(module)
-            module.register()
-    except BaseException:
-        _undo(begun)
-        raise
+            with ExitStack() as undo_failed:
+                undo_failed.callback(_unregister_classes, module)
+                module.register()
+                undo_failed.pop_all()
+            undo.callback(module.unregister)
+        undo.pop_all()
     bpy.app.handlers.load_pre.append(bpy.app.handlers.persistent(before_loading))  # it stays for the next file
     atexit.register(free)
 
 
-def _undo(modules: Sequence[ModuleType]) -> None:
-    """Remove what some modules have registered. The last one has failed, and may lack some of its classes."""
+def _unregister_classes(module: ModuleType) -> None:
+    """Remove the classes of a module that has failed to register, which may lack some of them."""
     import bpy
 
-    *whole, failed = modules
-    for each in reversed(list(vars(failed).values())):
-        if isinstance(each, type) and each.__module__ == failed.__name__ and getattr(each, "is_registered", False):
+    for each in reversed(list(vars(module).values())):
+        if isinstance(each, type) and each.__module__ == module.__name__ and getattr(each, "is_registered", False):
             bpy.utils.unregister_class(each)
-    for module in reversed(whole):
-        module.unregister()
 
 
 def unregister() -> None:

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Collection
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import ExitStack
 
 from .. import interruption
 from .turns import Resumed, ToDo, Turns
@@ -25,15 +26,15 @@ class TurnsAside(Turns):
         """What `next` will return."""
         self._wait_until = 0.0
         made = self._thread.submit(make, self._check)
-        try:
-            while not wait([made], WAIT).done:
-                meanwhile()
-            self._turns = made.result()
-        except interruption.Stopped:
-            self._turns = Turns(())
-        except BaseException:
-            self._end_thread()
-            raise
+        with ExitStack() as undo:
+            undo.callback(self._end_thread)
+            try:
+                while not wait([made], WAIT).done:
+                    meanwhile()
+                self._turns = made.result()
+            except interruption.Stopped:
+                self._turns = Turns(())
+            undo.pop_all()
         self.done, self._count = self._turns.done, self._turns.count
 
     @property
