@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..mesh.local_space import gap_of_boxes
 from ..mesh.triangle_mesh import Mesh
 
 LOW_FACES, HIGH_FACES = 256, 2048
@@ -53,8 +54,9 @@ def is_against(low: Faces, high: Faces) -> bool:
         return False
     # Relative to a place near them: squares of large coordinates lose the distances.
     below, above = low.centers - low.centers.mean(axis=0), high.centers - low.centers.mean(axis=0)
-    if _gap(below, above) > 0.0:
-        above = above + (_middle(below) - _middle(above))
+    boxes = _box(below), _box(above)
+    if gap_of_boxes(*boxes) > 0.0:
+        above = above + (sum(boxes[0]) - sum(boxes[1])) / 2.0
     squares = (above * above).sum(axis=1) - 2.0 * below @ above.T
     nearest = high.normals[squares.argmin(axis=1)]
     return bool(((low.normals * nearest).sum(axis=1) < 0.0).mean() > AGAINST)
@@ -70,11 +72,5 @@ def _with_area(faces: Faces) -> Faces:
     return Faces(faces.centers[kept], faces.normals[kept])
 
 
-def _middle(points: np.ndarray) -> np.ndarray:
-    return (points.min(axis=0) + points.max(axis=0)) / 2.0
-
-
-def _gap(first: np.ndarray, second: np.ndarray) -> float:
-    """The distance between the boxes around points (N, 3) and (M, 3)."""
-    between = np.maximum(first.min(axis=0) - second.max(axis=0), second.min(axis=0) - first.max(axis=0))
-    return float(np.linalg.norm(np.maximum(between, 0.0)))
+def _box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return points.min(axis=0), points.max(axis=0)

@@ -17,8 +17,9 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
-from ..passes.audit import overlap, triangle_ids
+from ..passes.audit import triangle_ids
 from ..passes.bake import gbuffer
+from . import shared_uvs
 from .bands import Band, bands
 from .maps.family import Run
 from .maps.maps_of_bake import maps_of_bake
@@ -233,20 +234,9 @@ def _layers(pairs: np.ndarray, count: int) -> np.ndarray:
     return layers
 
 
-def _depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
-    """The most triangles of `low` on one texel."""
-    drawn, counts = target.get("overlap", *size, "R16F"), np.empty(size[::-1], np.float32)
-    uploaded, most = mesh_upload.upload(low.triangles, uv=low.uv), 0
-    for tile in tiles:
-        overlap.draw(drawn, uploaded, udim.uv_to_clip(tile))
-        drawn.read(counts)
-        most = max(most, int(counts.max()))
-    return most
-
-
 def _hiding(low: Mesh, parts: np.ndarray, size: tuple[int, int], tiles: Sequence[int]) -> tuple[np.ndarray, float]:
     """Which parts share texels, (N, 2) int, the upper and the lower one, and on which share of the covered texels any do."""
-    depth = min(_depth(low, size, tiles), DEEPEST)
+    depth = min(shared_uvs.depth(low, size, tiles), DEEPEST)
     uploaded, count = triangle_ids.upload(low.triangles, low.uv), int(parts.max()) + 1
     found, shared, covered = [np.empty(0, np.int64)], 0, 0
     for tile in tiles if depth > 1 else ():

@@ -37,7 +37,7 @@ def ordered(
         is_same, (low, basis, kept) = before[1] is before[0], (before[1].low, before[1].basis, before[1].kept)
     else:
         basis, kept, is_same = meshes.basis, meshes.kept, not _has_copies(meshes)
-        if _is_shared(low, (settings.width, settings.height), tiles):
+        if depth(low, (min(settings.width, PROBE), min(settings.height, PROBE)), tiles) > 1:
             is_same = False
             order = _order(low, is_first=is_first)
             if basis is not None:
@@ -56,6 +56,17 @@ def ordered(
     return replace(changed, highs=highs, is_reversed=True)
 
 
+def depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
+    """The most triangles of `low` on one texel of a map of this size."""
+    drawn, counts = target.get("overlap", *size, "R16F"), np.empty(size[::-1], np.float32)
+    uploaded, most = mesh_upload.upload(low.triangles, uv=low.uv), 0
+    for tile in tiles:
+        overlap.draw(drawn, uploaded, udim.uv_to_clip(tile))
+        drawn.read(counts)
+        most = max(most, int(counts.max()))
+    return most
+
+
 def _has_copies(meshes: Meshes) -> bool:
     """Whether modifiers make copies of a surface, with its UVs, that is baked onto its own base mesh.
 
@@ -68,19 +79,6 @@ def _has_copies(meshes: Meshes) -> bool:
     if of_high <= COPIED * of_low:
         return False
     return uv_islands.points_at_a_place(high) > COPIED * uv_islands.points_at_a_place(meshes.low)
-
-
-def _is_shared(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> bool:
-    """Whether triangles of `low` share texels."""
-    width, height = (min(side, PROBE) for side in size)
-    drawn, uploaded = target.get("overlap", width, height, "R16F"), mesh_upload.upload(low.triangles, uv=low.uv)
-    counts = np.empty((height, width), np.float32)
-    for tile in tiles:
-        overlap.draw(drawn, uploaded, udim.uv_to_clip(tile))
-        drawn.read(counts)
-        if counts.max() > 1.0:
-            return True
-    return False
 
 
 def _order(mesh: Mesh, *, is_first: bool) -> np.ndarray:

@@ -55,5 +55,9 @@ def world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
 
 def gap(low: Mesh, highs: Sequence[Mesh]) -> float:
     """The distance, in world units, between the box around `low` and the box around `highs`; 0 if they touch."""
-    (low_min, low_max), (high_min, high_max) = world_box([low]), world_box(highs)
-    return float(np.linalg.norm(np.maximum(np.maximum(low_min - high_max, high_min - low_max), 0.0)))
+    return gap_of_boxes(world_box([low]), world_box(highs))
+
+
+def gap_of_boxes(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> float:
+    """The distance between two boxes, each given by its lowest and its highest corner (3,); 0 if they touch."""
+    return float(np.linalg.norm(np.maximum(np.maximum(first[0] - second[1], second[0] - first[1]), 0.0)))
