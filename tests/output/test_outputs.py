@@ -47,6 +47,12 @@ def store(drawn, **settings):
         return outputs.commit(LABELS, [])
 
 
+def of_tiles(folder, **settings):
+    """The settings of a bake of UDIM tiles into files."""
+    output = str(folder / "m.<UDIM>.png")
+    return Settings(width=WIDTH, height=HEIGHT, image="map", udim=True, storage="FILE", output=output, **settings)
+
+
 def linear(stored):
     """sRGB decoded, in double precision."""
     stored = np.asarray(stored, np.float64)
@@ -132,16 +138,7 @@ def test_each_map_knows_its_high_objects():
 
 @pytest.mark.parametrize("with_value", [0, 1])
 def test_a_map_is_empty_if_all_its_tiles_are(tmp_path, with_value):
-    output = str(tmp_path / "m.<UDIM>.png")
-    settings = Settings(
-        width=WIDTH,
-        height=HEIGHT,
-        image="map",
-        udim=True,
-        storage="FILE",
-        output=output,
-        maps=("BASE_COLOR", "METALLIC"),
-    )
+    settings = of_tiles(tmp_path, maps=("BASE_COLOR", "METALLIC"))
     state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
     none = np.zeros((HEIGHT, WIDTH, 4), np.float32)
     with Outputs(settings) as outputs:
@@ -444,16 +441,7 @@ def test_tiles_of_colors_and_of_packed_images_21(tmp_path, storage, depth, space
 
 
 def test_tiles_in_files_do_not_stay_in_memory_unless_their_range_counts(tmp_path):
-    settings = Settings(
-        width=WIDTH,
-        height=HEIGHT,
-        image="map",
-        udim=True,
-        storage="FILE",
-        output=str(tmp_path / "m.<UDIM>.png"),
-        maps=("HEIGHT", "AO", "BASE_COLOR", "OBJECT_ID"),
-        pack="GLTF",
-    )
+    settings = of_tiles(tmp_path, maps=("HEIGHT", "AO", "BASE_COLOR", "OBJECT_ID"), pack="GLTF")
     state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
     with Outputs(settings) as outputs:
         for tile in (1001, 1002):

@@ -764,13 +764,18 @@ def linked_mesh(obj, folder):
     return path
 
 
-@kind
-def linked_nodes(obj, folder):
-    tree, start, end, modifier = nodes_of(obj, "nodes of library")
+def _move_between(tree, start, end):
+    """Let nodes move what comes from `start` up, on its way to `end`."""
     place = tree.nodes.new("GeometryNodeSetPosition")
     place.inputs["Offset"].default_value = 0.0, 0.0, 0.2
     tree.links.new(start.outputs[0], place.inputs[0])
     tree.links.new(place.outputs[0], end.inputs[0])
+
+
+@kind
+def linked_nodes(obj, folder):
+    tree, start, end, modifier = nodes_of(obj, "nodes of library")
+    _move_between(tree, start, end)
     path = library(folder / "lib.blend", tree)
     modifier.node_group = _linked(path, "node_groups", "nodes of library")
     return path
@@ -780,10 +785,7 @@ def linked_nodes(obj, folder):
 def library_of_a_library(obj, folder):
     """The nodes of a library are in another one."""
     tree, start, end, modifier = nodes_of(obj, "inner")
-    place = tree.nodes.new("GeometryNodeSetPosition")
-    place.inputs["Offset"].default_value = 0.0, 0.0, 0.2
-    tree.links.new(start.outputs[0], place.inputs[0])
-    tree.links.new(place.outputs[0], end.inputs[0])
+    _move_between(tree, start, end)
     inner = library(folder / "inner.blend", tree)
     outer, start, end, more = nodes_of(obj, "outer")
     group = outer.nodes.new("GeometryNodeGroup")

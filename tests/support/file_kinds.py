@@ -333,28 +333,27 @@ def _library_of_material(high, folder):
 _scene("library_of_a_material", _library_of_material, **BASE_COLOR)
 
 
-@kind
-def linked_high(folder):
+def _linked_pair(folder, name):
+    """A scene with a low and a high object, of which that of this name is linked. Returns its library and the bake."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     blend = str(folder / "scene.blend")
     bpy.ops.wm.save_as_mainfile(filepath=blend)
-    low, high = zoo.plane("low", 8), zoo.plane("high", 8, slope=0.2)
-    path = dependency_kinds.library(folder / "lib.blend", high)
-    dependency_kinds.linked_object_of(path, "high")
+    pair = {"low": zoo.plane("low", 8), "high": zoo.plane("high", 8, slope=0.2)}
+    path = dependency_kinds.library(folder / "lib.blend", pair[name])
+    dependency_kinds.linked_object_of(path, name)
     bpy.ops.wm.save_as_mainfile(filepath=blend)
-    return path, {"file": blend, "low": low.name, "high": ["high"]}
+    return path, {"file": blend, "low": "low", "high": ["high"]}
+
+
+@kind
+def linked_high(folder):
+    return _linked_pair(folder, "high")
 
 
 @kind
 def linked_low(folder):
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    blend = str(folder / "scene.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=blend)
-    low, high = zoo.plane("low", 8), zoo.plane("high", 8, slope=0.2)
-    path = dependency_kinds.library(folder / "lib.blend", low)
-    dependency_kinds.linked_object_of(path, "low")
-    bpy.ops.wm.save_as_mainfile(filepath=blend)
-    return path, {"file": blend, "low": "low", "high": [high.name], "no-material": True}
+    path, bake = _linked_pair(folder, "low")
+    return path, {**bake, "no-material": True}
 
 
 @kind
