@@ -339,10 +339,7 @@ def test_a_change_that_is_not_stored_yet_is_stored_before_the_settings_change(pa
 def test_live_follows_uvs_with_their_margin(pair, which, margin_type):
     low, high = pair
     for obj in pair:  # both fill two parts of the map, so that there is a margin, and a seam
-        layer = obj.data.uv_layers[0].uv
-        for face in obj.data.polygons:
-            for corner in face.loop_indices if face.center.x > 0.0 else ():
-                layer[corner].vector.x += 0.2
+        move_right_half(obj, 0.2)
         scale_uvs(obj, 0.5)
     bpy.context.scene.imprint.margin, bpy.context.scene.imprint.margin_type = 3, margin_type
     switch(True)
@@ -352,6 +349,34 @@ def test_live_follows_uvs_with_their_margin(pair, which, margin_type):
     now = pixels(bpy.data.images["lo_normal"])
     assert np.array_equal(now, fresh())
     assert not np.array_equal(now, before)
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_live_follows_parts_that_are_stacked_and_the_choice_of_the_part(pair, method):
+    bpy.context.scene.imprint.method = method
+    switch(True)
+    seen = [pixels(bpy.data.images["lo_normal"])]
+    for change in (
+        lambda: [move_right_half(obj, -0.5) for obj in pair],
+        lambda: setattr(bpy.context.scene.imprint, "stacked", "LAST"),
+        lambda: [move_right_half(obj, 0.5) for obj in pair],
+    ):
+        change()
+        follow()
+        seen.append(pixels(bpy.data.images["lo_normal"]))
+        assert np.array_equal(seen[-1], fresh())
+    assert not any(np.array_equal(*two) for two in zip(seen, seen[1:], strict=False))
+    assert np.array_equal(seen[0], seen[-1])
+
+
+def move_right_half(obj, by):
+    """Move the UVs of the right half along u."""
+    layer = obj.data.uv_layers[0].uv
+    for face in obj.data.polygons:
+        for corner in face.loop_indices if face.center.x > 0.0 else ():
+            layer[corner].vector.x += by
+    obj.data.update()
+    obj.update_tag()
 
 
 def scale_uvs(obj, factor):
