@@ -74,6 +74,7 @@ def _modules() -> tuple[ModuleType, ...]:
         presets,
         properties,
         saving,
+        translations,
         weight_operators,
     )
     from .ui.converting import convert_operator, convert_panel
@@ -82,11 +83,10 @@ def _modules() -> tuple[ModuleType, ...]:
     from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
     from .ui.readiness import cure_operators
     from .ui.sending import farm_preferences, flamenco_operator
-    from .ui.translations import catalog
     from .ui.viewport import split_gizmo, view_mode, view_operators, view_properties
 
     return (
-        catalog,
+        translations,
         properties,
         operators,
         convert_operator,

@@ -9,7 +9,7 @@ from ..core.report import Report
 from ..jobs import locate_issues, triangulate
 from ..scene import face_selection
 from .bake_results import results
-from .translations.lookup import LABEL, tooltip
+from .translations import LABEL, tooltip
 from .viewport import show_result
 from .viewport.progress_display import display
 

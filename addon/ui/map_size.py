@@ -5,7 +5,7 @@ import bpy
 from bpy.props import FloatProperty, IntProperty
 
 from ..core.declarations.map_settings import MAX_SIZE
-from .translations.lookup import LABEL, label
+from .translations import LABEL, label
 
 COMMON_SIZES = (512, 1024, 2048, 4096, 8192)
 

@@ -16,7 +16,7 @@ from ..core.progress import Pace, Progress, Task
 from .callbacks import Key
 from .live.live_switch import live
 from .saving import held
-from .translations.lookup import tooltip
+from .translations import tooltip
 from .viewport.progress_display import display
 
 SLICE = 0.06

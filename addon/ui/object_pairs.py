@@ -31,7 +31,7 @@ from ..core.report import VERSION, Report
 from ..scene import instances, object_checks
 from ..scene.object_refs import GONE, ObjectRef
 from .settings.declared_properties import declared
-from .translations.lookup import LABEL
+from .translations import LABEL
 
 CHOSEN = ("method", "measure", "extrusion", "max_distance")
 """The settings that a pair has, and the scene for low objects that have no pair."""

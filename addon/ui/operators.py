@@ -16,7 +16,7 @@ from . import modal, object_pairs
 from .bake_results import results
 from .live.live_switch import live
 from .properties import Options
-from .translations.lookup import LABEL
+from .translations import LABEL
 from .viewport import show_result
 from .viewport.progress_display import display
 

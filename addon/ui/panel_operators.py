@@ -10,7 +10,7 @@ from ..scene import instances, visibility
 from . import object_pairs
 from .bake_results import distances, high_objects, results
 from .callbacks import redraw
-from .translations.lookup import LABEL, tooltip
+from .translations import LABEL, tooltip
 from .viewport import show_result
 from .viewport.cage_overlay import overlay
 

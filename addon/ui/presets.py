@@ -8,7 +8,7 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 from bpy.props import BoolProperty, StringProperty
 
-from .translations.lookup import LABEL
+from .translations import LABEL
 
 FOLDER = "imprint"
 """Below "presets", here and in the user's scripts."""

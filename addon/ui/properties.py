@@ -20,7 +20,7 @@ from .object_pairs import ImprintHigh, ImprintPair, is_mesh
 from .settings.bake_options import Options
 from .settings.declared_properties import declared
 from .settings.map_list import MapList
-from .translations.lookup import LABEL
+from .translations import LABEL
 
 
 def _set_size(settings: "ImprintSettings", texels: int) -> None:

@@ -8,7 +8,7 @@ from ..core.errors import BakeError
 from ..core.report import Report
 from ..jobs.weights import weight_proposal
 from .bake_results import results
-from .translations.lookup import tooltip
+from .translations import tooltip
 from .viewport.progress_display import display
 
 

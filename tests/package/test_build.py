@@ -30,8 +30,12 @@ def listing(archive):
 
 
 def expected_listing(source):
-    """Return the names that the zip must have: the files at the top, every module of the add-on and every shader."""
-    inside = [*(source / "addon").rglob("*.py"), *(source / "shaders").rglob("*.glsl")]
+    """Return the names that the zip must have: the files at the top, modules, translations and shaders."""
+    inside = [
+        *(source / "addon").rglob("*.py"),
+        *(source / "addon").rglob("*.po"),
+        *(source / "shaders").rglob("*.glsl"),
+    ]
     return sorted([*TOP, *(path.relative_to(source).as_posix() for path in inside)])
 
 

@@ -1,25 +1,45 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every text of the interface is in the table of translations, and every entry of the table is a text of the interface.
+"""Every text of the interface is in each .po file, and every entry of these files is a text of the interface.
 
 Blender's Python package has no languages: tests/window/languages.py checks the interface of a Blender that has them.
 """
 
 import ast
+import gettext
 import re
+import shutil
 import string
+import subprocess
 from collections.abc import Iterator
 from types import SimpleNamespace
 
 import bpy
 import pytest
 
+from addon.core.declarations import readers
 from addon.engine.maps import ray_maps
-from addon.ui.translations import catalog, lookup
-from addon.ui.translations.lookup import LABEL, OPERATOR, SENTENCE
+from addon.ui import translations
+from addon.ui.translations import FOLDER, LABEL, OPERATOR, SENTENCE
 from scripts.imprint import ROOT
 
 Text = tuple[str, str]
 """The context of a text, and the text in English."""
+LOCALES = ("de_DE", "es")
+UNTRANSLATED = {
+    "Imprint": "a name",
+    "Cycles": "a name",
+    "MikkTSpace": "a name",
+    "glTF": "a name",
+    "Godot": "a name",
+    "Unreal": "a name",
+    "Unity URP": "a name",
+    "Unity HDRP": "a name",
+    **{reader.label: "a program that reads maps" for reader in readers.READERS},
+    **dict.fromkeys(("1", "2", "4", "8", "16", "32", "64"), "a number"),
+    **dict.fromkeys(("+X", "-X", "+Y (OpenGL)", "-Y (DirectX)", "+Z", "-Z"), "an axis"),
+    **dict.fromkeys(("Auto", "Material"), "the same in all languages"),
+}
+"""Texts that are shown as they are, with the reason."""
 LOOKUPS = {"label": LABEL, "message": SENTENCE, "tooltip": SENTENCE}
 """The functions that look a text up, and the context of each."""
 RAISED_OR_SHOWN = {"Progress": LABEL, "BakeError": SENTENCE}
@@ -93,18 +113,15 @@ def drawn_texts() -> Iterator[Text]:
 
 
 def constants() -> set[str]:
-    """All texts in the code of the add-on, without the table."""
-    table = ROOT / "addon" / "ui" / "translations"
-    paths = [path for path in (ROOT / "addon").rglob("*.py") if table not in path.parents]
-    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in paths]
+    """All texts in the code of the add-on."""
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in (ROOT / "addon").rglob("*.py")]
     return {node.value for tree in trees for node in ast.walk(tree) if is_text(node)}
 
 
 def shown_texts() -> set[Text]:
     """All that is to be translated."""
-    same = set().union(*catalog.UNTRANSLATED.values())
     found = {*registered_texts(), *drawn_texts()}
-    return {(context, text) for context, text in found if text not in same and not UNNAMED.fullmatch(text)}
+    return {(context, text) for context, text in found if text not in UNTRANSLATED and not UNNAMED.fullmatch(text)}
 
 
 def fields(text: str) -> list[str | None]:
@@ -117,27 +134,29 @@ def stop(text: str) -> str:
     return text[-1] if text[-1] in string.punctuation and text[-1] not in ")}" else ""
 
 
-def translated() -> Iterator[tuple[str, str]]:
-    """Each translation, and its English text."""
-    yield from ((text, english) for (_, english), texts in catalog.TABLE.items() for text in texts.values())
+@pytest.fixture(params=LOCALES)
+def entries(request):
+    """The translations into one of the languages, by context and English text."""
+    return translations.read_translations(request.param)
+
+
+def test_each_file_is_a_language():
+    assert translations.locales() == list(LOCALES)
 
 
 @pytest.mark.usefixtures("registered")
 class TestTexts:
-    def test_none_is_missing(self):
-        assert sorted(shown_texts() - set(catalog.TABLE)) == []
+    def test_none_is_missing(self, entries):
+        assert sorted(shown_texts() - set(entries)) == []
 
-    def test_each_is_used(self):
+    def test_each_is_used(self, entries):
         """Sentences that functions return count as used if the code has them."""
-        known, code = shown_texts(), constants()
-        assert (
-            sorted(key for key in catalog.TABLE if key not in known and (key[0] != SENTENCE or key[1] not in code))
-            == []
-        )
+        unused, code = set(entries) - shown_texts(), constants()
+        assert sorted((context, text) for context, text in unused if context != SENTENCE or text not in code) == []
 
     def test_each_text_that_is_not_translated_is_shown(self):
         found = {text for _, text in registered_texts()}
-        assert sorted(set().union(*catalog.UNTRANSLATED.values()) - found) == []
+        assert sorted(set(UNTRANSLATED) - found) == []
 
     def test_properties_and_panels_have_the_context_of_labels(self):
         """In its default context Blender would use its own translations of the same words."""
@@ -148,23 +167,73 @@ class TestTexts:
 
 
 class TestEntries:
-    def test_each_has_all_languages(self):
-        wanted = set(catalog.LOCALES)
-        assert [key for key, texts in catalog.TABLE.items() if set(texts) != wanted or not all(texts.values())] == []
+    def test_placeholders_are_those_of_the_english_text(self, entries):
+        assert [text for (_, english), text in entries.items() if fields(text) != fields(english)] == []
 
-    def test_placeholders_are_those_of_the_english_text(self):
-        assert [text for text, english in translated() if fields(text) != fields(english)] == []
-
-    def test_each_ends_as_the_english_text_does(self):
+    def test_each_ends_as_the_english_text_does(self, entries):
         """Blender adds the full stop to tooltips; messages have one."""
-        assert [text for text, english in translated() if text != text.strip() or stop(text) != stop(english)] == []
+        assert [
+            text for (_, english), text in entries.items() if text != text.strip() or stop(text) != stop(english)
+        ] == []
 
-    def test_each_differs_from_the_english_text(self):
-        assert [key for key, texts in catalog.TABLE.items() if set(texts.values()) == {key[1]}] == []
+    def test_each_differs_from_the_english_text_in_a_language(self):
+        tables = [translations.read_translations(locale) for locale in LOCALES]
+        assert [key for key in tables[0] if all(table[key] == key[1] for table in tables)] == []
 
 
-def test_each_text_is_in_one_part_of_the_table():
-    assert sum(len(part.TABLE) for part in catalog.PARTS) == len(catalog.TABLE)
+class TestFiles:
+    @pytest.mark.parametrize("locale", LOCALES)
+    def test_each_entry_is_there_once_and_translated(self, locale):
+        """An entry that is marked as fuzzy, or has no translation yet, is not shown."""
+        text = (FOLDER / f"{locale}.po").read_text(encoding="utf-8")
+        assert len(translations.read_translations(locale)) == text.count("\nmsgid ") - 1
+
+    @pytest.mark.skipif(not shutil.which("msgfmt"), reason="needs gettext")
+    @pytest.mark.parametrize("locale", LOCALES)
+    def test_gettext_accepts_it_and_reads_the_same(self, locale, tmp_path):
+        compiled = tmp_path / "compiled.mo"
+        subprocess.run(["msgfmt", "--check", "-o", compiled, FOLDER / f"{locale}.po"], check=True)
+        with compiled.open("rb") as file:
+            catalog = gettext.GNUTranslations(file)
+        for (context, text), translation in translations.read_translations(locale).items():
+            found = catalog.gettext(text) if context == SENTENCE else catalog.pgettext(context, text)
+            assert found == translation
+
+    def test_what_translators_tools_write_is_read_as_gettext_reads_it(self):
+        text = """msgid ""
+msgstr ""
+"Language: es\\n"
+
+# A translator's note
+#. A note from the code
+#: panel.py:3
+msgctxt "Imprint"
+msgid "High"
+msgstr "Alto"
+msgid "without a blank line, "
+"wrapped: \\"{}\\""
+msgstr ""
+"ajustado: "
+"\\"{}\\""
+
+#, fuzzy, python-brace-format
+#| msgid "old"
+msgid "unsure"
+msgstr "dudoso"
+
+#, fuzzy
+#~ msgid "removed"
+#~ msgstr "quitado"
+
+msgid "untranslated"
+msgstr ""
+"""
+        assert list(translations.po_entries(text)) == [
+            {"msgid": "", "msgstr": "Language: es\n"},
+            {"msgctxt": "Imprint", "msgid": "High", "msgstr": "Alto"},
+            {"msgid": 'without a blank line, wrapped: "{}"', "msgstr": 'ajustado: "{}"'},
+            {"msgid": "untranslated", "msgstr": ""},
+        ]
 
 
 @pytest.mark.parametrize("call", [call for call in calls("ui") if any(arg.arg == "text" for arg in call.keywords)])
@@ -181,7 +250,7 @@ def test_texts_are_looked_up_in_their_contexts(monkeypatch):
         pgettext_iface=lambda text, context: ("interface", text, context),
         pgettext_tip=lambda text, context: ("tooltip", text, context),
     )
-    monkeypatch.setattr(lookup, "bpy", SimpleNamespace(app=SimpleNamespace(translations=asked)))
-    assert lookup.label("a") == ("interface", "a", LABEL)
-    assert lookup.message("a") == ("interface", "a", SENTENCE)
-    assert lookup.tooltip("a") == ("tooltip", "a", SENTENCE)
+    monkeypatch.setattr(translations, "bpy", SimpleNamespace(app=SimpleNamespace(translations=asked)))
+    assert translations.label("a") == ("interface", "a", LABEL)
+    assert translations.message("a") == ("interface", "a", SENTENCE)
+    assert translations.tooltip("a") == ("tooltip", "a", SENTENCE)

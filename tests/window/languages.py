@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compares the interface of a real Blender with the table of translations, in each of its languages, while the add-on is
+"""Compares the interface of a real Blender with the .po files, in each of its languages, while the add-on is
 registered and after that. Not a test that pytest finds.
 
     blender --background --factory-startup --python-exit-code 1 --python tests/window/languages.py
@@ -8,6 +8,7 @@ Blender ends with 1 if a text is not translated, or stays translated.
 """
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import bpy
@@ -16,36 +17,36 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
 from addon.ui.panels import settings_panels  # noqa: E402
-from addon.ui.translations import catalog  # noqa: E402
-from addon.ui.translations.lookup import OPERATOR  # noqa: E402
+from addon.ui.translations import OPERATOR, locales, read_translations  # noqa: E402
 
 
 def main() -> None:
     preferences = bpy.context.preferences.view
     wrong = []
-    for locale in catalog.LOCALES:
+    for locale in locales():
+        texts = read_translations(locale)
         preferences.language = locale
         preferences.use_translate_interface = preferences.use_translate_tooltips = True
-        before = shown()
+        before = shown(texts)
         addon.register()
-        translated = shown()
-        for key, texts in catalog.TABLE.items():
-            if translated[key] != texts[locale]:
-                wrong.append(f"{locale}: {key} is {translated[key]!r} and not {texts[locale]!r}")
+        translated = shown(texts)
+        for key, text in texts.items():
+            if translated[key] != text:
+                wrong.append(f"{locale}: {key} is {translated[key]!r} and not {text!r}")
         button = bpy.app.translations.pgettext_iface("Bake Normal Map", OPERATOR)
         panel = settings_panels.IMPRINT_PT_map
         label = bpy.app.translations.pgettext_iface(panel.bl_label, panel.bl_translation_context)
-        print(f"{locale}: {len(catalog.TABLE)} texts, as {button!r} and {label!r}", flush=True)
+        print(f"{locale}: {len(texts)} texts, as {button!r} and {label!r}", flush=True)
         addon.unregister()
-        wrong += [f"{locale}: {key} stays translated" for key, text in shown().items() if text != before[key]]
+        wrong += [f"{locale}: {key} stays translated" for key, text in shown(texts).items() if text != before[key]]
     print("\n".join(wrong) or "all texts are translated, and nothing stays", flush=True)
     if wrong:
         raise SystemExit(1)
 
 
-def shown() -> dict[tuple[str, str], str]:
-    """The texts of the table as Blender shows them now."""
-    return {(context, text): bpy.app.translations.pgettext_iface(text, context) for context, text in catalog.TABLE}
+def shown(texts: Iterable[tuple[str, str]]) -> dict[tuple[str, str], str]:
+    """The texts, which come with their contexts, as Blender shows them now."""
+    return {(context, text): bpy.app.translations.pgettext_iface(text, context) for context, text in texts}
 
 
 main()

@@ -5,7 +5,7 @@ import bpy
 
 from ...core.declarations.choices import Space
 from ..panels.sidebar import SettingsPanel, split_layout
-from ..translations.lookup import label
+from ..translations import label
 
 
 class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):

@@ -15,7 +15,7 @@ from ...export.engine_files import Exported
 from .. import modal, object_pairs
 from ..bake_results import results
 from ..callbacks import redraw
-from ..translations.lookup import LABEL, message, tooltip
+from ..translations import LABEL, message, tooltip
 from ..viewport.progress_display import display
 
 ENDINGS = ", ".join(file_formats.MESHES)

@@ -13,7 +13,7 @@ from ...jobs.job import Job
 from ...jobs.live import live_session
 from ...output import datablocks
 from ..callbacks import Handlers, Timer
-from ..translations.lookup import message
+from ..translations import message
 from ..viewport.progress_display import display
 from .live_updates import SLICE, Following
 

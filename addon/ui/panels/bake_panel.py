@@ -13,7 +13,7 @@ from ..bake_results import high_objects, results
 from ..live.live_switch import live
 from ..readiness.cure_operators import draw_button, draw_cured
 from ..readiness.panel_findings import findings
-from ..translations.lookup import label, message
+from ..translations import label, message
 from ..viewport import show_result
 from ..viewport.progress_display import display
 from . import bake_plan

@@ -18,7 +18,7 @@ from ...output.files import planned_files
 from ...scene import object_checks, vertex_weights
 from .. import object_pairs
 from ..properties import ImprintSettings
-from ..translations.lookup import message
+from ..translations import message
 
 
 def problem(

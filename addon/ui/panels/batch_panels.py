@@ -9,7 +9,7 @@ from ...core.declarations.choices import Storage
 from ...core.errors import BakeError
 from ...core.names import name_matching
 from ..sending import farm_preferences
-from ..translations.lookup import label, message
+from ..translations import label, message
 from .sidebar import SettingsPanel, draw_paragraphs
 
 

@@ -7,7 +7,7 @@ from ...jobs import locate_issues
 from ...scene import scene_lengths
 from ..bake_results import results
 from ..check_operators import CHECKS, REASONS
-from ..translations.lookup import label, message
+from ..translations import label, message
 from .sidebar import SidebarPanel, draw_paragraphs
 
 ICONS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}

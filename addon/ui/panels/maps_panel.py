@@ -11,7 +11,7 @@ from ...core.map_types import ATTRIBUTE, BY_NAME, OTHERS, Family
 from ...output import datablocks
 from ..properties import ImprintSettings
 from ..settings import map_list
-from ..translations.lookup import label
+from ..translations import label
 from . import bake_plan
 from .sidebar import SettingsPanel, split_layout
 

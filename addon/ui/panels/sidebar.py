@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from ..translations.lookup import LABEL, message
+from ..translations import LABEL, message
 
 
 class SidebarPanel:

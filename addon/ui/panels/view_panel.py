@@ -7,7 +7,7 @@ from ...core.declarations import readers
 from ...core.declarations.choices import Space
 from ...jobs.live.live_session import Session
 from ...views.mode_names import Mode
-from ..translations.lookup import message
+from ..translations import message
 from ..viewport import view_drawing
 from ..viewport.progress_display import display
 from ..viewport.view_mode import viewer

@@ -9,7 +9,7 @@ from ...core.errors import BakeError
 from ...jobs.readiness import cures
 from ...scene import object_refs
 from ..panels.sidebar import draw_paragraphs
-from ..translations.lookup import LABEL, label, tooltip
+from ..translations import LABEL, label, tooltip
 from ..viewport.progress_display import display
 
 CURES = {

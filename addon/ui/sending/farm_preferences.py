@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import StringProperty
 
-from ..translations.lookup import LABEL
+from ..translations import LABEL
 
 MODULE = __package__.partition(".addon.")[0]
 """Blender's name for the extension."""

@@ -8,7 +8,7 @@ from bpy.props import IntProperty, StringProperty
 
 from ...core.errors import BakeError
 from ...farms import flamenco
-from ..translations.lookup import LABEL, tooltip
+from ..translations import LABEL, tooltip
 from . import farm_preferences
 
 

@@ -18,7 +18,7 @@ from bpy.props import (
 
 from ...core.declarations import kinds
 from ...core.declarations.all_settings import DECLARED
-from ..translations.lookup import LABEL
+from ..translations import LABEL
 
 
 def declared(name: str, **more: Any):

@@ -8,7 +8,7 @@ from ...core.declarations import kinds
 from ...core.declarations.all_settings import DECLARED
 from ...core.declarations.choices import DistanceUnit
 from ...core.map_types import MapType
-from ..translations.lookup import LABEL
+from ..translations import LABEL
 from .declared_properties import declared
 
 REACHES = tuple(name for name, setting in DECLARED.items() if isinstance(setting, kinds.Reach))

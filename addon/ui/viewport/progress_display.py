@@ -9,7 +9,7 @@ from gpu_extras.presets import draw_texture_2d
 
 from ...core.progress import Progress, Redraws
 from ..callbacks import DrawCallbacks, redraw
-from ..translations.lookup import label, message
+from ..translations import label, message
 from . import viewport_text
 
 SIDE = 256

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...views import view_shading
 from ...views.mode_names import Mode
-from ..translations.lookup import label, message
+from ..translations import label, message
 from . import viewport_text
 
 HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))

@@ -9,7 +9,7 @@ from ...views.mode_names import ITEMS, Mode
 from ..callbacks import Key
 from ..live.live_switch import live
 from ..modal import SlicedOperator
-from ..translations.lookup import LABEL
+from ..translations import LABEL
 from .progress_display import display
 from .view_mode import viewer
 

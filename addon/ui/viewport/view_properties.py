@@ -5,7 +5,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 
 from ...views.mode_names import ITEMS, READERS, Mode
-from ..translations.lookup import LABEL
+from ..translations import LABEL
 from .view_mode import viewer
 
 
