@@ -56,6 +56,7 @@ GPU_STAMP = VENV / "imprint-gpu"  # has the name of a machine on which Blender's
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 INSTALL = {"apt-get": "apt-get install --no-install-recommends", "dnf": "dnf install"}
 DRIVER = "a working OpenGL driver"
+SANDBOX = "bubblewrap"
 PACKAGES = {  # the system libraries that Blender's wheel needs, and their packages for each installer above
     "libEGL.so.1": ("libegl1", "libglvnd-egl"),
     "libGL.so.1": ("libgl1", "libglvnd-glx"),
@@ -69,6 +70,7 @@ PACKAGES = {  # the system libraries that Blender's wheel needs, and their packa
     "libxkbcommon.so.0": ("libxkbcommon0", "libxkbcommon"),
     DRIVER: ("libgl1-mesa-dri", "mesa-dri-drivers"),
 }
+FOR_TESTS = {SANDBOX: ("bubblewrap", "bubblewrap")}
 
 
 class Failure(Exception):
@@ -184,12 +186,18 @@ def is_ready():
 
 
 def make_environment():
-    """Create .venv from scratch, and replace an old one."""
-    base = find_python(python_candidates())
-    print_message(f"setting up {VENV} with {base}: about 500 MB to download, once", "info")
+    """Create .venv. One that was complete for other requirements is updated, and what is incomplete is replaced."""
     quiet = [] if sys.stderr.isatty() else ["--quiet"]
     pip = [str(PYTHON), "-m", "pip", "install", "--disable-pip-version-check", "--no-input", *quiet]
-    for command in ([base, "-m", "venv", "--clear", str(VENV)], [*pip, "-r", str(REQUIREMENTS)]):
+    commands = [[*pip, "-r", str(REQUIREMENTS)]]
+    if base_python([str(PYTHON)]) and STAMP.is_file():
+        print_message(f"updating {VENV}", "info")
+        STAMP.unlink()
+    else:
+        base = find_python(python_candidates())
+        print_message(f"setting up {VENV} with {base}: about 500 MB to download, once", "info")
+        commands.insert(0, [base, "-m", "venv", "--clear", str(VENV)])
+    for command in commands:
         if subprocess.call(command, stdout=sys.stderr):
             raise Failure("the environment could not be set up, for the reason above; the next run starts over")
     STAMP.write_text(wanted_stamp())
@@ -272,7 +280,8 @@ def remedy(absent, installer):
     """Return the command that installs the absent libraries or driver, or [] if it is not known."""
     if not installer:
         return []
-    packages = sorted(PACKAGES[name][list(INSTALL).index(installer)] for name in absent if name in PACKAGES)
+    known = {**PACKAGES, **FOR_TESTS}
+    packages = sorted(known[name][list(INSTALL).index(installer)] for name in absent if name in known)
     return [*([] if IS_ROOT else ["sudo"]), *INSTALL[installer].split(), *packages] if packages else []
 
 
@@ -281,8 +290,12 @@ def explain(absent, command, code, output):
     if not absent:
         lines = output.strip().splitlines() or [f"exit code {code}"]
         return f"Blender cannot start: {crash(code) or lines[-1]}{memory_limit()}"
-    fix = f"to fix it: {' '.join(command)}" if command else "install the package that provides it"
-    return f"Blender cannot start: missing {', '.join(absent)}; {fix}"
+    return f"Blender cannot start: missing {', '.join(absent)}; {how_to_fix(command)}"
+
+
+def how_to_fix(command):
+    """Return a clause with the command that installs what is missing, which may be []."""
+    return f"to fix it: {' '.join(command)}" if command else "install the package that provides it"
 
 
 def probe(python):
@@ -295,6 +308,25 @@ def probe(python):
     return done.returncode, done.stderr
 
 
+def installer():
+    """Return the system's installer of packages among those that are known, or None."""
+    return next(filter(shutil.which, INSTALL), None)
+
+
+def install(command, reason, may_install):
+    """Run a command that installs packages, if `may_install`, as root on Debian. Returns whether it was run.
+
+    It adds missing packages and upgrades none, because this happens without a question.
+    """
+    if not (may_install and IS_ROOT and command and command[0] == "apt-get"):
+        return False
+    print_message(f"{reason}: {' '.join(command)}", "info")
+    noninteractive = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
+    for step in (["apt-get", "update", "-qq"], [*command, "--no-upgrade", "--yes", "-qq"]):
+        subprocess.call(step, stdout=subprocess.DEVNULL, env=noninteractive)
+    return True
+
+
 def require_gpu(python, may_install):
     """Make sure that Blender and its gpu module start. As root on Debian, install missing packages if `may_install`.
 
@@ -303,7 +335,6 @@ def require_gpu(python, may_install):
     machine = f"{platform.node()} {platform.release()}\n"
     if GPU_STAMP.is_file() and GPU_STAMP.read_text() == machine:
         return
-    installer = next(filter(shutil.which, INSTALL), None)
     for is_first in (True, False):
         code, output = probe(python)
         if code == 0:
@@ -311,23 +342,24 @@ def require_gpu(python, may_install):
                 GPU_STAMP.write_text(machine)
             return
         absent = missing(code, output)
-        command = remedy(absent, installer)
-        if not (is_first and may_install and IS_ROOT and installer == "apt-get" and command):
+        command = remedy(absent, installer())
+        if not install(command, f"Blender needs {', '.join(absent)}", is_first and may_install):
             raise NoGpu(explain(absent, command, code, output))
-        print_message(f"Blender needs {', '.join(absent)}: {' '.join(command)}")
-        noninteractive = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
-        # Add only missing packages and upgrade none, because this happens without a question.
-        for step in (["apt-get", "update", "-qq"], [*command, "--no-upgrade", "--yes", "-qq"]):
-            subprocess.call(step, stdout=subprocess.DEVNULL, env=noninteractive)
 
 
-def run_blender(arguments, **options):
-    """Run the environment's Python with `arguments`, on a script that uses the GPU. Returns the exit code.
+def require_sandbox():
+    """Make sure that the tests of `bake --untrusted` find bubblewrap, on Linux. Without it, say what to install."""
+    if sys.platform != "linux" or shutil.which("bwrap"):
+        return
+    command = remedy([SANDBOX], installer())
+    if not install(command, "the tests of --untrusted need bubblewrap", may_install=True) or not shutil.which("bwrap"):
+        print_message(f"bubblewrap is missing, and the tests of --untrusted need it; {how_to_fix(command)}")
 
-    As root on Debian, missing packages are installed first.
-    """
+
+def run_blender(arguments, may_install=False, **options):
+    """Run the environment's Python with `arguments`, on a script that uses the GPU. Returns the exit code."""
     python = environment()
-    require_gpu(python, may_install=True)
+    require_gpu(python, may_install)
     code = subprocess.call([python, *arguments], **options)
     if crash(code):
         raise Failure(post_mortem(python, code))
@@ -345,7 +377,7 @@ def post_mortem(python, code, baking=""):
     if probed != code:
         return crashed
     absent = missing(probed, output)
-    return explain(absent, remedy(absent, next(filter(shutil.which, INSTALL), None)), probed, output)
+    return explain(absent, remedy(absent, installer()), probed, output)
 
 
 # Stopping
@@ -451,7 +483,7 @@ class Bake:
 
 def demo(options):
     """Bake the example."""
-    return run_blender([str(SCRIPTS / "demo.py"), *options.rest])
+    return run_blender([str(SCRIPTS / "demo.py"), *options.rest], may_install=True)
 
 
 def bench(options):
@@ -492,22 +524,37 @@ def report(options):
     return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "report", *options.rest])
 
 
+def cores():
+    """Return the number of processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def test(options):
-    """Run ruff and then pytest, even if ruff fails, with Blender's factory settings instead of the user's."""
+    """Run ruff and then pytest, even if ruff fails, with Blender's factory settings instead of the user's.
+
+    The tests run in processes of their own, each with a GPU context. Mesa's software drivers would start a thread for each
+    core in each of them, so that the cores are divided among the processes.
+    """
     parser = argparse.ArgumentParser(
         prog="imprint.py test",
-        usage="%(prog)s [-h] [--all] [ARGUMENT ...]",
+        usage="%(prog)s [-h] [--all] [-n PROCESSES] [ARGUMENT ...]",
         description="Run ruff, then the fast tests. Other arguments are for pytest.",
         epilog="tests/pure needs no Blender: any Python from 3.11 with numpy and pytest runs python -m pytest tests/pure",
         allow_abbrev=False,
     )
     parser.add_argument("--all", action="store_true", help="run the slow tests as well")
+    processes_help = "run the tests in so many processes; 0 for one without pytest-xdist (default: one for each core)"
+    parser.add_argument("-n", dest="processes", metavar="PROCESSES", type=int, default=cores(), help=processes_help)
     known, rest = parser.parse_known_args(options.rest)
     lane = [] if known.all else ["-m", "not slow"]
+    parallel = ["-n", str(known.processes), "--dist", "loadfile"]
+    threads = max(1, cores() // max(1, known.processes))
     linted = subprocess.call([environment(), "-m", "ruff", "check"], cwd=ROOT)
+    require_sandbox()
     with tempfile.TemporaryDirectory(prefix="imprint-test-") as profile:
-        variables = dict(os.environ, BLENDER_USER_RESOURCES=profile)
-        tested = run_blender(["-m", "pytest", *lane, *rest], cwd=ROOT, env=variables)
+        variables = {"LP_NUM_THREADS": str(threads), **os.environ, "BLENDER_USER_RESOURCES": profile}
+        pytest = ["-m", "pytest", *parallel, *lane, *rest]
+        tested = run_blender(pytest, may_install=True, cwd=ROOT, env=variables)
     return tested or linted
 
 

@@ -192,6 +192,36 @@ class TestStamp:
         imprint.REQUIREMENTS.write_text("bpy==5.2.4\n")
         assert not imprint.is_ready()
 
+    def test_an_environment_for_other_requirements_is_updated(self, bare, monkeypatch):
+        finish_environment()
+        fake_python(imprint.VENV, "echo 3.13 /base/python3.13", imprint.PYTHON.name)
+        imprint.REQUIREMENTS.write_text("bpy==5.2.4\n")
+        started = []
+        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: started.append(command))
+        imprint.environment()
+        assert [command[2] for command in started] == ["pip"]
+        assert imprint.is_ready()
+
+    @pytest.mark.parametrize("missing", ["STAMP", "PYTHON"])
+    def test_an_incomplete_environment_is_replaced(self, bare, monkeypatch, missing):
+        finish_environment()
+        fake_python(imprint.VENV, "echo 3.13 /base/python3.13", imprint.PYTHON.name)
+        getattr(imprint, missing).unlink()
+        started = []
+        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: started.append(command))
+        monkeypatch.setattr(imprint, "find_python", lambda candidates: "python3.13")
+        imprint.environment()
+        assert [command[2] for command in started] == ["venv", "pip"]
+
+    def test_a_failed_update_starts_over(self, bare, monkeypatch):
+        finish_environment()
+        fake_python(imprint.VENV, "echo 3.13 /base/python3.13", imprint.PYTHON.name)
+        imprint.REQUIREMENTS.write_text("bpy==5.2.4\n")
+        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: 1)
+        with pytest.raises(imprint.Failure, match="starts over"):
+            imprint.environment()
+        assert not imprint.STAMP.exists()
+
     def test_two_processes_make_the_environment_once(self, bare, monkeypatch):
         made = []
 
@@ -307,17 +337,48 @@ class TestProbe:
         assert [command[1] for command in commands] == ["update", "install"]
         assert "libsm6" in commands[1]
 
-    @pytest.mark.parametrize("command", ["bake", "demo"])
-    def test_a_bake_installs_nothing_even_as_root(self, bare, linux, monkeypatch, capfd, command):
+    @pytest.mark.parametrize("command", ["bake", "lod", "bench", "demo", "test"])
+    def test_only_demo_and_test_install_packages_as_root(self, bare, linux, monkeypatch, capfd, command):
         finish_environment()
         commands = []
+        monkeypatch.setattr(imprint, "require_sandbox", lambda: None)
         monkeypatch.setattr(imprint, "IS_ROOT", True)
         monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
         monkeypatch.setattr(imprint, "probe", lambda python: (1, TestMissingLibraries.IMPORT_ERROR))
         monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
         assert imprint.main([command]) == 3
-        assert len(commands) == (0 if command == "bake" else 2)
+        installs = [words for words in commands if words[0] == "apt-get"]
+        assert len(installs) == (2 if command in ("demo", "test") else 0)
         assert "to fix it: apt-get install --no-install-recommends libsm6" in capfd.readouterr().err
+
+
+class TestSandbox:
+    """`test` wants bubblewrap, which tests of --untrusted run."""
+
+    @pytest.fixture
+    def commands(self, linux, monkeypatch):
+        """The commands that are started where apt-get is there and bubblewrap is not."""
+        commands = []
+        monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
+        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
+        return commands
+
+    def test_root_installs_it(self, commands, monkeypatch):
+        monkeypatch.setattr(imprint, "IS_ROOT", True)
+        imprint.require_sandbox()
+        assert [command[1] for command in commands] == ["update", "install"]
+        assert "bubblewrap" in commands[1]
+
+    def test_others_are_told_the_command(self, commands, monkeypatch, capfd):
+        monkeypatch.setattr(imprint, "IS_ROOT", False)
+        imprint.require_sandbox()
+        assert commands == []
+        assert "sudo apt-get install --no-install-recommends bubblewrap" in capfd.readouterr().err
+
+    def test_nothing_is_done_where_it_is(self, commands, monkeypatch, capfd):
+        monkeypatch.setattr(imprint.shutil, "which", lambda name: name)
+        imprint.require_sandbox()
+        assert (commands, capfd.readouterr().err) == ([], "")
 
 
 @pytest.fixture
@@ -327,6 +388,8 @@ def ready(bare, monkeypatch):
     started = []
     ending = {"code": 0}
     monkeypatch.setattr(imprint, "probe", lambda python: (0, ""))
+    monkeypatch.setattr(imprint, "require_sandbox", lambda: None)
+    monkeypatch.setattr(imprint, "cores", lambda: 6)
     monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: started.append(command) or ending["code"])
     return started, ending
 
@@ -422,12 +485,20 @@ class TestCommands:
         ending["code"] = 1
         assert imprint.main(["test", "-k", "word", "tests/pure"]) == 1
         assert [command[2] for command in started] == ["ruff", "pytest"]
-        assert started[1][3:] == ["-m", "not slow", "-k", "word", "tests/pure"]
+        assert started[1][3:] == ["-n", "6", "--dist", "loadfile", "-m", "not slow", "-k", "word", "tests/pure"]
 
     def test_all_runs_the_slow_tests_as_well(self, ready):
         started, _ = ready
         assert imprint.main(["test", "--all", "-k", "word"]) == 0
-        assert started[1][3:] == ["-k", "word"]
+        assert started[1][3:] == ["-n", "6", "--dist", "loadfile", "-k", "word"]
+
+    @pytest.mark.parametrize(("processes", "threads"), [(None, "1"), ("0", "6"), ("1", "6"), ("2", "3"), ("9", "1")])
+    def test_processes_share_the_cores(self, ready, monkeypatch, processes, threads):
+        environments = []
+        monkeypatch.delenv("LP_NUM_THREADS", raising=False)
+        monkeypatch.setattr(imprint, "run_blender", lambda *_, env, **__: environments.append(env))
+        imprint.main(["test", *(["-n", processes] if processes else [])])
+        assert environments[0]["LP_NUM_THREADS"] == threads
 
     def test_the_help_of_the_tests_runs_no_tests(self, ready, capsys):
         started, _ = ready
@@ -435,7 +506,7 @@ class TestCommands:
             imprint.main(["test", "--help"])
         assert (ended.value.code, started) == (0, [])
         shown = " ".join(capsys.readouterr().out.split())
-        assert all(words in shown for words in ("--all", "-m pytest tests/pure"))
+        assert all(words in shown for words in ("--all", "-n PROCESSES", "-m pytest tests/pure"))
 
     def test_wrong_usage_has_exit_code_2(self, capsys):
         with pytest.raises(SystemExit) as ended:
