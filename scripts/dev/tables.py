@@ -19,7 +19,7 @@ from addon.cli.farms.farm_command import FARM_OPTIONS  # noqa: E402
 from addon.cli.results.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
 from addon.cli.usage.key_values import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402
-from addon.cli.usage.options import FILE, JOBS, OPTIONS, CommandOption  # noqa: E402
+from addon.cli.usage.options import FILE, JOBS, OBJECTS, OPTIONS, CommandOption, option_word  # noqa: E402
 from addon.cli.usage.run_options import RUN_OPTIONS, TITLE  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
 from addon.core.declarations import kinds, packing, readers  # noqa: E402
@@ -67,17 +67,48 @@ def default_of(setting: kinds.Setting) -> str:
 
 
 def meaning_of(setting: kinds.Setting) -> str:
-    """The tooltip, and that of each item of a choice."""
+    """The tooltip, and that of each item of a choice with its word on the command line."""
     lines = [sentence(setting.tooltip)]
     if isinstance(setting, kinds.Choice) and (setting.option is None or setting.option.explains):
-        lines += [f"**{item.label}**: {sentence(item.tooltip)}" for item in setting.items]
+        lines += [f"**{item.label}**{word_of(setting, item)}: {sentence(item.tooltip)}" for item in setting.items]
+    if setting.option and setting.option.note:
+        lines.append(sentence(setting.option.note))
     return "<br>".join(lines)
+
+
+def word_of(setting: kinds.Setting, item: kinds.Item) -> str:
+    """The word of an item on the command line, in brackets, unless it is the label in small letters."""
+    word = word_for(item.value)
+    return "" if setting.option is None or word == item.label.lower() else f" ({code(word)})"
+
+
+def option_of(name: str, setting: kinds.Setting) -> str:
+    """The option of a setting, without the list of its values. Empty without an option."""
+    if setting.option is None:
+        return ""
+    word, metavar = (
+        option_word(name),
+        "" if isinstance(setting, kinds.Switch) else setting.option.metavar or setting.metavar,
+    )
+    return code(f"--{word} {metavar}".strip())
 
 
 def panel(shown: PanelSettings) -> str:
     """The settings of a panel, from top to bottom."""
-    rows = ((f"**{one.label}**", default_of(one), meaning_of(one)) for one in shown.settings.values())
-    return table(("setting", "default", "what it does"), rows)
+    rows = [
+        (f"**{one.label}**", option_of(name, one), default_of(one), MEANINGS.get(name) or meaning_of(one))
+        for name, one in shown.settings.items()
+    ]
+    if not any(option for _, option, _, _ in rows):
+        return table(("setting", "default", "what it does"), ((name, *rest) for name, _, *rest in rows))
+    return table(("setting", "option", "default", "what it does"), rows)
+
+
+MEANINGS = {
+    "maps": f"{sentence(DECLARED['maps'].tooltip)} See [all maps](maps.md#all-maps).",
+    "readers": f"{sentence(DECLARED['readers'].tooltip)} See [the names](engines.md#presets).",
+}
+"""What settings do whose values stand in a table of another page."""
 
 
 # The command line
@@ -91,18 +122,23 @@ def option_row(word: str, option: CommandOption) -> tuple[str, str, str]:
 
 
 def options() -> str:
-    """All options, in the groups of --help."""
-    parts = []
-    for title, group in (*OPTIONS.items(), (TITLE, RUN_OPTIONS)):
-        rows = [option_row(f"--{word}", option) for word, option in group.items()]
-        if not parts:
-            rows = [
-                option_row("FILE ...", CommandOption(FILE.tooltip, {}, FILE.usual)),
-                option_row("--jobs", JOBS),
-                *rows,
-            ]
-        parts.append(f"**{title[0].upper()}{title[1:]}**\n\n{table(('option', 'default', 'what it does'), rows)}")
-    return "\n".join(parts)
+    """The options that are no settings of a panel, in the groups of --help."""
+    settings = {option_word(name) for name, setting in DECLARED.items() if setting.option}
+    own = (
+        option_row("FILE ...", CommandOption(FILE.tooltip, {}, FILE.usual)),
+        option_row("--jobs", JOBS),
+        *(option_row(f"--{word}", option) for word, option in OBJECTS.items()),
+    )
+    beside = [
+        option_row(f"--{word}", option)
+        for title, group in OPTIONS.items()
+        if title != "what to bake"
+        for word, option in group.items()
+        if word not in settings
+    ]
+    runs = [option_row(f"--{word}", option) for word, option in RUN_OPTIONS.items()]
+    groups = ("What to bake", own), ("What a bake writes beside its maps", beside), (TITLE[0].upper() + TITLE[1:], runs)
+    return "\n".join(f"**{title}**\n\n{table(('option', 'default', 'what it does'), rows)}" for title, rows in groups)
 
 
 def farm_options() -> str:
@@ -144,17 +180,18 @@ OUTSIDE_FLOATS = {Kind.LABEL: "a color for each", Kind.NORMAL: code("normal = st
 
 
 def maps() -> str:
-    """The maps beside the normal map."""
+    """The maps beside the normal map, with the endings of their names."""
     rows = (
         (
             one.label,
             code(word_for(one.name)),
+            endings_of(one),
             sentence(one.tooltip),
             OUTSIDE_FLOATS.get(one.kind) or ("sRGB" if one.is_color else code(one.range.value)),
         )
         for one in map_types.OTHERS
     )
-    return table(("map", "`--maps`", "what it holds", "outside of float formats"), rows)
+    return table(("map", "`--maps`", "ending", "what it holds", "outside of float formats"), rows)
 
 
 SOURCES = {
@@ -177,15 +214,6 @@ def map_names() -> str:
 def endings_of(one: map_types.MapType) -> str:
     """The ending of a map's names, and the short one if it has one."""
     return " or ".join(map(code, filter(None, (one.suffix, one.short_suffix))))
-
-
-def map_endings() -> str:
-    """The endings of the names of all maps, by what they come from."""
-    rows = (
-        (source, ", ".join(f"{one.label} {endings_of(one)}" for one in map_types.OTHERS if one.family in families))
-        for source, families in SOURCES.items()
-    )
-    return table(("from", "maps, and the endings of their names"), rows)
 
 
 def channel_of(channel: packing.Channel) -> str:
@@ -312,7 +340,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "file-formats": formats,
     "map-types": maps,
     "map-names": map_names,
-    "map-endings": map_endings,
     "packing": layouts,
     "udim": tiles,
     "programs": programs,

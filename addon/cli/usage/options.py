@@ -167,7 +167,8 @@ def _option(name: str, **more: Any) -> CommandOption:
     )
 
 
-def _word(name: str) -> str:
+def option_word(name: str) -> str:
+    """The option of the setting `name`, without its dashes."""
     return DECLARED[name].option.word or name.replace("_", "-")
 
 
@@ -185,7 +186,7 @@ _OBJECTS = ("low", "highs", "cage")
 
 
 OBJECTS = {
-    **{_word(name): _option(name, **_BESIDE.get(name, {})) for name in _OBJECTS},
+    **{option_word(name): _option(name, **_BESIDE.get(name, {})) for name in _OBJECTS},
     "low-file": CommandOption(
         "Mesh file to bake onto, instead of --low. It must contain one mesh",
         {"type": option_types.path, "metavar": "FILE"},
@@ -266,7 +267,7 @@ def _options() -> Iterator[tuple[str, dict[str, CommandOption]]]:
     for key in ("map", "channels", "maps", "output", "rays", "convert"):
         panel = PANELS[key]
         names = [name for name, setting in panel.settings.items() if setting.option and name not in _OBJECTS]
-        options = {_word(name): _option(name, **_BESIDE.get(name, {})) for name in names}
+        options = {option_word(name): _option(name, **_BESIDE.get(name, {})) for name in names}
         yield panel.title.lower(), options | (FILES if key == "output" else {})
 
 
