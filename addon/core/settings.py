@@ -7,9 +7,10 @@ from pathlib import PurePath
 from typing import Any
 
 from . import file_formats, udim
-from .declarations import adaptive_samples, bases
+from .declarations import bases
 from .declarations.all_settings import DECLARED
-from .declarations.choices import Pack, Storage
+from .declarations.choices import Method, Pack, Storage
+from .declarations.map_settings import ADAPTIVE_FROM
 from .declarations.packing import CUSTOM_SUFFIX, PRESETS, WHITE, Packing
 from .errors import BakeError
 from .map_types import BY_NAME, NAMES, WIDENED_ROUGHNESS
@@ -122,7 +123,7 @@ class Settings:
 
     def are_adaptive(self, method: str) -> bool:
         """Whether samples of a normal map alone are adaptive by this method."""
-        return self.adaptive and self.samples >= adaptive_samples.least(method)
+        return self.adaptive and method != Method.FLATTEN and self.samples >= ADAPTIVE_FROM
 
     @property
     def is_float(self) -> bool:

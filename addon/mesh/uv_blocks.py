@@ -18,44 +18,21 @@ FAR = 4.0
 """Triangles of this extent in UV space are not split: single precision is too coarse for the middles of larger ones."""
 
 
-def touching(
-    mesh: Mesh,
-    uv_to_clip: udim.UvToClip,
-    size: tuple[int, int],
-    blocks: np.ndarray,
-    side: int,
-    *,
-    among: np.ndarray | None = None,
-) -> np.ndarray:
+def touching(mesh: Mesh, uv_to_clip: udim.UvToClip, size: tuple[int, int], blocks: np.ndarray, side: int) -> np.ndarray:
     """Which triangles (T,) bool have a box in UV space that touches one of the squares, when drawn on `size` texels.
 
     uv_to_clip: without the offset of a sample. blocks (rows, columns) bool: squares of `side` texels, from the lowest row.
-    among (T,) int: the numbers of the triangles that are looked at; None for all.
     """
     counts = np.zeros((blocks.shape[0] + 1, blocks.shape[1] + 1), np.int32)
     np.cumsum(np.cumsum(blocks, axis=0, dtype=np.int32), axis=1, out=counts[1:, 1:])
-    result = np.empty(len(mesh.triangles) if among is None else len(among), bool)
+    result = np.empty(len(mesh.triangles), bool)
 
     def measure(part: slice) -> None:
-        corners = _corners(mesh, part if among is None else among[part])
+        corners = _corners(mesh, part)
         x0, x1, y0, y1 = _boxes(corners, uv_to_clip, size, blocks.shape, side)
         result[part] = counts[y1, x1] - counts[y0, x1] - counts[y1, x0] + counts[y0, x0] > 0
 
     threads.for_blocks(len(result), measure)
-    return result
-
-
-def rows(mesh: Mesh, uv_to_clip: udim.UvToClip, size: tuple[int, int], shape: tuple[int, int], side: int) -> np.ndarray:
-    """The first row of squares that the box of each triangle touches, and the last one plus 1: (2, T) int16.
-
-    shape: rows and columns of the squares. Others: as in `touching`.
-    """
-    result = np.empty((2, len(mesh.triangles)), np.int16)
-
-    def measure(part: slice) -> None:
-        result[:, part] = _boxes(_corners(mesh, part), uv_to_clip, size, shape, side)[2:]
-
-    threads.for_blocks(result.shape[1], measure)
     return result
 
 
@@ -98,7 +75,7 @@ def _halves(corners: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack([a, middle, c], axis=2), np.stack([middle, b, c], axis=2)], axis=1)
 
 
-def _corners(mesh: Mesh, part: slice | np.ndarray) -> np.ndarray:
+def _corners(mesh: Mesh, part: slice) -> np.ndarray:
     """The corners (2, T, 3) float32 of these triangles in UV space."""
     return np.take(mesh.uv, mesh.triangles[part].reshape(-1), axis=0, mode="clip").T.reshape(2, -1, 3)
 

@@ -79,7 +79,7 @@ def bake(out: str, scenes: str, size: str, *files: str) -> None:
                     **side,
                 )
                 add(f"{Path(file).stem} {method} {space} roughness", low, [high], settings)
-            # A normal map alone has adaptive samples, by Flatten from 64 on.
+            # A normal map alone has adaptive samples by Cast.
             settings = Settings(
                 method, image=f"{method} samples", samples=64, depth=32, storage="MEMORY", material=False, **side
             )

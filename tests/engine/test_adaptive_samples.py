@@ -6,28 +6,16 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.core.declarations import adaptive_samples
 from addon.core.declarations.map_settings import MAP
-from addon.core.map_types import NORMAL
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.engine.adaptive import adaptive_normals
-from addon.jobs import Job, bake_all, bake_pair
+from addon.jobs import bake_pair
 from addon.passes import target
-from addon.passes.adaptive import active, cell_samples, rounds
+from addon.passes.adaptive import active, rounds
 from addon.passes.bake import samples
 from tests.support import angles, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
-
-METHODS = ["FLATTEN", "CAST"]
-
-
-@pytest.fixture(autouse=True)
-def adaptive_from_four_samples(monkeypatch):
-    """Flatten's adaptive samples are as exact as those of rays, whatever number makes them faster."""
-    monkeypatch.setitem(adaptive_samples.LEAST, "FLATTEN", 4)
-
 
 RAYS = {"extrusion": 0.3, "max_distance": 0.6}
 ALLOWED_P99 = 0.02
@@ -44,15 +32,12 @@ PAIRS = [
     "helmet_23358_6117",
     "normaltangenttest_published",
 ]
-OTHER_LAYOUT = "normaltangenttest_published", "FLATTEN"
-"""Both meshes have UV layouts of their own."""
 FAST = ["king_40480_4000", "spot_1696_536"]
 
 
-def both(low, high, method, **settings):
+def both(low, high, **settings):
     """The maps with adaptive samples and with all samples, and the share that stopped early."""
-    rays = RAYS if method == "CAST" else {}
-    values = {"method": method, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, **rays, **settings}
+    values = {"method": "CAST", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, **RAYS, **settings}
     found, stopped = [], []
     for adaptive in (True, False):
         report = bake_pair(bpy.context, low, [high], Settings(image="map", adaptive=adaptive, **values))
@@ -70,24 +55,16 @@ def difference(some, every):
 
 @pytest.mark.shared
 @pytest.mark.parametrize("size", [512, pytest.param(1024, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    ("name", "method"),
-    [
-        pytest.param(name, method, marks=() if name in FAST else pytest.mark.slow)
-        for name in PAIRS
-        for method in METHODS
-        if (name, method) != OTHER_LAYOUT
-    ],
-)
-def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, name, method, size):
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in PAIRS])
+def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, name, size):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     reach = 0.02 * max(low.dimensions)
-    rays = {"extrusion": reach, "max_distance": 2.0 * reach} if method == "CAST" else {}
-    some, every, stopped = both(low, high, method, width=size, height=size, samples=16, **rays)
+    rays = {"extrusion": reach, "max_distance": 2.0 * reach}
+    some, every, stopped = both(low, high, width=size, height=size, samples=16, **rays)
     error = difference(some, every)
     p99, p999 = np.percentile(error, (99, 99.9))
-    print(f"{name} {method} {size}: {stopped:.1%} stopped early; {p99:.4f}, {p999:.4f}, at most {error.max():.2f}")
+    print(f"{name} {size}: {stopped:.1%} stopped early; {p99:.4f}, {p999:.4f}, at most {error.max():.2f}")
     assert p99 < ALLOWED_P99
     assert stopped > 0.01  # at 512, texels of the dense terrains hold whole triangles
 
@@ -95,18 +72,18 @@ def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, name, method
 @pytest.mark.shared
 def test_strong_bends_take_as_many_samples_as_are_asked_for(shared_assets):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "king_40480_4000.blend"))
-    some, every, stopped = both(
-        bpy.data.objects["lo"], bpy.data.objects["hi"], "FLATTEN", width=256, height=256, samples=64
-    )
+    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    reach = 0.02 * max(low.dimensions)
+    rays = {"extrusion": reach, "max_distance": 2.0 * reach}
+    some, every, stopped = both(low, high, width=256, height=256, samples=64, **rays)
     assert np.percentile(difference(some, every), 99) < ALLOWED_P99
     assert stopped > 0.1
 
 
-@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("count", COUNTS)
-def test_texels_of_a_terrain_stop_early_and_keep_their_mean(method, count):
+def test_texels_of_a_terrain_stop_early_and_keep_their_mean(count):
     low, high = zoo.plane("low"), zoo.terrain("high", n=37, waves=2, height=0.03)
-    some, every, stopped = both(low, high, method, width=128, height=128, samples=count)
+    some, every, stopped = both(low, high, width=128, height=128, samples=count)
     error = difference(some, every)
     print(f"{stopped:.1%} stopped early; {np.percentile(error, (99, 99.9, 100))}")
     assert np.percentile(error, 99) < ALLOWED_P99
@@ -114,33 +91,26 @@ def test_texels_of_a_terrain_stop_early_and_keep_their_mean(method, count):
 
 
 @pytest.mark.parametrize("gap", [0.97, 0.995])
-@pytest.mark.parametrize("method", METHODS)
-def test_every_texel_of_which_a_sample_is_covered_stays_covered(method, gap):
+def test_every_texel_of_which_a_sample_is_covered_stays_covered(gap):
     """Thin strips. The first samples of all texels miss the thinner ones."""
     low, high = zoo.two_islands("low", gap=gap), zoo.two_islands("high", gap=gap)
-    some, every, _ = both(low, high, method, width=37, height=37, samples=16)
+    some, every, _ = both(low, high, width=37, height=37, samples=16)
     assert 0 < np.count_nonzero(every[..., 3]) < every[..., 3].size / 4
     assert difference(some, every).max() < 1e-3
 
 
-@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
-def test_empty_texels_away_from_the_meshes_take_no_more_samples(method, space, monkeypatch):
+def test_empty_texels_away_from_the_meshes_take_no_more_samples(space, monkeypatch):
     low, high = zoo.two_islands("low", gap=0.7), zoo.two_islands("high", gap=0.7)
-    listed, find, add = [], active.find, cell_samples.add
+    listed, find = [], active.find
 
     def found(*arguments):
         some = find(*arguments)
         listed.append(some and some.count)
         return some
 
-    def added(sums, records, places, *arguments, **options):
-        listed.append(len(places))
-        return add(sums, records, places, *arguments, **options)
-
     monkeypatch.setattr(active, "find", found)
-    monkeypatch.setattr(cell_samples, "add", added)
-    some, every, stopped = both(low, high, method, width=128, height=128, samples=16, space=space)
+    some, every, stopped = both(low, high, width=128, height=128, samples=16, space=space)
     assert difference(some, every).max() < 1e-3
     empty = np.count_nonzero(every[..., 3] == 0.0)
     # Those along the borders of islands are in the same squares of texels.
@@ -153,87 +123,45 @@ def test_a_texel_of_which_any_ray_hits_is_hit():
     """A high mesh so narrow that it lies between the first two samples of its texels."""
     low, high = zoo.plane("low"), zoo.plane("high")
     high.scale.x, high.location.z = 0.012, 0.1
-    some, every, stopped = both(low, high, "CAST", width=31, height=31, samples=64)
+    some, every, stopped = both(low, high, width=31, height=31, samples=64)
     assert 0 < np.count_nonzero(every[..., 3]) <= 3 * 31
     assert difference(some, every).max() < 1e-3
     assert stopped == 0.0
 
 
-def test_all_samples_are_taken_with_other_maps():
-    low, high = zoo.plane("low"), zoo.plane("high")
-    settings = Settings("FLATTEN", width=16, height=16, samples=4, maps=("HEIGHT",), storage="MEMORY", material=False)
-    assert bake_pair(bpy.context, low, [high], settings).stopped_early == 0.0
-
-
 @pytest.mark.parametrize(
-    ("method", "samples", "are_adaptive"), [("FLATTEN", 16, False), ("FLATTEN", 64, True), ("CAST", 4, True)]
+    ("values", "are_adaptive"),
+    [
+        ({"method": "CAST", "samples": 4}, True),
+        ({"method": "CAST", "samples": 2}, False),
+        ({"method": "CAST", "samples": 4, "maps": ("HEIGHT",)}, False),
+        ({"method": "FLATTEN", "samples": 64}, False),
+    ],
 )
-def test_samples_are_adaptive_where_that_is_faster(monkeypatch, method, samples, are_adaptive):
-    monkeypatch.undo()
+def test_samples_are_adaptive_where_that_is_faster(values, are_adaptive):
     low, high = zoo.plane("low"), zoo.plane("high")
-    settings = Settings(method, width=16, height=16, samples=samples, storage="MEMORY", material=False)
+    settings = Settings(width=16, height=16, storage="MEMORY", material=False, **values)
     assert (bake_pair(bpy.context, low, [high], settings).stopped_early > 0.0) is are_adaptive
 
 
 def test_only_texels_that_are_written_count_as_stopped_early():
-    """Flatten takes samples wherever the high mesh is. Here the low one has a sixteenth of that."""
+    """The low mesh has a part of the map."""
     low, high = zoo.plane("low"), zoo.plane("high")
     layer = low.data.uv_layers[0].uv
     layer.foreach_set("vector", np.float32([[0.25, 0.25], [0.5, 0.25], [0.5, 0.5], [0.25, 0.5]]).ravel())
-    settings = Settings("FLATTEN", width=64, height=64, samples=64, storage="MEMORY", material=False)
-    assert bake_pair(bpy.context, low, [high], settings).stopped_early == 1.0
+    settings = Settings("CAST", width=64, height=64, samples=64, storage="MEMORY", material=False)
+    stopped = bake_pair(bpy.context, low, [high], settings).stopped_early
+    assert stopped == (14 / 16) ** 2  # all but those at the border
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_bands_and_adaptive_samples_together(method, monkeypatch):
+def test_bands_and_adaptive_samples_together(monkeypatch):
     low, high = zoo.plane("low"), zoo.terrain("high", n=23, waves=2, height=0.02)
-    whole, _, stopped = both(low, high, method, width=64, height=60, samples=16)
+    whole, _, stopped = both(low, high, width=64, height=60, samples=16)
     monkeypatch.setattr(bands, "BAND_TEXELS", 64 * 16)
-    banded, every, of_bands = both(low, high, method, width=64, height=60, samples=16)
+    banded, every, of_bands = both(low, high, width=64, height=60, samples=16)
     assert np.array_equal(whole[..., 3], banded[..., 3])
     assert np.percentile(difference(banded, every), 99) < ALLOWED_P99
     assert 0.0 < of_bands <= stopped  # at the borders of bands, neighbors are not known
-
-
-def pairs(count):
-    """Jobs of planes and rough terrains, whose UVs lie side by side. A single pair's are on tiles 1001 and 1002."""
-    jobs = []
-    for number in range(count):
-        low, high = zoo.plane(f"low {number}"), zoo.terrain(f"high {number}", n=23, waves=5, height=0.05)
-        for obj in (low, high):
-            layer = obj.data.uv_layers[0].uv
-            uv = np.empty((len(layer), 2), np.float32)
-            layer.foreach_get("vector", uv.ravel())
-            uv = uv * (0.4, 0.8) + (0.5 * number + 0.05, 0.1) if count > 1 else uv * (1.7, 0.9) + (0.15, 0.05)
-            layer.foreach_set("vector", uv.astype(np.float32).ravel())
-        jobs.append(Job(low, [high]))
-    return jobs
-
-
-@pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
-@pytest.mark.parametrize("layout", ["tiles", "atlas"])
-@pytest.mark.parametrize("has_bands", [False, True], ids=["whole", "bands"])
-def test_64_samples_by_flatten_are_those_that_are_drawn(layout, has_bands, space, monkeypatch):
-    """Where all texels take all samples."""
-    monkeypatch.setattr(adaptive_normals, "LIMITS", dict.fromkeys(adaptive_normals.LIMITS, 0.0))
-    if has_bands:
-        monkeypatch.setattr(bands, "BAND_TEXELS", 64 * 16)
-    found = []
-    for adaptive in (True, False):
-        values = {"space": space, "samples": 64, "adaptive": adaptive, "depth": 32, "material": False}
-        if layout == "atlas":
-            settings = Settings("FLATTEN", width=64, height=64, image="map", storage="MEMORY", margin=0, **values)
-            bake_all(bpy.context, pairs(2), settings, share_image=True)
-            found.append([maps.pixels(bpy.data.images["map"])])
-        else:
-            (job,) = pairs(1)
-            tiles = maps.raw_maps(job.low, *job.highs, maps=(), udim=True, **values)
-            found.append([tiles[tile][NORMAL.name] for tile in (1001, 1002)])
-    for some, every in zip(*found, strict=True):
-        assert np.array_equal(some[..., 3], every[..., 3])
-        assert np.abs(some - every).max() < 1e-3
-        assert 0.3 < (every[..., 3] > 0.0).mean() < 1.0
-        assert len(np.unique(every)) > 1000
 
 
 @pytest.mark.parametrize("count", COUNTS)

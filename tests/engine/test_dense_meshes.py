@@ -7,18 +7,15 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.declarations import adaptive_samples
 from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine import separation
-from addon.engine.adaptive import flat_normals
 from addon.engine.bands import Band
 from addon.engine.dense import high_batches
 from addon.engine.dense.high_batches import HighBatches
 from addon.jobs import bake_pair
 from addon.mesh.triangle_mesh import Mesh
 from addon.passes import mesh_upload, shader, target
-from addon.passes.adaptive import cell_samples
 from addon.passes.bake import flatten
 from tests.support import zoo
 
@@ -211,21 +208,3 @@ def test_a_bake_in_parts_is_the_same_to_the_bit(monkeypatch, samples):
     uploads = counted(monkeypatch)
     assert bake().tobytes() == whole.tobytes()
     assert len(uploads) == 4 * samples
-
-
-def test_adaptive_samples_of_large_meshes_are_taken_in_strips_of_the_map(monkeypatch):
-    low, high = zoo.plane("lo"), zoo.terrain("hi", 24)
-    monkeypatch.setitem(adaptive_samples.LEAST, "FLATTEN", 4)
-
-    def bake():
-        settings = Settings(method="FLATTEN", width=48, height=40, samples=16, depth=32, storage="MEMORY")
-        report = bake_pair(bpy.context, low, [high], settings)
-        return np.array(bpy.data.images[report.image].pixels[:], np.float32)
-
-    whole = bake()
-    sizes, upload = [], cell_samples.upload
-    monkeypatch.setattr(cell_samples, "upload", lambda high, *given: sizes.append(len(high.uv)) or upload(high, *given))
-    monkeypatch.setattr(flat_normals, "STRIP", 300)
-    assert bake().tobytes() == whole.tobytes()
-    assert len(sizes) > 1
-    assert max(sizes) < 0.7 * sum(sizes)

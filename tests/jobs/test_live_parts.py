@@ -78,10 +78,8 @@ CASES = {
     "tangent": {},
     "object": {"space": "OBJECT"},
     "world": {"space": "WORLD"},
-    "four samples": {"samples": 4, "adaptive": False},
-    "four samples, world": {"samples": 4, "adaptive": False, "space": "WORLD"},
-    "four samples, not enough to be adaptive": {"samples": 4, "adaptive": True},
-    "adaptive samples": {"samples": 64, "adaptive": True, "width": 64, "height": 64},
+    "four samples": {"samples": 4},
+    "four samples, world": {"samples": 4, "space": "WORLD"},
     "no margin": {"margin": 0},
     "unlimited margin": {"margin": None},
     "adjacent faces": {"margin_type": "ADJACENT_FACES"},
@@ -102,8 +100,7 @@ def test_parts_equal_a_new_bake(drawn, name):
         follow(session, high)
         assert not np.array_equal(session.texels, before)
         assert np.array_equal(session.texels, fresh(session))
-    # New sessions draw whole maps, and adaptive samples depend on those of the neighbors.
-    assert drawn[1:7:2] == [name != "adaptive samples"] * 3
+    assert drawn[1:7:2] == [True] * 3  # new sessions draw whole maps
     session.free()
 
 

@@ -140,22 +140,6 @@ def sampled(samples, *seconds, **row):
     } | row
 
 
-@pytest.mark.parametrize(
-    ("one", "many", "outcome"),
-    [
-        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 10.0, 9.0, 9.0), "holds"),
-        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 10.1, 9.0, 9.0), "open"),
-        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 11.0), "missed"),
-        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 11.0, what="Cast"), "not measured"),
-        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 11.0, size=1024), "not measured"),
-        (sampled(1, 1.0, 1.0, 9.0), sampled(16, 11.0), "not measured"),
-        (sampled(1), sampled(64, 1.0), "not measured"),
-    ],
-)
-def test_many_samples_against_one(one, many, outcome):
-    assert only({"samples": [one, many]}, "64 samples").outcome == outcome
-
-
 @pytest.mark.parametrize(("degrees", "outcome"), [(0.02, "holds"), (0.021, "missed")])
 def test_adaptive_samples_must_be_near_all_samples(degrees, outcome):
     rows = [sampled(16, 1.0, angles={"percentile_99": value}) for value in (0.0, degrees)]

@@ -116,7 +116,7 @@ def test_extrusion_may_be_zero():
 
 @pytest.mark.parametrize(
     ("method", "samples", "expected"),
-    [("FLATTEN", 16, False), ("FLATTEN", 64, True), ("CAST", 2, False), ("CAST", 4, True), ("AUTO", 4, True)],
+    [("FLATTEN", 64, False), ("CAST", 2, False), ("CAST", 4, True), ("AUTO", 4, True)],
 )
 def test_samples_are_adaptive_from_a_number_on_that_depends_on_the_method(method, samples, expected):
     assert Settings(samples=samples).are_adaptive(method) is expected

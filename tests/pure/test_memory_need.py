@@ -23,7 +23,6 @@ MEASURED = {
     Amounts(505_000, 1024 * 1024, 1024 * 1024, other_maps=1, page_pixels=BAND): 1471e6,
     Amounts(505_000, BAND, BAND, other_maps=1, page_pixels=BAND): 3751e6,
     Amounts(505_000, BAND, BAND, is_flat=True): 2176e6,
-    Amounts(505_000, BAND, BAND, samples=16, is_flat=True, is_adaptive=True): 3409e6,
     Amounts(505_000, 4 * BAND, BAND_OF_8192, is_flat=True): 4008e6,
     Amounts(30_002_048, 1024 * 1024, 1024 * 1024, is_flat=True): 4260e6,
     Amounts(30_002_048, 4 * BAND, BAND_OF_8192, is_flat=True): 7070e6,
@@ -63,14 +62,6 @@ def test_cast_keeps_at_most_so_many_parts_of_large_meshes_on_the_gpu():
     assert many.on_gpu == 3 * 2**30 + BAND * (108 + 32)
     assert many.meshes == 100_000_000 * 140 + 13 * 10**8 + 3 * 2**30
     assert two.tree == many.tree == 0
-
-
-def test_adaptive_samples_by_flatten_keep_at_most_so_many_triangles():
-    needs = [
-        Need.of(Amounts(count, 1, 1, samples=64, is_flat=True, is_adaptive=True))
-        for count in (2_000_000, 2**24, 100_000_000)
-    ]
-    assert [need.on_gpu - (70 + 70) for need in needs] == [2_000_000 * 60, 2**24 * 60, 2**24 * 60]
 
 
 def test_large_meshes_take_less_for_each_triangle():

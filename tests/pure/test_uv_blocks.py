@@ -48,24 +48,6 @@ def test_random_triangles_are_found_in_the_squares_that_their_boxes_touch(seed, 
         assert touches[0] <= chosen <= touches[1]
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_random_triangles_in_rows_of_squares_are_those_that_touch_these_rows(seed):
-    random = np.random.default_rng(seed)
-    uv = random.random((300, 1, 2)) * 1.4 - 0.2 + random.normal(0.0, 0.03, (300, 3, 2))
-    mesh, where = mesh_of(uv), (udim.uv_to_clip(1001, (64, 64)), (64, 64))
-    first, stop = uv_blocks.rows(mesh, *where, (8, 8), SIDE)
-    among = np.flatnonzero(random.random(300) < 0.5)
-    for row in range(8):
-        blocks = np.zeros((8, 8), bool)
-        blocks[row] = True
-        found = uv_blocks.touching(mesh, *where, blocks, SIDE)
-        is_in_row = (first <= row) & (row < stop)
-        assert (found <= is_in_row).all()
-        is_beside = (uv[..., 0].max(axis=1) < 0.0) | (uv[..., 0].min(axis=1) > 1.0)
-        assert (found | is_beside)[is_in_row].all()
-        assert uv_blocks.touching(mesh, *where, blocks, SIDE, among=among).tolist() == found[among].tolist()
-
-
 @pytest.mark.parametrize("step", [-1.0, 1.0])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_triangle_that_a_rasterizer_may_move_into_a_square_is_found(step, axis):

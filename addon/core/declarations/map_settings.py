@@ -3,12 +3,14 @@
 
 from dataclasses import replace
 
-from . import adaptive_samples, bases, readers
+from . import bases, readers
 from .choices import MarginType, Method, Modifiers, Space, Stacked
 from .kinds import Choice, Distance, Flags, Item, Option, Setting, Switch, Text, WholeNumber
 
 MIN_SIZE, MAX_SIZE = 16, 16384
 MAX_MIPS = 8
+ADAPTIVE_FROM = 4
+"""Rays with fewer samples take them all: adaptive samples would not be faster on all meshes."""
 
 MAP: dict[str, Setting] = {
     "method": Choice(
@@ -105,13 +107,12 @@ MAP: dict[str, Setting] = {
     "adaptive": Switch(
         label="Adaptive Sampling",
         tooltip="Take all samples only at borders and where the first ones differ. In 99 of 100 texels, the normal is within "
-        "0.02 degrees of the mean of all samples. Bakes of several maps, and Flatten with fewer than 64 samples, take all "
-        "samples everywhere",
+        "0.02 degrees of the mean of all samples. Flatten and bakes of several maps take all samples everywhere",
         default=True,
         option=Option(
             word="no-adaptive",
-            off="Take all samples in every texel. Without this, a normal map alone has adaptive samples, by Cast from "
-            f"{adaptive_samples.LEAST[Method.CAST]} on and by Flatten from {adaptive_samples.LEAST[Method.FLATTEN]} on",
+            off="Take all samples in every texel. Without this, a normal map alone has adaptive samples by Cast "
+            f"from {ADAPTIVE_FROM} on",
         ),
     ),
     "margin_type": Choice(

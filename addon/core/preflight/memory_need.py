@@ -119,10 +119,7 @@ def _meshes_on_gpu(amounts: Amounts) -> int:
         return min(amounts.triangles * TRIANGLE_ON_GPU, PARTS_ON_GPU)
     if not amounts.is_flat:
         return amounts.triangles * TRIANGLE_ON_GPU
-    if amounts.triangles >= LARGE and not amounts.is_adaptive:
-        return FLAT_PART
-    # Later samples sort the triangles near their texels. For meshes as LARGE this was not measured.
-    return min(amounts.triangles, LARGE) * FLAT_TRIANGLE_ON_GPU
+    return FLAT_PART if amounts.triangles >= LARGE else amounts.triangles * FLAT_TRIANGLE_ON_GPU
 
 
 def sentence(need: Need, free: int | None, *, is_software: bool) -> str:

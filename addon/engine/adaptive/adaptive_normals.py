@@ -13,7 +13,7 @@ from ...passes.adaptive import active, rounds
 from ...passes.bake import samples
 from ..bands import Band
 from ..maps.family import Run
-from ..sources import Source
+from ..sources import Rays
 
 LIMITS = {2: 0.17, 4: 0.3, 8: 0.5, 16: 0.7}
 """Degrees of a second difference up to which this many samples are enough."""
@@ -25,7 +25,7 @@ class AdaptiveNormals:
     stopped (rows, width) bool: which texels of the last band, without its halo, took fewer samples than the settings say.
     """
 
-    def __init__(self, source: Source, run: Run):
+    def __init__(self, source: Rays, run: Run):
         self.source = source
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
         self.rounds = samples.rounds(self.settings.samples)

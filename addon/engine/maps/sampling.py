@@ -13,10 +13,9 @@ from ...passes import target
 from ...passes.bake import flat_hits, preview_picture, samples
 from ...passes.surface import served_blocks
 from ..adaptive.adaptive_normals import AdaptiveNormals
-from ..adaptive.flat_normals import FlatNormals
 from ..bands import Band
 from ..normal_channels import channels
-from ..sources import Flat, Source
+from ..sources import Source
 from .family import MapFamily, Run, Sample
 from .normal_space import NormalSpace
 from .own_normals import OwnNormals
@@ -49,8 +48,7 @@ class SampledMaps:
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
         # Maps of other families are means over the samples of each texel that they share.
         is_adaptive = run.settings.are_adaptive(source.method) and not families and detail is None
-        kind = FlatNormals if isinstance(source, Flat) else AdaptiveNormals
-        self.adaptive = kind(source, run) if is_adaptive else None
+        self.adaptive = AdaptiveNormals(source, run) if is_adaptive else None
         self._picture: gpu.types.GPUTexture | None = None
 
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:

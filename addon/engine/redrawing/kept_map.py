@@ -99,9 +99,7 @@ class KeptMap:
         self._meshes = None
         values = yield from renderer.values(udim.FIRST)
         is_any = self._store(values, process)
-        # Where samples are adaptive, those of a texel follow from its neighbors.
-        is_local = not self.settings.are_adaptive(plan.method) and not plan.meshes.has_detail
-        if is_any and is_local and not plan.casts_rays:
+        if is_any and not plan.casts_rays and not plan.meshes.has_detail:
             self._meshes, before = plan.meshes, dict(enumerate(self._drawn))
             self._drawn = [DrawnMesh(high, before.get(i)) for i, high in enumerate(plan.meshes.highs)]
         return is_any

@@ -3,8 +3,8 @@
 
 import bpy
 
-from ...core.declarations import adaptive_samples
 from ...core.declarations.choices import Method, Space, Storage
+from ...core.declarations.map_settings import ADAPTIVE_FROM
 from .. import map_size
 from ..presets import IMPRINT_PT_conventions
 from ..viewport.cage_overlay import overlay
@@ -36,7 +36,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         map_size.draw(layout, settings)
         layout.prop(settings, "samples")
         row = layout.row()
-        row.active = int(settings.samples) >= adaptive_samples.least(rays.method)
+        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The targets of Imprint, which the figures of a run hold or miss."""
 
-import statistics
 from collections.abc import Iterable, Iterator
 
 from scripts.bench.contenders.names import CAST, CYCLES, FLATTEN, MULTIRES, OUTERMOST, PEERS, PRESENT
@@ -70,14 +69,8 @@ def _of_versions(result: dict) -> Iterator[Verdict]:
 
 
 def _of_samples(result: dict) -> Iterator[Verdict]:
-    """64 samples with one, on the terrain by Flatten; and adaptive samples with all."""
+    """Adaptive samples with all."""
     rows = result.get("samples", [])
-    flatten = [row for row in rows if row["what"] == "Flatten" and row["size"] == 2048]
-    one, many = ([row["times"][PRESENT]["seconds"] for row in flatten if row["samples"] == count] for count in (1, 64))
-    times = [a / statistics.median(one[0]) for a in many[0]] if one and many and one[0] else []
-    yield at_most(
-        "64 samples by Flatten at 2048 in at most 10 times the time of one", 10.0, [("terrain", times)], "times"
-    )
     degrees = [
         (f"{row['what']}, {row['pair']} at {row['size']}, {row['samples']} samples", [row["angles"]["percentile_99"]])
         for row in rows
