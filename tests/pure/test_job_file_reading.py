@@ -1,24 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests that job files are read as the command line's parser reads the same words, which is slower.
+"""Tests that job files are read as the command line's parser reads the same words.
 
 The seed is in the test's name. For more of them: IMPRINT_RANDOM=0:200 pytest tests/pure/test_job_file_reading.py
 """
 
-import argparse
 import json
 import os
 import random
 import re
-from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from addon.cli.usage import arguments, job_file, option_settings
+from addon.cli.usage import arguments, job_file
 from addon.cli.usage.arguments import WrongUsage
 from addon.cli.usage.key_values import KEYS
-from addon.core.errors import BakeError
-from addon.core.settings import Settings
 
 FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:12").split(":"))
 SETS = 250
@@ -166,16 +162,6 @@ def plain(message):
     return re.sub(r"(?<!\S)--(?=\w)", "", message).removeprefix("argument ").rstrip(".")
 
 
-def check(options):
-    """What is wrong with the settings of these very options."""
-    try:
-        arguments.settings(options).check()
-        arguments.stored_normals(options).check()
-    except BakeError as error:
-        return str(error).rstrip(".")
-    return ""
-
-
 def read(sets, more):
     """The options of all sets, or what is wrong with them by their numbers."""
     Path("jobs.json").write_text(json.dumps({"bake": sets}), encoding="utf-8")
@@ -197,47 +183,12 @@ def test_sets_are_read_as_the_parser_reads_them(seed, tmp_path, monkeypatch):
     _, faults = read(sets, more)
     options, _ = read([values for number, values in enumerate(sets, 1) if number not in faults], more)
     assert min(len(options), len(faults)) > SETS / 10  # otherwise refusing all would pass
-    with monkeypatch.context() as patched:
-        patched.setattr(option_settings, "fault", check)
-        for number, values in enumerate(sets, 1):
-            wanted, wrong = by_parser(values, tmp_path, more)
-            if None in wrong:
-                assert number in faults
-            elif wrong:
-                assert faults[number] == "; ".join(wrong)
-            else:
-                assert repr(vars(options.pop(0))) == repr(vars(wanted))
+    for number, values in enumerate(sets, 1):
+        wanted, wrong = by_parser(values, tmp_path, more)
+        if None in wrong:
+            assert number in faults
+        elif wrong:
+            assert faults[number] == "; ".join(wrong)
+        else:
+            assert repr(vars(options.pop(0))) == repr(vars(wanted))
     assert not options
-
-
-@pytest.mark.parametrize("count", [100, 400])
-def test_the_parser_and_the_check_of_settings_run_once_for_what_sets_repeat(count, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    calls = Counter()
-
-    def counted(where, name):
-        real = getattr(where, name)
-
-        def call(*more, **named):
-            calls[name] += 1
-            return real(*more, **named)
-
-        monkeypatch.setattr(where, name, call)
-
-    counted(argparse.ArgumentParser, "parse_known_args")
-    counted(Settings, "check")
-    sets = [
-        {
-            "low-file": f"{number}.obj",
-            "output": f"{number}_normal.png",
-            "image": f"rock {number}",
-            "extrusion": number + 0.5,
-            "size": 64 << number % 3,
-            "maps": "ao" if number % 2 else "curvature,ao",
-        }
-        for number in range(count)
-    ]
-    options, faults = read(sets, [])
-    assert (len(options), faults) == (count, {})
-    assert calls["parse_known_args"] < 20
-    assert calls["check"] <= 6

@@ -2,9 +2,8 @@
 """What bakes cost, so that a run can be divided into parts that take about the same time."""
 
 import argparse
-import functools
 
-from ...core.settings import Settings
+from ..usage import option_settings
 from . import run_clashes
 
 
@@ -13,19 +12,6 @@ def cost(options: argparse.Namespace) -> int:
 
     It depends on the options alone, so that it is the same on every machine, also where a file is missing or was changed.
     """
-    maps = 1 if options.convert else max(1, _maps(options))
-    samples = 1 if options.convert else options.samples
+    maps = options.normal + len(option_settings.settings(options).drawn_maps)
     texels = options.size[0] * options.size[1] * max(1, len(options.tiles)) * max(1, len(run_clashes.frames(options)))
-    return texels * samples * maps
-
-
-def _maps(options: argparse.Namespace) -> int:
-    """How many maps are drawn."""
-    packing = options.pack, options.pack_red, options.pack_green, options.pack_blue, options.pack_alpha
-    return options.normal + _others(options.maps, packing)
-
-
-@functools.lru_cache
-def _others(maps: tuple[str, ...], packing: tuple[str, ...]) -> int:
-    names = "pack", "pack_red", "pack_green", "pack_blue", "pack_alpha"
-    return len(Settings(maps=maps, **dict(zip(names, packing, strict=True))).drawn_maps)
+    return texels if options.convert else texels * options.samples * max(1, maps)

@@ -29,21 +29,21 @@ def of(name: str) -> Iterator[Path]:
         yield from (folder / name for name in names)
 
 
-def has_library(descriptor: int) -> bool:
-    """Whether an open .obj may name a file of materials, which it does before its points."""
+def _may_name_library(path: Path) -> bool:
+    """Whether an .obj may name a file of materials, which it does before its points. Raises OSError."""
+    if not path.is_file():  # opening a pipe may wait for ever
+        return False
     start, size = b"", _FIRST_PIECE
-    try:
-        while len(start) < MOST and (piece := os.read(descriptor, size)):
+    with path.open("rb", buffering=0) as file:
+        while len(start) < MOST and (piece := file.read(size)):
             seen, start, size = max(0, len(start) - _PIECE), start + piece, _PIECE
             if _POINT.search(start, seen):
                 break
-    except OSError:  # the importer will report what is wrong
-        return False
     return b"mtllib" in start.lower()
 
 
 def _of_obj(path: Path) -> Iterator[str]:
-    for library in _said(path, ("mtllib",)):
+    for library in _said(path, ("mtllib",)) if _may_name_library(path) else ():
         yield library
         for folder in _folders(path):
             try:

@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 
 from ..results import exit_codes
-from ..usage.garbage import unsearched
 from . import costs, named_files, planning, plans, shards
 from .input_files import InputFiles
 from .input_problems import InputProblems
@@ -25,11 +24,6 @@ def run(options: argparse.Namespace, sets: Sequence[argparse.Namespace], program
 
     sets: the options of each set. What is wrong goes to standard error, a line each. Returns the exit code.
     """
-    with unsearched():
-        return _run(options, sets, program)
-
-
-def _run(options: argparse.Namespace, sets: Sequence[argparse.Namespace], program: str) -> int:
     listing = _Listing(options, sets)
     for problem in () if options.quiet else listing.warnings:
         print(f"{program}: warning: {problem}", file=sys.stderr)

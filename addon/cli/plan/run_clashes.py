@@ -16,7 +16,6 @@ from ...output.files.path_clashes import Places
 from ..results import own_files
 from ..results.report_file import LINES
 from ..trust.bounds import Bounds
-from ..usage.garbage import unsearched
 from ..usage.options import STDOUT
 from . import blend_blocks, map_files, named_files, plans
 from .input_files import InputFiles
@@ -64,17 +63,6 @@ class Run:
         bakes: unique names and options. jobs: the job file. report: the report of all bakes. folders: of mesh files.
         sheet: the page of results.
         """
-        with unsearched(), self.places.many(self._inputs.identity):
-            return self._add(bakes, jobs, report, folders, sheet)
-
-    def _add(
-        self,
-        bakes: Sequence[tuple[str, argparse.Namespace]],
-        jobs: str | None,
-        report: str | None,
-        folders: Iterable[str],
-        sheet: str | None,
-    ) -> list[str]:
         problems = []
 
         def check(name: str, act: Callable, *more) -> None:

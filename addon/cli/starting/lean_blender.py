@@ -5,7 +5,6 @@ what some files need.
 This works only where Blender is a Python package. Blender itself has loaded everything before it runs a script.
 """
 
-import gc
 import importlib
 import os
 import sys
@@ -67,13 +66,10 @@ def load() -> None:
         return
     finder = _StandIns(() if os.environ.get("BLENDER_SYSTEM_SCRIPTS") else (*INTERFACE, *ADDONS, *NEVER))
     sys.meta_path.insert(0, finder)
-    gc.disable()  # nothing becomes garbage, and there is much to search
     try:
         with _functions_when_called():
             import bpy  # noqa: F401
     finally:
-        gc.freeze()
-        gc.enable()
         sys.meta_path.remove(finder)
         for name in finder.names:
             if getattr(sys.modules.get(name), "__loader__", None) is finder:

@@ -229,9 +229,7 @@ def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:
 
 def _wrong_paths(paths: Sequence[str | bool | None]) -> Iterator[str]:
     """A mistake if one of `paths` is relative and Blender cannot use the current folder."""
-    is_rooted = "/" if os.sep == "/" else None  # faster than isabs, where it says the same
-    named = [name for name in paths if isinstance(name, str) and name[:1] != is_rooted]
-    if all(map(os.path.isabs, named)):
+    if all(os.path.isabs(name) for name in paths if isinstance(name, str)):
         return
     here = os.getcwd()
     try:

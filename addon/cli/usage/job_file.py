@@ -11,7 +11,6 @@ from typing import Any
 
 from . import arguments
 from .arguments import WrongUsage
-from .garbage import unsearched
 from .key_values import KEYS, KeyValue, KeyValues, Unknown, check_known
 
 DEFAULTS, SETS = "defaults", "bake"
@@ -35,13 +34,6 @@ def read(
     more: arguments that override all sets. on_progress: called now and then with the share of the sets that was read.
     is_untrusted: whether it may read no variables. Raises WrongJobs with a line for each set that has mistakes.
     """
-    with unsearched():
-        return _read(name, more, on_progress, is_untrusted=is_untrusted)
-
-
-def _read(
-    name: str, more: Sequence[str], on_progress: Callable[[float], None], *, is_untrusted: bool
-) -> list[argparse.Namespace]:
     path = Path(name).absolute()
     table = _load(name, path)
     defaults, sets, faults = _parts(name, table)

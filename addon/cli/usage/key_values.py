@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads the values of a job file's keys as the command line's parser would. Sets repeat most of them: each is read once."""
+"""Reads the values of a job file's keys as the command line's parser would."""
 
 import argparse
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,15 +26,6 @@ def _name(key: str) -> str:
     return KEYS[key].parsing.get("dest") or key.replace("-", "_")
 
 
-_PATHS = {
-    spelled: (_name(key), option.may_repeat)
-    for key, option in KEYS.items()
-    if option.is_path
-    for spelled in (key, key.replace("-", "_"))
-}
-"""The keys of paths, as they may be written: the attribute, and whether it is a list."""
-
-
 class KeyValue(NamedTuple):
     """What a value means for the options."""
 
@@ -56,30 +46,10 @@ class KeyValues:
     """Reads values. Paths start at a folder."""
 
     def __init__(self, folder: Path, *, is_untrusted: bool = False):
-        self._folder, self._start, self._is_untrusted = folder, os.path.join(folder, ""), is_untrusted
-        self._known: dict[tuple, KeyValue | Unknown] = {}
+        self._folder, self._is_untrusted = folder, is_untrusted
 
     def read(self, written: str, value: Any) -> KeyValue:
         """The value of a key. written: the key, with dashes or underscores. Raises Unknown, without a full stop."""
-        if type(value) is str:
-            if written in _PATHS:  # each set has its own
-                return self._read_path(written, value)
-            place = written, value
-        elif _is_plain(value):
-            place = written, None, repr(value)
-        else:
-            return self._read(written, value)
-        if place not in self._known:
-            try:
-                self._known[place] = self._read(written, value)
-            except Unknown as unknown:
-                self._known[place] = unknown
-        found = self._known[place]
-        if isinstance(found, Unknown):
-            raise found
-        return found
-
-    def _read(self, written: str, value: Any) -> KeyValue:
         key = written.replace("_", "-")
         words = _words_of(written, key, value)
         option, name = KEYS[key], _name(key)
@@ -100,30 +70,8 @@ class KeyValues:
         except WrongUsage as fault:
             return KeyValue(name, fault=str(fault))
 
-    def _read_path(self, written: str, value: str) -> KeyValue:
-        try:
-            path = option_types.path(self._path(value))
-        except argparse.ArgumentTypeError:
-            return self._read(written, value)
-        if value in ("", STDOUT):
-            return self._read(written, value)
-        name, is_list = _PATHS[written]
-        return KeyValue(name, [path] if is_list else path)
-
     def _path(self, word: str) -> str:
-        if not word[:1].isalnum() or "$" in word or word[1:2] == ":":
-            word = option_types.path_in_file(word, is_untrusted=self._is_untrusted)
-        is_plain = os.sep == "/" and not (
-            word.startswith(("/", "./")) or word.endswith(("/", "/.")) or "//" in word or "/./" in word or word == "."
-        )
-        return self._start + word if is_plain else str(self._folder / word)
-
-
-def _is_plain(value: Any) -> bool:
-    """Whether the text of a value tells it from all others but texts."""
-    if isinstance(value, list):
-        return all(isinstance(part, str | int | float) for part in value)
-    return isinstance(value, int | float)
+        return str(self._folder / option_types.path_in_file(word, is_untrusted=self._is_untrusted))
 
 
 def _value(option: CommandOption, words: Sequence[str]) -> Any:

@@ -5,9 +5,8 @@ import errno
 import os
 import re
 import unicodedata
-from collections import Counter
-from collections.abc import Callable, Hashable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Hashable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -105,8 +104,6 @@ class Places:
         self._advice = advice
         self._reads, self._writes = _Table(), _Table()
         self._folders: dict[str, _Folder] = {}
-        self._folder_names: _FolderNames | None = None
-        self._identity_of_read = identity
 
     def read(self, path: str, title: str, by: Hashable = None) -> None:
         """Add a file that is read. Raises WrongPlace if it is written as well.
@@ -143,39 +140,24 @@ class Places:
         keys = self._keys(path)
         return [(use.title, use.by) for use in self._writes.find_all(keys)]
 
-    @contextmanager
-    def many(self, identity_of_read: Callable[[str], Hashable] = identity) -> Iterator[None]:
-        """While the block runs, no file may appear: what is in a folder is read once if many of its files are added.
-
-        identity_of_read: as `identity`, for files that are read.
-        """
-        self._folder_names, self._identity_of_read = _FolderNames(), identity_of_read
-        try:
-            yield
-        finally:
-            self._folder_names, self._identity_of_read = None, identity
-
     def _keys(self, given: str, *, is_written: bool = False) -> _Keys:
         """Raises WrongPlace for the names of temporary files, and for what cannot be written."""
-        path, parent, name = _split(given)
-        folded = _folded(name)
-        kind = _FolderNames.ANY if self._folder_names is None else self._folder_names.kind(parent, name, folded)
-        if is_written and kind is not _FolderNames.NONE:
+        path = str(Path(given).absolute())
+        parent, name = os.path.split(path)
+        if is_written:
             with suppress(OSError):  # the bake reports it
                 atomic_file.check_kind(given)
-        if (kind is _FolderNames.ANY and os.path.islink(path)) or name in {"", ".."}:
+        if os.path.islink(path) or name in {"", ".."}:
             path = os.path.realpath(path)
             parent, name = os.path.split(path)
-            folded = _folded(name)
         if _UNFINISHED.match(name):
             raise WrongPlace(f"{path!r} has a name that Imprint uses for its temporary files: rename it.")
-        folder = self._folders.get(parent) or self._folder(parent)
+        folder = self._folder(parent)
         found = None
-        if kind is not _FolderNames.NONE and TOKEN not in path:
-            try:
-                found = identity(path) if is_written else self._identity_of_read(path)
-            except (OSError, ValueError):
-                found = None  # it is missing, or no valid path
+        if TOKEN not in path:
+            with suppress(OSError, ValueError):  # it is missing, or no valid path
+                found = identity(path)
+        folded = _folded(name)
         own = folder.key(folded)
         exact = (own,) if found is None else (own, found)
         tiles = tuple([folder.key(other) for other in _without_numbers(folded)])
@@ -200,54 +182,6 @@ class Places:
                 self._folders[found] = folder
             self._folders[path] = folder
         return self._folders[path]
-
-
-class _FolderNames:
-    """What is in folders, each of which is read once."""
-
-    FEW = 8
-    """The system is asked for so many files of a folder one by one."""
-    NONE, NO_LINK, ANY = range(3)
-    """What may be at a path: nothing, no link, or anything."""
-
-    def __init__(self):
-        self._asked: Counter[str] = Counter()
-        self._kinds: dict[str, dict[str, int] | None] = {}
-        """What is in a folder, by folded names; None where it cannot be read."""
-
-    def kind(self, folder: str, name: str, folded: str) -> int:
-        """What may be at the path of a file. folded: its name."""
-        if folder not in self._kinds:
-            self._asked[folder] += 1
-            if self._asked[folder] <= self.FEW:
-                return self.ANY
-            self._kinds[folder] = self._read(folder)
-        kinds = self._kinds[folder]
-        return self.ANY if kinds is None or name in {"", ".."} else kinds.get(folded, self.NONE)
-
-    def _read(self, folder: str) -> dict[str, int] | None:
-        kinds: dict[str, int] = {}
-        try:
-            with os.scandir(folder) as entries:
-                for entry in entries:
-                    name = _folded(entry.name)
-                    is_alone = name not in kinds and not entry.is_symlink()
-                    kinds[name] = self.NO_LINK if is_alone else self.ANY
-        except (FileNotFoundError, NotADirectoryError):
-            return {}
-        except (OSError, ValueError):  # it may be open for those who know the names
-            return None
-        return kinds
-
-
-def _split(path: str) -> tuple[str, str, str]:
-    """As Path.absolute, which removes dots and doubled slashes, but not two dots; and its folder and name."""
-    is_plain = os.sep == "/" and path[:1] == "/" and not ("//" in path or "/./" in path or path.endswith(("/", "/.")))
-    if not is_plain:
-        path = str(Path(path).absolute())
-        return path, *os.path.split(path)
-    folder, _, name = path.rpartition("/")
-    return path, folder or "/", name
 
 
 def _folded(name: str) -> str:
