@@ -14,7 +14,7 @@ from ..core import versions
 from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress
 from ..core.timings import startup
-from . import interruption, standard_streams
+from . import bounds, interruption, standard_streams
 from .plan import costs, planning, shards
 from .plan.input_files import InputFiles
 from .results import events, this_call
@@ -23,7 +23,6 @@ from .results.only import Only
 from .results.this_call import ThisCall
 from .starting.loading import load_blender
 from .terminal_progress import Meter
-from .trust import bounds
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
 from .workers import worker_process

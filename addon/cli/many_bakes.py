@@ -4,7 +4,7 @@
 import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from ..core.errors import BakeError, NoGpu, sentence
 from ..core.names.printable import printable
 from ..core.progress import Progress
 from ..core.timings import startup
+from .bounds import Bounds
 from .done.claims import Claims
 from .done.resuming import Resuming
 from .done.turns import Turns
@@ -25,11 +26,9 @@ from .results.report_file import ReportFile
 from .results.run_report import Entry, State
 from .results.sheets import picture_files
 from .results.sheets.sheet_file import SheetFile
+from .sandbox import MOST_SECONDS, Sandbox, most_memory
 from .starting.loading import load_blender
 from .terminal_progress import Meter
-from .trust import confinement
-from .trust.bounds import Bounds
-from .trust.confinement import Confinement
 from .usage import arguments, run_options
 from .usage.options import STDOUT
 from .workers.supervisor import Limits, Supervisor
@@ -77,17 +76,26 @@ class Many:
 def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes: bool) -> int:
     """Do the bakes, print a table, and write the report of all. files: must have all plans. Returns the exit code.
 
-    Raises WrongPlace if no logs or pictures can be written.
+    Raises WrongPlace if no logs or pictures can be written, and if untrusted files have no sandbox.
     """
     options = many.options
     kept_files.prepare("--log", options.log)
     kept_files.prepare("--pictures", options.pictures)
+    limits = _limits(options)
+    box = closing(Sandbox(files.bounds, limits.memory, options.log)) if files.bounds else nullcontext()
+    with box as sandbox:
+        has_workers = bool(sandbox) or (may_start_processes and many.has_workers)
+        return _run(many, files, meter, limits, sandbox, has_workers=has_workers)
+
+
+def _run(
+    many: Many, files: run_clashes.Run, meter: Meter, limits: Limits, sandbox: Sandbox | None, *, has_workers: bool
+) -> int:
+    """As `run`, once the folders are made."""
+    options = many.options
     wanted = Wanted(hashes=bool(options.report or options.pictures), pictures=bool(options.sheet or options.pictures))
-    if files.bounds and (lacks := confinement.missing()):
-        meter.report(f"{many.program}: warning: {lacks}")
     try:
         meter.planned(many.planned, len(many.chosen), many.shard)
-        has_workers = bool(files.bounds) or (may_start_processes and many.has_workers)
         opened = many.turns(files.bounds, meter, is_here=not has_workers)
         with _Found(many, files, meter) as found, opened as turns, ExitStack() as held:
             meter.clear()
@@ -95,8 +103,7 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
                 found.add(Done.resumed(done.plan, done.result))
             source: Iterable[Done] = ()
             if turns.count and has_workers:
-                rights = held.enter_context(closing(Confinement(files.bounds, options.log))) if files.bounds else None
-                supervisor = held.enter_context(Supervisor(options.workers, _limits(options), rights))
+                supervisor = held.enter_context(Supervisor(options.workers, limits, sandbox))
                 source = supervisor.bake_all(turns, files, meter, wanted)
             elif turns.count:
                 source = _bake_here(turns, files, meter, wanted)
@@ -114,7 +121,7 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
 
 
 def _limits(options: argparse.Namespace) -> Limits:
-    seconds, memory = (confinement.SECONDS, confinement.most_memory()) if options.untrusted else (None, None)
+    seconds, memory = (MOST_SECONDS, most_memory()) if options.untrusted else (None, None)
     return Limits(options.timeout or seconds, options.max_memory or memory, options.log)
 
 

@@ -9,7 +9,7 @@ import bpy
 from .. import older_blender
 from ..core.errors import BakeError, shorten_list
 from ..scene import dependencies
-from .trust.bounds import is_below
+from .bounds import is_below
 
 
 def forbid_scripts() -> None:

@@ -2,7 +2,6 @@
 """Tests the command `lod`: a table, maps, a scene and a report, and no file if something fails."""
 
 import json
-import sys
 
 import bpy
 import pytest
@@ -126,7 +125,7 @@ def test_a_chain_is_left_out_if_it_is_done(folder):
     assert entry_of(folder, exit_codes.DONE, "--resume", "--distance", "3,4")["state"] == "done"
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="Landlock and filters of system calls")
+@untrusted.needs_sandbox
 def test_files_of_others(tmp_path, monkeypatch):
     root = untrusted.folder(tmp_path, monkeypatch)
     zoo.terrain("Hill", 12)

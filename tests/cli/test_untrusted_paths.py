@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli import command
+from addon.cli import bounds, command
 from addon.cli.plan import blend_blocks
 from addon.cli.results import exit_codes
-from addon.cli.trust import bounds, confinement, landlock, system_calls
 from addon.cli.usage.key_values import KEYS
 from tests.support import trees
 
@@ -389,15 +388,6 @@ def test_random_paths(root, seed, capfd):
     if not real.is_relative_to(folder):
         words = "--untrusted", "is a folder", "UDIM"
         assert any(is_of_other_systems(line) or any(word in line for word in words) for line in said)
-
-
-@pytest.mark.parametrize(
-    ("version", "is_known", "lacks"), [(0, True, "files outside"), (1, False, "network"), (0, False, "and")]
-)
-def test_a_system_that_cannot_take_rights_away_is_named(root, monkeypatch, version, is_known, lacks):
-    monkeypatch.setattr(landlock, "version", lambda: version)
-    monkeypatch.setattr(system_calls, "is_known", lambda: is_known)
-    assert lacks in confinement.missing()
 
 
 def test_the_input_folder_may_be_another_one(root, capfd):

@@ -4,7 +4,6 @@
 import base64
 import json
 import struct
-import sys
 import zipfile
 
 import bpy
@@ -13,7 +12,7 @@ import pytest
 from tests.support import bombs, untrusted, zoo
 from tests.support.untrusted import MESH, bake
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Landlock and filters of system calls")
+pytestmark = untrusted.needs_sandbox
 LIMITS = ["--max-memory", "1G", "--timeout", "60"]
 FEW = ("cut.png", "whole.exr", "deep.exr", "a.jpg", "a.hdr")
 """Pictures that are tried in each kind of file."""

@@ -3,7 +3,6 @@
 
 import json
 import os
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,7 @@ from addon.cli.done.contents import Contents
 from tests.support import untrusted
 from tests.support.untrusted import MESH, bake
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Landlock and filters of system calls")
+pytestmark = untrusted.needs_sandbox
 MAP = Path("out/m.png")
 SET = {**MESH, "output": str(MAP)}
 

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the process that bakes files of others: its rights, and what .blend and mesh files can make it do."""
 
+import ctypes
 import json
 import os
 import pickle
+import random
+import shutil
+import socket
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,16 +16,17 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import outside_files
+from addon.cli import command, outside_files
+from addon.cli.results import exit_codes
 from addon.cli.results.bake_result import Done
 from addon.cli.results.run_report import Entry, State
-from addon.cli.trust import confinement, landlock
 from addon.cli.workers import messages, worker_process
 from addon.core.report import Report
+from scripts.imprint import ROOT
 from tests.support import untrusted, zoo
 from tests.support.untrusted import MESH, bake
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Landlock and filters of system calls")
+pytestmark = untrusted.needs_sandbox
 
 
 @pytest.fixture
@@ -28,18 +34,82 @@ def root(tmp_path, monkeypatch):
     return untrusted.folder(tmp_path, monkeypatch)
 
 
-def test_a_process_that_a_file_has_taken_over_can_do_nothing_else(root):
+@pytest.fixture
+def victims(root):
+    """What a worker may not reach: a process, a server, a socket and shared memory of this machine."""
+    libc, key = ctypes.CDLL(None), random.getrandbits(30)
+    memory = libc.shmget(key, 4096, 0o1600)
+    with (
+        subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process,
+        socket.create_server(("127.0.0.1", 0)) as server,
+        socket.socket(socket.AF_UNIX) as local,
+    ):
+        name = f"\0imprint-{key}"
+        local.bind(name)
+        local.listen()
+        (root / "job/victim.json").write_text(json.dumps([process.pid, server.getsockname()[1], name, key]))
+        yield process
+        process.kill()
+    libc.shmctl(memory, 0, None)
+
+
+def test_a_process_that_a_file_has_taken_over_can_do_nothing_else(root, victims, monkeypatch):
+    monkeypatch.setenv("PASSWORD", "secret")
     (root / "job/steal.obj").write_bytes((root / "job/low.obj").read_bytes())
     entry = bake(root, [{**MESH, "low-file": "steal.obj", "output": "out/m.png"}])[1]
     assert entry["state"] == "done"
     said = next(line for line in Path(entry["log"]).read_text().splitlines() if line.startswith("STEAL "))
     assert {name: what for name, what in json.loads(said.removeprefix("STEAL ")).items() if what == "done"} == {}
-    assert sorted(path.name for path in (root / "job/out").iterdir()) == ["link", "m.png", "program"]
+    assert sorted(path.name for path in (root / "job/out").iterdir()) == ["large", "link", "m.png"]
+    assert victims.poll() is None
 
 
-def test_this_machine_can_take_all_rights_away():
-    """Otherwise the test above would not say anything of them."""
-    assert confinement.missing() == ""
+def test_folders_may_be_named_over_links_and_with_a_folder_of_the_log(root):
+    (root / "way").symlink_to(root / "job")
+    (root / "maps").mkdir()
+    call = [sys.executable, str(ROOT / "scripts/bake.py"), "--untrusted", "--log", str(root / "maps/logs")]
+    call += ["--low-file", str(root / "way/low.obj"), "--high-file", str(root / "way/high.obj"), "--size", "16"]
+    done = subprocess.run(
+        [*call, "--output", "maps/m.png"],
+        cwd=root,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, (root / "maps/m.png").exists()) == (exit_codes.DONE, True), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("program", "error"),
+    [
+        ("", "--untrusted needs bwrap: install the package bubblewrap, or bake each job in a container"),
+        (
+            "echo bwrap: no rights >&2; exit 1",
+            "bubblewrap, which may not run here (bwrap: no rights): bake each job in",
+        ),
+    ],
+)
+def test_without_a_sandbox_nothing_is_baked(root, monkeypatch, capfd, program, error):
+    """As in a container that may not make user namespaces."""
+    (root / "bin").mkdir()
+    for name in ("prlimit", "choom"):
+        (root / "bin" / name).symlink_to(shutil.which(name))
+    if program:
+        (root / "bin/bwrap").write_text(f"#!/bin/sh\n{program}\n")
+        (root / "bin/bwrap").chmod(0o755)
+    monkeypatch.setenv("PATH", str(root / "bin"))
+    call = ["--low-file", "low.obj", "--high-file", "high.obj", "--output", "m.png", "--untrusted"]
+    assert command.run(call, may_start_processes=True) == exit_codes.WRONG_USAGE
+    assert error in capfd.readouterr().err
+    assert not (root / "job/m.png").exists()
+
+
+def test_another_system_has_no_sandbox(root, monkeypatch, capfd):
+    monkeypatch.setattr(sys, "platform", "darwin")
+    call = ["--low-file", "low.obj", "--high-file", "high.obj", "--output", "m.png", "--untrusted"]
+    assert command.run(call, may_start_processes=True) == exit_codes.WRONG_USAGE
+    assert "--untrusted needs bubblewrap, which exists on Linux alone" in capfd.readouterr().err
 
 
 def test_a_process_that_a_file_has_taken_over_cannot_lie_of_what_it_wrote(root):
@@ -273,7 +343,7 @@ class Code:
     "content",
     [
         pickle.dumps(Code()),
-        pickle.dumps(landlock.version),
+        pickle.dumps(messages.packed),
         b"",
         b"garbage",
         b"7",

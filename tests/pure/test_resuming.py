@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from addon.cli.bounds import Bounds
 from addon.cli.done import bake_key, bake_record, contents, recording, resuming
 from addon.cli.done.claims import Claims
 from addon.cli.done.contents import Contents
@@ -25,7 +26,6 @@ from addon.cli.plan import run_clashes
 from addon.cli.plan.plans import Plan
 from addon.cli.results.bake_result import Done
 from addon.cli.results.run_report import Entry, State
-from addon.cli.trust.bounds import Bounds
 from addon.cli.usage import arguments
 from addon.cli.usage.options import OPTIONS
 from addon.core import versions

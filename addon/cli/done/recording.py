@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ...core.errors import BakeError
+from ..bounds import Bounds
 from ..plan import named_files
 from ..plan.plans import Plan
 from ..results import bake_result, run_report
 from ..results.bake_result import Done
 from ..results.run_report import Entry, State
-from ..trust.bounds import Bounds
 from . import bake_record
 from .bake_record import Draft
 from .contents import Content, Contents

@@ -12,11 +12,11 @@ from typing import Any
 
 from ...core import versions
 from ...core.errors import shorten_list
+from ..bounds import Bounds
 from ..plan import named_files
 from ..plan.plans import Plan
 from ..results import gates, report_file
 from ..results.sheets import picture_files
-from ..trust.bounds import Bounds
 from ..usage.options import STDOUT
 from . import bake_key, bake_record, contents
 from .bake_record import Draft, Record

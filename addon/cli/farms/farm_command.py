@@ -10,8 +10,8 @@ from pathlib import Path
 
 from ...core.errors import BakeError, WrongPlace, sentence
 from ...farms import flamenco
+from .. import bounds
 from ..results.exit_codes import DONE, FAILED, WRONG_USAGE
-from ..trust import bounds
 from ..usage import arguments, job_file, option_types
 from ..usage.arguments import Parser, WrongUsage
 from ..usage.options import CommandOption

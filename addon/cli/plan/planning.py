@@ -7,7 +7,7 @@ from copy import copy
 from dataclasses import replace
 from functools import partial
 
-from ..trust import bounds
+from .. import bounds
 from ..usage import arguments, run_options
 from . import plans
 from .input_files import InputFiles

@@ -13,9 +13,9 @@ from ...core.file_formats import OPENED
 from ...core.names import file_names
 from ...core.names.file_names import ATLAS
 from ...output.files.path_clashes import Places
+from ..bounds import Bounds
 from ..results import own_files
 from ..results.report_file import LINES
-from ..trust.bounds import Bounds
 from ..usage.options import STDOUT
 from . import blend_blocks, map_files, named_files, plans
 from .input_files import InputFiles

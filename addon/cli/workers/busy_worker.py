@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 
 from ..plan.plans import Plan
-from ..trust.confinement import Confinement
+from ..sandbox import Sandbox
 from . import last_words
 from .messages import Assignment
 from .worker_process import WorkerProcess
@@ -15,9 +15,9 @@ from .worker_process import WorkerProcess
 class BusyWorker:
     """A worker process, and the bake that it has. Raises OSError if the process cannot be started."""
 
-    def __init__(self, confinement: Confinement | None = None):
-        """confinement: as in WorkerProcess."""
-        self.process = WorkerProcess(confinement)
+    def __init__(self, sandbox: Sandbox | None = None):
+        """sandbox: as in WorkerProcess."""
+        self.process = WorkerProcess(sandbox)
         self.started = time.monotonic()
         self.assigned: Assignment | None = None
         """Its bake."""

@@ -22,8 +22,8 @@ from ..plan import run_clashes
 from ..plan.plans import Plan
 from ..results.bake_result import Done, Wanted
 from ..results.run_report import Cause, Entry, State
+from ..sandbox import Sandbox
 from ..terminal_progress import Meter
-from ..trust.confinement import Confinement
 from . import last_words, logs
 from .busy_worker import BusyWorker
 from .chains import Chains
@@ -62,9 +62,9 @@ class Limits:
 class Supervisor:
     """Starts workers, gives them bakes, and ends them. Use it in a `with` block."""
 
-    def __init__(self, count: int, limits: Limits, confinement: Confinement | None = None):
-        """confinement: the rights of workers for files that are not trusted."""
-        self._count, self._limits, self._confinement = count, limits, confinement
+    def __init__(self, count: int, limits: Limits, sandbox: Sandbox | None = None):
+        """sandbox: of the workers for files that are not trusted."""
+        self._count, self._limits, self._sandbox = count, limits, sandbox
         self._workers: list[BusyWorker] = []
         self._chains = Chains()
         self._has_lost = False
@@ -111,7 +111,7 @@ class Supervisor:
         """
         count = turns.count
         needs_all = any(turn.plan.options.save_blend or turn.plan.options.export for turn in turns.left)
-        folders = self._confinement.folders if self._confinement else ()
+        folders = self._sandbox.folders if self._sandbox else ()
         # What a process that may lie says of files is compared with them.
         wanted = replace(wanted, hashes=wanted.hashes or bool(folders))
         call = Call(needs_all, wanted, meter.is_on, folders)
@@ -195,7 +195,7 @@ class Supervisor:
 
     def _start(self) -> None:
         try:
-            self._workers.append(BusyWorker(self._confinement))
+            self._workers.append(BusyWorker(self._sandbox))
         except OSError as error:
             self._starts += 1
             if not self._workers:
@@ -238,7 +238,7 @@ class Supervisor:
 
         Raises EOFError if the worker is gone, and BakeError if its messages are wrong.
         """
-        channel, is_trusted = worker.process.channel, self._confinement is None
+        channel, is_trusted = worker.process.channel, self._sandbox is None
         try:
             channel.flush()
             content = channel.receive(None if is_trusted else MOST_BYTES) if has_more else None
@@ -258,10 +258,10 @@ class Supervisor:
         if has_failed or (self._limits.memory and worker.process.memory > self._limits.memory):
             self._has_lost = True
             self._remove(worker)
-        if self._confinement is None:
+        if self._sandbox is None:
             yield self._ended(assigned.plan, done, log)
             return
-        plan, bounds = assigned.plan, self._confinement.bounds
+        plan, bounds = assigned.plan, self._sandbox.bounds
         unplanned = partial(files.unplanned, plan.name, plan.options)
         compare = partial(recording.finish_untrusted, assigned.draft, plan, done, bounds, unplanned)
         self._compared.append((plan, log, self._thread.submit(compare, check=self._check_reading)))

@@ -15,7 +15,7 @@ from typing import Any
 
 from ...core.timings import BEGUN
 from .. import interruption
-from ..trust.confinement import Confinement
+from ..sandbox import Sandbox, processes_in
 from . import last_words, process_memory
 from .channel import Channel
 
@@ -23,6 +23,8 @@ WORD = "worker"
 """The only argument of a worker."""
 CONNECTION = "IMPRINT_WORKER"
 """The environment variable with the number of the worker's end of the connection."""
+ENDING = 5.0
+"""Seconds for a sandbox to end that was killed."""
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "bake.py"
 
 
@@ -64,9 +66,9 @@ class Ending:
 class WorkerProcess:
     """A worker. Raises OSError if it cannot be started."""
 
-    def __init__(self, confinement: Confinement | None = None):
-        """confinement: its rights, if its files are not trusted."""
-        self.is_ready, self._confinement = False, confinement
+    def __init__(self, sandbox: Sandbox | None = None):
+        """sandbox: in which it runs, if its files are not trusted."""
+        self.is_ready, self._sandbox = False, sandbox
         """Whether Blender has started."""
         self.log = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
         """What it prints while no bake has a log of its own."""
@@ -84,9 +86,11 @@ class WorkerProcess:
         variables = dict(os.environ, **{BEGUN: "", CONNECTION: str(number), interruption.LAUNCHER: str(os.getpid())})
         variables[interruption.BAKING] = ""  # this process names the bake
         words = command()
-        if self._confinement is not None:
-            words = self._confinement.words(command(is_untrusted=True))
-            variables |= self._confinement.variables()
+        if self._sandbox is not None:
+            words = self._sandbox.command(command(is_untrusted=True))
+            own = {name: variables[name] for name in (BEGUN, CONNECTION, interruption.BAKING)}
+            own[interruption.LAUNCHER] = "1"  # the init of the sandbox, its parent there
+            variables = {**self._sandbox.environment(), **own}
         given: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": self.log, "stderr": self.log, "env": variables}
         if os.name == "nt":
             os.set_handle_inheritable(number, True)
@@ -102,8 +106,9 @@ class WorkerProcess:
 
     @property
     def memory(self) -> int:
-        """The bytes of memory that it has now; 0 where the system does not say."""
-        return process_memory.of(self._process.pid)
+        """The bytes of memory that it has now, with all that it has started; 0 where the system does not say."""
+        numbers = processes_in(self._process.pid) if self._sandbox else [self._process.pid]
+        return sum(map(process_memory.of, numbers))
 
     def send(self, message: Any) -> bool:
         """Send a message. Returns whether the worker takes messages: one that has died does not."""
@@ -115,14 +120,27 @@ class WorkerProcess:
 
     def ask_to_stop(self, *, at_once: bool = False) -> None:
         """Ask it to stop, cleanly or at once, as scripts/imprint.py asks this process."""
-        if os.name != "nt":  # there, Ctrl-C reaches all processes of a console
-            self._process.send_signal(getattr(signal, interruption.END if at_once else interruption.ASK))
+        if os.name == "nt":  # there, Ctrl-C reaches all processes of a console
+            return
+        meant = getattr(signal, interruption.END if at_once else interruption.ASK)
+        if self._sandbox is None:
+            self._process.send_signal(meant)
+        else:
+            for number in processes_in(self._process.pid)[1:2]:
+                with suppress(ProcessLookupError):
+                    os.kill(number, meant)
 
     def kill(self, seconds: float = 0.0) -> None:
         """End it, unless it ends within some seconds by itself."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(seconds)
             return
+        for number in processes_in(self._process.pid)[:1] if self._sandbox else ():
+            with suppress(ProcessLookupError):
+                os.kill(number, signal.SIGKILL)  # the init of the sandbox, with which all processes there end
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(ENDING)
+                return
         self._process.kill()
         self._process.wait()
 
@@ -142,6 +160,8 @@ class WorkerProcess:
         except subprocess.TimeoutExpired:  # it closed its connection and goes on
             self.kill()
             code = -signal.SIGABRT
+        if self._sandbox is not None and code > 128:  # as shells, bwrap adds 128 to the number of a signal
+            code = 128 - code
         lacked = code == -getattr(signal, "SIGKILL", 0) and process_memory.kills() > self._out_of_memory
         return Ending(_words(code), signal.Signals(-code).name if code < 0 else "", lacked)
 

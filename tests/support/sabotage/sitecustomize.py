@@ -9,7 +9,6 @@ import ctypes
 import json
 import os
 import socket
-import subprocess
 import sys
 import time
 from importlib.machinery import PathFinder
@@ -56,106 +55,83 @@ def be_killed():
 
 def steal():
     """Try what a file that has taken over the process would try. Prints what the system says of each."""
+    import resource
+
     here = Path.cwd()  # the input folder
     outside = here.parent / "outside"
-    parent = os.getppid()
+    victim, port, name, key = json.loads((here / "victim.json").read_text())
+    own = Path(__file__)
     tries = {
         "read": (outside / "secret.txt").read_text,
         "read over a link": (here / "link" / "secret.txt").read_text,
         "list": lambda: os.listdir(outside),
         "write": lambda: (outside / "new.txt").write_text("x"),
         "write to the input folder": lambda: (here / "new.txt").write_text("x"),
-        "write to Imprint": lambda: Path(__file__).with_name("new.txt").write_text("x"),
+        "write to Imprint": lambda: own.with_name("new.txt").write_text("x"),
+        "change Imprint's rights": lambda: own.chmod(own.stat().st_mode),
         "write over a link": lambda: (here / "out" / "link" / "new.txt").write_text("x"),
-        "truncate": lambda: os.truncate(outside / "secret.txt", 0),
-        "remove": (outside / "secret.txt").unlink,
-        "rename": lambda: os.rename(outside / "secret.txt", here / "out" / "secret.txt"),
-        "hard link": lambda: os.link(outside / "secret.txt", here / "out" / "secret.txt"),
-        "symbolic link": lambda: os.symlink(outside, here / "out" / "way"),
+        "truncate": lambda: os.truncate(here / "high.obj", 0),
+        "remove": (here / "high.obj").unlink,
+        "rename": lambda: os.rename(here / "high.obj", here / "out" / "high.obj"),
+        "hard link": lambda: os.link(here / "high.obj", here / "out" / "high.obj"),
         "make a folder": lambda: os.mkdir(outside / "new"),
-        "make a pipe": lambda: os.mkfifo(here / "out" / "pipe"),
-        "run a program": lambda: subprocess.run(["/bin/sh", "-c", "true"], check=True),
-        "fork": os.fork,
-        "replace itself by a file of its own": lambda: os.execv(*_own_program(here / "out" / "program")),
-        "internet": lambda: socket.create_connection(("127.0.0.1", 9), 1),
-        "datagrams": lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM),
-        "sockets of this machine": lambda: socket.socket(socket.AF_UNIX).connect("/run/x"),
-        "kill its parent": lambda: os.kill(parent, 0),
-        "read its parent's variables": Path(f"/proc/{parent}/environ").read_bytes,
-        "read its parent's memory": Path(f"/proc/{parent}/mem").read_bytes,
+        **{f"write to {path}": lambda path=path: Path(path, "new").write_text("x") for path in FOLDERS},
+        "mount": lambda: _check(ctypes.CDLL(None).mount(b"none", b"/sys", b"tmpfs", 0, None)),
+        "internet": lambda: socket.create_connection(("127.0.0.1", port), 1),
+        "sockets of this machine": lambda: socket.socket(socket.AF_UNIX).connect(name),
+        "signal another process": lambda: os.kill(victim, 0),
+        "limit another process": lambda: resource.prlimit(victim, resource.RLIMIT_CPU),
+        "slow another process": lambda: os.setpriority(os.PRIO_PROCESS, victim, 19),
+        "see other processes": lambda: _check(sum(map(str.isdecimal, os.listdir("/proc"))) - 9),
+        "read a process's variables": Path(f"/proc/{victim}/environ").read_bytes,
+        "find shared memory": lambda: _check(ctypes.CDLL(None).shmget(key, 0, 0)),
         "read passwords": Path("/etc/shadow").read_text,
         "read the disk": Path(_disk()).read_bytes,
-        "leave a core": lambda: _raise_limit("RLIMIT_CORE"),
-        **{name: lambda call=call: _call(*call) for name, call in calls(parent).items()},
-        "send to sockets of this machine": lambda: socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM),
+        "read the user's variables": lambda: os.environ["PASSWORD"] or None,
+        "leave a core": lambda: resource.setrlimit(resource.RLIMIT_CORE, (1, 1)),
+        "take more memory": lambda: resource.setrlimit(resource.RLIMIT_DATA, (1 << 60, 1 << 60)),
+        "take all memory": lambda: bytearray(1 << 36),
+        "write a large file": lambda: os.truncate(_new(here / "out" / "large"), 33 << 30),
+        "open many files": _open_many,
     }
     said = {}
     for name, act in tries.items():
         try:
             act()
             said[name] = "done"
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, KeyError, MemoryError) as error:
             said[name] = type(error).__name__
-    os.chmod(outside / "secret.txt", 0o777)  # succeeds and does nothing
-    os.utime(outside / "secret.txt", (1, 1))
     print("STEAL " + json.dumps(said), flush=True)
 
 
-def calls(victim):
-    """System calls against other processes of the user, of which `victim` is one: their numbers on x86_64 and aarch64, and
-    arguments. None leaves something where it succeeds, but at the victim."""
-    limit = (ctypes.c_ulong * 2)(1, 1)  # the process gets SIGKILL after a second
-    processors, priority = ctypes.c_ulong(1), (ctypes.c_int * 12)(48, 3)
-    ends = os.pipe()
-    owner = (ctypes.c_int * 2)(1, victim)
-    return {
-        "limit another process": ((302, 261), victim, 0, ctypes.byref(limit), None),
-        "slow another process": ((141, 140), 0, victim, 19),
-        "move another process": ((203, 122), victim, 8, ctypes.byref(processors)),
-        "schedule another process": ((144, 119), victim, 3, ctypes.byref(ctypes.c_int(0))),
-        "schedule another process by attributes": ((314, 274), victim, ctypes.byref(priority), 0),
-        "slow its files": ((251, 30), 1, victim, 3 << 13),
-        "move its memory": ((256, 238), victim, 8, ctypes.byref(ctypes.c_ulong(1)), ctypes.byref(ctypes.c_ulong(1))),
-        "compare its files": ((312, 272), victim, victim, 0, 0, 0),
-        "signal a thread of another process": ((234, 131), victim, victim, 0),
-        "have the kernel signal it": ((72, 25), ends[0], 8, victim),
-        "have the kernel signal it by another call": ((72, 25), ends[0], 15, ctypes.byref(owner)),
-        "have the kernel send any signal": ((72, 25), ends[0], 10, 9),
-        "have the kernel signal it by ioctl": ((16, 29), ends[0], 0x8901, ctypes.byref(ctypes.c_int(victim))),
-        "see all shared memory": ((31, 195), 0, 14, ctypes.byref(ctypes.create_string_buffer(512))),
-        "see all semaphores": ((66, 191), 0, 0, 19, ctypes.byref(ctypes.create_string_buffer(512))),
-        "see all queues": ((71, 187), 0, 12, ctypes.byref(ctypes.create_string_buffer(512))),
-        "open a named queue": ((240, 180), b"imprint", 0, 0, None),
-        "watch folders": ((294, 26), 0),
-        "watch all files": ((300, 262), 0, 0),
-        "read the kernel's log": ((103, 116), 3, ctypes.byref(ctypes.create_string_buffer(512)), 512),
-    }
+FOLDERS = "/", "/tmp", "/dev", "/dev/shm", "/usr", "/proc/sys/kernel", "/sys/kernel"
+"""Those that programs may write to elsewhere."""
 
 
-def _call(numbers, *arguments):
-    """Raises OSError if the system refuses a system call."""
-    call = ctypes.CDLL(None, use_errno=True).syscall
-    call.restype = ctypes.c_long
-    words = [each if not isinstance(each, int) else ctypes.c_long(each) for each in arguments]
-    if call(ctypes.c_long(numbers[os.uname().machine == "aarch64"]), *words) < 0:
-        raise OSError(ctypes.get_errno(), "refused")
+def _check(result):
+    """Raises OSError if the system refuses a call."""
+    if result < 0:
+        raise OSError("refused")
+
+
+def _open_many():
+    found = []
+    try:
+        while len(found) < 5000:
+            found.append(os.dup(0))
+    finally:
+        for each in found:
+            os.close(each)
+
+
+def _new(path):
+    path.touch()
+    return path
 
 
 def _disk():
     """The first disk of this machine that is there."""
     return next((path for path in ("/dev/vda", "/dev/sda", "/dev/nvme0n1") if os.path.exists(path)), "/dev/mem")
-
-
-def _own_program(path):
-    path.write_text("#!/bin/sh\nexit 9\n")
-    path.chmod(0o755)
-    return str(path), [str(path)]
-
-
-def _raise_limit(name):
-    import resource
-
-    resource.setrlimit(getattr(resource, name), (1, 1))
 
 
 def write():

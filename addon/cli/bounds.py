@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...core import udim
-from ...core.errors import WrongPlace
-from ...core.names import file_names
-from ...output.files.atomic_file import make_folder
-from ..usage import arguments
+from ..core import udim
+from ..core.errors import WrongPlace
+from ..core.names import file_names
+from ..output.files.atomic_file import make_folder
+from .usage import arguments
 
 OUTPUT = "out"
 """The folder beside a job file that its bakes write to, unless the caller names one."""
@@ -32,6 +32,8 @@ class Bounds:
 
     inputs: str
     outputs: str
+    spelled: tuple[str, ...] = ()
+    """The same folders as the caller named them, as absolute paths that may lead over links."""
 
     def check_read(self, path: str, title: str) -> None:
         """Raise WrongPlace unless `path` is in the input folder, or in the output folder, after its links. title: the file, for
@@ -102,7 +104,8 @@ def of(options: argparse.Namespace) -> Bounds | None:
         first = next(iter(options.file), options.low_file)
         inputs = options.pairs if arguments.is_folder(options) else os.path.dirname(os.path.abspath(first))
         outputs = os.path.dirname(_PLACEHOLDER.split(os.path.abspath(options.output))[0])
-    inputs = os.path.realpath(options.input_folder or inputs)
+    named = options.input_folder or inputs
+    inputs = os.path.realpath(named)
     if not os.path.isdir(inputs):
         raise WrongPlace(f"There is no folder {inputs!r}.")
     outputs = options.output_folder or outputs
@@ -117,9 +120,10 @@ def of(options: argparse.Namespace) -> Bounds | None:
     ):
         if path:
             _check_links(path, inputs)
+    spelled = os.path.abspath(named), os.path.abspath(outputs)
     outputs = os.path.realpath(outputs)
     _check_records(options.records, (inputs, outputs, options.log and os.path.realpath(options.log)))
-    return Bounds(inputs, outputs)
+    return Bounds(inputs, outputs, spelled)
 
 
 def check_job_file(name: str) -> None:
