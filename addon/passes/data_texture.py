@@ -13,7 +13,7 @@ WIDTH = 4096
 BLOCK = 2**14
 """Rows that a thread writes at once, so that they fit in a processor's cache."""
 FIRST_NUMBER = 2**23
-"""As in shaders/lib/corner_lib.glsl."""
+"""As in shaders/lib/triangle_lib.glsl."""
 
 
 def limit() -> int:

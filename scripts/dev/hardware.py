@@ -85,9 +85,9 @@ class Scene:
 
     def __init__(self, ctx: moderngl.Context, data, size: int, *, as_images: bool):
         self.ctx, self.size, self.data, self.as_images = ctx, size, data, as_images
-        self.flatten, self.rays, self.beam, self.trace, self.trace_first, self.lookup = (
+        self.flatten, self.rays, self.packet_traversal, self.trace, self.trace_first, self.lookup = (
             load(ctx, program, as_images)
-            for program in (flatten.PROGRAM, rays.PROGRAM, cast.BEAMS, cast.TRACE, cast.TRACE_FIRST, cast.LOOKUP)
+            for program in (flatten.PROGRAM, rays.PROGRAM, cast.PACKETS, cast.TRACE, cast.TRACE_FIRST, cast.LOOKUP)
         )
         self.uv_to_clip = (2.0, 2.0, -1.0, -1.0)
         self.identity = tuple(np.eye(4).ravel().tolist())
@@ -98,7 +98,7 @@ class Scene:
         )
         self.tables = {name: self._table(data[name]) for name in TABLES}
         self.positions, self.directions, self.map = (self._texture("f4") for _ in range(3))
-        self.hits, self.beams = (self._texture("u4") for _ in range(2))
+        self.hits, self.packets = (self._texture("u4") for _ in range(2))
         self.places = ctx.framebuffer([self.positions, self.directions])
         self.drawn = ctx.framebuffer([self.map])
 
@@ -171,7 +171,7 @@ class Scene:
             "positions": self.positions,
             "directions": self.directions,
             **{name: self.tables[name] for name in ("nodes", "corners", "normals", "low_nodes", "low_corners")},
-            "beams": self.beams,
+            "packets": self.packets,
             "hits": self.hits,
             "grid_origin": self._place("origin"),
             "grid_scale": self._place("scale"),
@@ -182,14 +182,14 @@ class Scene:
             **{name: float(data[name]) for name in ("inside", "near")},
             "first_leaf": int(data["first_leaf"]),
             "low_first_leaf": int(data["low_first_leaf"]),
-            "has_beams": 1,
+            "has_packets": 1,
             "facing_only": 0,
             "is_nearest": int(rule == Hit.NEAREST),
             "active_texels": self.tables["nodes"],
             "active_count": -1,
         }
         program, compiled = (cast.TRACE, self.trace) if is_own else (cast.TRACE_FIRST, self.trace_first)
-        for each, shader, side in ((cast.BEAMS, self.beam, cast.BLOCK), (program, compiled, 1)):
+        for each, shader, side in ((cast.PACKETS, self.packet_traversal, cast.PACKET_SIDE), (program, compiled, 1)):
             self._bind(shader, each, **values)
             groups = -(-self.size // (8 * side))
             shader.run(groups, groups, 1)

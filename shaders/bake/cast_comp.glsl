@@ -2,8 +2,6 @@
 // texel.
 #include "lib/active_lib.glsl"
 #include "lib/search_lib.glsl"
-#include "lib/corner_lib.glsl"
-#include "lib/closest_lib.glsl"
 #include "lib/owner_lib.glsl"
 #include "lib/hit_lib.glsl"
 
@@ -53,11 +51,7 @@ void main()
         continue;
       }
       float t = uintBitsToFloat(hit.w);
-      int corner = int(hit.x - 1u) * 3;
-      vec2 weights = vec2(uintBitsToFloat(hit.y), uintBitsToFloat(hit.z));
-      vec3 normal = texelFetch(normals, corner_normal(texel_at(corners, texture_place(corner))), 0).xyz * (1.0 - weights.x - weights.y) +
-                    texelFetch(normals, corner_normal(texel_at(corners, texture_place(corner + 1))), 0).xyz * weights.x +
-                    texelFetch(normals, corner_normal(texel_at(corners, texture_place(corner + 2))), 0).xyz * weights.y;
+      vec3 normal = TRIANGLE_NORMAL(corners, normals, hit_triangle(hit), hit_weights(hit));
       if (owner_has_hit(origin + direction * t, normal, below.xyz, int(below.a) - 1, start - t > near)) {
         chosen = hit;
         break;

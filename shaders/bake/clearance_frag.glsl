@@ -1,8 +1,5 @@
 // Writes the clearance of each triangle of the low mesh, as owner_lib.glsl reads it: a hit that is closer to its texel than half
 // of it belongs to the texel, without a search.
-#include "lib/texture_lib.glsl"
-#include "lib/tree_lib.glsl"
-#include "lib/closest_lib.glsl"
 #include "lib/owner_lib.glsl"
 
 // How far the search goes, in radii of the triangle: it takes longer for larger ones.
@@ -28,19 +25,12 @@ void main()
   int node = 0;
   int tested = 0;
   while (node >= 0 && tested < CLEARANCE_MOST) {
-    uvec4 x = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3)));
-    uvec4 y = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 1)));
-    uvec4 z = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 2)));
-    uint mask = tree_mask(lessThan(tree_distances(x, y, z, grid_point, unit), vec4(best)));
-    int child = node * 4 + 1;
-    if (mask != 0u && child < low_first_leaf) {
-      node = tree_down(node, mask, trail);
-      continue;
-    }
-    node = tree_next(node, trail);
-    while (mask != 0u) {
-      int triangle = child - low_first_leaf + findLSB(mask);
-      mask &= mask - 1u;
+    int leaf = 0;
+    uint triangles = tree_step(
+        tree_closer(TREE_BOXES(low_nodes, node), grid_point, unit, best), low_first_leaf, node, trail, leaf);
+    while (triangles != 0u) {
+      int triangle = leaf + findLSB(triangles);
+      triangles &= triangles - 1u;
       tested++;
       OwnerTriangle other = owner_triangle(triangle);
       vec3 closest = closest_on_triangle(center, other.a, other.b, other.c, other.face);

@@ -1,9 +1,7 @@
 // Writes the points of the low mesh as rays take them, without those of texels whose hit by Flatten belongs to them: alpha 0 there.
-#include "lib/texture_lib.glsl"
-#include "lib/tree_lib.glsl"
-#include "lib/closest_lib.glsl"
 #include "lib/owner_lib.glsl"
 #include "lib/hit_lib.glsl"
+#include "lib/triangle_lib.glsl"
 
 // Texels. A high point that lies farther from the ray of its texel, along the surface, is at another place.
 const float LEFT_MOST = 2.0;
@@ -74,11 +72,7 @@ bool left_is_own(ivec2 texel, vec4 below)
   if (hit_missed(hit) || !(normal.a > 0.0) || !(dot(normal.xyz, away.xyz) > 0.0)) {
     return false;
   }
-  int first = hit_triangle(hit) * 3;
-  vec2 weights = hit_weights(hit);
-  vec3 point = texel_at(corners, texture_place(first)).xyz * (1.0 - weights.x - weights.y) +
-               texel_at(corners, texture_place(first + 1)).xyz * weights.x +
-               texel_at(corners, texture_place(first + 2)).xyz * weights.y;
+  vec3 point = TRIANGLE_MIXED(corners, hit_triangle(hit), hit_weights(hit)).xyz;
   vec3 offset = point - below.xyz;
   float height = dot(offset, away.xyz);
   vec3 beside = offset - away.xyz * height;

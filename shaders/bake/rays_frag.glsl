@@ -1,7 +1,6 @@
 // Writes the ray of each texel: its point on the low mesh with the number of the triangle, from 1, and the unit direction away
 // from the surface with the distance outside the surface at which the ray starts.
 #include "lib/early_lib.glsl"
-#include "lib/texture_lib.glsl"
 #include "lib/tree_lib.glsl"
 #include "lib/closest_lib.glsl"
 
@@ -17,24 +16,16 @@ float rays_edge_distance(vec3 point, float most)
   uvec2 trail = uvec2(0u);
   int node = 0;
   while (node >= 0) {
-    uvec4 x = floatBitsToUint(texel_at(edge_nodes, texture_place(node * 3)));
-    uvec4 y = floatBitsToUint(texel_at(edge_nodes, texture_place(node * 3 + 1)));
-    uvec4 z = floatBitsToUint(texel_at(edge_nodes, texture_place(node * 3 + 2)));
-    uint mask = tree_mask(lessThan(tree_distances(x, y, z, grid_point, unit), vec4(best)));
-    int child = node * 4 + 1;
-    if (mask != 0u && child < edge_first_leaf) {
-      node = tree_down(node, mask, trail);
-    }
-    else {
-      node = tree_next(node, trail);
-      while (mask != 0u) {
-        int edge = child - edge_first_leaf + findLSB(mask);
-        mask &= mask - 1u;
-        vec3 start = texel_at(edge_ends, texture_place(edge * 2)).xyz;
-        vec3 end = texel_at(edge_ends, texture_place(edge * 2 + 1)).xyz;
-        vec3 to_edge = closest_on_segment(point, start, end) - point;
-        best = min(best, dot(to_edge, to_edge));
-      }
+    int leaf = 0;
+    uint edges = tree_step(
+        tree_closer(TREE_BOXES(edge_nodes, node), grid_point, unit, best), edge_first_leaf, node, trail, leaf);
+    while (edges != 0u) {
+      int edge = leaf + findLSB(edges);
+      edges &= edges - 1u;
+      vec3 start = texel_at(edge_ends, texture_place(edge * 2)).xyz;
+      vec3 end = texel_at(edge_ends, texture_place(edge * 2 + 1)).xyz;
+      vec3 to_edge = closest_on_segment(point, start, end) - point;
+      best = min(best, dot(to_edge, to_edge));
     }
   }
   return sqrt(best);

@@ -1,7 +1,7 @@
 // Where a hit lies in a page, and how much of the page one texel covers there. Two texels of `uvs` have each triangle: three
 // pairs of UVs, and in the third component of the second the number of its material. row_u and row_v map UVs to the page.
-#include "lib/texture_lib.glsl"
 #include "lib/hit_lib.glsl"
+#include "lib/triangle_lib.glsl"
 
 // A step to a neighbor that is longer than this, in pixels, may lead across a seam.
 const float FOOTPRINT_JUMP = 1.0;
@@ -48,8 +48,7 @@ bool footprint_has(ivec2 place)
 vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
 {
   vec3 point = vec3(0.0);
-  vec3 edge1 = vec3(0.0);
-  vec3 edge2 = vec3(0.0);
+  TriangleEdges edges = triangle_edges(vec4(0.0), vec4(0.0), vec4(0.0));
   vec3 offset = vec3(0.0);
   float least = 1e30;
   // The hit itself, then its neighbors.
@@ -57,28 +56,20 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
     int side = i == 2 ? -1 : i;
     ivec2 place = texel + axis * side;
     uvec4 other = texel_at(hits, clamp(place, ivec2(0), texel_size(hits) - 1));
-    int corner = max(hit_triangle(other), 0) * 3;
-    vec2 weights = hit_weights(other);
-    vec3 origin = texel_at(corners, texture_place(corner)).xyz;
-    vec3 its_edge1 = texel_at(corners, texture_place(corner + 1)).xyz - origin;
-    vec3 its_edge2 = texel_at(corners, texture_place(corner + 2)).xyz - origin;
-    vec3 its_point = origin + its_edge1 * weights.x + its_edge2 * weights.y;
+    TriangleEdges its_edges = TRIANGLE_EDGES(corners, max(hit_triangle(other), 0));
+    vec3 its_point = triangle_point(its_edges, hit_weights(other));
     vec3 apart = its_point - point;
     if (side == 0) {
       point = its_point;
-      edge1 = its_edge1;
-      edge2 = its_edge2;
+      edges = its_edges;
     }
     else if (footprint_has(place) && !hit_missed(other) && dot(apart, apart) < least) {
       least = dot(apart, apart);
       offset = apart;
     }
   }
-  // Scaled first: the square of the area of a small triangle is 0 in single precision.
-  float largest = max(dot(edge1, edge1), dot(edge2, edge2));
-  float scale = largest > 0.0 ? inversesqrt(largest) : 0.0;
-  edge1 *= scale;
-  edge2 *= scale;
+  float scale = triangle_scale(edges);
+  vec3 edge1 = edges.edge1 * scale, edge2 = edges.edge2 * scale;
   offset *= scale;
   vec3 normal = cross(edge1, edge2);
   float square = dot(normal, normal);

@@ -1,5 +1,7 @@
 // Whether a hit belongs to a texel: whether the point of the low mesh closest to the hit is reached from the texel by a short
 // walk over the low mesh.
+#include "lib/closest_lib.glsl"
+#include "lib/tree_lib.glsl"
 
 // The most triangles that the walk crosses.
 const int OWNER_STEPS = 12;
@@ -121,19 +123,8 @@ bool owner_has_hit(vec3 point, vec3 normal, vec3 below, int own, bool is_strict)
     uint triangles = 0u;
     int leaf = 0;
     while (node >= 0 && triangles == 0u) {
-      uvec4 x = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3)));
-      uvec4 y = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 1)));
-      uvec4 z = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 2)));
-      uint mask = tree_mask(lessThan(tree_distances(x, y, z, grid_point, unit), vec4(best)));
-      int child = node * 4 + 1;
-      if (mask != 0u && child < low_first_leaf) {
-        node = tree_down(node, mask, trail);
-      }
-      else {
-        triangles = mask;
-        leaf = child - low_first_leaf;
-        node = tree_next(node, trail);
-      }
+      uint mask = tree_closer(TREE_BOXES(low_nodes, node), grid_point, unit, best);
+      triangles = tree_step(mask, low_first_leaf, node, trail, leaf);
     }
     while (triangles != 0u) {
       int triangle = leaf + findLSB(triangles);

@@ -4,8 +4,8 @@
 // Four rays from one point go together: most nodes and triangles that they visit are the same, and are read once for all four.
 // A vector `x`, `y` or `z` has one coordinate of the four directions.
 #include "lib/overlap_lib.glsl"
-#include "lib/texture_lib.glsl"
 #include "lib/tree_lib.glsl"
+#include "lib/triangle_lib.glsl"
 
 const int REACH_RAYS = 4;
 
@@ -27,14 +27,16 @@ vec3 reach_inverse(vec3 direction)
 }
 
 // A bit for each of the four boxes of a node, relative to the start of a ray, that the ray crosses before `to`.
-uint reach_crossed(vec4 x_low, vec4 x_high, vec4 y_low, vec4 y_high, vec4 z_low, vec4 z_high, vec3 inverse, float to)
+uint reach_crossed(TreeBoxes boxes, vec3 inverse, float to)
 {
   // Select by the ray's direction instead of min and max: then the ray leaves a missing box before it enters it.
   bvec3 forward = greaterThan(inverse, vec3(0.0));
-  vec4 enter = max(max((forward.x ? x_low : x_high) * inverse.x, (forward.y ? y_low : y_high) * inverse.y),
-                   max((forward.z ? z_low : z_high) * inverse.z, vec4(-REACH_ROUNDING)));
-  vec4 leave = min(min((forward.x ? x_high : x_low) * inverse.x, (forward.y ? y_high : y_low) * inverse.y),
-                   min((forward.z ? z_high : z_low) * inverse.z, vec4(to)));
+  vec4 enter = max(max((forward.x ? boxes.x_low : boxes.x_high) * inverse.x,
+                       (forward.y ? boxes.y_low : boxes.y_high) * inverse.y),
+                   max((forward.z ? boxes.z_low : boxes.z_high) * inverse.z, vec4(-REACH_ROUNDING)));
+  vec4 leave = min(min((forward.x ? boxes.x_high : boxes.x_low) * inverse.x,
+                       (forward.y ? boxes.y_high : boxes.y_low) * inverse.y),
+                   min((forward.z ? boxes.z_high : boxes.z_low) * inverse.z, vec4(to)));
   return tree_mask(lessThanEqual(enter, leave));
 }
 
@@ -70,39 +72,26 @@ vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own
     int leaf = 0;
     // Triangles are tested outside this loop: inside it, lanes that have found triangles would wait for the others.
     while (node >= 0 && triangles == 0u) {
-      uvec4 boxes_x = floatBitsToUint(texel_at(nodes, texture_place(node * 3)));
-      uvec4 boxes_y = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 1)));
-      uvec4 boxes_z = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 2)));
-      vec4 x_low = tree_low(boxes_x) - start.x;
-      vec4 y_low = tree_low(boxes_y) - start.y;
-      vec4 z_low = tree_low(boxes_z) - start.z;
-      vec4 x_high = tree_high(boxes_x) - start.x;
-      vec4 y_high = tree_high(boxes_y) - start.y;
-      vec4 z_high = tree_high(boxes_z) - start.z;
+      TreeBoxes boxes = TREE_BOXES(nodes, node);
+      boxes.x_low -= start.x;
+      boxes.y_low -= start.y;
+      boxes.z_low -= start.z;
+      boxes.x_high -= start.x;
+      boxes.y_high -= start.y;
+      boxes.z_high -= start.z;
       // No loop: drivers that do not unroll it select components at each turn.
-      uint mask = reach_crossed(x_low, x_high, y_low, y_high, z_low, z_high, inverse0, to.x) |
-                  reach_crossed(x_low, x_high, y_low, y_high, z_low, z_high, inverse1, to.y) |
-                  reach_crossed(x_low, x_high, y_low, y_high, z_low, z_high, inverse2, to.z) |
-                  reach_crossed(x_low, x_high, y_low, y_high, z_low, z_high, inverse3, to.w);
-      int child = node * 4 + 1;
-      if (mask != 0u && child < first_leaf) {
-        node = tree_down(node, mask, trail);
-      }
-      else {
-        triangles = mask;
-        leaf = child - first_leaf;
-        node = tree_next(node, trail);
-      }
+      uint mask = reach_crossed(boxes, inverse0, to.x) | reach_crossed(boxes, inverse1, to.y) |
+                  reach_crossed(boxes, inverse2, to.z) | reach_crossed(boxes, inverse3, to.w);
+      triangles = tree_step(mask, first_leaf, node, trail, leaf);
     }
     while (triangles != 0u) {
       int triangle = leaf + findLSB(triangles);
       triangles &= triangles - 1u;
-      vec3 corner = texel_at(corners, texture_place(triangle * 3)).xyz;
-      vec3 edge1 = texel_at(corners, texture_place(triangle * 3 + 1)).xyz - corner;
-      vec3 edge2 = texel_at(corners, texture_place(triangle * 3 + 2)).xyz - corner;
+      TriangleEdges edges = TRIANGLE_EDGES(corners, triangle);
+      vec3 edge1 = edges.edge1, edge2 = edges.edge2;
       // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997), in the order that leaves most
       // of the work to all four rays together.
-      vec3 to_origin = origin - corner;
+      vec3 to_origin = origin - edges.corner;
       vec3 across = cross(edge2, edge1);
       vec3 for_u = cross(edge2, to_origin);
       vec3 for_v = cross(to_origin, edge1);

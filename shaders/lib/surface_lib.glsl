@@ -1,15 +1,10 @@
 // The place on the high surface that a ray hit, from the texture `surface_corners`.
-#include "lib/texture_lib.glsl"
 #include "lib/hit_lib.glsl"
+#include "lib/triangle_lib.glsl"
 
 vec3 surface_point(uvec4 hit)
 {
-  int first = hit_triangle(hit) * 3;
-  vec2 weights = hit_weights(hit);
-  vec3 corner = texel_at(surface_corners, texture_place(first)).xyz;
-  vec3 edge1 = texel_at(surface_corners, texture_place(first + 1)).xyz - corner;
-  vec3 edge2 = texel_at(surface_corners, texture_place(first + 2)).xyz - corner;
-  return corner + edge1 * weights.x + edge2 * weights.y;
+  return triangle_point(TRIANGLE_EDGES(surface_corners, hit_triangle(hit)), hit_weights(hit));
 }
 
 // `vector` with length 1, or `otherwise` if it has no length.
@@ -27,13 +22,8 @@ const float SURFACE_LEAST_HEIGHT = 2.5e-7;
 // pole of a ball.
 vec3 surface_face_normal(uvec4 hit, vec3 otherwise)
 {
-  int first = hit_triangle(hit) * 3;
-  vec3 corner = texel_at(surface_corners, texture_place(first)).xyz;
-  vec3 edge1 = texel_at(surface_corners, texture_place(first + 1)).xyz - corner;
-  vec3 edge2 = texel_at(surface_corners, texture_place(first + 2)).xyz - corner;
-  // Scaled first: the square of the area of a small triangle is 0 in single precision.
-  float largest = max(dot(edge1, edge1), dot(edge2, edge2));
-  float scale = largest > 0.0 ? inversesqrt(largest) : 0.0;
-  vec3 across = cross(edge1 * scale, edge2 * scale);
+  TriangleEdges edges = TRIANGLE_EDGES(surface_corners, hit_triangle(hit));
+  float scale = triangle_scale(edges);
+  vec3 across = cross(edges.edge1 * scale, edges.edge2 * scale);
   return length(across) > SURFACE_LEAST_HEIGHT * scale ? surface_unit(across, otherwise) : otherwise;
 }

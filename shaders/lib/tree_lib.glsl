@@ -1,15 +1,32 @@
-// Walks a tree of mesh/spatial/bvh.py without a stack. The children of node n are 4 n + 1 to 4 n + 4.
+// Walks a tree of mesh/spatial/bvh.py without a stack. The children of node n are 4 n + 1 to 4 n + 4. All walks are loops over
+// TREE_BOXES, a mask of the children that they visit, and tree_step.
 
-// Unpack the two numbers of 15 bits from the bits of a float (bvh.pack).
-vec4 tree_low(uvec4 bits)
+#include "lib/texture_lib.glsl"
+
+// The boxes of a node's four children, in steps of the tree's grid. A missing child has low above high.
+struct TreeBoxes {
+  vec4 x_low, y_low, z_low, x_high, y_high, z_high;
+};
+
+// Unpacks the two numbers of 15 bits from the bits of each float (bvh.pack).
+TreeBoxes tree_boxes(vec4 x, vec4 y, vec4 z)
 {
-  return vec4(bits & 0x7fffu);
+  uvec4 x_bits = floatBitsToUint(x), y_bits = floatBitsToUint(y), z_bits = floatBitsToUint(z);
+  TreeBoxes result;  // no constructor: Metal has none
+  result.x_low = vec4(x_bits & 0x7fffu);
+  result.y_low = vec4(y_bits & 0x7fffu);
+  result.z_low = vec4(z_bits & 0x7fffu);
+  result.x_high = vec4(x_bits >> 15);
+  result.y_high = vec4(y_bits >> 15);
+  result.z_high = vec4(z_bits >> 15);
+  return result;
 }
 
-vec4 tree_high(uvec4 bits)
-{
-  return vec4(bits >> 15);
-}
+// The boxes of a node of the tree in the texture `nodes`. A macro: functions cannot take images.
+#define TREE_BOXES(nodes, node) \
+  tree_boxes(texel_at(nodes, texture_place((node)*3)), \
+             texel_at(nodes, texture_place((node)*3 + 1)), \
+             texel_at(nodes, texture_place((node)*3 + 2)))
 
 // A bit for each of the four children.
 uint tree_mask(bvec4 boxes)
@@ -45,12 +62,27 @@ int tree_next(int node, inout uvec2 trail)
   return ((node - 1) & ~3) + 1 + slot;
 }
 
-// The squared distances from a point to the four boxes of a node. `point` is in grid steps, `unit` the length of a step.
-vec4 tree_distances(uvec4 x, uvec4 y, uvec4 z, vec3 point, vec3 unit)
+// One step of a walk, which starts at node 0 with a `trail` of zeros and ends when `node` is negative. mask: a bit for each child
+// of `node` that the walk visits. If these are triangles, returns the mask; the first child is triangle `leaf` then.
+uint tree_step(uint mask, int first_leaf, inout int node, inout uvec2 trail, inout int leaf)
 {
-  vec4 dx = max(max(tree_low(x) - point.x, point.x - tree_high(x)), vec4(0.0)) * unit.x;
-  vec4 dy = max(max(tree_low(y) - point.y, point.y - tree_high(y)), vec4(0.0)) * unit.y;
-  vec4 dz = max(max(tree_low(z) - point.z, point.z - tree_high(z)), vec4(0.0)) * unit.z;
+  int child = node * 4 + 1;
+  if (mask != 0u && child < first_leaf) {
+    node = tree_down(node, mask, trail);
+    return 0u;
+  }
+  leaf = child - first_leaf;
+  node = tree_next(node, trail);
+  return mask;
+}
+
+// A bit for each box that is closer to a point than the square root of `best`. `point` is in grid steps, `unit` the length of a step.
+uint tree_closer(TreeBoxes boxes, vec3 point, vec3 unit, float best)
+{
+  vec4 dx = max(max(boxes.x_low - point.x, point.x - boxes.x_high), vec4(0.0)) * unit.x;
+  vec4 dy = max(max(boxes.y_low - point.y, point.y - boxes.y_high), vec4(0.0)) * unit.y;
+  vec4 dz = max(max(boxes.z_low - point.z, point.z - boxes.z_high), vec4(0.0)) * unit.z;
   vec4 squared = dx * dx + dy * dy + dz * dz;
-  return mix(squared, vec4(1e30), greaterThan(tree_low(x), tree_high(x)));  // missing children
+  squared = mix(squared, vec4(1e30), greaterThan(boxes.x_low, boxes.x_high));  // missing children
+  return tree_mask(lessThan(squared, vec4(best)));
 }

@@ -1,7 +1,7 @@
 // Keeps the better of two hits of a ray: the one on a part of the high meshes, and the best on other parts. Writes its normal, too.
 #include "lib/active_lib.glsl"
-#include "lib/corner_lib.glsl"
 #include "lib/hit_lib.glsl"
+#include "lib/triangle_lib.glsl"
 
 // Hits that belong to the texel come before others, and these before backs.
 uint merge_class(uvec4 hit)
@@ -41,13 +41,10 @@ void main()
     }
     return;
   }
-  int corner = hit_triangle(hit) * 3;
+  int triangle = hit_triangle(hit);
   hit.x += uint(first_triangle);
   if (is_first != 0 || merge_is_better(hit, imageLoad(hits, texel))) {
-    vec2 weights = hit_weights(hit);
-    vec3 normal = texel_at(normals, corner_normal(texel_at(corners, texture_place(corner)))).xyz * (1.0 - weights.x - weights.y) +
-                  texel_at(normals, corner_normal(texel_at(corners, texture_place(corner + 1)))).xyz * weights.x +
-                  texel_at(normals, corner_normal(texel_at(corners, texture_place(corner + 2)))).xyz * weights.y;
+    vec3 normal = TRIANGLE_NORMAL(corners, normals, triangle, hit_weights(hit));
     imageStore(hits, texel, hit);
     imageStore(found, texel, vec4(normal, 1.0));
   }

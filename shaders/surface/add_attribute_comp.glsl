@@ -1,6 +1,6 @@
 // Adds an attribute of the high meshes, interpolated at each hit on a material that it feeds, to the sums of a map.
-#include "lib/texture_lib.glsl"
 #include "lib/hit_lib.glsl"
+#include "lib/triangle_lib.glsl"
 #include "lib/fed_value_lib.glsl"
 
 void main()
@@ -18,9 +18,6 @@ void main()
   if (int(texel_at(materials, texture_place(material)).a) != feed) {
     return;
   }
-  vec2 weights = hit_weights(hit);
-  vec4 value = texel_at(values, texture_place(triangle * 3)) * (1.0 - weights.x - weights.y) +
-               texel_at(values, texture_place(triangle * 3 + 1)) * weights.x +
-               texel_at(values, texture_place(triangle * 3 + 2)) * weights.y;
+  vec4 value = TRIANGLE_MIXED(values, triangle, hit_weights(hit));
   imageStore(sums, texel, imageLoad(sums, texel) + vec4(fed_value_of(value), 1.0));
 }

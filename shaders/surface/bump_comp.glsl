@@ -35,15 +35,10 @@ void main()
       slope += along * clamp(channel_of(color, channel).r, lowest, highest) / width;
     }
     // J. Blinn, "Simulation of wrinkled surfaces" (1978), by the gradient along two edges of the triangle.
-    vec3 origin = texel_at(corners, texture_place(triangle * 3)).xyz;
-    vec3 edge1 = texel_at(corners, texture_place(triangle * 3 + 1)).xyz - origin;
-    vec3 edge2 = texel_at(corners, texture_place(triangle * 3 + 2)).xyz - origin;
+    TriangleEdges edges = TRIANGLE_EDGES(corners, triangle);
     vec2 rises = vec2(dot(slope, to_pixels * (first.zw - first.xy)), dot(slope, to_pixels * (last.xy - first.xy)));
-    // Scaled first: the square of the area of a small triangle is 0 in single precision.
-    float largest = max(dot(edge1, edge1), dot(edge2, edge2));
-    float scale = largest > 0.0 ? inversesqrt(largest) : 0.0;
-    edge1 *= scale;
-    edge2 *= scale;
+    float scale = triangle_scale(edges);
+    vec3 edge1 = edges.edge1 * scale, edge2 = edges.edge2 * scale;
     vec3 normal = normal_space_to_world(drawn.xyz);
     vec3 across1 = cross(edge2, normal);
     vec3 across2 = cross(normal, edge1);

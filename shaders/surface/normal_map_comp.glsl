@@ -28,10 +28,7 @@ void main()
                 (tile == 0 || !footprint_is_outside(place));
   if (is_fed) {
     vec4 tangent = texel_at(tangents, texture_place(triangle * 3));
-    vec2 weights = hit_weights(hit);
-    tangent.xyz = tangent.xyz * (1.0 - weights.x - weights.y) +
-                  texel_at(tangents, texture_place(triangle * 3 + 1)).xyz * weights.x +
-                  texel_at(tangents, texture_place(triangle * 3 + 2)).xyz * weights.y;
+    tangent.xyz = TRIANGLE_MIXED(tangents, triangle, hit_weights(hit)).xyz;
     mat2 footprint = footprint_of(texel, hit, uv, first, last, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
     vec3 stored = clamp(channel_of(page_mean(place, page_axes(footprint)), channel), vec3(lowest), vec3(highest));
     vec3 scale = vec3(to_space[0].w, to_space[1].w, to_space[2].w);

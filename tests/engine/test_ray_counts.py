@@ -35,8 +35,8 @@ WALKED = 0.6
 """The most nodes that rays visit whose blocks were searched for together, as a share of those that they visit otherwise."""
 
 
-def counts(folder, name, monkeypatch, *, has_beams=False):
-    """The counts of OWN and of OUTERMOST along the same rays, (N, 4) each, on texels with a ray. has_beams: as in of_rays."""
+def counts(folder, name, monkeypatch, *, has_packets=False):
+    """The counts of OWN and of OUTERMOST along the same rays, (N, 4) each, on texels with a ray. has_packets: as in of_rays."""
     bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
     low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
     settings = Settings("CAST", "WORLD", width=SIZE, height=SIZE)
@@ -48,7 +48,7 @@ def counts(folder, name, monkeypatch, *, has_beams=False):
     drawn.read(places)
     has_ray = places[..., 3] > 0.0
     rules = ray_cast, replace(ray_cast, hit=Hit.OUTERMOST)
-    return [counting.of_rays(rule, drawn, monkeypatch, has_beams=has_beams)[has_ray] for rule in rules]
+    return [counting.of_rays(rule, drawn, monkeypatch, has_packets=has_packets)[has_ray] for rule in rules]
 
 
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, MOST))
@@ -65,7 +65,9 @@ def test_owned_hits_cost_few_nodes_and_searches(shared_assets, name, monkeypatch
 
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, MOST))
 def test_rays_of_a_block_share_most_of_their_way_through_the_tree(shared_assets, name, monkeypatch):
-    alone, together = (counts(shared_assets, name, monkeypatch, has_beams=has_beams) for has_beams in (False, True))
+    alone, together = (
+        counts(shared_assets, name, monkeypatch, has_packets=has_packets) for has_packets in (False, True)
+    )
     for rule_alone, rule_together in zip(alone, together, strict=True):
         share = rule_together[:, 0].mean() / rule_alone[:, 0].mean()
         print(f"{share:.3f} of the nodes")

@@ -42,4 +42,4 @@ def test_shaders_get_all_that_they_take(hardware, tmp_path, as_images):
     for rule in Hit:
         scene.cast_rays(rule)
     scene.look_up()
-    assert gpu.compute_shader.return_value.run.call_count == 2 * len(Hit)  # beams, then rays
+    assert gpu.compute_shader.return_value.run.call_count == 2 * len(Hit)  # packets, then rays

@@ -15,10 +15,10 @@ COUNTS = ("nodes", "candidates", "queries", "low nodes")
 """What is counted for each texel: nodes of the high tree, hits that are asked for their owner, searches for the point on
 the low mesh closest to a hit, and nodes of the low tree that these visit."""
 _COUNTED = (
-    "uvec4 x = floatBitsToUint(texel_at(nodes, texture_place(node * 3)));",
+    "TreeBoxes boxes = TREE_BOXES(nodes, node);",
     "if (owner_has_hit(",
     "vec3 closest = below;",
-    "uvec4 x = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3)));",
+    "uint mask = tree_closer(TREE_BOXES(low_nodes, node), grid_point, unit, best);",
 )
 """How the lines begin before which each is counted. Where no owners are searched for, only the first one is there."""
 _WRITES = "imageStore(hits, texel, chosen);", "imageStore(hits, texel, hit);"
@@ -55,13 +55,13 @@ def counted(monkeypatch):
             shader.load.cache_clear()
 
 
-def of_rays(ray_cast, drawn, monkeypatch, *, has_beams):
-    """The counts (H, W, 4) of the rays `drawn`, in the order of COUNTS. has_beams: whether blocks are searched for together
+def of_rays(ray_cast, drawn, monkeypatch, *, has_packets):
+    """The counts (H, W, 4) of the rays `drawn`, in the order of COUNTS. has_packets: whether rays pass the tree in packets
     before; what that visits is not counted."""
     into = target.Target(drawn.width, drawn.height, ("RGBA32F",))
     with counted(monkeypatch), monkeypatch.context() as patch:
-        if not has_beams:
-            patch.setattr(cast, "LEAST_BEAMS", drawn.width * drawn.height + 1)
+        if not has_packets:
+            patch.setattr(cast, "LEAST_PACKETS", drawn.width * drawn.height + 1)
         ray_cast.trace(into, drawn)
     counts = np.empty((into.height, into.width, 4), np.float32)
     into.read(counts)

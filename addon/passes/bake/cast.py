@@ -20,24 +20,25 @@ if TYPE_CHECKING:
 
 _RAYS = ("RGBA32F", "FLOAT_2D", "positions"), ("RGBA32F", "FLOAT_2D", "directions")
 _NODES = ("RGBA32F", "FLOAT_2D", "nodes")
-_SEARCHED = (_NODES, ("RGBA32F", "FLOAT_2D", "corners"), ("RGBA32UI", "UINT_2D", "beams"))
+_SEARCHED = _NODES, ("RGBA32F", "FLOAT_2D", "corners")
+_PACKETS = ("UINT_2D", "packets")
 _GRID = ("VEC4", "grid_origin"), ("VEC4", "grid_scale"), ("INT", "first_leaf")
 _LIMITS = ("INT", "first_row"), ("FLOAT", "max_t"), ("FLOAT", "inside")
-BEAMS = Program(
-    compute="bake/beams_comp.glsl",
+PACKETS = Program(
+    compute="bake/packets_comp.glsl",
     texels=(*_RAYS, _NODES),
-    images=(("RGBA32UI", "UINT_2D", "beams", "WRITE"),),
+    images=(("RGBA32UI", "UINT_2D", "packets", "WRITE"),),
     constants=(*_GRID, *_LIMITS),
 )
 TRACE_FIRST = Program(
     compute="bake/cast_first_comp.glsl",
     texels=(*_RAYS, *_SEARCHED),
-    samplers=active.SAMPLERS,
+    samplers=(_PACKETS, *active.SAMPLERS),
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         *_GRID,
         *_LIMITS,
-        ("INT", "has_beams"),
+        ("INT", "has_packets"),
         ("INT", "facing_only"),
         ("INT", "is_nearest"),
         *active.CONSTANTS,
@@ -46,13 +47,19 @@ TRACE_FIRST = Program(
 """For the rules that need no owners. Software drivers run all of a shader for each texel, also what the texel does not need."""
 TRACE = Program(
     compute="bake/cast_comp.glsl",
-    texels=(*_RAYS, *_SEARCHED, ("RGBA32F", "FLOAT_2D", "low_nodes"), ("RGBA32F", "FLOAT_2D", "low_corners")),
-    samplers=(("FLOAT_2D", "normals"), *active.SAMPLERS),
+    texels=(
+        *_RAYS,
+        *_SEARCHED,
+        ("RGBA32F", "FLOAT_2D", "normals"),
+        ("RGBA32F", "FLOAT_2D", "low_nodes"),
+        ("RGBA32F", "FLOAT_2D", "low_corners"),
+    ),
+    samplers=(_PACKETS, *active.SAMPLERS),
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         *_GRID,
         *_LIMITS,
-        ("INT", "has_beams"),
+        ("INT", "has_packets"),
         ("INT", "facing_only"),
         ("VEC4", "low_origin"),
         ("VEC4", "low_scale"),
@@ -85,13 +92,17 @@ POINTS = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/cast_points_frag.glsl",
     inputs=(("VEC2", "position"),),
-    samplers=(("UINT_2D", "hits"), ("FLOAT_2D", "corners"), ("FLOAT_2D", "labels")),
+    texels=(
+        ("RGBA32UI", "UINT_2D", "hits"),
+        ("RGBA32F", "FLOAT_2D", "surface_corners"),
+        ("RGBA32F", "FLOAT_2D", "labels"),
+    ),
     outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
 )
-BLOCK = 4
-"""Texels along each side of the blocks in shaders/lib/search_lib.glsl."""
-LEAST_BEAMS = 2**15
-"""The fewest rays that are searched for together: fewer are often rays of any places, as in an audit."""
+PACKET_SIDE = 4
+"""Texels along each side of a packet, as in shaders/lib/packet_lib.glsl."""
+LEAST_PACKETS = 2**15
+"""The fewest rays that pass the tree in packets: fewer are often rays of any places, as in an audit."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +110,7 @@ class Tables:
     """The triangles of the high meshes and their tree on the GPU.
 
     Triangle i has three texels in `corners`: their positions, and the numbers of their texels in `normals`, as
-    shaders/lib/corner_lib.glsl reads them. Corners with the same normal can share it.
+    shaders/lib/triangle_lib.glsl reads them. Corners with the same normal can share it.
     """
 
     nodes: gpu.types.GPUTexture
@@ -162,17 +173,18 @@ def trace(
         "nodes": tables.nodes,
     }
     limits = {"max_t": max_t, "inside": inside, "positions": rays.textures[0], "directions": rays.textures[1]}
-    has_beams = some is None and rays.width * rays.height >= LEAST_BEAMS
-    across, up = (-(-side // BLOCK) for side in (rays.width, rays.height))
-    beams = target.get("beams", 2 * across, up, "RGBA32UI") if has_beams else target.get("no beams", 2, 1, "RGBA32UI")
-    if has_beams:
-        blocks = range(rows.start // BLOCK, -(-rows.stop // BLOCK))
-        target.dispatch(BEAMS, across, blocks, beams=beams.texture, **grid, **limits)
+    has_packets = some is None and rays.width * rays.height >= LEAST_PACKETS
+    across, up = (-(-side // PACKET_SIDE) for side in (rays.width, rays.height))
+    size = (2 * across, up) if has_packets else (2, 1)
+    packets = target.get("packets" if has_packets else "no packets", *size, "RGBA32UI")
+    if has_packets:
+        blocks = range(rows.start // PACKET_SIDE, -(-rows.stop // PACKET_SIDE))
+        target.dispatch(PACKETS, across, blocks, packets=packets.texture, **grid, **limits)
     searched = {
         "corners": tables.corners,
-        "beams": beams.texture,
+        "packets": packets.texture,
         "hits": into.texture,
-        "has_beams": int(has_beams),
+        "has_packets": int(has_packets),
         "facing_only": int(facing_only),
         **active.bindings(some, tables.nodes),
     }
@@ -240,4 +252,4 @@ def points(
     clear: otherwise texels without a hit stay as they are. labels: a data texture with the object and material number of each
     triangle, in the tree's order.
     """
-    target.fill(into, POINTS, clear=clear, hits=hits.texture, corners=tables.corners, labels=labels)
+    target.fill(into, POINTS, clear=clear, hits=hits.texture, surface_corners=tables.corners, labels=labels)
