@@ -7,7 +7,7 @@ import gpu
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ..jobs.live.live_session import Session
+from ..jobs.live_session import Session
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix

@@ -14,7 +14,7 @@ from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import normal_channels, uv_agreement
 from ..engine.bands import BAND_TEXELS, Band
-from ..jobs.live.live_session import Session
+from ..jobs.live_session import Session
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import quantize

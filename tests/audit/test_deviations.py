@@ -10,8 +10,7 @@ from addon.audit.angle_counts import AngleCounts
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import Job, bake_jobs
-from addon.jobs.live import live_session
+from addon.jobs import Job, bake_jobs, live_session
 from addon.views import view_shading
 from tests.support import zoo
 

@@ -9,8 +9,7 @@ from mathutils import Vector
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import Job, bake_jobs
-from addon.jobs.live import live_session
+from addon.jobs import Job, bake_jobs, live_session
 from addon.passes import target
 from addon.views import view_shading
 from addon.views.mode_names import Mode

@@ -15,7 +15,7 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all, bake_pair, ray_measuring
-from addon.jobs.live.live_session import Session
+from addon.jobs.live_session import Session
 from tests.support import angles, cycles, lanes, maps, oracle, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -9,8 +9,7 @@ import pytest
 from addon.core import progress
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import Job, bake_pair
-from addon.jobs.live import live_session
+from addon.jobs import Job, bake_pair, live_session
 from tests.support import angles, zoo
 from tests.support.maps import bake, texel_uv
 

@@ -14,7 +14,7 @@ from addon.core.settings import Settings
 from addon.engine import bands
 from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_pair, locate_issues
-from addon.jobs.live.live_session import Session
+from addon.jobs.live_session import Session
 from tests.support import angles, zoo
 from tests.support.maps import bake_all_maps, pixels, raw_maps
 

@@ -15,7 +15,7 @@ from addon.core.settings import Settings
 from addon.engine import bands
 from addon.engine.rays import part_tables, tree_cache
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair
-from addon.jobs.live.live_session import Session
+from addon.jobs.live_session import Session
 from addon.mesh.spatial import bvh, tree_parts
 from addon.passes.bake import cast
 from tests.support import layered_scenes, maps, zoo

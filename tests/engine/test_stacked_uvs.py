@@ -9,7 +9,7 @@ import pytest
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job
-from addon.jobs.live.live_session import Session
+from addon.jobs.live_session import Session
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

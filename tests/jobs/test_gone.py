@@ -10,8 +10,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_all, bake_jobs, bake_pair, locate_issues, sequence
-from addon.jobs.live import live_session
+from addon.jobs import Job, bake_all, bake_jobs, bake_pair, live_session, locate_issues, sequence
 from addon.output import datablocks
 from addon.ui.live.live_switch import live
 from tests.support import zoo

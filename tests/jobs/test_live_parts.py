@@ -10,7 +10,7 @@ from addon.core.settings import Settings
 from addon.engine.redrawing import changed_parts
 from addon.engine.redrawing.kept_map import KeptMap
 from addon.jobs import Job
-from addon.jobs.live.live_session import Session
+from addon.jobs.live_session import Session
 from addon.passes.bake import flatten
 from addon.scene import mesh_reader
 from tests.support import zoo

@@ -13,9 +13,8 @@ from addon.core.names.name_matching import Suffixes
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import Job, bake_all, bake_pair
+from addon.jobs import Job, bake_all, bake_pair, live_session
 from addon.jobs.job import jobs_by_name
-from addon.jobs.live import live_session
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -13,8 +13,7 @@ from addon.core import progress
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import Job
-from addon.jobs.live import live_session
+from addon.jobs import Job, live_session
 from addon.output import quantize
 from addon.passes import mesh_upload, target
 from addon.passes.view import lit

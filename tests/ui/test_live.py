@@ -11,8 +11,7 @@ import pytest
 import addon
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_pair
-from addon.jobs.live import live_session
+from addon.jobs import Job, bake_pair, live_session
 from addon.scene import mesh_reader, object_refs
 from addon.ui.live import live_updates, sculpt_strokes
 from addon.ui.live.live_switch import LiveState, live

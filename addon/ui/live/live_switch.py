@@ -9,8 +9,8 @@ import bpy
 from ...core import progress
 from ...core.errors import BakeError
 from ...core.settings import Settings
+from ...jobs import live_session
 from ...jobs.job import Job
-from ...jobs.live import live_session
 from ...output import datablocks
 from ..callbacks import Handlers, Timer
 from ..translations import message

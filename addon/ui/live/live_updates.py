@@ -9,7 +9,7 @@ import bpy
 from ...core.errors import BakeError
 from ...core.progress import Pace, Task, run_for
 from ...core.settings import Settings
-from ...jobs.live import live_session
+from ...jobs import live_session
 from ...scene import object_refs
 from .. import object_pairs
 from .sculpt_strokes import Strokes

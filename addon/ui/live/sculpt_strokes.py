@@ -6,7 +6,7 @@ import time
 
 import bpy
 
-from ...jobs.live import live_session
+from ...jobs import live_session
 from ...scene import object_modes
 
 ANSWER = 1.0

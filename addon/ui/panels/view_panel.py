@@ -5,7 +5,7 @@ import bpy
 
 from ...core.declarations import readers
 from ...core.declarations.choices import Space
-from ...jobs.live.live_session import Session
+from ...jobs.live_session import Session
 from ...views.mode_names import Mode
 from ..translations import message
 from ..viewport import view_drawing

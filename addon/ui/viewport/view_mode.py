@@ -8,7 +8,7 @@ import bpy
 from ...core import progress
 from ...core.errors import BakeError
 from ...core.settings import Settings
-from ...jobs.live import live_session
+from ...jobs import live_session
 from ...views import view_shading
 from ...views.mode_names import OWN, Mode
 from ..callbacks import DrawCallbacks, Timer, redraw

@@ -10,8 +10,7 @@ import numpy as np
 
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.jobs import Job
-from addon.jobs.live import live_session
+from addon.jobs import Job, live_session
 from addon.passes import target
 from tests.support import zoo
 

@@ -1,40 +1,91 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Maps that are drawn again when their objects change. Only objects that changed are read and uploaded again."""
+"""Live's maps, which are drawn again when their objects change. Only objects that changed are read and uploaded again."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import bpy
 import gpu
 import numpy as np
 
-from ...core import progress, udim
-from ...core.declarations.choices import Modifiers, Pack, VertexDomain
-from ...core.errors import BakeError
-from ...core.map_types import NORMAL, Labeled
-from ...core.progress import Pace, Progress, Task
-from ...core.settings import Settings
-from ...core.timings import Timings
-from ...engine import margins, rendering, shared_uvs, sources
-from ...engine.bands import Band
-from ...engine.hidden_parts import HiddenParts
-from ...engine.maps import sampling
-from ...engine.maps.family import Run
-from ...engine.maps.maps_of_bake import maps_of_bake
-from ...engine.method_choice import Plan, choose_method, nothing_drawn
-from ...engine.rays.ray_casting import RayCast
-from ...engine.redrawing import kept_map
-from ...engine.sources import Source
-from ...mesh.inputs import Meshes
-from ...mesh.triangle_mesh import Mesh
-from ...output import datablocks, output_clashes, outputs
-from ...passes import target
-from ...passes.mesh_upload import UploadCache
-from ...scene import instances, mesh_reader, object_checks, object_modes, reading, scene_lengths
-from .. import bake_jobs
-from ..bake import READY
-from ..job import Job, check_job, files_kept
-from .live_maps import LiveMaps
+from ..core import progress, udim
+from ..core.declarations.choices import Modifiers, Pack, VertexDomain
+from ..core.errors import BakeError
+from ..core.map_types import BY_NAME, NORMAL, Labeled
+from ..core.progress import Pace, Progress, Task, part
+from ..core.settings import Settings
+from ..core.texel_state import Map
+from ..core.timings import Timings
+from ..engine import margins, rendering, shared_uvs, sources
+from ..engine.bands import Band
+from ..engine.hidden_parts import HiddenParts
+from ..engine.maps import sampling
+from ..engine.maps.family import Run
+from ..engine.maps.maps_of_bake import maps_of_bake
+from ..engine.method_choice import Plan, choose_method, nothing_drawn
+from ..engine.rays.ray_casting import RayCast
+from ..engine.redrawing import kept_map
+from ..engine.sources import Source
+from ..mesh.inputs import Meshes
+from ..mesh.triangle_mesh import Mesh
+from ..output import datablocks, output_clashes, outputs
+from ..passes import target
+from ..passes.mesh_upload import UploadCache
+from ..scene import instances, mesh_reader, object_checks, object_modes, reading, scene_lengths
+from . import bake_jobs
+from .bake import READY
+from .job import Job, check_job, files_kept
+
+
+class LiveMaps:
+    """Draws and stores the maps of a session beside its normal map.
+
+    settings: those of the bake, with names filled in. drawing: with all maps to draw, also those that are only packed. pool:
+    their textures, apart from those of the normal map. drawn: the last maps by name, before they are encoded.
+    """
+
+    def __init__(self, settings: Settings):
+        self.settings, self.drawing = settings, settings.for_drawing()
+        self.pool = target.TargetPool()
+        self.drawn: dict[str, Map] = {}
+        self._is_stored = False
+
+    @property
+    def are_any(self) -> bool:
+        return bool(self.drawing.maps)
+
+    @property
+    def show_materials(self) -> bool:
+        """Whether a map changes with the materials of the high objects."""
+        return any(BY_NAME[name].family.shows_materials for name in self.drawing.maps)
+
+    def work(self, source: sources.Source | None, plan: Plan, uploads: UploadCache, pace: Pace) -> Task[None]:
+        """Draw the maps. source, plan: of the session's last normal map; the source is None if its memory was freed. Raises
+        BakeError."""
+        settings, timings = replace(self.drawing, method=plan.method), Timings()
+        if source is None or not plan.casts_rays:  # that of Flatten may have no surface, and no tree
+            preparing = sources.normal_source(plan, settings, timings, pace, uploads=uploads)
+            source = yield from part(preparing, 0.0, READY)
+        run = Run(settings, timings, pace)
+        renderer = rendering.Renderer(maps_of_bake(plan.meshes, source, run, uploads=uploads), run)
+        maps = yield from part(renderer.texels(udim.FIRST, margins.for_maps([plan.meshes.low], settings)), READY, 1.0)
+        del maps[NORMAL.name]
+        self.drawn = maps
+
+    def copies(self) -> dict[str, Map]:
+        """Copies of the maps, since storing them encodes them in place."""
+        return {name: (texels.copy(), state) for name, (texels, state) in self.drawn.items()}
+
+    def store(self, normals: Map, labels: dict[Labeled, Sequence[str]], low: bpy.types.Object, uv_layer: str) -> None:
+        """Put the maps into their image datablocks, but into no file. The first time, also into the materials of `low`, if the
+        settings say so. normals, labels: as outputs.Outputs takes them."""
+        settings = replace(self.settings.without_file(), normal=False)
+        with outputs.Outputs(settings) as writers:
+            writers.add(udim.FIRST, {NORMAL.name: normals, **self.copies()})
+            stored = writers.commit(labels, [low])
+        if not self._is_stored:
+            outputs.into_materials(low, stored, uv_layer, settings)
+        self._is_stored = True
 
 
 class Session:
