@@ -36,9 +36,8 @@ from ..mesh.inputs import Meshes
 from ..output import map_storage
 from ..output.outputs import Outputs, Stored, into_materials
 from ..scene import object_checks, reading, scene_lengths
-from . import texture_sets
+from . import readiness, texture_sets
 from .job import Job
-from .readiness import low_findings
 from .report_making import DrawnJob, report_of
 
 READY = 0.2
@@ -117,11 +116,11 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
         )
         warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
     with timings.timed("audit"):
-        found = low_findings.flipped(meshes)
+        found = readiness.flipped_findings(meshes)
         if job.is_for_others:
-            others = low_findings.read(meshes.low, job.low, meshes.uv_layer, settings)
-            found += low_findings.left(others, is_exported=job.is_exported)
-        early = low_findings.warnings(found)
+            others = readiness.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings)
+            found += readiness.unsolved_by_export(others, is_exported=job.is_exported)
+        early = readiness.finding_warnings(found)
     tiles = tiles_to_bake(meshes, settings)
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     with timings.timed("method"):

@@ -17,11 +17,10 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..output import map_names, output_clashes
-from . import texture_sets
+from . import readiness, texture_sets
 from .atlas import Atlas
 from .bake import bake_job, draw_raw
 from .job import Job, check_job, files_kept
-from .readiness import low_findings
 from .weights import painted_groups
 
 PROGRESS_SECONDS = 0.25
@@ -74,7 +73,7 @@ def work(
     """
     settings.check()  # before object names are filled in, which may contain anything
     for job in jobs:
-        job.is_for_others = low_findings.is_for_others(settings, is_exported=job.is_exported)
+        job.is_for_others = readiness.is_for_others(settings, is_exported=job.is_exported)
     settings = settings.read_by(context.scene.render.engine)
     if settings.texture_sets:
         if share_image:

@@ -6,7 +6,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from ..core.errors import BakeError
 from ..core.report import Report
-from ..jobs import locate_issues, triangulate
+from ..jobs import locate_issues, readiness
 from ..scene import face_selection
 from .bake_results import results
 from .translations import LABEL, tooltip
@@ -170,7 +170,7 @@ class IMPRINT_OT_add_triangulate(_LastBakeOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def apply(self, context: bpy.types.Context, report: Report) -> str:
-        return triangulate.sentence(report.low, *triangulate.add_triangulate(context, report))
+        return readiness.triangulate_sentence(report.low, *readiness.add_triangulate(context, report))
 
 
 CLASSES = (IMPRINT_OT_select_flaws, IMPRINT_OT_show_mask, IMPRINT_OT_add_triangulate)

@@ -12,7 +12,7 @@ from addon.core.errors import BakeError
 from addon.core.report import Report
 from addon.core.settings import Settings
 from addon.engine import separation
-from addon.jobs import Job, bake_all, locate_issues, triangulate
+from addon.jobs import Job, bake_all, locate_issues, readiness
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -319,7 +319,7 @@ def test_the_modifier_makes_the_triangles_that_blender_draws(seed, noise):
         drawn = triangles_of(obj.data.loop_triangles)
         report = bake(obj, zoo.plane("hi"), space="OBJECT")
         assert report.checks["uneven"]["count"] > 0
-        _, folded = triangulate.add_triangulate(bpy.context, report)
+        _, folded = readiness.add_triangulate(bpy.context, report)
         assert (folded > 0) == (noise == 0.1 and obj == low)
         cut = triangles_of(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons)
         assert len(drawn - cut) == 2 * folded
@@ -331,7 +331,7 @@ def test_normals_stay_when_faces_are_triangulated():
     low = zoo.terrain("lo", 2)
     low.data.vertices[4].co.z = 0.7
     low.data.normals_split_custom_set(np.tile((0.6, 0.0, 0.8), (16, 1)))
-    triangulate.add_triangulate(bpy.context, bake(low, zoo.plane("hi")))
+    readiness.add_triangulate(bpy.context, bake(low, zoo.plane("hi")))
     evaluated = low.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     normals = np.array([corner.vector for corner in evaluated.corner_normals])
     np.testing.assert_allclose(normals, np.tile((0.6, 0.0, 0.8), (24, 1)), atol=1e-3)
@@ -427,7 +427,7 @@ def test_a_surface_and_its_own_base_mesh():
     assert again.checks["uneven"]["count"] == 4
     assert not any("add a Triangulate" in warning for warning in again.warnings)
     with pytest.raises(BakeError, match="triangulate the base mesh instead"):
-        triangulate.add_triangulate(bpy.context, report)
+        readiness.add_triangulate(bpy.context, report)
 
 
 def test_checks_use_the_objects_as_they_are_now():

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.jobs import bake_jobs
-from addon.jobs.readiness import low_findings
+from addon.jobs import bake_jobs, readiness
 from addon.ui.bake_results import results
 from addon.ui.readiness.panel_findings import findings
 from tests.support import panel_layout, zoo
@@ -27,7 +26,7 @@ def set_up(low, *, green="-Y"):
 def found(low, **settings):
     bpy.context.view_layer.update()
     given = Settings(**{"green": "-Y"} | settings)
-    return {one.kind: one for one in low_findings.shown(bpy.context, low, given, is_own_base=False)}
+    return {one.kind: one for one in readiness.viewport_findings(bpy.context, low, given, is_own_base=False)}
 
 
 def cure(kind):
@@ -111,9 +110,9 @@ def test_mirrored_copies_are_found_and_harmless():
     ],
 )
 def test_only_maps_for_other_programs_are_asked_about(settings, asks):
-    assert low_findings.is_for_others(Settings(**settings), is_exported=False) is asks
+    assert readiness.is_for_others(Settings(**settings), is_exported=False) is asks
     in_tangent_space = settings.get("space", "TANGENT") == "TANGENT" and settings.get("normal", True)
-    assert low_findings.is_for_others(Settings(**settings), is_exported=True) is in_tangent_space
+    assert readiness.is_for_others(Settings(**settings), is_exported=True) is in_tangent_space
 
 
 # The panel

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 import bpy
 
 from ...core.report import Report
-from ...jobs.readiness.low_findings import Finding
+from ...jobs.readiness import Finding
 from ...output import map_images
 from ...scene import scene_lengths
 from ..bake_results import high_objects, results

@@ -6,7 +6,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from ...core import cures as of_settings
 from ...core.errors import BakeError
-from ...jobs.readiness import cures
+from ...jobs import readiness
 from ...scene import object_refs
 from ..panels.sidebar import draw_paragraphs
 from ..translations import LABEL, label, tooltip
@@ -123,7 +123,7 @@ class IMPRINT_OT_cure(bpy.types.Operator):
         settings = context.scene.imprint
         change = of_settings.CURES.get(self.kind)
         if change is None:
-            return cures.cure(context, low, highs, settings.settings_for(low, highs), self.kind)
+            return readiness.fix(context, low, highs, settings.settings_for(low, highs), self.kind)
         rays = settings.rays_of(low, highs)
         owner = rays if change.setting in rays.bl_rna.properties else settings
         setattr(owner, change.setting, change.value)

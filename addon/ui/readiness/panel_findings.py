@@ -4,8 +4,8 @@
 import bpy
 
 from ...core.settings import Settings
-from ...jobs.readiness import low_findings
-from ...jobs.readiness.low_findings import Finding
+from ...jobs import readiness
+from ...jobs.readiness import Finding
 from ..callbacks import Handlers
 
 
@@ -37,12 +37,14 @@ class PanelFindings:
         """The findings for a bake of `low`: whether it is flipped, and more if other programs read the map. settings: of the
         panel, valid.
 
-        is_exported: as in low_findings.is_for_others.
+        is_exported: as in readiness.is_for_others.
         """
         found = self._flipped_ones(context, low, highs)
-        if not low_findings.is_for_others(settings, is_exported=is_exported):
+        if not readiness.is_for_others(settings, is_exported=is_exported):
             return found
-        return found + low_findings.left(self._of(context, low, low in highs, settings), is_exported=is_exported)
+        return found + readiness.unsolved_by_export(
+            self._of(context, low, low in highs, settings), is_exported=is_exported
+        )
 
     def _flipped_ones(
         self, context: bpy.types.Context, low: bpy.types.Object, highs: list[bpy.types.Object]
@@ -55,7 +57,7 @@ class PanelFindings:
         )
         if key != self._pair:
             self._handlers.add()
-            self._flipped = low_findings.shown_flipped(context, low, highs)
+            self._flipped = readiness.viewport_flipped(context, low, highs)
             self._pair = key
         return self._flipped
 
@@ -63,16 +65,16 @@ class PanelFindings:
         self, context: bpy.types.Context, low: bpy.types.Object, is_own_base: bool, settings: Settings
     ) -> list[Finding]:
         """All findings, from the last time if nothing has changed since."""
-        layer = settings.uv_layer or low_findings.active_layer(low)
+        layer = settings.uv_layer or readiness.active_layer(low)
         # Names are in the sentences.
         key = (
             *(low.session_uid, low.data.session_uid, low.name, low.mode, is_own_base),
-            *(layer, low_findings.active_layer(low), settings.udim),
+            *(layer, readiness.active_layer(low), settings.udim),
         )
         if key != self._key:
             self._handlers.add()
             self.looks += 1
-            self.known = low_findings.shown(context, low, settings, is_own_base=is_own_base)
+            self.known = readiness.viewport_findings(context, low, settings, is_own_base=is_own_base)
             self._key = key
         return self.known
 

@@ -1,0 +1,310 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is wrong with a low object for other programs before it is baked, and what fixes it."""
+
+from collections.abc import Callable, Sequence
+
+import bpy
+import numpy as np
+
+from ..audit import before_bake, causes, facing
+from ..audit.before_bake import FLIPPED, HARD_EDGES, LAYER, MIRRORED, POLYGONS, Finding
+from ..audit.causes import Warned
+from ..audit.facing import Faces
+from ..core.declarations.choices import Modifiers
+from ..core.errors import BakeError, shorten_list
+from ..core.report import Report
+from ..core.settings import Settings
+from ..mesh import edges, face_shapes, uv_islands, uv_seams
+from ..mesh.inputs import Meshes
+from ..mesh.triangle_mesh import Mesh
+from ..scene import evaluation, mesh_reader
+from ..scene.elements import mesh_elements
+from .report_making import PastBake
+
+__all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
+SOLVED_BY_EXPORT = (POLYGONS, LAYER)
+"""The kinds that do not matter for files that Imprint exports."""
+MOST_CORNERS = 400_000
+"""The largest low mesh, in corners of faces, that `viewport_findings` looks at: it takes a few tenths of a second."""
+
+
+def is_for_others(settings: Settings, *, is_exported: bool) -> bool:
+    """Whether a program other than Blender reads the normal map. settings: as in before_bake.is_for_others.
+
+    is_exported: whether Imprint writes the low mesh for an engine. Then it has the triangles and tangents of the bake.
+    """
+    return before_bake.is_for_others(settings) or (is_exported and before_bake.is_in_tangent_space(settings))
+
+
+def unsolved_by_export(findings: Sequence[Finding], *, is_exported: bool) -> list[Finding]:
+    """The findings that the export does not solve. is_exported: as in `is_for_others`."""
+    return [finding for finding in findings if not (is_exported and finding.kind in SOLVED_BY_EXPORT)]
+
+
+def active_layer(low: bpy.types.Object) -> str:
+    """The name of the active UV map of an object's own mesh; empty if it has none."""
+    layer = low.data.uv_layers.active
+    return layer.name if layer is not None else ""
+
+
+def mesh_findings(low: Mesh, obj: bpy.types.Object, uv_layer: str, settings: Settings) -> list[Finding]:
+    """The findings for a low mesh as it was read from `obj`, for a bake of its UV map `uv_layer`."""
+    return before_bake.find(low, uv_layer, active_layer(obj), settings)
+
+
+def viewport_findings(
+    context: bpy.types.Context, low: bpy.types.Object, settings: Settings, *, is_own_base: bool
+) -> list[Finding]:
+    """The findings for a low object as the viewport shows it. is_own_base: whether it is baked without its modifiers.
+
+    Empty in other modes than Object Mode, where its mesh is out of date, and for meshes that take long.
+    """
+    if low.mode != "OBJECT":
+        return []
+    depsgraph = context.evaluated_depsgraph_get()
+    with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
+        layers = data.uv_layers
+        layer = settings.uv_layer or (layers.active.name if layers.active is not None else "")
+        if layer not in layers or not 0 < len(data.loops) <= MOST_CORNERS:
+            return []
+        mesh = mesh_reader.surface(data, layer, low.name, mesh_reader.matrix(low), with_faces=True)
+        return mesh_findings(mesh, low, layer, settings) if len(mesh.triangles) else []
+
+
+def flipped_findings(meshes: Meshes) -> list[Finding]:
+    """A finding if the faces of the meshes of a bake point to opposite sides."""
+    if meshes.is_own_base or not len(meshes.low.triangles):
+        return []
+    low = facing.of_mesh(meshes.low, facing.LOW_FACES)
+    each = max(1, facing.HIGH_FACES // len(meshes.highs))
+    highs = facing.joined([facing.of_mesh(high, each) for high in meshes.highs])
+    names = shorten_list(repr(high.name) for high in meshes.highs)
+    return before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+
+
+def viewport_flipped(
+    context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]
+) -> list[Finding]:
+    """As `flipped_findings`, for objects as the viewport shows them. Empty in other modes than Object Mode, and for objects that are no
+    meshes."""
+    if low in highs or not highs or any(obj.type != "MESH" or obj.mode != "OBJECT" for obj in (low, *highs)):
+        return []
+    depsgraph = context.evaluated_depsgraph_get()
+    on_low = _some_faces(low.evaluated_get(depsgraph), facing.LOW_FACES)
+    each = max(1, facing.HIGH_FACES // len(highs))
+    on_high = facing.joined([_some_faces(high.evaluated_get(depsgraph), each) for high in highs])
+    return before_bake.find_flipped(on_low, on_high, repr(low.name), shorten_list(repr(high.name) for high in highs))
+
+
+def _some_faces(obj: bpy.types.Object, most: int) -> Faces:
+    """Some faces of an evaluated object, evenly spaced, at most `most`: so few that large meshes take no longer."""
+    polygons, matrix = obj.data.polygons, np.array(obj.matrix_world, np.float64)
+    some = [polygons[number] for number in range(0, len(polygons), max(1, -(-len(polygons) // most)))]
+    centers = np.array([each.center for each in some], np.float64).reshape(-1, 3)
+    normals = np.array([each.normal * each.area for each in some], np.float64).reshape(-1, 3)
+    with np.errstate(all="ignore"):  # an axis may have no scale
+        try:
+            turned = abs(np.linalg.det(matrix[:3, :3])) * np.linalg.inv(matrix[:3, :3]).T
+        except np.linalg.LinAlgError:
+            turned = np.zeros((3, 3))
+    return Faces(centers @ matrix[:3, :3].T + matrix[:3, 3], normals @ turned.T)
+
+
+def finding_warnings(findings: Sequence[Finding]) -> list[Warned]:
+    """The warnings about what harms."""
+    kinds = {FLIPPED: causes.FLIPPED, HARD_EDGES: "hard_edges"}
+    return [Warned(each.sentence, kinds.get(each.kind, "")) for each in findings if each.harms]
+
+
+def soften(data: bpy.types.Mesh, soft: np.ndarray, hard: np.ndarray) -> int:
+    """Make the edges `soft` (N,) int smooth, and keep the other ones in `hard` (M,) int hard. Returns how many are soft.
+
+    Custom normals stay on all other corners; where edges become smooth, they are the mean of both sides.
+    """
+    is_sharp = np.zeros(len(data.edges), bool)
+    is_sharp[hard] = True
+    is_sharp[soft] = False
+    custom = _merged(data, is_sharp) if "custom_normal" in data.attributes else None
+    data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
+    data.edges.foreach_set("use_edge_sharp", is_sharp)
+    if custom is not None:
+        _store(data, custom)
+    return len(soft)
+
+
+def _store(data: bpy.types.Mesh, normals: np.ndarray) -> None:
+    """Replace the custom normals of `data`, in the way they are stored. normals: (C, 3) float32."""
+    layer = data.attributes["custom_normal"]
+    if (layer.data_type, layer.domain) == ("FLOAT_VECTOR", "CORNER"):
+        layer.data.foreach_set("vector", normals.reshape(-1))
+        return
+    data.attributes.remove(layer)
+    data.normals_split_custom_set(normals)
+
+
+def _merged(data: bpy.types.Mesh, is_sharp: np.ndarray) -> np.ndarray:
+    """The corner normals (C, 3) float32 with one normal for all corners of a vertex between which no edge is sharp."""
+    corners = len(data.loops)
+    vertex, edge = mesh_reader.corner_vertices(data), mesh_elements.corner_edges(data)
+    following = mesh_elements.next_corners(data)
+    order = np.argsort(edge, kind="stable")
+    same = (edge[order][1:] == edge[order][:-1]) & ~is_sharp[edge[order][1:]]
+    first, second = order[:-1][same], order[1:][same]
+    is_same_way = vertex[first] == vertex[second]
+    other, after = np.where(is_same_way, second, following[second]), np.where(is_same_way, following[second], second)
+    groups = np.concatenate([np.stack([first, other], axis=1), np.stack([following[first], after], axis=1)])
+    root = uv_islands.connected_components(groups, corners) if len(groups) else np.arange(corners)
+    normals = np.empty((corners, 3), np.float32)
+    data.corner_normals.foreach_get("vector", normals.reshape(-1))
+    sums = np.stack([np.bincount(root, axis, corners) for axis in normals.T], axis=1)[root]
+    return (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)).astype(np.float32)
+
+
+def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.types.Modifier, int]:
+    """Add a Triangulate modifier to the low object of a past bake. As `add`."""
+    past = PastBake.of(report)
+    return add_modifier(context, past.job.low, past.settings.modifiers, is_own_base=past.job.low in past.job.highs)
+
+
+def add_modifier(
+    context: bpy.types.Context, low: bpy.types.Object, modifiers: str, *, is_own_base: bool
+) -> tuple[bpy.types.Modifier, int]:
+    """Add a Triangulate modifier to the low object, with the triangles that Blender draws and that are baked.
+
+    modifiers: as in Settings. is_own_base: whether it is baked without its modifiers.
+
+    Also returns how many quads the modifier cuts along the other diagonal: Blender switches it for quads that would fold.
+    Raises BakeError if the object cannot have the modifier, or already has it.
+    """
+    if not low.is_editable:
+        raise BakeError(f"{low.name!r} is linked from another file: make it local to add a modifier.")
+    if is_own_base:
+        raise BakeError(
+            f"{low.name!r} was baked from its own modifiers onto its base mesh: triangulate the base mesh instead."
+        )
+    if low.modifiers and low.modifiers[-1].type == "TRIANGULATE":
+        raise BakeError(f"{low.name!r} already has a Triangulate modifier: {low.modifiers[-1].name!r}.")
+    with (
+        evaluation.prepared(context, low, [], None, modifiers) as depsgraph,
+        mesh_reader.evaluated(low, depsgraph) as data,
+    ):
+        mesh = mesh_reader.surface(data, "", low.name, mesh_reader.matrix(low), with_faces=True)
+    modifier = low.modifiers.new("Triangulate", "TRIANGULATE")
+    modifier.quad_method, modifier.ngon_method = "FIXED", "CLIP"
+    modifier.keep_custom_normals = True
+    return modifier, int(np.count_nonzero(face_shapes.folded(mesh)))
+
+
+def triangulate_sentence(low: str, modifier: bpy.types.Modifier, folded: int) -> str:
+    """What `add` did to the object `low`."""
+    difference = f"; it divides {folded:,} folded quads differently from how Blender draws them" if folded else ""
+    return f"{low!r} has the modifier {modifier.name!r}{difference}"
+
+
+ASIDE = 1.0
+"""By how much of u parts are moved: a whole tile, so that they read the same texels."""
+
+
+def fix(
+    context: bpy.types.Context,
+    low: bpy.types.Object,
+    highs: Sequence[bpy.types.Object],
+    settings: Settings,
+    kind: str,
+) -> str:
+    """Fix one of before_bake.KINDS. Returns a sentence about what was done.
+
+    highs: the high objects of the bake; `low` is one of them if it is baked without its modifiers.
+
+    Raises BakeError if that is not possible, and then nothing has changed.
+    """
+    if kind == before_bake.FLIPPED:
+        return _flip(context, low, highs)
+    _check_editable(low)
+    is_own_base = low in highs
+    if kind == before_bake.POLYGONS:
+        modifier, folded = add_modifier(context, low, Modifiers.VIEWPORT, is_own_base=is_own_base)
+        return triangulate_sentence(low.name, modifier, folded)
+    return _FIXES[kind](low, settings)
+
+
+def _check_editable(obj: bpy.types.Object) -> None:
+    if obj.mode != "OBJECT":
+        raise BakeError(f"{obj.name!r} is not in Object Mode: switch to it first.")
+    for block in (obj, obj.data):
+        if not block.is_editable:
+            raise BakeError(f"{obj.name!r} is linked from another file: make it local to change it.")
+
+
+def _flip(context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> str:
+    found = viewport_flipped(context, low, highs)
+    if not found:
+        raise BakeError(f"The faces of {low.name!r} and its high objects point to the same sides.")
+    flipped = highs if found[0].values["is_high"] else [low]
+    for obj in flipped:
+        _check_editable(obj)
+    blocks = list(dict.fromkeys(obj.data for obj in flipped))
+    for data in blocks:
+        data.flip_normals()
+    return f"The normals of {shorten_list(repr(obj.name) for obj in flipped)} are flipped"
+
+
+def _activate_layer(low: bpy.types.Object, settings: Settings) -> str:
+    layers = low.data.uv_layers
+    if settings.uv_layer not in layers:
+        raise BakeError(f"Modifiers make the UV map {settings.uv_layer!r} of {low.name!r}: apply them first.")
+    layers.active = layers[settings.uv_layer]
+    return f"{settings.uv_layer!r} is the active UV map of {low.name!r}"
+
+
+def _soften(low: bpy.types.Object, settings: Settings) -> str:
+    mesh = _own_mesh(low, settings)
+    inside = uv_seams.hard_edges(mesh)
+    if not len(inside):
+        raise BakeError(f"Modifiers make the hard edges of {low.name!r}: change or apply them.")
+    soft = mesh_elements.edges(low.data, inside)
+    count = soften(low.data, soft, mesh_elements.edges(low.data, edges.hard_edges(mesh)[0]))
+    low.data.update()
+    left = len(uv_seams.hard_edges(_own_mesh(low, settings)))
+    rest = f"; {left:,} are between vertices in the same place: merge those by distance" if left else ""
+    return f"{count:,} edges of {low.name!r} are smooth, all inside UV islands{rest}"
+
+
+def _move_mirrored(low: bpy.types.Object, settings: Settings) -> str:
+    mesh = _own_mesh(low, settings)
+    found = before_bake.mirrored_copies(mesh)
+    if not found.any():
+        mirrors = [modifier for modifier in low.modifiers if modifier.type == "MIRROR"]
+        if not mirrors:
+            raise BakeError(f"Modifiers make the mirrored parts of {low.name!r}: move their UVs there.")
+        for modifier in mirrors:
+            modifier.offset_u = ASIDE
+        return f"UVs are moved aside by {shorten_list(repr(modifier.name) for modifier in mirrors)} of {low.name!r}"
+    layer = low.data.uv_layers[_layer_name(low, settings)]
+    uv = mesh_reader.uvs(low.data, layer.name)
+    corners = mesh_elements.face_corners(low.data, np.unique(mesh.faces[found]))
+    uv[corners, 0] += ASIDE
+    layer.uv.foreach_set("vector", uv.reshape(-1))
+    low.data.update()
+    return f"{int(np.count_nonzero(found)):,} triangles of {low.name!r} are moved aside by one tile"
+
+
+def _own_mesh(low: bpy.types.Object, settings: Settings) -> Mesh:
+    """The object's own mesh, without modifiers."""
+    data = low.data
+    return mesh_reader.surface(data, _layer_name(low, settings), low.name, mesh_reader.matrix(low), with_faces=True)
+
+
+def _layer_name(low: bpy.types.Object, settings: Settings) -> str:
+    layers = low.data.uv_layers
+    name = settings.uv_layer or (layers.active.name if layers.active is not None else "")
+    if name not in layers:
+        raise BakeError(f"{low.name!r} has no UV map {name!r} without its modifiers: apply them first.")
+    return name
+
+
+_FIXES: dict[str, Callable[[bpy.types.Object, Settings], str]] = {
+    before_bake.LAYER: _activate_layer,
+    before_bake.HARD_EDGES: _soften,
+    before_bake.MIRRORED: _move_mirrored,
+}
