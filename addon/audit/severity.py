@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 
-from ..core import cures, lengths
+from ..core import fixes, lengths
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.lengths import Length
 from ..core.settings import Settings
@@ -106,18 +106,18 @@ _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
 _MISSED = (
     "{share:.2%} of the rays from {low} hit nothing: the high mesh has no surface there, and those texels have alpha 0."
 )
-_OUT_OF_REACH = cures.in_shell(
+_OUT_OF_REACH = fixes.in_shell(
     "{share:.2%} of the rays from {low} hit nothing within the extrusion and the maximum distance that were set: those texels "
     "have alpha 0.",
-    cures.MEASURE,
+    fixes.MEASURE,
 )
 _NOT_CAST = (
     "{share:.2%} of the texels of {low} have no high triangle and stay empty. Auto casts rays there if high and low are two "
     "objects in the same place."
 )
-_OTHER_LAYER = cures.in_shell(
+_OTHER_LAYER = fixes.in_shell(
     "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none.",
-    cures.OWN_HIT,
+    fixes.OWN_HIT,
 )
 _BACKS = (
     "{share:.2%} of the texels of {low} may be wrong: most of their rays hit only backs of high faces. Recalculate the normals "
@@ -130,7 +130,7 @@ HARD_EDGES = (
 _SENTENCES = {
     "overlap": "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the "
     "detail of only one of them.",
-    "uncovered": cures.in_shell("{share:.2%} of the texels of {low} have no high triangle and stay empty.", cures.CAST),
+    "uncovered": fixes.in_shell("{share:.2%} of the texels of {low} have no high triangle and stay empty.", fixes.CAST),
     "far": "On {share:.2%} of the texels of {low}, the high surface is farther away than {limit}, at most {maximum}.",
     "unsure": "{share:.2%} of the texels of {low} may show the wrong layer of the high mesh: their rays hit several. Move "
     "{low} closer to the right layer there, or paint an offset group.",

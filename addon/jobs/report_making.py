@@ -10,7 +10,7 @@ import numpy as np
 from ..audit import causes, other_readers
 from ..audit.causes import Warned
 from ..audit.checks import Findings
-from ..core import cures, map_types
+from ..core import fixes, map_types
 from ..core.declarations.choices import Method
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, Labeled
@@ -158,7 +158,7 @@ def slope_notes(settings: Settings) -> list[str]:
     if settings.samples > 1 or map_types.WIDENED_ROUGHNESS.name not in settings.drawn_maps:
         return []
     return [
-        cures.in_shell("With 1 sample in a texel, widened roughness is the roughness of the material.", cures.SAMPLES)
+        fixes.in_shell("With 1 sample in a texel, widened roughness is the roughness of the material.", fixes.SAMPLES)
     ]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 
 from .. import older_blender
-from ..core import cures
+from ..core import fixes
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.map_types import MARK
@@ -30,7 +30,7 @@ def check(low: Object, *, can_be_off: bool = True) -> None:
     as they are without the setting Material."""
     if not low.is_editable:
         cause = f'"{low.name}" is linked from a library, so its materials cannot be set: make it local first.'
-        raise BakeError(cures.in_shell(cause, cures.NO_MATERIAL) if can_be_off else cause)
+        raise BakeError(fixes.in_shell(cause, fixes.NO_MATERIAL) if can_be_off else cause)
     if not low.material_slots and not _is_local(low.data):
         raise BakeError(
             f'"{low.name}" has no material, and its mesh "{low.data.name}" is linked from a library and cannot be '

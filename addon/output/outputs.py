@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core import cures, texel_state
+from ..core import fixes, texel_state
 from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
@@ -21,8 +21,8 @@ from .files.write_queue import WriteQueue
 from .vertex_attributes import VertexMaps
 from .writers import exr_writer
 
-HIDDEN_MISSES = cures.in_shell(
-    "Rays of some texels hit nothing, and files without alpha do not show which.", cures.MISS_MASK
+HIDDEN_MISSES = fixes.in_shell(
+    "Rays of some texels hit nothing, and files without alpha do not show which.", fixes.MISS_MASK
 )
 """A warning."""
 
@@ -175,7 +175,7 @@ class Outputs:
         if self._cut_off:
             titles = shorten_list(BY_NAME[name].title for name in self.settings.drawn_maps if name in self._cut_off)
             cause = f"16-bit floats cut off values beyond 65,504 of the {titles}."
-            warnings.append(cures.in_shell(cause, cures.DEPTH))
+            warnings.append(fixes.in_shell(cause, fixes.DEPTH))
         attributes = {}
         for vertices, low in zip(self._vertices, lows, strict=False):  # without attributes, there are only low objects
             names, more = vertices.store(low)

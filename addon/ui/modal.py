@@ -10,8 +10,8 @@ import bpy
 
 from .. import older_blender
 from ..core import progress
-from ..core.cures import in_window
 from ..core.errors import BakeError, sentence
+from ..core.fixes import in_window
 from ..core.progress import Pace, Progress, Task
 from .callbacks import Key
 from .live.live_switch import live

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.cli.usage.arguments import parser
-from addon.core import cures
+from addon.core import fixes
 from addon.jobs import bake_jobs
 from addon.ui.bake_results import results
 from addon.ui.panels import bake_plan
@@ -44,21 +44,21 @@ def drawn_cures():
 # Options and buttons
 
 
-@pytest.mark.parametrize("kind", cures.CURES)
+@pytest.mark.parametrize("kind", fixes.FIXES)
 def test_each_cure_is_an_option_of_the_shell_and_a_button(kind):
-    cure, settings = cures.CURES[kind], bpy.context.scene.imprint
+    cure, settings = fixes.FIXES[kind], bpy.context.scene.imprint
     words = re.findall(r"--([a-z-]+)", cure.in_shell)
     known = set(re.findall(r"^ +(?:-\w, )?--([a-z-]+)", parser("imprint").format_help(), re.MULTILINE))
     assert words
     assert set(words) <= known
     assert kind in CURES
     assert settings.bl_rna.properties[cure.setting]
-    assert cures.in_window(cures.in_shell("Something is wrong.", kind)) == ("Something is wrong.", kind)
+    assert fixes.in_window(fixes.in_shell("Something is wrong.", kind)) == ("Something is wrong.", kind)
 
 
-@pytest.mark.parametrize("kind", cures.CURES)
+@pytest.mark.parametrize("kind", fixes.FIXES)
 def test_a_button_sets_its_setting(kind):
-    cure = cures.CURES[kind]
+    cure = fixes.FIXES[kind]
     others = {
         "method": "FLATTEN",
         "hit": "OUTERMOST",
@@ -82,7 +82,7 @@ def test_a_warning_of_a_bake_is_a_sentence_and_a_button(gpu_context):
     text, kinds = drawn_cures()
     assert "hit nothing within the extrusion" in text
     assert "--" not in text
-    assert kinds == [cures.MEASURE]
+    assert kinds == [fixes.MEASURE]
     bpy.ops.imprint.cure(kind=kinds[0])
     assert settings.rays_of(low, [high]).measure
     bpy.ops.imprint.bake()
@@ -103,10 +103,10 @@ def test_a_linked_low_object_is_named_before_the_bake_with_a_button(tmp_path, gp
     text, kinds = drawn_cures()
     assert "make it local first." in text
     assert "--" not in text
-    assert kinds == [cures.NO_MATERIAL]
+    assert kinds == [fixes.NO_MATERIAL]
     with pytest.raises(RuntimeError, match=r"make it local first\.\n?$"):
         bpy.ops.imprint.bake()
-    bpy.ops.imprint.cure(kind=cures.NO_MATERIAL)
+    bpy.ops.imprint.cure(kind=fixes.NO_MATERIAL)
     assert not settings.material
     assert bake_plan.problem(bpy.context, low, [high], settings) == ""
     settings.connect_maps = True  # the same is checked for other maps

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...core import cures as of_settings
+from ...core import fixes
 from ...core.errors import BakeError
 from ...jobs import readiness
 from ...scene import object_refs
@@ -40,35 +40,35 @@ CURES = {
         "detail of the others",
         "MOD_MIRROR",
     ),
-    of_settings.AUTO: (
+    fixes.AUTO: (
         "Choose Auto",
         "Set Method to Auto, which casts rays where the UV layouts differ",
         "SETTINGS",
     ),
-    of_settings.CAST: ("Cast Rays", "Set Method to Cast, which needs no UVs of the high mesh", "SETTINGS"),
-    of_settings.OWN_HIT: (
+    fixes.CAST: ("Cast Rays", "Set Method to Cast, which needs no UVs of the high mesh", "SETTINGS"),
+    fixes.OWN_HIT: (
         "Use Own Hit",
         "Set Hit to Own, which chooses the layer that belongs to each texel",
         "SETTINGS",
     ),
-    of_settings.MEASURE: (
+    fixes.MEASURE: (
         "Measure Distances",
         "Measure how far the high surface lies from the low one, instead of using distances that were set",
         "SETTINGS",
     ),
-    of_settings.DEPTH: ("Use 32 Bits", "Set Depth to 32, which holds larger values", "SETTINGS"),
-    of_settings.SAMPLES: ("Use 16 Samples", "Set Samples to 16", "SETTINGS"),
-    of_settings.NO_MATERIAL: (
+    fixes.DEPTH: ("Use 32 Bits", "Set Depth to 32, which holds larger values", "SETTINGS"),
+    fixes.SAMPLES: ("Use 16 Samples", "Set Samples to 16", "SETTINGS"),
+    fixes.NO_MATERIAL: (
         "Switch Material Off",
         "Leave the materials of the low object as they are",
         "SETTINGS",
     ),
-    of_settings.TEXTURE_SETS: (
+    fixes.TEXTURE_SETS: (
         "Use Texture Sets",
         "Switch Texture Sets on, which bakes an image for each material of the low object",
         "SETTINGS",
     ),
-    of_settings.MISS_MASK: (
+    fixes.MISS_MASK: (
         "Make Miss Mask",
         "Also make an image that is white where the rays hit nothing",
         "SETTINGS",
@@ -121,7 +121,7 @@ class IMPRINT_OT_cure(bpy.types.Operator):
     def _cured(self, context: bpy.types.Context, low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:
         """Do it. Returns a sentence about what was done. Raises BakeError."""
         settings = context.scene.imprint
-        change = of_settings.CURES.get(self.kind)
+        change = fixes.FIXES.get(self.kind)
         if change is None:
             return readiness.fix(context, low, highs, settings.settings_for(low, highs), self.kind)
         rays = settings.rays_of(low, highs)
@@ -132,7 +132,7 @@ class IMPRINT_OT_cure(bpy.types.Operator):
 
 def draw_cured(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
     """A sentence of a report or an error, without what cures it in a shell, and the button that cures it."""
-    shown, kind = of_settings.in_window(text)
+    shown, kind = fixes.in_window(text)
     draw_paragraphs(layout, context, [shown], icon)
     if kind:
         draw_button(layout, kind)
