@@ -13,7 +13,7 @@ def register() -> None:
     import bpy
 
     with ExitStack() as undo:
-        for module in _modules():
+        for module in modules():
             with ExitStack() as undo_failed:
                 undo_failed.callback(_unregister_classes, module)
                 module.register()
@@ -40,7 +40,7 @@ def unregister() -> None:
     import bpy
 
     _stop()
-    for module in reversed(_modules()):
+    for module in reversed(modules()):
         module.unregister()
     bpy.app.handlers.load_pre.remove(before_loading)
     atexit.unregister(free)
@@ -54,66 +54,58 @@ def free() -> None:
     from . import passes
     from .engine import gpu_memory
 
-    for name, held in (("ui.live.live_switch", "live"), ("ui.viewport.view_mode", "viewer")):
+    for name, held in (("ui.live_switch", "live"), ("ui.view_mode", "viewer")):
         if module := sys.modules.get(f"{__name__}.{name}"):  # without a window, no module of the interface is imported
             getattr(module, held).free()
     gpu_memory.free()
     passes.free()
 
 
-def _modules() -> tuple[ModuleType, ...]:
+def modules() -> tuple[ModuleType, ...]:
     """What has something to register, in this order: a panel after its parent. Imported only when Blender asks for it."""
     from .cli import command
     from .ui import (
-        check_operators,
-        idle_memory,
-        map_size,
+        bake_panel,
+        bake_results,
+        batches,
+        cage_overlay,
+        checks,
+        convert,
+        export,
+        fixes,
+        levels,
+        memory,
         modal,
+        object_slots,
         operators,
-        panel_operators,
         presets,
         properties,
-        saving,
+        settings_panels,
         translations,
-        weight_operators,
+        view_mode,
+        view_panel,
     )
-    from .ui.converting import convert_operator, convert_panel
-    from .ui.exporting import export_operator
-    from .ui.levels import level_operators, levels_panel
-    from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
-    from .ui.readiness import cure_operators
-    from .ui.sending import farm_preferences, flamenco_operator
-    from .ui.viewport import split_gizmo, view_mode, view_operators, view_properties
 
     return (
         translations,
         properties,
         operators,
-        convert_operator,
-        panel_operators,
-        export_operator,
-        check_operators,
-        cure_operators,
-        weight_operators,
-        level_operators,
-        map_size,
+        bake_results,
+        object_slots,
+        export,
+        fixes,
+        cage_overlay,
         presets,
-        farm_preferences,
-        flamenco_operator,
         bake_panel,
         settings_panels,
-        batch_panels,
-        levels_panel,
-        convert_panel,
-        check_panel,
-        view_properties,
-        view_mode,
-        view_operators,
-        split_gizmo,
+        batches,
+        levels,
+        convert,
+        checks,
         view_panel,
+        view_mode,
         command,
-        idle_memory,
-        saving,
+        memory,
         modal,
     )
 
@@ -123,12 +115,12 @@ def _stop() -> None:
     import bpy
 
     from .ui.bake_results import results
-    from .ui.live.live_switch import live
+    from .ui.cage_overlay import overlay
+    from .ui.fixes import findings
+    from .ui.live_switch import live
+    from .ui.memory import held
     from .ui.modal import runner
-    from .ui.readiness.panel_findings import findings
-    from .ui.saving import held
-    from .ui.viewport.cage_overlay import overlay
-    from .ui.viewport.view_mode import viewer
+    from .ui.view_mode import viewer
 
     runner.stop(bpy.context)
     live.stop()

@@ -85,8 +85,10 @@ def flipped_findings(meshes: Meshes) -> list[Finding]:
 def viewport_flipped(
     context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]
 ) -> list[Finding]:
-    """As `flipped_findings`, for objects as the viewport shows them. Empty in other modes than Object Mode, and for objects that are no
-    meshes."""
+    """As `flipped_findings`, for objects as the viewport shows them.
+
+    Empty in other modes than Object Mode, and for objects that are no meshes.
+    """
     if low in highs or not highs or any(obj.type != "MESH" or obj.mode != "OBJECT" for obj in (low, *highs)):
         return []
     depsgraph = context.evaluated_depsgraph_get()

@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The reports of the last bakes, for the panels: read from the low objects, which keep them in the file."""
+"""The last bakes: their reports, which the low objects keep in the file, and how their maps are shown."""
 
 import bpy
+from bpy.props import StringProperty
 
+from ..core.errors import BakeError
 from ..core.report import Report
+from ..output import map_images, materials, outputs
+from ..scene import visibility
 from . import object_pairs
+from .callbacks import redraw
+from .translations import LABEL, tooltip
 
 
 class BakeResults:
@@ -61,3 +67,184 @@ def high_objects(report: Report) -> list[bpy.types.Object]:
 
 
 results = BakeResults()
+
+
+def show_image(context: bpy.types.Context, shown: bpy.types.Image) -> bool:
+    """Show an image in an Image Editor, if one is open that is not pinned to another. Returns whether there was one."""
+    editors = _editors(context)
+    free = [editor for editor in editors if editor.image == shown or not editor.use_image_pin]
+    # One that shows it already, so that no other picture is replaced.
+    editor = next((editor for editor in free if editor.image == shown), next(iter(free), None))
+    if editor is not None:
+        editor.image = shown
+    return editor is not None
+
+
+def is_image_open(shown: bpy.types.Image) -> bool:
+    """Whether an Image Editor shows an image."""
+    return any(editor.image == shown for editor in _editors(bpy.context))
+
+
+def _editors(context: bpy.types.Context) -> list[bpy.types.SpaceImageEditor]:
+    """The open Image Editors."""
+    areas = [area for window in context.window_manager.windows for area in window.screen.areas]
+    return [area.spaces.active for area in areas if area.type == "IMAGE_EDITOR"]
+
+
+def show_image_in_window(context: bpy.types.Context, shown: bpy.types.Image) -> None:
+    """Show an image in an open Image Editor, or else in a new window, as Blender shows renders."""
+    if show_image(context, shown):
+        return
+    before = set(context.window_manager.windows)
+    bpy.ops.wm.window_new()
+    window = next(window for window in context.window_manager.windows if window not in before)
+    area = window.screen.areas[0]
+    area.type = "IMAGE_EDITOR"
+    editor, (width, height) = area.spaces.active, (max(1, side) for side in shown.size)
+    editor.image = shown
+    editor.zoom_percentage = 90.0 * min(area.width / width, area.height / height)
+
+
+def show_bake(context: bpy.types.Context, reports: list[Report]) -> None:
+    """Show the first map, and the low mesh with it: Material Preview instead of Solid, and the high objects hidden.
+
+    No editor is opened. The next bake of the same low object uses its high objects although they are hidden.
+    """
+    first = bpy.data.images.get(reports[0].image)
+    if first is not None:
+        show_image(context, first)
+    area = find_viewport(context)
+    if area is None:
+        return
+    shading = area.spaces.active.shading
+    if shading.type == "SOLID" and all(map(_is_in_material, reports)):
+        shading.type = "MATERIAL"
+    if shading.type in {"MATERIAL", "RENDERED"}:
+        for report in reports:
+            hide_high(context, report, True)
+
+
+def _is_in_material(report: Report) -> bool:
+    """Whether the bake put a map into the materials of its low object."""
+    settings = report.settings
+    return bool((settings.get("material") and settings.get("normal")) or settings.get("connect_maps"))
+
+
+def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
+    """Hide the high objects of a bake in the view layer, or show them again."""
+    there = set(context.view_layer.objects.values())  # not by name: a linked and a local object may share one
+    for obj in high_objects(report):
+        if obj in there:
+            obj.hide_set(hide)
+
+
+def hides_high(report: Report) -> bool:
+    """Whether no high object of a bake is visible."""
+    return not any(visibility.is_visible(obj) for obj in high_objects(report))
+
+
+def show_selection(context: bpy.types.Context) -> None:
+    """Frame the selected faces in the viewport, with X-Ray so that nothing covers them."""
+    area = find_viewport(context)
+    if area is None:
+        return
+    shading = area.spaces.active.shading
+    if shading.type == "SOLID":
+        shading.show_xray = True
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with context.temp_override(area=area, region=region):
+        bpy.ops.view3d.view_selected()
+
+
+def find_viewport(context: bpy.types.Context) -> bpy.types.Area | None:
+    """The 3D viewport of the context, or the largest one of its window; None if no 3D viewport is open."""
+    if context.area is not None and context.area.type == "VIEW_3D":
+        return context.area
+    areas = context.window.screen.areas if context.window is not None else ()
+    areas = [area for area in areas if area.type == "VIEW_3D"]
+    return max(areas, key=lambda area: area.width * area.height, default=None)
+
+
+class IMPRINT_OT_connect_maps(bpy.types.Operator):
+    """Put the maps of the last bake into the low object's material: colors, roughness, metallic, occlusion and height"""
+
+    bl_idname = "imprint.connect_maps"
+    bl_label = "Connect Maps"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not any(map_images.are_any(report.maps) for report in results.all_of(context)):
+            cls.poll_message_set(tooltip("Bake a map first that a material takes, such as base color"))
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        reports, warnings = results.all_of(context), []
+        try:
+            low = reports[0].refs[0].resolve()
+            materials.check(low, can_be_off=False)
+            for report in reports:
+                warnings += outputs.connect_maps(
+                    low,
+                    report.maps,
+                    report.uv_layer,
+                    space=report.space,
+                    single_user=context.scene.imprint.single_user,
+                    slots=report.slots or None,
+                )
+        except BakeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for warning in dict.fromkeys(warnings):
+            self.report({"WARNING"}, warning)
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_show_map(bpy.types.Operator):
+    """Show an image of the last bake in an open Image Editor, or else in a new window"""
+
+    bl_idname = "imprint.show_map"
+    bl_label = "Show Map"
+
+    image: StringProperty(
+        name="Image", description="Name of the image; empty for the first one", translation_context=LABEL
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return results.of(context) is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        name = self.image or results.of(context).image
+        shown = bpy.data.images.get(name)
+        if shown is None:
+            self.report({"ERROR"}, f"The image {name!r} was undone, renamed or deleted: bake again.")
+            return {"CANCELLED"}
+        is_pressed = self.options.is_invoke and context.window is not None
+        show = show_image_in_window if is_pressed else show_image
+        show(context, shown)
+        redraw()
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_show_high(bpy.types.Operator):
+    """Hide the high objects of the last bake to see the low object with its map, or show them again"""
+
+    bl_idname = "imprint.show_high"
+    bl_label = "Show High"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        report = results.of(context)
+        return report is not None and bool(high_objects(report))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        report = results.of(context)
+        hide_high(context, report, hide=not hides_high(report))
+        return {"FINISHED"}
+
+
+CLASSES = (IMPRINT_OT_connect_maps, IMPRINT_OT_show_map, IMPRINT_OT_show_high)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

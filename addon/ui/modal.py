@@ -14,10 +14,10 @@ from ..core.errors import BakeError, sentence
 from ..core.fixes import in_window
 from ..core.progress import Pace, Progress, Task
 from .callbacks import Key
-from .live.live_switch import live
-from .saving import held
+from .live_switch import live
+from .memory import held
+from .progress_display import display
 from .translations import tooltip
-from .viewport.progress_display import display
 
 SLICE = 0.06
 """Seconds of rays between two checks of the clock."""

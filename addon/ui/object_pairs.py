@@ -30,7 +30,7 @@ from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
 from ..scene import instances, object_checks
 from ..scene.object_refs import GONE, ObjectRef
-from .settings.declared_properties import declared
+from .declared_properties import declared
 from .translations import LABEL
 
 CHOSEN = ("method", "measure", "extrusion", "max_distance")

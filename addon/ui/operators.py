@@ -12,13 +12,12 @@ from ..core.settings import Settings
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..scene import object_checks, object_refs, scene_lengths
-from . import modal, object_pairs
+from . import bake_results, modal, object_pairs
 from .bake_results import results
-from .live.live_switch import live
+from .live_switch import live
+from .progress_display import display
 from .properties import Options
 from .translations import LABEL
-from .viewport import show_result
-from .viewport.progress_display import display
 
 
 class _Bake(modal.MapOperator):
@@ -29,7 +28,7 @@ class _Bake(modal.MapOperator):
         self.show(context, lines, [warning for report in result for warning in report.warnings])
         results.remember(context, result)
         if self.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
-            show_result.bake(context, result)
+            bake_results.show_bake(context, result)
 
 
 class _OnePair(_Bake, Options):

@@ -16,10 +16,8 @@ from ..jobs.job import Job
 from ..scene import object_checks, visibility
 from . import bake_results, object_pairs
 from .bake_results import results
+from .declared_properties import MapList, Options, declared
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
-from .settings.bake_options import Options
-from .settings.declared_properties import declared
-from .settings.map_list import MapList
 from .translations import LABEL
 
 

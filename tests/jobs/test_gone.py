@@ -12,7 +12,7 @@ from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair, live_session, locate_issues, sequence
 from addon.output import datablocks
-from addon.ui.live.live_switch import live
+from addon.ui.live_switch import live
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot

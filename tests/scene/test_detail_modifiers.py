@@ -8,7 +8,7 @@ import pytest
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
 from addon.scene import object_checks
-from addon.ui.panels import bake_plan
+from addon.ui import bake_panel
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -211,8 +211,8 @@ def test_replacing_a_painted_image_gives_no_warning():
 
 def test_the_panel_names_the_high_object_of_the_map_to_replace(low):
     settings, other = bpy.context.scene.imprint, zoo.terrain("other")
-    assert "which holds" not in bake_plan.plan(low, [bpy.data.objects["hi"]], settings)
-    line = bake_plan.plan(low, [other], settings)
+    assert "which holds" not in bake_panel.describe_bake(low, [bpy.data.objects["hi"]], settings)
+    line = bake_panel.describe_bake(low, [other], settings)
     assert line.endswith("over the image 'lo_normal', which holds a map of 'hi'.")
     low.modifiers.new("Finer", "SUBSURF")
-    assert "holds a map of 'hi'" in bake_plan.plan(*settings.chosen_objects(bpy.context), settings)
+    assert "holds a map of 'hi'" in bake_panel.describe_bake(*settings.chosen_objects(bpy.context), settings)

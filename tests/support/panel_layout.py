@@ -5,9 +5,8 @@ from types import SimpleNamespace
 
 import bpy
 
-from addon.ui.converting import convert_panel
-from addon.ui.levels import levels_panel
-from addon.ui.panels import bake_panel, batch_panels, settings_panels, view_panel
+import addon
+from addon.ui import checks, object_slots, sidebar
 
 
 class Layout:
@@ -83,7 +82,7 @@ class Layout:
         assert {name} <= set(data.bl_rna.properties.keys())
         assert {active_name} <= set(active_data.bl_rna.properties.keys())
         for item in getattr(data, name):
-            bake_panel.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
+            object_slots.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
 
     def operator(self, name, icon="NONE", **_):
         assert icon in self.ICONS
@@ -95,13 +94,12 @@ class Layout:
 
 
 PANELS = [
-    *bake_panel.CLASSES[1:],
-    *settings_panels.CLASSES,
-    *batch_panels.CLASSES,
-    *levels_panel.CLASSES,
-    *convert_panel.CLASSES,
-    *view_panel.CLASSES,
+    cls
+    for module in addon.modules()
+    for cls in getattr(module, "CLASSES", ())
+    if issubclass(cls, sidebar.SidebarPanel) and cls is not checks.IMPRINT_PT_checks
 ]
+"""The panels in the order in which they are registered, without that of the checks."""
 
 
 def draw(width=240, ui_scale=1.0):

@@ -18,10 +18,9 @@ import bpy
 import numpy as np
 
 from addon.output import datablocks
-from addon.ui import object_pairs
+from addon.ui import bake_results, object_pairs
 from addon.ui.bake_results import results
-from addon.ui.live.live_switch import live
-from addon.ui.viewport import show_result
+from addon.ui.live_switch import live
 from scripts import imprint
 from tests.support import snapshot, zoo
 
@@ -160,7 +159,7 @@ def images_of(kind: str, names: Iterable[str]) -> list[str]:
 def show_bake() -> None:
     """Show a bake, as after a press of its button: in Material Preview, with the high object hidden."""
     bpy.context.window.scene = bpy.data.scenes["packed"]
-    show_result.bake(bpy.context, results.all_of(bpy.context, bpy.data.objects["packed low"]))
+    bake_results.show_bake(bpy.context, results.all_of(bpy.context, bpy.data.objects["packed low"]))
 
 
 def content(image: bpy.types.Image) -> dict[str, str]:

@@ -8,7 +8,7 @@ import pytest
 from addon.core.settings import Settings
 from addon.jobs import bake_jobs, readiness
 from addon.ui.bake_results import results
-from addon.ui.readiness.panel_findings import findings
+from addon.ui.fixes import findings
 from tests.support import panel_layout, zoo
 
 pytestmark = pytest.mark.usefixtures("registered")

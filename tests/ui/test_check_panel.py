@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from addon.jobs import locate_issues
-from addon.ui import check_operators
+from addon.ui import bake_results, checks
 from addon.ui.bake_results import results
-from addon.ui.panels import check_panel
-from addon.ui.viewport import show_result
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -255,7 +253,7 @@ def test_an_open_image_editor_shows_the_mask(baked):
         before = [area.spaces.active.image for area in editors]
         windows = [SimpleNamespace(screen=SimpleNamespace(areas=[area("VIEW_3D")])), window(editors)]
         context = SimpleNamespace(window_manager=SimpleNamespace(windows=windows))
-        assert show_result.image(context, image) == (shows is not None)
+        assert bake_results.show_image(context, image) == (shows is not None)
         after = [image if number == shows else was for number, was in enumerate(before)]
         assert [area.spaces.active.image for area in editors] == after
 
@@ -343,14 +341,14 @@ def draw(active, width=1000):
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
         region=SimpleNamespace(width=width),
     )
-    assert check_panel.IMPRINT_PT_checks.poll(context)
-    check_panel.IMPRINT_PT_checks.draw(SimpleNamespace(layout=layout), context)
+    assert checks.IMPRINT_PT_checks.poll(context)
+    checks.IMPRINT_PT_checks.draw(SimpleNamespace(layout=layout), context)
     return layout.drawn
 
 
 def test_the_panel_is_hidden_before_a_bake():
     low = zoo.plane("lo")
-    assert not check_panel.IMPRINT_PT_checks.poll(SimpleNamespace(scene=bpy.context.scene, active_object=low))
+    assert not checks.IMPRINT_PT_checks.poll(SimpleNamespace(scene=bpy.context.scene, active_object=low))
 
 
 def test_the_panel_shows_an_icon_and_a_number_for_each_check(baked):
@@ -424,8 +422,8 @@ def test_mirrored_islands_have_a_line(baked):
 @pytest.mark.parametrize(
     ("operator", "kinds"),
     [
-        (check_operators.IMPRINT_OT_select_flaws, locate_issues.KINDS),
-        (check_operators.IMPRINT_OT_show_mask, locate_issues.ON_TEXELS),
+        (checks.IMPRINT_OT_select_flaws, locate_issues.KINDS),
+        (checks.IMPRINT_OT_show_mask, locate_issues.ON_TEXELS),
     ],
     ids=["select_flaws", "show_mask"],
 )
@@ -433,9 +431,7 @@ def test_each_button_has_the_tooltip_of_its_check(operator, kinds):
     tooltips = {operator.description(None, SimpleNamespace(kind=kind.upper())) for kind in kinds}
     assert len(tooltips) == len(kinds)
     for kind in kinds:
-        assert operator.description(None, SimpleNamespace(kind=kind.upper())).startswith(
-            check_operators.CHECKS[kind][1]
-        )
+        assert operator.description(None, SimpleNamespace(kind=kind.upper())).startswith(checks.CHECKS[kind][1])
 
 
 def test_every_enabled_button_works(baked):
@@ -459,7 +455,7 @@ def test_the_checks_of_the_active_low_object_are_shown():
         assert drawn.labels[drawn.labels.index("Quads, n-gons") + 1] == str(count)
         assert {button.low for button in drawn.buttons} == {name}
     other = SimpleNamespace(scene=bpy.context.scene, active_object=bpy.data.objects["a_high"])
-    assert not check_panel.IMPRINT_PT_checks.poll(other)
+    assert not checks.IMPRINT_PT_checks.poll(other)
     select("POLYGONS", low="b_low")
     assert second.mode == "EDIT"
     assert "Nothing was baked onto 'c'" in refusal(bpy.ops.imprint.select_flaws, kind="POLYGONS", low="c")
@@ -473,4 +469,4 @@ def test_checks_of_the_last_successful_bake_stay(baked):
 
 
 def test_all_kinds_have_a_label_and_a_tooltip():
-    assert tuple(sorted(check_operators.CHECKS)) == tuple(sorted(locate_issues.KINDS))
+    assert tuple(sorted(checks.CHECKS)) == tuple(sorted(locate_issues.KINDS))

@@ -10,9 +10,9 @@ import pytest
 from addon.cli.usage.arguments import parser
 from addon.core import fixes
 from addon.jobs import bake_jobs
+from addon.ui import bake_panel
 from addon.ui.bake_results import results
-from addon.ui.panels import bake_plan
-from addon.ui.readiness.cure_operators import CURES
+from addon.ui.fixes import FIXES
 from tests.support import panel_layout, zoo
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -51,7 +51,7 @@ def test_each_cure_is_an_option_of_the_shell_and_a_button(kind):
     known = set(re.findall(r"^ +(?:-\w, )?--([a-z-]+)", parser("imprint").format_help(), re.MULTILINE))
     assert words
     assert set(words) <= known
-    assert kind in CURES
+    assert kind in FIXES
     assert settings.bl_rna.properties[cure.setting]
     assert fixes.in_window(fixes.in_shell("Something is wrong.", kind)) == ("Something is wrong.", kind)
 
@@ -98,7 +98,7 @@ def test_a_linked_low_object_is_named_before_the_bake_with_a_button(tmp_path, gp
     bpy.context.scene.collection.objects.link(loaded.objects[0])
     low, high = loaded.objects[0], zoo.terrain("hi", 8)
     settings = set_up(low, high)
-    problem = bake_plan.problem(bpy.context, low, [high], settings)
+    problem = bake_panel.bake_problem(bpy.context, low, [high], settings)
     assert problem.endswith("make it local first; --no-material leaves them as they are.")
     text, kinds = drawn_cures()
     assert "make it local first." in text
@@ -108,10 +108,10 @@ def test_a_linked_low_object_is_named_before_the_bake_with_a_button(tmp_path, gp
         bpy.ops.imprint.bake()
     bpy.ops.imprint.cure(kind=fixes.NO_MATERIAL)
     assert not settings.material
-    assert bake_plan.problem(bpy.context, low, [high], settings) == ""
+    assert bake_panel.bake_problem(bpy.context, low, [high], settings) == ""
     settings.connect_maps = True  # the same is checked for other maps
     # Without the setting Material it would be an error, too.
-    assert bake_plan.problem(bpy.context, low, [high], settings).endswith("make it local first.")
+    assert bake_panel.bake_problem(bpy.context, low, [high], settings).endswith("make it local first.")
 
 
 # Flipped meshes

@@ -13,8 +13,8 @@ from addon.core import progress
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_pair, live_session
 from addon.scene import mesh_reader, object_refs
-from addon.ui.live import live_updates, sculpt_strokes
-from addon.ui.live.live_switch import LiveState, live
+from addon.ui import live_updates
+from addon.ui.live_switch import LiveState, live
 from tests.support import zoo
 from tests.support.maps import pixels
 
@@ -793,13 +793,11 @@ def test_dyntopo_strokes_are_applied_once(pair, monkeypatch):
     enter_sculpt_mode(high)
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
-    asked, ask = [], sculpt_strokes.Strokes.apply_delayed
-    monkeypatch.setattr(
-        sculpt_strokes.Strokes, "apply_delayed", lambda self: (asked.append(1), ask(self), sculpt(high))
-    )
-    monkeypatch.setattr(sculpt_strokes, "ANSWER", -1.0)
+    asked, ask = [], live_updates.Strokes.apply_delayed
+    monkeypatch.setattr(live_updates.Strokes, "apply_delayed", lambda self: (asked.append(1), ask(self), sculpt(high)))
+    monkeypatch.setattr(live_updates, "ANSWER", -1.0)
     sculpt(high)
-    monkeypatch.setattr(sculpt_strokes, "ANSWER", 1e6)
+    monkeypatch.setattr(live_updates, "ANSWER", 1e6)
     follow()
     assert asked == [1]
     live.on_undo()
@@ -814,12 +812,12 @@ def test_strokes_are_not_applied_during_a_stroke(pair, monkeypatch):
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
     asked = []
-    monkeypatch.setattr(sculpt_strokes.Strokes, "apply_delayed", lambda _: asked.append(1))
-    monkeypatch.setattr(sculpt_strokes, "is_drawing", lambda: True)
+    monkeypatch.setattr(live_updates.Strokes, "apply_delayed", lambda _: asked.append(1))
+    monkeypatch.setattr(live_updates, "is_stroke_drawn", lambda: True)
     live.tick()
     live.tick()
     assert asked == []
-    monkeypatch.setattr(sculpt_strokes, "is_drawing", lambda: False)
+    monkeypatch.setattr(live_updates, "is_stroke_drawn", lambda: False)
     follow()
     assert asked == [1]
 

@@ -8,8 +8,8 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.ui.live import live_updates
-from addon.ui.live.live_switch import LiveState, live
+from addon.ui import live_updates
+from addon.ui.live_switch import LiveState, live
 from tests.support import zoo
 from tests.support.maps import pixels
 

@@ -7,7 +7,7 @@ import pytest
 
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.ui.live.live_switch import live
+from addon.ui.live_switch import live
 from tests.support import zoo
 from tests.support.maps import pixels
 

@@ -6,8 +6,7 @@ import pytest
 
 from addon.core import map_types
 from addon.core.map_types import BY_NAME, Family
-from addon.ui.settings import map_list
-from addon.ui.viewport import show_result
+from addon.ui import bake_results, declared_properties
 from tests.support import zoo
 from tests.support.panel_layout import draw
 
@@ -41,12 +40,12 @@ def settings():
 @pytest.mark.parametrize("name", map_types.NAMES)
 def test_a_switch_adds_and_removes_its_map(settings, name):
     settings.maps = {"POSITION", "AO"} - {name}
-    setattr(settings, map_list.switch(name), True)
+    setattr(settings, declared_properties.map_switch(name), True)
     assert settings.maps == {"POSITION", "AO", name}
-    assert getattr(settings, map_list.switch(name))
-    setattr(settings, map_list.switch(name), False)
+    assert getattr(settings, declared_properties.map_switch(name))
+    setattr(settings, declared_properties.map_switch(name), False)
     assert settings.maps == {"POSITION", "AO"} - {name}
-    assert not getattr(settings, map_list.switch(name))
+    assert not getattr(settings, declared_properties.map_switch(name))
 
 
 @pytest.mark.parametrize("name", map_types.NAMES)
@@ -90,7 +89,7 @@ def test_a_distance_in_scene_units_is_a_length(settings, family, reach, limited)
     settings.maps = {family}
     setattr(settings, limited, True)
     setattr(settings, reach, 0.25)
-    length = map_list.length(reach)
+    length = declared_properties.length_name(reach)
     assert reach in draw().properties
     settings.distance_unit = "SCENE"
     drawn = draw()
@@ -199,8 +198,8 @@ def test_each_image_of_a_bake_has_a_button(settings):
     editor = open_editor()
     assert bpy.ops.imprint.show_map(image="lo_height") == {"FINISHED"}
     assert editor.image == bpy.data.images["lo_height"]
-    assert show_result.is_open(editor.image)
-    assert not show_result.is_open(bpy.data.images["lo_normal"])
+    assert bake_results.is_image_open(editor.image)
+    assert not bake_results.is_image_open(bpy.data.images["lo_normal"])
     assert bpy.ops.imprint.show_map() == {"FINISHED"}
     assert editor.image == bpy.data.images["lo_normal"]
 

@@ -12,12 +12,11 @@ from addon.core.errors import BakeError
 from addon.engine import gpu_memory
 from addon.engine.rays import tree_cache
 from addon.passes import target
-from addon.ui import modal, operators
-from addon.ui.idle_memory import EVERY, idle_memory
-from addon.ui.live.live_switch import live
-from addon.ui.viewport import view_operators
-from addon.ui.viewport.progress_display import display
-from addon.ui.viewport.view_mode import viewer
+from addon.ui import modal, operators, view_panel
+from addon.ui.live_switch import live
+from addon.ui.memory import EVERY, idle_memory
+from addon.ui.progress_display import display
+from addon.ui.view_mode import viewer
 from addon.views.mode_names import Mode
 from tests.support import zoo
 from tests.support.maps import pixels
@@ -98,7 +97,7 @@ def is_clean():
 
 BUTTONS = {
     "live": lambda: Button(operators.IMPRINT_OT_live),
-    "view": lambda: Button(view_operators.IMPRINT_OT_view_show, mode="MAP"),
+    "view": lambda: Button(view_panel.IMPRINT_OT_view_show, mode="MAP"),
 }
 
 
@@ -158,7 +157,7 @@ def test_esc_changes_nothing(pair, name, step):
 def test_esc_keeps_the_previous_view(pair):
     viewer.switch(bpy.context, Mode.MAP)
     own = viewer.own
-    button = Button(view_operators.IMPRINT_OT_view_refresh)
+    button = Button(view_panel.IMPRINT_OT_view_refresh)
     button.press()
     button.event()
     button.event("ESC")

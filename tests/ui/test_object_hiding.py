@@ -6,9 +6,9 @@ import pytest
 
 import addon
 from addon.scene import visibility
-from addon.ui.live.live_switch import live
-from addon.ui.viewport.object_hiding import hiding
-from addon.ui.viewport.view_mode import viewer
+from addon.ui.live_switch import live
+from addon.ui.object_hiding import hiding
+from addon.ui.view_mode import viewer
 from addon.views import view_shading
 from tests.support import zoo
 from tests.ui.test_view_mode import drawn_pixels, view, viewport

@@ -7,10 +7,10 @@ import pytest
 
 from addon.core import map_types, progress
 from addon.core.names import name_matching
+from addon.ui import batches
 from addon.ui.bake_results import results
-from addon.ui.live.live_switch import live
-from addon.ui.panels import batch_panels
-from addon.ui.viewport.progress_display import display, time_left
+from addon.ui.live_switch import live
+from addon.ui.progress_display import display, time_left
 from tests.support import maps, zoo
 from tests.support.panel_layout import draw
 from tests.support.snapshot import difference, snapshot
@@ -572,7 +572,7 @@ def test_names_are_matched_again_only_after_a_change(pair, monkeypatch):
     asked = []
     match = name_matching.match
     monkeypatch.setattr(name_matching, "match", lambda *names: asked.append(names) or match(*names))
-    batch_panels.pairs.cache_clear()
+    batches.pairs.cache_clear()
     low, high = pair
     for _ in range(3):
         draw()

@@ -6,11 +6,11 @@ import pytest
 
 from addon.core.declarations import kinds
 from addon.core.declarations.all_settings import DECLARED
-from addon.ui.settings import map_list
+from addon.ui import declared_properties
 
 pytestmark = pytest.mark.usefixtures("registered")
 
-OWN = {"rna_type", "name", "active_high", "convert_image", "names", *map_list.MapList.__annotations__}
+OWN = {"rna_type", "name", "active_high", "convert_image", "names", *declared_properties.MapList.__annotations__}
 """Properties that are not settings, or that stand for a part of one."""
 
 

@@ -8,8 +8,8 @@ import pytest
 import addon
 from addon.engine.rays import tree_cache
 from addon.ui import object_pairs
-from addon.ui.live.live_switch import live
-from addon.ui.viewport.cage_overlay import CageState, RayFigures, Subject, overlay
+from addon.ui.cage_overlay import CageState, RayFigures, Subject, overlay
+from addon.ui.live_switch import live
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")

@@ -11,41 +11,16 @@ import addon
 from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
-from addon.ui import check_operators, map_size, modal, operators, panel_operators, presets, properties, weight_operators
-from addon.ui.converting import convert_operator, convert_panel
-from addon.ui.exporting import export_operator
-from addon.ui.levels import level_operators, levels_panel
-from addon.ui.panels import bake_panel, batch_panels, check_panel, settings_panels, sidebar, view_panel
-from addon.ui.readiness import cure_operators
-from addon.ui.sending import flamenco_operator
-from addon.ui.viewport import split_gizmo, view_operators, view_properties
+from addon.ui import modal, operators, presets, properties, settings_panels, sidebar, view_mode, view_panel
 from tests.support import maps, zoo
 
-OPERATORS = [
-    cls.__name__
-    for module in (
-        modal,
-        operators,
-        panel_operators,
-        export_operator,
-        check_operators,
-        cure_operators,
-        weight_operators,
-        level_operators,
-        convert_operator,
-        map_size,
-        presets,
-        view_operators,
-        flamenco_operator,
-    )
-    for cls in module.CLASSES
-    if issubclass(cls, bpy.types.Operator)
-]
+MODULES = [module for module in addon.modules() if hasattr(module, "CLASSES")]
+OPERATORS = [cls.__name__ for module in MODULES for cls in module.CLASSES if issubclass(cls, bpy.types.Operator)]
 PANELS = [
     cls
-    for module in (bake_panel, settings_panels, batch_panels, levels_panel, convert_panel, check_panel, view_panel)
+    for module in MODULES
     for cls in module.CLASSES
-    if issubclass(cls, bpy.types.Panel)
+    if issubclass(cls, bpy.types.Panel) and cls is not presets.IMPRINT_PT_conventions
 ]
 
 
@@ -54,7 +29,7 @@ def traces():
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.Menu, bpy.types.PropertyGroup)
     kinds += (bpy.types.AddonPreferences,)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
-    gizmos = {split_gizmo.IMPRINT_GT_split: bpy.types.Gizmo, split_gizmo.IMPRINT_GGT_split: bpy.types.GizmoGroup}
+    gizmos = {view_mode.IMPRINT_GT_split: bpy.types.Gizmo, view_mode.IMPRINT_GGT_split: bpy.types.GizmoGroup}
     found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}
     found |= {f"Scene.{name}" for name in dir(bpy.types.Scene) if name.startswith("imprint")}
     return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
@@ -103,7 +78,7 @@ def test_gpu_objects_are_freed_when_blender_ends(monkeypatch):
     assert at_exit == []
 
 
-@pytest.mark.parametrize("module", [operators, weight_operators, modal], ids=lambda module: module.__name__)
+@pytest.mark.parametrize("module", [operators, settings_panels, modal], ids=lambda module: module.__name__)
 def test_errors_while_registering_are_raised_and_leave_nothing(monkeypatch, module):
     """Also where the module has registered some of its classes."""
 
@@ -129,7 +104,7 @@ class TestWords:
         for button in buttons:
             assert button.description, button.identifier
         structs = [*buttons, properties.ImprintSettings.bl_rna, properties.ImprintHigh.bl_rna]
-        structs.append(view_properties.ImprintView.bl_rna)
+        structs.append(view_panel.ImprintView.bl_rna)
         for struct in structs:
             for prop in struct.properties:
                 if prop.identifier not in {"rna_type", "name"}:
@@ -158,7 +133,7 @@ def test_what_is_registered_first_is_unregistered_last(monkeypatch):
         )
         for name in "abc"
     )
-    monkeypatch.setattr(addon, "_modules", lambda: modules)
+    monkeypatch.setattr(addon, "modules", lambda: modules)
     addon.register()
     addon.unregister()
     assert seen == ["+a", "+b", "+c", "-c", "-b", "-a"]

@@ -7,9 +7,8 @@ import bpy
 import pytest
 
 from addon.scene import object_refs
+from addon.ui import bake_panel, bake_results
 from addon.ui.bake_results import results
-from addon.ui.panels import bake_panel
-from addon.ui.viewport import show_result
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -160,11 +159,11 @@ def shading(viewport):
 def test_a_bake_shows_the_low_mesh_with_its_map(baked):
     low, high = baked
     views, editor = [view("SOLID"), view("SOLID", 200)], area("IMAGE_EDITOR", image=None, use_image_pin=False)
-    show_result.bake(window(*views, editor), [results.of(bpy.context)])
+    bake_results.show_bake(window(*views, editor), [results.of(bpy.context)])
     assert editor.spaces.active.image == bpy.data.images["lo_normal"]
     assert [shading(each) for each in views] == ["SOLID", "MATERIAL"]  # the largest, if the mouse is in none of them
     assert (low.visible_get(), high.visible_get()) == (True, False)
-    show_result.bake(window(*views, at=views[0]), [results.of(bpy.context)])
+    bake_results.show_bake(window(*views, at=views[0]), [results.of(bpy.context)])
     assert shading(views[0]) == "MATERIAL"
 
 
@@ -173,7 +172,7 @@ def test_a_view_that_is_not_solid_stays(baked):
     for kind, sees_high in (("WIREFRAME", True), ("RENDERED", False), ("MATERIAL", False)):
         high.hide_set(False)
         viewport = view(kind)
-        show_result.bake(window(viewport), [results.of(bpy.context)])
+        bake_results.show_bake(window(viewport), [results.of(bpy.context)])
         assert (shading(viewport), high.visible_get()) == (kind, sees_high)
 
 
@@ -181,12 +180,12 @@ def test_a_map_without_a_material_does_not_change_the_viewport(baked):
     _, high = baked
     bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], material=False)
     viewport = view("SOLID")
-    show_result.bake(window(viewport), [results.of(bpy.context)])
+    bake_results.show_bake(window(viewport), [results.of(bpy.context)])
     assert (shading(viewport), high.visible_get()) == ("SOLID", True)
 
 
 def test_without_a_3d_viewport_nothing_is_hidden(baked):
-    show_result.bake(window(), [results.of(bpy.context)])
+    bake_results.show_bake(window(), [results.of(bpy.context)])
     assert baked[1].visible_get()
 
 
@@ -197,14 +196,14 @@ def test_a_low_object_that_is_its_own_high_one_stays():
     settings.width = settings.height = 16
     settings.low = low
     bpy.ops.imprint.bake(low="lo", high=[{"name": "lo"}])
-    show_result.bake(window(view("SOLID")), [results.of(bpy.context)])
+    bake_results.show_bake(window(view("SOLID")), [results.of(bpy.context)])
     assert low.visible_get()
     assert not bpy.ops.imprint.show_high.poll()
 
 
 def test_scripts_do_not_change_viewports(baked, monkeypatch):
     views = []
-    monkeypatch.setattr(show_result, "bake", lambda *arguments: views.append(arguments))
+    monkeypatch.setattr(bake_results, "show_bake", lambda *arguments: views.append(arguments))
     bpy.ops.imprint.bake("EXEC_DEFAULT", low="lo", high=[{"name": "hi"}])
     bpy.ops.imprint.bake("INVOKE_DEFAULT", low="lo", high=[{"name": "hi"}])  # in the background, there is no window
     assert views == []
@@ -226,7 +225,7 @@ def test_high_objects_of_the_last_bake_are_used_if_none_are_chosen(baked):
     other.select_set(False)
     low.modifiers.new("Rounded", "SUBSURF")
     for is_hidden in (False, True):
-        show_result.hide_high(bpy.context, results.of(bpy.context), hide=is_hidden)
+        bake_results.hide_high(bpy.context, results.of(bpy.context), hide=is_hidden)
         assert chosen() == [high]  # modifiers such as Bevel belong to many a low object
     bpy.context.scene.imprint.highs.add().object = low
     assert chosen() == [low]
@@ -250,6 +249,6 @@ def test_objects_with_the_name_of_a_high_object_stay_visible(baked, tmp_path):
     bpy.context.scene.collection.objects.link(linked)
     for own, other in ((high, linked), (linked, high)):
         report = SimpleNamespace(high=["hi"], refs=[object_refs.ObjectRef.of(low), object_refs.ObjectRef.of(own)])
-        show_result.hide_high(bpy.context, report, hide=True)
+        bake_results.hide_high(bpy.context, report, hide=True)
         assert (own.visible_get(), other.visible_get()) == (False, True)
-        show_result.hide_high(bpy.context, report, hide=False)
+        bake_results.hide_high(bpy.context, report, hide=False)

@@ -8,7 +8,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.farms import flamenco
-from addon.ui.sending import farm_preferences, flamenco_operator
+from addon.ui import batches
 from tests.support.panel_layout import draw
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 @pytest.fixture
 def address(monkeypatch):
     """A Flamenco Manager in the preferences."""
-    monkeypatch.setattr(farm_preferences, "flamenco_address", lambda _context: "http://farm")
+    monkeypatch.setattr(batches, "flamenco_address", lambda _context: "http://farm")
     return "http://farm"
 
 
@@ -26,7 +26,7 @@ def sent(monkeypatch):
     """The jobs that are sent, in place of sending them. Blender is online."""
     jobs = []
     monkeypatch.setattr(flamenco, "submit", lambda url, job: jobs.append((url, job)) or f"{url}/app/jobs/1")
-    monkeypatch.setattr(flamenco_operator.bpy, "app", SimpleNamespace(online_access=True), raising=False)
+    monkeypatch.setattr(batches.bpy, "app", SimpleNamespace(online_access=True), raising=False)
     return jobs
 
 
@@ -35,12 +35,12 @@ def test_the_button_is_there_if_an_address_is_set(address):
 
 
 def test_without_an_address_there_is_no_button():
-    assert farm_preferences.flamenco_address(bpy.context) == ""
+    assert batches.flamenco_address(bpy.context) == ""
     assert "imprint.send_to_flamenco" not in {name for name, _ in draw().buttons}
 
 
 def test_without_online_access_nothing_is_sent(address, sent, monkeypatch, tmp_path):
-    monkeypatch.setattr(flamenco_operator.bpy, "app", SimpleNamespace(online_access=False))
+    monkeypatch.setattr(batches.bpy, "app", SimpleNamespace(online_access=False))
     with pytest.raises(RuntimeError, match="poll"):
         bpy.ops.imprint.send_to_flamenco(filepath=str(tmp_path / "jobs.toml"))
     assert sent == []

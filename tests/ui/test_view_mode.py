@@ -12,9 +12,9 @@ from mathutils import Matrix, Vector
 import addon
 from addon.core.errors import BakeError
 from addon.passes import target
-from addon.ui.live.live_switch import live
-from addon.ui.viewport import view_drawing, viewport_text
-from addon.ui.viewport.view_mode import viewer
+from addon.ui import progress_display, view_mode
+from addon.ui.live_switch import live
+from addon.ui.view_mode import viewer
 from addon.views.mode_names import SHOWN, Mode
 from tests.support import panel_layout, raster, zoo
 from tests.support.snapshot import difference, snapshot
@@ -92,12 +92,12 @@ def test_the_views_differ_and_a_key_shows_the_next_one(pair):
 def test_the_deviations_are_shown_as_text(pair):
     view().mode = "MAP"
     assert viewer.figures is None
-    assert view_drawing.description(viewer.figures) == []
+    assert view_mode.describe_figures(viewer.figures) == []
     view().mode = "BARE_DEVIATION"
     found = viewer.figures
     assert found.percentile_99 < 0.1
     assert found.bare_mean > 1.0
-    assert view_drawing.description(viewer.figures) == [
+    assert view_mode.describe_figures(viewer.figures) == [
         f"With the map: mean {found.mean:.2f}°, 99 % below {found.percentile_99:.2f}°",
         f"Without: mean {found.bare_mean:.2f}°, 99 % below {found.bare_percentile_99:.2f}°",
     ]
@@ -138,7 +138,7 @@ def test_unmeasured_deviations_are_shown_as_text(pair):
     uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
     high.data.uv_layers[0].uv.foreach_set("vector", (uv + (0.3, 0.0)).astype(np.float32).ravel())
     view().mode = "DEVIATION"
-    (line,) = view_drawing.description(viewer.figures)
+    (line,) = view_mode.describe_figures(viewer.figures)
     assert line.startswith("Purple: 100.0% shows another place of the high mesh")
 
 
@@ -156,7 +156,7 @@ def test_unmeasured_deviations_are_shown_as_text(pair):
     ],
 )
 def test_a_label_stays_where_it_can_be_read(zone, share, free, x):
-    assert view_drawing.label_position(zone, 100.0, share, free, 10.0) == x
+    assert view_mode.label_position(zone, 100.0, share, free, 10.0) == x
 
 
 def test_labels_avoid_the_toolbar_and_the_sidebar():
@@ -166,10 +166,10 @@ def test_labels_avoid_the_toolbar_and_the_sidebar():
     window = region("WINDOW", "NONE", 20, 900)
     bars = [region("HEADER", "TOP", 20, 900), region("TOOLS", "LEFT", 20, 60), region("UI", "RIGHT", 700, 220)]
     context = SimpleNamespace(region=window, area=SimpleNamespace(regions=[window, *bars]))
-    assert view_drawing.visible_columns(context) == (60, 680)
+    assert view_mode.visible_columns(context) == (60, 680)
     for bar in bars[1:]:
         bar.width = 1
-    assert view_drawing.visible_columns(context) == (0, 900)
+    assert view_mode.visible_columns(context) == (0, 900)
 
 
 def test_a_view_that_cannot_be_shown_reports_why_and_stays_off(pair):
@@ -291,8 +291,8 @@ def test_a_light_of_the_scene_lights_the_view(kind, pair):
     bpy.context.view_layer.update()
     view().light = light
     expected = light.matrix_world.col[2 if kind == "SUN" else 3]
-    assert np.array_equal(view_drawing.eye(region_view(), light).light, expected)
-    assert view_drawing.eye(region_view(), light).light[3] == (kind != "SUN")
+    assert np.array_equal(view_mode.eye(region_view(), light).light, expected)
+    assert view_mode.eye(region_view(), light).light[3] == (kind != "SUN")
     assert not np.array_equal(drawn_pixels(), by_the_view)
     bpy.data.objects.remove(light)
     assert view().light is None
@@ -301,7 +301,7 @@ def test_a_light_of_the_scene_lights_the_view(kind, pair):
 
 def test_the_default_light_comes_from_above_and_from_the_left():
     data = region_view()
-    light = view_drawing.eye(data, None).light
+    light = view_mode.eye(data, None).light
     assert light[3] == 0.0
     x, y, z = data.view_matrix.to_3x3() @ Vector(light[:3])
     assert (x < 0.0, y > 0.0, z > max(-x, y)) == (True, True, True)
@@ -361,9 +361,9 @@ def test_text_is_readable_over_a_white_mesh():
         with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
             gpu.matrix.load_matrix(Matrix.Identity(4))
             gpu.matrix.load_projection_matrix(PIXELS)
-            viewport_text.write("Low with Map", 30.0, 50.0, 1.0)
+            progress_display.write_text("Low with Map", 30.0, 50.0, 1.0)
         into.read(pixels)
-    end = 30 + int(viewport_text.width("Low with Map", 1.0))
+    end = 30 + int(progress_display.text_width("Low with Map", 1.0))
     gray = pixels[..., :3].mean(axis=2)
     box = gray[48:60, 28 : end + 2]
     assert box.min() < 0.4

@@ -73,7 +73,7 @@ def bake(green):
 
 def views():
     """Show each view of the map."""
-    viewer = part("ui.viewport.view_mode").viewer
+    viewer = part("ui.view_mode").viewer
     for mode in ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION"):
         press("view_show", mode=mode)
         yield from until(lambda mode=mode: viewer.mode is not None and viewer.mode.name == mode)
@@ -86,7 +86,7 @@ def views():
 def follow():
     """Live bakes again when the high mesh changes."""
     press("live")
-    live, runner = part("ui.live.live_switch").live, part("ui.modal").runner
+    live, runner = part("ui.live_switch").live, part("ui.modal").runner
     yield from until(lambda: live.is_on and runner.run is None)
     before = bpy.data.images["lo_normal"].pixels[:]
     bpy.data.objects["hi"].scale.z = 2.0

@@ -16,7 +16,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
-from addon.ui.panels import settings_panels  # noqa: E402
+from addon.ui import settings_panels  # noqa: E402
 from addon.ui.translations import OPERATOR, locales, read_translations  # noqa: E402
 
 

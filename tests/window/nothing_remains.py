@@ -18,12 +18,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import addon  # noqa: E402
 from addon.engine.rays import tree_cache  # noqa: E402
 from addon.passes import target  # noqa: E402
-from addon.ui.live.live_switch import LiveState, live  # noqa: E402
+from addon.ui.cage_overlay import overlay  # noqa: E402
+from addon.ui.live_switch import (
+    LiveState,
+    live,  # noqa: E402
+)
 from addon.ui.modal import runner  # noqa: E402
-from addon.ui.viewport.cage_overlay import overlay  # noqa: E402
-from addon.ui.viewport.object_hiding import hiding  # noqa: E402
-from addon.ui.viewport.progress_display import display  # noqa: E402
-from addon.ui.viewport.view_mode import viewer  # noqa: E402
+from addon.ui.object_hiding import hiding  # noqa: E402
+from addon.ui.progress_display import display  # noqa: E402
+from addon.ui.view_mode import viewer  # noqa: E402
 from addon.views.mode_names import Mode  # noqa: E402
 from tests.support import window  # noqa: E402
 

@@ -100,7 +100,7 @@ def steps() -> Iterator[Action]:
 
 def _is_half_done() -> bool:
     """Whether the bake that is going on shows something to look at."""
-    from addon.ui.viewport.progress_display import display
+    from addon.ui.progress_display import display
 
     step = display.current
     return step is None or step.done > 0.4

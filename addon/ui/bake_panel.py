@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The main panel: the objects, the Bake button with what it will do or why it cannot, and the result of the last bake."""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import bpy
+
+from ..core.declarations.choices import Method, Space
+from ..core.errors import BakeError, shorten_list
+from ..core.report import Report
+from ..core.settings import Settings
+from ..jobs import bake_jobs
+from ..jobs.job import Job
+from ..jobs.readiness import Finding
+from ..jobs.texture_sets import by_material
+from ..output import datablocks, map_images, map_names, map_storage, materials
+from ..output.files import planned_files
+from ..scene import object_checks, scene_lengths, vertex_weights
+from . import bake_results, object_pairs
+from .bake_results import high_objects, results
+from .fixes import draw_button, draw_cured, findings
+from .live_switch import live
+from .progress_display import display
+from .properties import ImprintSettings
+from .sidebar import SidebarPanel, draw_paragraphs
+from .translations import label, message
+
+
+def bake_problem(
+    context: bpy.types.Context,
+    low: bpy.types.Object | None,
+    highs: list[bpy.types.Object],
+    settings: ImprintSettings,
+) -> str:
+    """Why the button cannot bake, in a sentence; empty if no problem is visible."""
+    values = settings.settings_for(low, highs)
+    try:
+        values.check()
+    except BakeError as error:
+        return str(error)
+    missing = settings.missing(context, low, highs)
+    reason = message(object_pairs.MISSING).format(repr(missing[0])) if missing else ""
+    if not reason and low is not None and not highs and (waiting := settings.hidden(context, low, highs)):
+        reason = describe_hidden(waiting)
+    reason = reason or object_checks.problem(context, low, highs, settings.cage_of(low, highs), values.method)
+    return reason or _material_problem(low, values) or vertex_weights.problem(low, values) or _clash(low, settings)
+
+
+def _material_problem(low: bpy.types.Object, values: Settings) -> str:
+    """Why the maps cannot be put into the materials of `low`; empty if they can, or are not."""
+    try:
+        if values.changes_materials:
+            materials.check(low, can_be_off=not values.connect_maps)
+    except BakeError as error:
+        return str(error)
+    return ""
+
+
+def _clash(low: bpy.types.Object, settings: ImprintSettings) -> str:
+    """Why texture sets cannot have the names of the settings; empty if they can."""
+    try:
+        _filled(low, settings)
+    except BakeError as error:
+        return str(error)
+    return ""
+
+
+def describe_hidden(objects: Sequence[bpy.types.Object]) -> str:
+    """That these objects are hidden, in a sentence."""
+    text = message("{} is hidden.") if len(objects) == 1 else message("{} are hidden.")
+    return text.format(shorten_list(repr(obj.name) for obj in objects))
+
+
+def is_normal_only(settings: ImprintSettings) -> bool:
+    """Whether the button bakes the normal map and no other map."""
+    return settings.normal and not settings.to_settings().drawn_maps
+
+
+def describe_bake(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> str:
+    """What the button will do, in a sentence."""
+    action = {
+        Method.AUTO: message("Bakes {highs} onto {low}"),
+        Method.FLATTEN: message("Flattens {highs} onto {low}"),
+        Method.CAST: message("Casts rays from {low} to {highs}"),
+    }[settings.rays_of(low, highs).method]
+    space = {
+        Space.TANGENT: message("tangent space"),
+        Space.OBJECT: message("object space"),
+        Space.WORLD: message("world space"),
+    }[settings.space]
+    objects = {
+        "low": repr(low.name),
+        "highs": message("its own modifiers") if low in highs else ", ".join(repr(high.name) for high in highs),
+    }
+    first = planned_images(low, settings)[0]
+    target = message("over the image {}") if datablocks.get(first.name) else message("into a new image {}")
+    parts = [
+        space,
+        f"{settings.width} x {settings.height}",
+        target.format(repr(first.name)),
+    ]
+    replaced = map_storage.replaced(first.name, [high.name for high in highs])
+    if replaced:
+        parts.append(message("which holds a map of {}").format(replaced))
+    if first.file:
+        parts.append(message("to the file {}").format(repr(first.file)))
+    return f"{action.format(**objects)}: {', '.join(parts)}."
+
+
+def count_images(low: bpy.types.Object, settings: ImprintSettings) -> str:
+    """How many images the button fills, in a line: the box keeps its height, so that lists below it do not move."""
+    return message("Images of this bake: {}").format(len(planned_images(low, settings)))
+
+
+@dataclass(frozen=True)
+class PlannedImage:
+    """An image that a bake fills. file: the name of its file; empty without one."""
+
+    name: str
+    file: str
+
+    @property
+    def title(self) -> str:
+        """The names of the image and the file."""
+        return f"{self.name} ({self.file})" if self.file else self.name
+
+
+def planned_images(low: bpy.types.Object, settings: ImprintSettings) -> list[PlannedImage]:
+    """The images that a bake would fill: that of the report first, then the others. settings: valid."""
+    return [image for filled in _filled(low, settings) for image in _images(filled)]
+
+
+def _images(filled: Settings) -> list[PlannedImage]:
+    """The images of one texture set."""
+    by_map = planned_files.settings_by_map(filled)
+    first = planned_files.first_map(filled)
+    return [
+        PlannedImage(of_map.image, os.path.basename(bpy.path.abspath(map_names.output_for(of_map))))
+        for of_map in [by_map.pop(first), *by_map.values()]
+    ]
+
+
+def _filled(low: bpy.types.Object, settings: ImprintSettings) -> list[Settings]:
+    """The settings of each texture set, or of the whole low object, with names filled in. Raises BakeError for names that
+    texture sets would share."""
+    values = settings.to_settings()
+    names = [job.material for job in by_material([Job(low, [])], values)] if values.texture_sets else [""]
+    return [bake_jobs.for_low(values, low.name, name) for name in names]
+
+
+def swap_warning(low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:
+    """Why the objects may be the wrong ones, in a sentence; empty if they seem right."""
+    if not object_checks.seem_swapped(low, highs):
+        return ""
+    return message(object_checks.SWAPPED).format(
+        low=repr(low.name), highs=shorten_list(repr(high.name) for high in highs)
+    )
+
+
+class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
+    """The objects to bake, and the Bake button."""
+
+    bl_idname = "IMPRINT_PT_bake"
+    bl_label = "Imprint"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        settings = context.scene.imprint
+        column = layout.column()
+        column.label(text=label("High"), translate=False)
+        row = column.row()
+        row.template_list("IMPRINT_UL_highs", "", settings, "highs", settings, "active_high", rows=2, maxrows=5)
+        buttons = row.column(align=True)
+        buttons.operator("imprint.high_add", text="", icon="ADD")
+        buttons.operator("imprint.high_remove", text="", icon="REMOVE")
+        column.prop(settings, "low")
+        column.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
+
+        low, highs = settings.chosen_objects(context)
+        problem = bake_problem(context, low, highs, settings)
+        following = live.description
+        if following:
+            problem = ""  # Live does not depend on the selection
+        box = layout.box()
+        if following or problem:
+            draw_cured(box, context, following or problem, "ERROR" if problem else "INFO")
+            if problem:
+                draw_remedy(box, context, low, highs)
+        else:
+            draw_paragraphs(box, context, [describe_bake(low, highs, settings)], "INFO")
+            box.label(text=count_images(low, settings), translate=False)
+            draw_paragraphs(box, context, [swap_warning(low, highs)], "ERROR")
+            draw_hidden(box, context, settings.hidden(context, low, highs))
+            found = findings.of(
+                context, low, highs, settings.settings_for(low, highs), is_exported=bool(settings.export)
+            )
+            draw_findings(box, context, found)
+        # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
+        row = layout.row()
+        row.scale_y = 1.6
+        step = display.current
+        if step is None:
+            row.enabled = not problem
+            if is_normal_only(settings):
+                row.operator("imprint.bake", icon="RENDER_STILL")
+            else:
+                row.operator("imprint.bake", text=label("Bake Maps"), translate=False, icon="RENDER_STILL")
+        else:
+            row.progress(factor=step.done, text=display.short_text(), translate=False)
+        row = layout.row()
+        row.enabled = step is None and (live.is_on or not problem)
+        row.operator("imprint.live", icon="PLAY", depress=live.is_on)
+        row.prop(settings, "live_every_time")
+        if live.is_on and live.message:
+            draw_cured(layout.box(), context, live.message, "ERROR")
+        reports = results.all_of(context)
+        if reports:
+            draw_result(layout, reports)
+
+
+def draw_remedy(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    low: bpy.types.Object | None,
+    highs: Sequence[bpy.types.Object],
+) -> None:
+    """A button for a high object that is missing, else one for those that are hidden."""
+    settings = context.scene.imprint
+    missing = settings.missing(context, low, highs)
+    if missing:
+        layout.operator("imprint.remove_missing", icon="X").high = missing[0]
+    elif settings.hidden(context, low, highs):
+        layout.operator("imprint.show_hidden", icon="HIDE_OFF")
+
+
+def draw_hidden(layout: bpy.types.UILayout, context: bpy.types.Context, hidden: Sequence[bpy.types.Object]) -> None:
+    """That high objects are hidden, which a bake reads nevertheless, and a button that shows them."""
+    if hidden:
+        draw_paragraphs(layout, context, [describe_hidden(hidden)], "INFO")
+        layout.operator("imprint.show_hidden", icon="HIDE_OFF")
+
+
+def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, found: Sequence[Finding]) -> None:
+    """What is wrong with the low object for other programs, and a button that cures it."""
+    for finding in found:
+        text = message(finding.template).format(**finding.values)
+        draw_paragraphs(layout, context, [text], "ERROR" if finding.harms else "INFO")
+        draw_button(layout, finding.kind)
+
+
+def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
+    """The result of the last bake in a line, beside a small picture of the map, and a button for each of several maps.
+
+    reports: of each texture set.
+    """
+    report = reports[0]
+    box = layout.box()
+    row = box.row()
+    image = bpy.data.images.get(report.image)
+    if image is not None:
+        row.template_icon(row.icon(image), scale=2.6)
+    column = row.column(align=True)
+    head = column.row()
+    head.label(text=report.image, translate=False)
+    if high_objects(report):
+        is_hidden = bake_results.hides_high(report)
+        head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
+    if image is None:
+        column.label(text=message("The image was undone, renamed or deleted"), icon="INFO", translate=False)
+    else:
+        draw_figures(column, reports)
+    names = list(dict.fromkeys(name for report in reports for name in report.images))
+    if len(names) > 1:
+        draw_maps(box, names)
+    if any(map_images.are_any(report.maps) for report in reports):
+        layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
+    layout.operator("imprint.export", icon="EXPORT")
+
+
+def draw_figures(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
+    """The number of warnings, or else the covered share, and the time."""
+    number = len(_warnings(reports))
+    if number:
+        line = (message("1 warning") if number == 1 else message("{} warnings")).format(number)
+    else:
+        line = message("{} covered").format(f"{reports[0].coverage:.0%}")
+    line = f"{line}, {sum(report.seconds['total'] for report in reports):.1f} s"
+    layout.label(text=line, icon="ERROR" if number else "CHECKMARK", translate=False)
+
+
+def draw_maps(layout: bpy.types.UILayout, names: Iterable[str]) -> None:
+    """A button for each of these images, which shows it. Those that are open in an editor are pressed."""
+    column = layout.column(align=True)
+    for name in names:
+        image = bpy.data.images.get(name)
+        row = column.row(align=True)
+        row.enabled = image is not None
+        is_open = image is not None and bake_results.is_image_open(image)
+        button = row.operator(
+            "imprint.show_map", text=name, translate=False, icon="IMAGE_DATA", depress=is_open, emboss=is_open
+        )
+        button.image = name
+
+
+def _warnings(reports: Sequence[Report]) -> list[str]:
+    """The warnings of all reports and of the exported file, each of them once."""
+    found = (warning for report in reports for warning in (*report.warnings, *report.export.get("warnings", ())))
+    return list(dict.fromkeys(found))
+
+
+class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
+    """What the last bake did, and its warnings."""
+
+    bl_idname = "IMPRINT_PT_report"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Report"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return results.of(context) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        reports = results.all_of(context)
+        for warning in _warnings(reports):
+            draw_cured(self.layout, context, warning, "ERROR")
+        for report in reports:
+            draw_paragraphs(self.layout, context, report.summary(scene_lengths.of(context.scene)), "DOT")
+
+
+CLASSES = (IMPRINT_PT_bake, IMPRINT_PT_report)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shows in the 3D viewport where rays start and end: two shells around the low mesh that follow the two distances."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import bpy
+import gpu
+
+from ..core.declarations.choices import Directions
+from ..core.errors import BakeError
+from ..core.settings import Settings
+from ..engine.rays import ray_directions
+from ..engine.rays.ray_casting import RayCast
+from ..jobs import ray_measuring
+from ..scene import object_refs
+from ..views import cage_shells
+from .bake_results import results
+from .callbacks import DrawCallbacks, Handlers, Timer, redraw
+from .live_switch import live
+
+OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)
+"""Colors of where rays start and where they end."""
+
+
+MODES = {"OBJECT", "WEIGHT_PAINT"}
+"""The modes of the low object in which the shells are drawn: in others, its mesh may change with each stroke."""
+
+
+class CageState(Enum):
+    """The state of the overlay."""
+
+    OFF = "off"
+    READING = "reading"
+    """It waits for the timer to read the low mesh."""
+    SHOWN = "shown"
+    """It draws the low mesh as it is, or cannot read it."""
+
+
+@dataclass(frozen=True)
+class RayFigures:
+    """Distances of rays in scene units, as RayCast has them."""
+
+    extrusion: float = 0.0
+    max_distance: float = 0.0
+    blend_width: float = 0.0
+
+    @classmethod
+    def of(cls, ray_cast: RayCast) -> "RayFigures":
+        return cls(ray_cast.extrusion, ray_cast.max_distance, ray_cast.blend_width)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What the shells are of. settings: only those of rays that give the shells their shape. blend_width: in scene units."""
+
+    low: object_refs.ObjectRef
+    cage: object_refs.ObjectRef | None
+    settings: Settings
+    blend_width: float
+    is_own_base: bool
+
+    @classmethod
+    def of_panel(cls, context: bpy.types.Context, low: bpy.types.Object, blend_width: float) -> "Subject":
+        """The subject for the settings of the panel."""
+        panel = context.scene.imprint
+        _, highs = panel.chosen_objects(context, low)
+        cage = panel.cage_of(low, highs)
+        is_blended = ray_directions.may_blend(panel.directions, has_cage=cage is not None)
+        return cls(
+            object_refs.ObjectRef.of(low),
+            object_refs.ObjectRef.of(cage) if cage else None,
+            Settings(directions=panel.directions, offset_group=panel.offset_group, straight_group=panel.straight_group),
+            blend_width if is_blended else 0.0,
+            highs == [low],
+        )
+
+    @property
+    def uids(self) -> list[int]:
+        """The session_uid of the objects that are read."""
+        return [ref.uid for ref in (self.low, self.cage) if ref is not None]
+
+    def is_same(self, other: "Subject") -> bool:
+        """Whether it is the same as `other`, whatever the objects are called."""
+        mine, others = ((one.uids, one.settings, one.blend_width, one.is_own_base) for one in (self, other))
+        return mine == others
+
+    def upload(self, context: bpy.types.Context) -> gpu.types.GPUBatch | None:
+        """The mesh of the shells; None if it cannot be read."""
+        low, cage = self.low.find(), self.cage and self.cage.find()
+        if low is None:
+            return None
+        try:
+            return cage_shells.upload(
+                low,
+                cage,
+                context.evaluated_depsgraph_get(),
+                self.settings,
+                blend_width=self.blend_width,
+                is_own_base=self.is_own_base,
+            )
+        except BakeError:
+            return None
+
+
+class CageOverlay:
+    """Draws the shells of the panel's low object."""
+
+    def __init__(self):
+        self._draw_callbacks = DrawCallbacks((bpy.types.SpaceView3D, self._draw, "POST_VIEW"))
+        self._handlers = Handlers(
+            ("depsgraph_update_post", self._on_update),
+            ("frame_change_post", self._on_update),
+            ("undo_post", self._on_undo),
+            ("redo_post", self._on_undo),
+        )
+        self.timer = Timer(self.catch_up)
+        self._wanted: Subject | None = None
+        """The shells that a view needed when it was last drawn."""
+        self._read: Subject | None = None
+        self._mesh: gpu.types.GPUBatch | None = None
+        """The low mesh of `_read`; None where it cannot be read."""
+        self._is_outdated = False
+        """Whether that mesh has changed since."""
+        self._measured: dict[int, RayFigures] = {}
+        """By the session_uid of low objects that were not baked before."""
+
+    @property
+    def state(self) -> CageState:
+        if not self._draw_callbacks.are_added:
+            return CageState.OFF
+        return CageState.READING if self.timer.is_running else CageState.SHOWN
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the shells are drawn."""
+        return self.state is not CageState.OFF
+
+    def show(self) -> None:
+        """Draw the shells from now on."""
+        self._draw_callbacks.add()
+        self._handlers.add()
+
+    def hide(self) -> None:
+        """Stop drawing. No handler, timer or mesh remains."""
+        self._draw_callbacks.remove()
+        self._handlers.remove()
+        self.timer.stop()
+        self._wanted = self._read = self._mesh = None
+        self._measured.clear()
+
+    def measure(self, context: bpy.types.Context) -> None:
+        """Measure what the settings do not set, if neither Live nor a bake has measured it. Raises BakeError."""
+        panel = context.scene.imprint
+        low, highs = panel.chosen_objects(context)
+        is_set = not panel.rays_of(low, highs).measure and panel.directions != Directions.BLENDED
+        if low is None or not highs or is_set or _figures(context, low) is not None:
+            return
+        ray_cast = ray_measuring.measure(context, low, highs, panel.settings_for(low, highs), panel.cage_of(low, highs))
+        if ray_cast is not None:
+            self._measured[low.session_uid] = RayFigures.of(ray_cast)
+
+    def mesh_of(self, subject: Subject) -> gpu.types.GPUBatch | None:
+        """The mesh of the shells as last read, or None. If it is missing or outdated, the timer reads it."""
+        self._wanted = subject
+        if self._read is None or not self._read.is_same(subject) or self._is_outdated:
+            self.timer.start()
+        # The last shells of the same objects stay until the new ones are there.
+        return self._mesh if self._read is not None and self._read.uids == subject.uids else None
+
+    def catch_up(self) -> None:
+        """Read the meshes. Do not call this while a view is being drawn: reading evaluates the scene."""
+        if self._wanted is None:
+            return
+        self._read, self._mesh, self._is_outdated = self._wanted, self._wanted.upload(bpy.context), False
+        redraw()
+
+    def figures(self, context: bpy.types.Context, low: bpy.types.Object) -> RayFigures:
+        """The figures of rays from `low`: as the panel sets them, else as Live, a bake or `measure` found them, else 0."""
+        panel = context.scene.imprint
+        rays = panel.rays_of(*panel.chosen_objects(context, low))
+        found = _figures(context, low) or self._measured.get(low.session_uid, RayFigures())
+        return found if rays.measure else RayFigures(rays.extrusion, rays.max_distance, found.blend_width)
+
+    def _on_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        """Only changes of the low object and the cage count: the user may move or sculpt another object for minutes."""
+        if self._read is None:
+            return
+        self._is_outdated |= any(
+            (update.is_updated_geometry or update.is_updated_transform)
+            and update.id.original.session_uid in self._read.uids
+            for update in depsgraph.updates
+            if isinstance(update.id, bpy.types.Object)
+        )
+
+    def _on_undo(self, *_) -> None:
+        self._is_outdated = True
+
+    def _draw(self) -> None:
+        context = bpy.context
+        settings = context.scene.imprint
+        low, _ = settings.chosen_objects(context)
+        if low is None or low.type != "MESH" or low.mode not in MODES or not low.data.polygons:
+            return
+        figures = self.figures(context, low)
+        subject = Subject.of_panel(context, low, figures.blend_width)
+        mesh = self.mesh_of(subject)
+        if mesh is None:
+            return
+        gpu.state.blend_set("ALPHA")
+        gpu.state.depth_test_set("LESS_EQUAL")
+        view = context.region_data.perspective_matrix
+        if subject.cage is not None:
+            shells = {OUTER: (1.0, 0.0), INNER: (1.0, -figures.max_distance)}
+        else:  # painting moves where rays start, not where they end
+            shells = {OUTER: (figures.extrusion, 0.0), INNER: (0.0, figures.extrusion - figures.max_distance)}
+        for color, (scale, offset) in shells.items():
+            cage_shells.draw(mesh, view, color, scale=scale, offset=offset)
+        gpu.state.depth_test_set("NONE")
+        gpu.state.blend_set("NONE")
+
+
+def _figures(context: bpy.types.Context, low: bpy.types.Object) -> RayFigures | None:
+    """What Live or the last bake of `low` used; None without them."""
+    session, report = live.session, results.of(context, low)
+    is_followed = session is not None and session.job.low_ref.uid == low.session_uid
+    if is_followed and session.ray_cast is not None:
+        return RayFigures.of(session.ray_cast)
+    if report is None or not report.distances:
+        return None
+    return RayFigures(**report.distances, blend_width=report.blend_width)
+
+
+overlay = CageOverlay()
+
+
+class IMPRINT_OT_show_cage(bpy.types.Operator):
+    """Show or hide two shells around the low mesh: where rays start (blue) and where they end (orange)"""
+
+    bl_idname = "imprint.show_cage"
+    bl_label = "Show Cage"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if overlay.is_on:
+            overlay.hide()
+        else:
+            overlay.show()
+            try:
+                overlay.measure(context)
+            except BakeError as error:  # the shells are drawn as far as they are known
+                self.report({"WARNING"}, str(error))
+        redraw()
+        return {"FINISHED"}
+
+
+CLASSES = (IMPRINT_OT_show_cage,)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of a bake as Blender properties, made from their declarations, and the way back to plain data."""
+
+from collections.abc import Collection
+from dataclasses import fields
+from functools import singledispatch
+from typing import Any
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from ..core import file_formats, map_types, udim
+from ..core.declarations import kinds
+from ..core.declarations.all_settings import DECLARED
+from ..core.declarations.choices import DistanceUnit, Storage
+from ..core.map_types import MapType
+from ..core.settings import Settings
+from .translations import LABEL
+
+
+def declared(name: str, **more: Any):
+    """The property of the setting `name`. more: arguments that a declaration cannot have, such as `poll` or `update`."""
+    return _property(DECLARED[name], more)
+
+
+def _words(setting: kinds.Setting) -> dict[str, str]:
+    return {"name": setting.label, "description": setting.panel_tooltip, "translation_context": LABEL}
+
+
+@singledispatch
+def _property(setting: kinds.Setting, more: dict[str, Any]):
+    """The property for a declaration of any kind."""
+    raise TypeError(f"there is no property for {setting!r}")
+
+
+@_property.register
+def _(setting: kinds.Switch, more):
+    return BoolProperty(**_words(setting), default=setting.default, **more)
+
+
+@_property.register
+def _(setting: kinds.Choice, more):
+    items = [(str(item.value), item.label, item.tooltip) for item in setting.items]
+    return EnumProperty(**_words(setting), items=items, default=str(setting.default), **more)
+
+
+@_property.register
+def _(setting: kinds.Flags, more):
+    items = [(item.value, item.label, item.tooltip) for item in setting.items]
+    return EnumProperty(**_words(setting), items=items, default=set(setting.default), options={"ENUM_FLAG"}, **more)
+
+
+@_property.register
+def _(setting: kinds.WholeNumber, more):
+    limits = {"min": setting.least, "max": setting.most, "soft_max": setting.usual_most or setting.most}
+    if "get" not in more:
+        limits["default"] = setting.default
+    return IntProperty(**_words(setting), **limits, **more)
+
+
+@_property.register
+def _(setting: kinds.Distance, more):
+    return FloatProperty(
+        **_words(setting),
+        default=setting.shown,
+        min=setting.shown_least,
+        soft_max=setting.usual_most,
+        precision=4,
+        subtype="DISTANCE",
+        **more,
+    )
+
+
+@_property.register
+def _(setting: kinds.Reach, more):
+    if "get" not in more:
+        more = {**more, "default": setting.shown}
+    return FloatProperty(**_words(setting), min=1e-6, soft_max=setting.usual_most, precision=4, **more)
+
+
+@_property.register
+def _(setting: kinds.Color, more):
+    return FloatVectorProperty(
+        **_words(setting), default=setting.default, size=3, min=0.0, max=1.0, subtype="COLOR_GAMMA", **more
+    )
+
+
+@_property.register
+def _(setting: kinds.Text, more):
+    return StringProperty(**_words(setting), default=setting.default, **more)
+
+
+@_property.register
+def _(setting: kinds.FilePath, more):
+    return StringProperty(
+        **_words(setting),
+        default=setting.default,
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        **more,
+    )
+
+
+@_property.register
+def _(setting: kinds.Tiles, more):
+    return StringProperty(**_words(setting), **more)
+
+
+@_property.register
+def _(setting: kinds.ObjectSlot, more):
+    return PointerProperty(**_words(setting), type=bpy.types.Object, **more)
+
+
+@_property.register
+def _(setting: kinds.ObjectSlots, more):
+    return CollectionProperty(**_words(setting), **more)
+
+
+class Options:
+    """The fields of Settings, under the same names, and the switches that make some of them None."""
+
+    def to_settings(
+        self,
+        fallback: "Options | None" = None,
+        own: bpy.types.PropertyGroup | None = None,
+        of_own: Collection[str] = (),
+    ) -> Settings:
+        """The settings as plain data. Those that were not set here come from `fallback`, and those of the names `of_own` from
+        `own`, which a low object has for itself.
+
+        A number that a script sets is used, whatever the number's switch is.
+        """
+
+        def owner(name: str) -> Options:
+            if fallback is not None and self.properties.is_property_set(name):
+                return self
+            return own if own is not None and name in of_own else fallback or self
+
+        def is_switched_off(name: str) -> bool:
+            """Whether the switch of a number makes it None."""
+            switch = DECLARED[name].switch
+            if not switch or getattr(owner(switch), switch) != DECLARED[switch].empties:
+                return False
+            is_named = fallback is not None and owner(name) is self
+            return not is_named or (switch == "unlimited" and owner(switch) is self)
+
+        names = [field.name for field in fields(Settings)]
+        values = {
+            name: None if is_switched_off(name) else _plain(DECLARED[name], getattr(owner(name), name))
+            for name in names
+        }
+        if fallback is not None and owner("output") is self and owner("storage") is fallback:
+            values["storage"] = Storage.FILE  # if a script sets a file name, the file is written
+        if values["storage"] == Storage.FILE and not _is_set(owner("depth"), "depth"):
+            values["depth"] = file_formats.usual_depth(values["output"])  # Targa has only 8 bits
+        return Settings(**values).read_by((fallback or self).id_data.render.engine)
+
+
+def _plain(setting: kinds.Setting, value):
+    """The value of a property as in Settings."""
+    if isinstance(setting, kinds.Flags):
+        return tuple(name for name in setting.values if name in value)
+    if isinstance(setting, kinds.Choice):
+        return next(known for known in setting.values if str(known) == value)
+    if isinstance(setting, kinds.Color):
+        return tuple(value)
+    return udim.parse(value) if isinstance(setting, kinds.Tiles) else value
+
+
+def _is_set(owner: Options, name: str) -> bool:
+    """Whether a property of a scene's settings, or of an operator, has been set."""
+    return getattr(owner, "properties", owner).is_property_set(name)
+
+
+_NAMES = {field.name for field in fields(Settings)}
+# Blender reads properties from the annotations of a class and of its bases.
+Options.__annotations__ = {
+    name: declared(name)
+    for name, setting in DECLARED.items()
+    if name in _NAMES or getattr(setting, "empties", None) is not None
+}
+
+
+REACHES = tuple(name for name, setting in DECLARED.items() if isinstance(setting, kinds.Reach))
+"""The settings in the unit of the setting distance_unit."""
+
+
+def map_switch(name: str) -> str:
+    """The name of the property that is on while the map `name` is in the setting `maps`."""
+    return f"bakes_{name.lower()}"
+
+
+def length_name(name: str) -> str:
+    """The name of the property that shows the setting `name` as a length."""
+    return f"{name}_length"
+
+
+class MapList:
+    """Properties that stand for a part of the setting `maps`, or for a distance. Their values are not stored."""
+
+    def shown(self, reach: str) -> str:
+        """The property that shows a setting of REACHES in the chosen unit."""
+        return length_name(reach) if self.distance_unit == DistanceUnit.SCENE else reach
+
+
+def _switch_of(map_type: MapType):
+    """A switch, since Blender's own buttons for a set of values keep only the last one that is clicked."""
+
+    def get(settings: MapList) -> bool:
+        return map_type.name in settings.maps
+
+    def put(settings: MapList, is_on: bool) -> None:
+        settings.maps = settings.maps | {map_type.name} if is_on else settings.maps - {map_type.name}
+
+    return BoolProperty(name=map_type.label, description=map_type.tooltip, get=get, set=put, translation_context=LABEL)
+
+
+def _length_of(name: str):
+    def get(settings: MapList) -> float:
+        return getattr(settings, name)
+
+    def put(settings: MapList, value: float) -> None:
+        setattr(settings, name, value)
+
+    return declared(name, subtype="DISTANCE", get=get, set=put)
+
+
+# Blender reads properties from the annotations of a class and of its bases.
+MapList.__annotations__ = {map_switch(map_type.name): _switch_of(map_type) for map_type in map_types.OTHERS} | {
+    length_name(name): _length_of(name) for name in REACHES
+}

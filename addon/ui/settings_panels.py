@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels of the settings, with their operators: map, channels, output, rays. The panel of the maps stands by itself."""
+
+import bpy
+from bpy.props import FloatProperty, IntProperty
+
+from ..core.declarations.choices import Method, Space, Storage
+from ..core.declarations.map_settings import ADAPTIVE_FROM, MAX_SIZE
+from ..core.errors import BakeError
+from ..core.report import Report
+from ..jobs.weights import weight_proposal
+from . import maps_panel
+from .bake_results import distances, results
+from .cage_overlay import overlay
+from .presets import IMPRINT_PT_conventions
+from .progress_display import display
+from .sidebar import SettingsPanel, split_layout
+from .translations import LABEL, label, tooltip
+
+COMMON_SIZES = (512, 1024, 2048, 4096, 8192)
+
+
+class IMPRINT_OT_resize(bpy.types.Operator):
+    """Change the size of the map; a map that is not square keeps its shape"""
+
+    bl_idname = "imprint.resize"
+    bl_label = "Resize Map"
+    bl_options = {"REGISTER", "UNDO"}
+
+    side: IntProperty(
+        name="Side",
+        description="Texels along the longer side; 0 to scale",
+        default=0,
+        min=0,
+        max=MAX_SIZE,
+        translation_context=LABEL,
+    )
+    factor: FloatProperty(
+        name="Factor",
+        description="By how much both sides are scaled",
+        default=1.0,
+        min=0.0,
+        max=64.0,
+        translation_context=LABEL,
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.imprint
+        factor = self.side / max(settings.width, settings.height) if self.side else self.factor
+        # The properties keep each side within its limits.
+        settings.width, settings.height = (round(side * factor) for side in (settings.width, settings.height))
+        return {"FINISHED"}
+
+
+class IMPRINT_MT_size(bpy.types.Menu):
+    """Common sizes of maps."""
+
+    bl_idname = "IMPRINT_MT_size"
+    bl_label = "Size"
+    bl_translation_context = LABEL
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        for side in COMMON_SIZES:
+            self.layout.operator("imprint.resize", text=str(side), translate=False).side = side
+        self.layout.separator()
+        for text, factor in ((label("Double"), 2.0), (label("Halve"), 0.5)):
+            self.layout.operator("imprint.resize", text=text, translate=False).factor = factor
+
+
+def draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """The size in a panel, with its menu."""
+    is_square = settings.square and settings.width == settings.height
+    column = layout.column(align=True)
+    row = column.row(align=True)
+    row.prop(settings, "size" if is_square else "width")
+    row.prop(settings, "square", text="", icon="LINKED" if is_square else "UNLINKED")
+    row.menu(IMPRINT_MT_size.bl_idname, text="", icon="DOWNARROW_HLT")
+    if not is_square:
+        column.prop(settings, "height")
+
+
+class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
+    """Settings of the map."""
+
+    bl_idname = "IMPRINT_PT_map"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Map"
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        IMPRINT_PT_conventions.draw_panel_header(self.layout)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        settings = context.scene.imprint
+        low, highs = settings.chosen_objects(context)
+        rays = settings.rays_of(low, highs)
+        layout.prop(rays, "method")
+        layout.prop(settings, "space")
+        if settings.space == Space.TANGENT:
+            layout.prop(settings, "basis")
+        if low is not None and low.type == "MESH":
+            layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
+        draw_size(layout, settings)
+        layout.prop(settings, "samples")
+        row = layout.row()
+        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM
+        row.prop(settings, "adaptive")
+        column = layout.column(align=True)
+        column.prop(settings, "margin_type")
+        row = column.row(align=True)
+        row.active = not settings.unlimited
+        row.prop(settings, "margin")
+        column.prop(settings, "unlimited")
+        column.prop(settings, "mips")
+        layout.prop(settings, "stacked")
+        layout.prop(settings, "modifiers")
+        column = layout.column(align=True)
+        column.prop(settings, "limited")
+        if settings.limited:
+            column.prop(settings, "limit")
+
+
+class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
+    """The content of each channel. The presets in the header of the Map panel set it."""
+
+    bl_idname = "IMPRINT_PT_channels"
+    bl_parent_id = "IMPRINT_PT_map"
+    bl_label = "Channels"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        column = layout.column(align=True)
+        for name in ("red", "green", "blue"):
+            column.prop(context.scene.imprint, name)
+
+
+class IMPRINT_PT_readers(SettingsPanel, bpy.types.Panel):
+    """The programs that the report answers for."""
+
+    bl_idname = "IMPRINT_PT_readers"
+    bl_parent_id = "IMPRINT_PT_map"
+    bl_label = "Readers"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.imprint
+        column = self.layout.column(align=True)
+        column.active = settings.space == Space.TANGENT
+        column.prop(settings, "readers")
+
+
+class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
+    """Where the map is stored."""
+
+    bl_idname = "IMPRINT_PT_output"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Output"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        settings = context.scene.imprint
+        # A name for a new image is not among those that exist, and a search field would be red.
+        layout.prop_search(settings, "image", bpy.data, "images", results_are_suggestions=True)
+        layout.prop(settings, "depth", expand=True)
+        if settings.depth == "8":
+            layout.prop(settings, "dither")
+        layout.prop(settings, "udim")
+        if settings.udim:
+            layout.prop(settings, "tiles")
+        layout.prop(settings, "storage")
+        if settings.storage == Storage.FILE:
+            layout.prop(settings, "output")
+            layout.prop(settings, "alpha")
+            layout.prop(settings, "mip_files")
+        layout.prop(settings, "material")
+        row = layout.row()
+        row.enabled = settings.material
+        row.prop(settings, "single_user")
+        layout.prop(settings, "show_result")
+        layout.prop(settings, "export")
+
+
+class IMPRINT_OT_freeze_distances(bpy.types.Operator):
+    """Set Extrusion and Max Distance to what the last bake of this low object measured"""
+
+    bl_idname = "imprint.freeze_distances"
+    bl_label = "Freeze Distances"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not distances(results.of(context)):
+            cls.poll_message_set(tooltip("Bake this low object first, with Measure Distances on"))
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings, found = context.scene.imprint, distances(results.of(context))
+        rays = settings.rays_of(*settings.chosen_objects(context))
+        rays.extrusion, rays.max_distance = found["extrusion"], found["max_distance"]
+        rays.measure = False
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_propose_weights(bpy.types.Operator):
+    """Fill both groups with weights that leave fewer doubtful texels than the last bake had, and with 0.5 elsewhere"""
+
+    bl_idname = "imprint.propose_weights"
+    bl_label = "Propose Weights"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        problem = _weights_problem(results.of(context))
+        if problem:
+            cls.poll_message_set(tooltip(problem))
+        return not problem and display.current is None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        report, settings = results.of(context), context.scene.imprint
+        groups = {name: getattr(settings, name) for name in weight_proposal.GROUP_NAMES}
+        try:
+            proposal = weight_proposal.propose(context, report, groups)
+        except BakeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for name, group in weight_proposal.apply(report.refs[0].resolve(), proposal, groups).items():
+            setattr(settings, name, group)
+        share = f"{proposal.before:.2%} of the texels are doubtful"
+        if proposal.after < proposal.before:
+            self.report({"INFO"}, f"{share}, with the proposed weights {proposal.after:.2%}")
+        else:
+            self.report({"INFO"}, f"{share}, and other weights are no better: the groups are ready to be painted")
+        return {"FINISHED"}
+
+
+def _weights_problem(report: Report | None) -> str:
+    """Why no weights can be proposed, without a full stop; empty if they can. report: of the last bake."""
+    if report is None:
+        return "Bake this low object first"
+    low = report.refs[0].find()
+    if report.method != Method.CAST:
+        return "The last bake cast no rays"
+    if low.mode == "EDIT":
+        return "Leave Edit Mode first"
+    return "" if low.is_editable and low.data.is_editable else "The low object is linked from another file"
+
+
+class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
+    """Where rays start and end."""
+
+    bl_idname = "IMPRINT_PT_rays"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Rays"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settings = context.scene.imprint
+        return settings.rays_of(*settings.chosen_objects(context)).method != Method.FLATTEN
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        settings = context.scene.imprint
+        low, highs = settings.chosen_objects(context)
+        rays = settings.rays_of(low, highs)
+        found = context.window_manager.imprint_found
+        layout.prop(settings, "hit")
+        layout.prop(rays, "cage")
+        layout.prop(rays, "measure")
+        column = layout.column(align=True)
+        if rays.measure:
+            column.enabled = False
+            column.prop(found, "extrusion")
+            column.prop(found, "max_distance")
+            layout.operator("imprint.freeze_distances", icon="FREEZE")
+        else:
+            column.prop(rays, "extrusion")
+            column.prop(rays, "max_distance")
+        layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=overlay.is_on)
+        layout.prop(settings, "directions")
+        if low is not None and low.type == "MESH":
+            for name in ("offset_group", "straight_group"):
+                layout.prop_search(settings, name, low, "vertex_groups", icon="GROUP_VERTEX")
+            layout.operator("imprint.propose_weights", icon="MOD_VERTEX_WEIGHT")
+        layout.prop(settings, "facing_only")
+        layout.prop(settings, "missed")
+        layout.prop(settings, "mask")
+
+
+# Blender draws them in the order of registration.
+CLASSES = (
+    IMPRINT_OT_resize,
+    IMPRINT_MT_size,
+    IMPRINT_OT_freeze_distances,
+    IMPRINT_OT_propose_weights,
+    IMPRINT_PT_map,
+    IMPRINT_PT_channels,
+    IMPRINT_PT_readers,
+    *maps_panel.CLASSES,
+    IMPRINT_PT_output,
+    IMPRINT_PT_rays,
+)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
