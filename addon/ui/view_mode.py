@@ -13,7 +13,7 @@ from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..jobs import live_session
 from ..views import view_shading
-from ..views.mode_names import OWN, Mode
+from ..views.view_shading import OWN, Mode
 from . import progress_display
 from .callbacks import DrawCallbacks, Timer, redraw
 from .live_switch import live

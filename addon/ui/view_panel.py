@@ -8,7 +8,7 @@ from ..core.declarations import readers
 from ..core.declarations.choices import Space
 from ..core.progress import Pace, Task
 from ..jobs.live_session import Session
-from ..views.mode_names import ITEMS, READERS, Mode
+from ..views.view_shading import ITEMS, READERS, Mode
 from . import view_mode
 from .callbacks import Key
 from .live_switch import live

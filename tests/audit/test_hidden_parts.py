@@ -12,7 +12,7 @@ from addon.engine import bands
 from addon.jobs import Job, bake_jobs, live_session
 from addon.passes import target
 from addon.views import view_shading
-from addon.views.mode_names import Mode
+from addon.views.view_shading import Mode
 from tests.engine.test_stacked_uvs import asymmetric, bump, half, mirrored
 from tests.support import angles, maps, raster, zoo
 

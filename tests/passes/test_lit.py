@@ -17,8 +17,8 @@ from addon.jobs import Job, live_session
 from addon.output import quantize
 from addon.passes import mesh_upload, target
 from addon.passes.view import lit
-from addon.views import view_objects, view_shading
-from addon.views.mode_names import SHOWN
+from addon.views import view_shading
+from addon.views.view_shading import SHOWN
 from tests.support import decoders, oracle, raster, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -528,7 +528,7 @@ def test_a_view_limits_the_map_size_and_keeps_the_map_in_memory():
 def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
     low = zoo.plane("lo")
     highs = [zoo.terrain(f"hi {number}", n=32) for number in range(8)]
-    height = view_objects.height
+    height = view_shading.height_over
 
     class Counted:
         found = 0
@@ -540,6 +540,6 @@ def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
             Counted.found += 1
             return self.surface.find_nearest(point)
 
-    monkeypatch.setattr(view_objects, "height", lambda surface, *more: height(Counted(surface), *more))
-    view_objects.ViewObjects(session_of(low, highs)).place(with_highs=False)
-    assert 0 < Counted.found <= view_objects.PROBES + 6 * len(highs)
+    monkeypatch.setattr(view_shading, "height_over", lambda surface, *more: height(Counted(surface), *more))
+    view_shading.ViewObjects(session_of(low, highs)).place(with_highs=False)
+    assert 0 < Counted.found <= view_shading.PROBES + 6 * len(highs)

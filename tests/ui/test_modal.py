@@ -17,7 +17,7 @@ from addon.ui.live_switch import live
 from addon.ui.memory import EVERY, idle_memory
 from addon.ui.progress_display import display
 from addon.ui.view_mode import viewer
-from addon.views.mode_names import Mode
+from addon.views.view_shading import Mode
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot

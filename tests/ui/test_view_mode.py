@@ -15,7 +15,7 @@ from addon.passes import target
 from addon.ui import progress_display, view_mode
 from addon.ui.live_switch import live
 from addon.ui.view_mode import viewer
-from addon.views.mode_names import SHOWN, Mode
+from addon.views.view_shading import SHOWN, Mode
 from tests.support import panel_layout, raster, zoo
 from tests.support.snapshot import difference, snapshot
 

@@ -27,7 +27,7 @@ from addon.ui.modal import runner  # noqa: E402
 from addon.ui.object_hiding import hiding  # noqa: E402
 from addon.ui.progress_display import display  # noqa: E402
 from addon.ui.view_mode import viewer  # noqa: E402
-from addon.views.mode_names import Mode  # noqa: E402
+from addon.views.view_shading import Mode  # noqa: E402
 from tests.support import window  # noqa: E402
 
 HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_pre", "load_post")
