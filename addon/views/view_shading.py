@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The views of a session: its modes, its objects where they are now, drawn with and without the map, and the deviations of the map."""
+"""The views of a session: their modes, the objects where they are now, the drawing, and the deviations of the map."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
