@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 from addon.cli import command
-from addon.cli.plan import blend_blocks, file_references
+from addon.cli.plan import blend_blocks
 from addon.cli.results import exit_codes
+from addon.core.file_structure import mesh_references
 from tests.support import zoo
 
 pytestmark = [
@@ -324,7 +325,7 @@ def test_libraries_are_found_without_opening_a_file(place, packed):
 
 
 def test_a_texture_that_only_the_importer_finds_is_not_overwritten(place, capsys, monkeypatch):
-    monkeypatch.setattr(file_references, "of", lambda *_: iter(()))
+    monkeypatch.setattr(mesh_references, "of", lambda *_: iter(()))
     mesh = place / "in" / "rock_a_high.obj"
     mesh.write_text(mesh.read_text().replace("\nf ", "\nusemtl m0\nf ", 1))
     before = tree(place)

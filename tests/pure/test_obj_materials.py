@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from addon.cli.mesh_files import obj_materials
+from addon.core.file_structure import mesh_references
 
 
 @pytest.fixture
@@ -46,6 +47,22 @@ def test_the_image_of_a_line_is_found_after_its_options(folder, line):
     ((placeholder, name),) = files.items()
     assert first == "newmtl x"
     assert (second, name) == (f"{IMAGES[line][0]} {placeholder}", IMAGES[line][1])
+
+
+@pytest.mark.parametrize("line", IMAGES)
+def test_planning_knows_the_files_that_the_importer_gets(folder, line):
+    """But for other spellings, which are looked for when the file is imported."""
+    _, files = read(folder, f"newmtl x\n{line}\n")
+    known = {path.name.lower() for path in mesh_references.of(str(folder / "scan.obj"))}
+    assert {"m.mtl", *(name.lower() for name in files.values())} <= known
+
+
+def test_planning_reads_no_points(folder):
+    names = "mtllib m.mtl\n", "mtllib other.mtl\n"
+    points = "v 1 2 3\n" * 100
+    for head, expected in ((names[0] + points + names[1], ["m.mtl", "other.mtl"]), (points + names[1], [])):
+        (folder / "scan.obj").write_text(head)
+        assert mesh_references.libraries(folder / "scan.obj", is_whole=False) == expected
 
 
 @pytest.mark.parametrize("name", ["/", ".", "..", '""', "-clamp on ./"])
@@ -97,6 +114,8 @@ def test_a_library_with_the_name_of_the_obj_counts(folder):
     (folder / "SCAN.mtl").write_text("newmtl own\n")
     assert read(folder, "newmtl x\n", "mtllib none.mtl\n")[0] == ["newmtl own"]
     assert obj_materials.missing_libraries(folder / "scan.obj") == []
+    (folder / "scan.mtl").write_text("newmtl own\nmap_Kd own.png\n")
+    assert folder / "own.png" in mesh_references.of(str(folder / "scan.obj"))
 
 
 def test_a_library_is_found_far_into_a_large_file(folder):

@@ -11,11 +11,12 @@ from argparse import Namespace
 
 import pytest
 
-from addon.cli.plan import costs, file_references, listing, plans, run_clashes, shards
+from addon.cli.plan import costs, listing, plans, run_clashes, shards
 from addon.cli.plan.plans import Plan
 from addon.cli.results.exit_codes import FAILED, WRONG_USAGE
 from addon.cli.usage import arguments, job_file
 from addon.cli.usage.arguments import WrongUsage
+from addon.core.file_structure import mesh_references
 from scripts.imprint import ROOT
 
 BLOCK = "<4siQii"
@@ -315,8 +316,8 @@ def test_what_a_mesh_refers_to_is_read_once(here, monkeypatch):
     (here / "jobs.json").write_text(json.dumps({"bake": sets}))
     planned, _ = plans.plans(job_file.read("jobs.json"))
     read = []
-    real = file_references.of
-    monkeypatch.setattr(file_references, "of", lambda path: read.append(path) or real(path))
+    real = mesh_references.of
+    monkeypatch.setattr(mesh_references, "of", lambda path: read.append(path) or real(path))
     (problem,) = run_clashes.Run().add([(plan.name, plan.options) for plan in planned])
     assert problem.startswith(
         "set 4 (a_low): The normal map of set 4 (a_low) would overwrite what 'a_high.obj' refers to"

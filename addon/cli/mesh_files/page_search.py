@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core import udim
+from ...core.file_structure import mesh_references
 
 _DRIVE = re.compile("[A-Za-z]:/")
 
@@ -32,11 +33,6 @@ def find(name: str, folders: Sequence[Path]) -> Path | None:
     return None
 
 
-def cleaned(name: str) -> str:
-    """`name` with slashes, without quotation marks."""
-    return name.strip().strip("\"'").strip().replace("\\", "/")
-
-
 def expected(name: str, folder: Path) -> Path:
     """Where a missing image with this name should be: in `folder`, with the folders in its name unless they are absolute."""
     parts = _parts(name)
@@ -57,7 +53,7 @@ def as_tiled(path: Path) -> Path | None:
 
 def _parts(name: str) -> list[str]:
     """The folders and the file in `name`; an absolute path starts with its root."""
-    clean = cleaned(name)
+    clean = mesh_references.cleaned(name)
     if "\0" in clean:
         return []
     parts = [part for part in clean.split("/") if part not in ("", ".")]

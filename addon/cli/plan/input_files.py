@@ -5,8 +5,8 @@ import os
 import stat
 
 from ...core import udim
+from ...core.file_structure import mesh_references
 from ...output.files.atomic_file import reason
-from . import file_references
 
 
 class InputFiles:
@@ -23,9 +23,9 @@ class InputFiles:
         return self._problems[path]
 
     def references(self, path: str) -> tuple[str, ...]:
-        """The files that a mesh file refers to, as file_references.of finds them."""
+        """The files that a mesh file refers to, as mesh_references.of finds them."""
         if path not in self._references:
-            self._references[path] = tuple(map(str, file_references.of(path)))
+            self._references[path] = tuple(map(str, mesh_references.of(path)))
         return self._references[path]
 
 

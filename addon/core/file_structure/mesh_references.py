@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The files that mesh files name: material libraries and images of .obj, buffers and images of glTF. Nothing is imported."""
+
+import json
+import mmap
+import os
+import re
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import unquote
+
+MOST = 1 << 24
+"""Bytes that are read to plan a bake: an .obj names its libraries before its points, and longer JSON contains its buffers."""
+_POINT = re.compile(rb"^[ \t]*v[ \t]", re.MULTILINE)
+_LIBRARY = re.compile(rb"mtllib[ \t]+([^\r\n]+)")
+"""Found ten times as fast as one that begins a line, which is looked at afterwards."""
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_IMAGE_WORDS = ("map_", "bump", "disp", "decal", "refl", "norm")
+"""The beginnings of lines that name an image."""
+_OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
+"""The most arguments of options before an image's name, which are numbers. All others have one."""
+_READ = ("-s", "-o", "-bm", "-type")
+"""The options that Blender's importer uses. It takes those that it does not know for the beginning of the name."""
+
+
+def of(name: str) -> Iterator[Path]:
+    """The files that the mesh file at the path `name` refers to, of which some may not exist.
+
+    None for formats that only their importers read, and for what cannot be read.
+    """
+    find = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_glb}.get(os.path.splitext(name)[1].lower())
+    path = Path(name)
+    try:
+        # Opening a pipe may wait for ever.
+        names = list(find(path)) if find and path.is_file() else []
+    except (OSError, ValueError, RecursionError, struct.error):  # the importer will report what is wrong
+        return
+    for folder in folders(path):
+        yield from (folder / name for name in names)
+
+
+def folders(path: Path) -> list[Path]:
+    """The folders that names in the file at `path` may start at: that of a link, which importers use, and of its target."""
+    return list(dict.fromkeys((path.parent, Path(os.path.realpath(path)).parent)))
+
+
+def cleaned(name: str) -> str:
+    """`name` with slashes, without quotation marks."""
+    return name.strip().strip("\"'").strip().replace("\\", "/")
+
+
+def libraries(path: Path, *, is_whole: bool = True) -> list[str]:
+    """The names of the material libraries of the .obj at `path`, as it spells them. Raises OSError.
+
+    Args:
+        is_whole: Whether the whole file is read. Otherwise nothing is, unless a library is named before the first point, and
+            then MOST bytes.
+    """
+    with path.open("rb") as file:
+        if not os.fstat(file.fileno()).st_size:
+            return []
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+            stop = len(text) if is_whole else min(MOST, len(text))
+            point = None if is_whole else _POINT.search(text, 0, stop)
+            if point and not _LIBRARY.search(text, 0, point.start()):
+                return []
+            found = _LIBRARY.finditer(text, 0, stop)
+            return [_decoded(each[1]) for each in found if _begins_line(text, each.start())]
+
+
+def _begins_line(text: mmap.mmap, at: int) -> bool:
+    """Whether only spaces are before this place in its line."""
+    return not text[text.rfind(b"\n", 0, at) + 1 : at].strip()
+
+
+class ImageLine(NamedTuple):
+    """A line of a .mtl that names an image: its first word, the options that Blender reads, and the name as it is spelled.
+
+    whole: all that follows the first word, which is the name if its beginning only looks like options.
+    """
+
+    word: str
+    options: str
+    name: str
+    whole: str
+
+
+def image_line(line: bytes) -> ImageLine | None:
+    """What a line of a .mtl says of an image; None for other lines."""
+    word, _, rest = _decoded(line.replace(b"\t", b" ")).partition(" ")
+    if not rest.strip() or not word.lower().startswith(_IMAGE_WORDS):
+        return None
+    return ImageLine(word, *_split(rest), rest.strip())
+
+
+def lines_of(library: Path) -> list[bytes]:
+    """The lines of a .mtl. Raises OSError."""
+    return library.read_bytes().removeprefix(b"\xef\xbb\xbf").splitlines()
+
+
+def _split(text: str) -> tuple[str, str]:
+    """The options that Blender reads, and the name, in what follows the first word of a line."""
+    words, first, read = [word for word in text.split(" ") if word], 0, []
+    while first < len(words) - 1 and words[first].startswith("-") and len(words[first]) > 1:
+        begin, option = first, words[first].lower()
+        first, last = first + 1, min(first + 1 + _OPTIONS.get(option, 1), len(words) - 1)
+        while first < last and (option not in _OPTIONS or _NUMBER.fullmatch(words[first])):
+            first += 1
+        read += words[begin:first] if option in _READ else []
+    rest = text.strip()
+    for word in words[:first]:
+        rest = rest[len(word) :].lstrip()
+    return " ".join(read), rest
+
+
+def _decoded(text: bytes) -> str:
+    """Text of a file: UTF-8, or what Windows writes in western languages."""
+    text = text.strip()
+    try:
+        return text.decode()
+    except UnicodeDecodeError:
+        return text.decode("cp1252", errors="replace")
+
+
+def _of_obj(path: Path) -> Iterator[str]:
+    named = libraries(path, is_whole=False)
+    several = [each for name in named if " " in name for each in name.split()]  # in one line
+    own = f"{path.stem}.mtl"  # as in Blender's importer, it counts even if no line names it
+    has_own = any((folder / own).is_file() for folder in folders(path))
+    for library in dict.fromkeys([*map(cleaned, (*named, *several)), *([own] if has_own else [])]):
+        yield library
+        for folder in folders(path):
+            file = folder / library
+            lines = lines_of(file) if file.is_file() and file.stat().st_size <= MOST else []
+            for image in filter(None, map(image_line, lines)):
+                for name in dict.fromkeys(map(cleaned, (image.name, image.whole))):
+                    yield os.path.join(os.path.dirname(library), name)
+
+
+def _of_gltf(path: Path) -> Iterator[str]:
+    if path.stat().st_size <= MOST:
+        yield from _named_in(path.read_bytes())
+
+
+def _of_glb(path: Path) -> Iterator[str]:
+    with path.open("rb") as file:
+        (length,) = struct.unpack_from("<12xI", file.read(20))  # of the first chunk, which is the JSON
+        if length <= MOST:
+            yield from _named_in(file.read(length))
+
+
+def _named_in(content: bytes) -> Iterator[str]:
+    """The files that the JSON of a glTF names."""
+    table = json.loads(content)
+    for key in ("buffers", "images"):
+        found = table.get(key, []) if isinstance(table, dict) else []
+        for entry in found if isinstance(found, list) else []:
+            uri = entry.get("uri") if isinstance(entry, dict) else None
+            if isinstance(uri, str) and not uri.startswith("data:"):
+                yield unquote(uri)
