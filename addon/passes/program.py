@@ -25,6 +25,9 @@ class Program:
     compute: str = ""
     inputs: tuple[Declaration, ...] = ()
     varyings: tuple[Declaration, ...] = ()
+    """From vertex to fragment, interpolated."""
+    flat: tuple[Declaration, ...] = ()
+    """From vertex to fragment, not interpolated: whole numbers that all corners of a triangle share."""
     samplers: tuple[Declaration, ...] = ()
     constants: tuple[Declaration, ...] = ()
     outputs: tuple[Declaration, ...] = ()

@@ -38,10 +38,12 @@ def load(program: Program) -> gpu.types.GPUShader:
     info = gpu.types.GPUShaderCreateInfo()
     for slot, (kind, name) in enumerate(program.inputs):
         info.vertex_in(slot, kind, name)
-    if program.varyings:
+    if program.varyings or program.flat:
         interface = gpu.types.GPUStageInterfaceInfo(Path(program.fragment).stem + "_interface")
         for kind, name in program.varyings:
             interface.smooth(kind, name)
+        for kind, name in program.flat:
+            interface.flat(kind, name)
         info.vertex_out(interface)
     as_images = reads_images()
     for slot, (kind, name) in enumerate(program.all_samplers(as_images)):

@@ -55,7 +55,8 @@ def header(program: Program, stage: str, as_images: bool) -> str:
     if stage == "vertex":
         lines += [f"layout(location = {i}) in {TYPES[kind]} {name};" for i, (kind, name) in enumerate(program.inputs)]
     way = {"vertex": "out", "fragment": "in"}.get(stage)
-    lines += [f"smooth {way} {TYPES[kind]} {name};" for kind, name in program.varyings]
+    lines += [f"smooth {way} {TYPES[kind]} {name};" for kind, name in program.varyings if way]
+    lines += [f"flat {way} {TYPES[kind]} {name};" for kind, name in program.flat if way]
     lines += [f"uniform {SAMPLERS[kind]} {name};" for kind, name in program.all_samplers(as_images)]
     lines += [f"uniform {TYPES[kind]} {name};" for kind, name in program.constants]
     if stage == "fragment":
@@ -126,7 +127,8 @@ class Scene:
         for kind, name in program.inputs:
             if name in compiled:
                 values = np.ascontiguousarray(self.data[f"{which}_{name}"], np.float32)
-                parts.append((self.ctx.buffer(values.tobytes()), f"{TYPES[kind][-1]}f", name))
+                components = 1 if kind == "FLOAT" else TYPES[kind][-1]
+                parts.append((self.ctx.buffer(values.tobytes()), f"{components}f", name))
         index = self.ctx.buffer(np.ascontiguousarray(triangles, np.int32).tobytes())
         return self.ctx.vertex_array(compiled, parts, index_buffer=index)
 

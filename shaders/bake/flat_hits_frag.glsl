@@ -2,7 +2,5 @@
 
 void main()
 {
-  // Interpolating three equal numbers can change the last bits: round them back.
-  uvec2 parts = uvec2(round(v_number));
-  hit_out = uvec4((parts.x << 12) + parts.y + 1u, floatBitsToUint(v_weights.x), floatBitsToUint(v_weights.y), 0u);
+  hit_out = uvec4(uint(v_triangle) + 1u, floatBitsToUint(v_weights.x), floatBitsToUint(v_weights.y), 0u);
 }

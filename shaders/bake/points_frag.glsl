@@ -3,6 +3,5 @@
 void main()
 {
   point_out = vec4(v_position, 1.0);
-  // Interpolating three equal numbers can change the last bits: round them back.
-  labels_out = vec4(round(v_labels), 0.0, 1.0);
+  labels_out = vec4(v_labels, 0.0, 1.0);
 }

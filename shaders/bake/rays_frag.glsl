@@ -50,9 +50,7 @@ void main()
     float blended_length = length(blended);
     direction = blended_length > 0.0 ? blended / blended_length : straight;
   }
-  // The number is in two parts, small enough that interpolating three equal values and rounding gives the value back.
-  vec2 parts = round(v_number);
   float start = start_on_cage != 0 ? smooth_length : start_offset;
-  position_out = vec4(v_position, parts.x * 4096.0 + parts.y);
+  position_out = vec4(v_position, v_number);
   direction_out = vec4(direction, start * v_paint.x);
 }

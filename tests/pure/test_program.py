@@ -47,7 +47,8 @@ def test_shaders_use_all_declared_names(declared):
     """Some drivers remove unused names, and setting them is an error."""
     text = "\n".join(map(program.source, files_of(declared)))
     words = set(re.findall(r"\w+", text))
-    kinds = (declared.inputs, declared.varyings, declared.samplers, declared.constants, declared.outputs)
+    varyings = declared.varyings + declared.flat
+    kinds = (declared.inputs, varyings, declared.samplers, declared.constants, declared.outputs)
     names = [name for kind in kinds for _, name in kind]
     names += [name for _, _, name in declared.texels] + [name for _, _, name, _ in declared.images]
     assert names

@@ -18,22 +18,20 @@ if TYPE_CHECKING:
 PROGRAM = Program(
     vertex="audit/triangle_ids_vert.glsl",
     fragment="audit/triangle_ids_frag.glsl",
-    inputs=(("VEC2", "uv"), ("VEC2", "number")),
-    varyings=(("VEC2", "v_number"),),
+    inputs=(("VEC2", "uv"), ("FLOAT", "number")),
+    flat=(("FLOAT", "v_number"),),
     samplers=(("FLOAT_2D", "above"),),
     constants=(("VEC4", "uv_to_clip"),),
     outputs=(("FLOAT", "number_out"),),
 )
-PART = 4096
-"""As in shaders/audit/triangle_ids_frag.glsl: numbers are up to the square of it, 2^24, where single precision ends as well."""
 
 
 def upload(triangles: np.ndarray, uv: np.ndarray, numbers: np.ndarray | None = None) -> gpu.types.GPUBatch:
     """A mesh for `layers`: triangles (T, 3) int32, indices into uv (C, 2) float32. They have these `numbers` (T,) above 0,
-    or are numbered from 1."""
+    at most 2^24, which a float holds exactly, or are numbered from 1."""
     count = len(triangles)
     numbers = np.arange(1, count + 1) if numbers is None else numbers
-    numbers = np.repeat(np.stack(np.divmod(numbers, PART), axis=1).astype(np.float32), 3, axis=0)
+    numbers = np.repeat(numbers, 3).astype(np.float32)[:, None]
     corners = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
     return mesh_upload.upload(corners, uv=uv[triangles.reshape(-1)], number=numbers)
 

@@ -18,7 +18,8 @@ PROGRAM = Program(
     vertex="bake/flat_hits_vert.glsl",
     fragment="bake/flat_hits_frag.glsl",
     inputs=(("VEC2", "uv"),),
-    varyings=(("VEC2", "v_number"), ("VEC2", "v_weights")),
+    varyings=(("VEC2", "v_weights"),),
+    flat=(("INT", "v_triangle"),),
     constants=(("VEC4", "uv_to_clip"),),
     outputs=(("UVEC4", "hit_out"),),
 )

@@ -17,7 +17,8 @@ PROGRAM = Program(
     vertex="bake/points_vert.glsl",
     fragment="bake/points_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "position"), ("VEC2", "labels")),
-    varyings=(("VEC3", "v_position"), ("VEC2", "v_labels")),
+    varyings=(("VEC3", "v_position"),),
+    flat=(("VEC2", "v_labels"),),
     constants=(("VEC4", "uv_to_clip"),),
     outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
 )

@@ -22,16 +22,16 @@ PROGRAM = Program(
         ("VEC3", "position"),
         ("VEC3", "smooth_normal"),
         ("VEC3", "straight_normal"),
-        ("VEC2", "number"),
+        ("FLOAT", "number"),
         ("VEC2", "paint"),
     ),
     varyings=(
         ("VEC3", "v_position"),
         ("VEC3", "v_smooth_normal"),
         ("VEC3", "v_straight_normal"),
-        ("VEC2", "v_number"),
         ("VEC2", "v_paint"),
     ),
+    flat=(("FLOAT", "v_number"),),
     texels=(("RGBA32F", "FLOAT_2D", "edge_nodes"), ("RGBA32F", "FLOAT_2D", "edge_ends")),
     constants=(
         ("VEC4", "uv_to_clip"),
@@ -45,10 +45,8 @@ PROGRAM = Program(
     ),
     outputs=(("VEC4", "position_out"), ("VEC4", "direction_out")),
 )
-PART = 4096
-"""As in shaders/bake/rays_frag.glsl: the numbers of triangles are up to the square of it, 2^24."""
-MOST_TRIANGLES = PART * PART - 1
-"""The most triangles of a low mesh whose numbers rays can carry."""
+MOST_TRIANGLES = 2**24 - 1
+"""The most triangles of a low mesh whose numbers rays can carry: floats hold larger ones not exactly."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +118,7 @@ def vertices(
         "position": position[corners],
         "smooth_normal": smooth_normal[corners],
         "straight_normal": straight_normal[corners],
-        # In two parts, which floats hold exactly where rasterizers interpolate them.
-        "number": np.repeat(np.stack(np.divmod(numbers, PART), axis=1).astype(np.float32), 3, axis=0),
+        "number": np.repeat(numbers, 3).astype(np.float32)[:, None],
         "paint": painted,
     }
 

@@ -22,7 +22,7 @@ BORDERS = Program(
     vertex="margin/seam_borders_vert.glsl",
     fragment="margin/seam_borders_frag.glsl",
     inputs=(("VEC4", "corner"),),
-    varyings=(("FLOAT", "v_number"),),
+    flat=(("FLOAT", "v_number"),),
     constants=(("VEC4", "uv_to_clip"),),
     outputs=(("FLOAT", "number_out"),),
 )
