@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.declarations import bases, readers
 from ..core.declarations.choices import Space, Storage
-from ..core.settings import Settings
+from ..core.settings import MapSettings, SamplingSettings, Settings
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.triangle_mesh import Mesh
 from . import facing, severity
@@ -71,22 +71,22 @@ def is_for_others(settings: Settings) -> bool:
 
     MikkTSpace can be meant for EEVEE, too: it counts if it was chosen for a map that goes into a file.
     """
-    if not is_in_tangent_space(settings):
+    if not is_in_tangent_space(settings.map):
         return False
-    if settings.green == "-Y" or set(settings.readers) - readers.IN_BLENDER:
+    if settings.map.green == "-Y" or set(settings.map.readers) - readers.IN_BLENDER:
         return True
-    if settings.basis == bases.AUTO:
+    if settings.map.basis == bases.AUTO:
         return False
-    basis = bases.of_name(settings.basis)
-    return basis not in _BLENDERS or (basis == bases.MIKKTSPACE and settings.storage == Storage.FILE)
+    basis = bases.of_name(settings.map.basis)
+    return basis not in _BLENDERS or (basis == bases.MIKKTSPACE and settings.storing.storage == Storage.FILE)
 
 
-def is_in_tangent_space(settings: Settings) -> bool:
+def is_in_tangent_space(settings: MapSettings) -> bool:
     """Whether a bake makes a tangent-space normal map."""
     return settings.normal and settings.space == Space.TANGENT
 
 
-def find(low: Mesh, uv_layer: str, active_layer: str, settings: Settings) -> list[Finding]:
+def find(low: Mesh, uv_layer: str, active_layer: str, settings: SamplingSettings) -> list[Finding]:
     """Look at a low mesh, which must have UVs and faces. uv_layer: of the map. active_layer: of the object."""
     name = repr(low.name)
     found = [_polygons(low, name)]

@@ -11,7 +11,7 @@ from ..core import fixes, texel_state, udim
 from ..core.declarations.choices import Method, Space
 from ..core.errors import shorten_list
 from ..core.lengths import Length
-from ..core.settings import Settings
+from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
 from ..engine import separation, uv_agreement
 from ..engine.method_choice import Plan
 from ..engine.rays import ray_casting
@@ -62,14 +62,12 @@ def audit(
     """Check a map. ray_cast: the rays that were cast, or None. length: a length in scene units as text. stacked: from
     stacked_detail.check."""
     meshes, low = plan.meshes, plan.meshes.low
-    uv_checks, uv_warnings = _uv_layout(plan, settings)
-    texel_checks = _texels(plan, tally, settings)
+    uv_checks, uv_warnings = _uv_layout(plan, settings.sampling)
+    texel_checks = _texels(plan, tally, settings.sampling)
     # Where rays only fill up Flatten, UVs say which layer is meant.
-    unsure, distances = unsure_hits.check(plan, settings, None if plan.has_rays else ray_cast)
+    unsure, distances = unsure_hits.check(plan, settings.sampling, None if plan.has_rays else ray_cast)
     if plan.has_rays:
-        texels = separation.sample(
-            separation.full_probe(meshes, ray_cast), (settings.width, settings.height), plan.tiles
-        )
+        texels = separation.sample(separation.full_probe(meshes, ray_cast), settings.sampling.size, plan.tiles)
         distances = separation.distances(texels, np.zeros(3))[texels[..., 3] > 0.0]
     distance_checks, placement = _distances(plan, settings, distances if ray_cast else None)
     checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
@@ -85,9 +83,9 @@ def audit(
         missed=tally.missed / max(1, tally.missed + tally.written),
         checks=checks,
         warnings=(
-            *_direction_warnings(meshes, tally, settings),
+            *_direction_warnings(meshes, tally, settings.map),
             *uv_warnings,
-            *_placement_warnings(plan, checks, settings, placement, length),
+            *_placement_warnings(plan, checks, settings.tracing, placement, length),
             *_crossed_warnings(plan, checks, settings),
             *_other_detail_warnings(low, stacked),
             *(
@@ -99,7 +97,7 @@ def audit(
     )
 
 
-def _direction_warnings(meshes: Meshes, tally: Tally, settings: Settings) -> Iterator[Warned]:
+def _direction_warnings(meshes: Meshes, tally: Tally, settings: MapSettings) -> Iterator[Warned]:
     low = meshes.low.name
     if tally.turned_away > TURNED_AWAY * max(1, tally.compared):
         yield Warned(
@@ -114,12 +112,12 @@ def _direction_warnings(meshes: Meshes, tally: Tally, settings: Settings) -> Ite
         )
 
 
-def uv_space(settings: Settings) -> tuple[int, int]:
+def uv_space(settings: SamplingSettings) -> tuple[int, int]:
     """The number of tiles along u and v on which UVs are inside."""
     return (udim.COLUMNS, udim.ROWS) if settings.udim else (1, 1)
 
 
-def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[Warned]]:
+def _uv_layout(plan: Plan, settings: SamplingSettings) -> tuple[Checks, list[Warned]]:
     low, highs, space = plan.meshes.low, plan.meshes.listed_highs, uv_space(settings)
     areas, outside = uv_layout.areas(low), uv_layout.outside(low, space)
     is_mirrored, count = areas < 0.0, len(low.triangles)
@@ -155,7 +153,7 @@ def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[Warned]]:
     ]
 
 
-def _texels(plan: Plan, tally: Tally, settings: Settings) -> Checks:
+def _texels(plan: Plan, tally: Tally, settings: SamplingSettings) -> Checks:
     low, tiles, size = plan.meshes.low, plan.tiles, (settings.width, settings.height)
     covered = shared = uncovered = 0
     for counts, state in zip(covering(low, size, tiles), tally.states, strict=True):
@@ -188,7 +186,7 @@ def _overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int], covered: in
     return _share(shared, covered) | {"stacked": shared - crossed}
 
 
-def _gaps(low: Mesh, tiles: Sequence[int], settings: Settings, *, overlaps: bool) -> Check:
+def _gaps(low: Mesh, tiles: Sequence[int], settings: SamplingSettings, *, overlaps: bool) -> Check:
     close = covered = border = 0
     for found in mip_gaps.find(low, tiles, settings, mip_gaps.grid(settings), overlaps=overlaps):
         covered += int(np.count_nonzero(found.covered))
@@ -213,11 +211,11 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
     if found is None:
         texels = plan.separation
         if texels is None:
-            texels = separation.sample(separation.quick_probe(meshes), (settings.width, settings.height), plan.tiles)
+            texels = separation.sample(separation.quick_probe(meshes), settings.sampling.size, plan.tiles)
         offset = separation.offset(texels, plan.method)
         found = separation.distances(texels, offset)
         found = found[found >= 0.0]
-    limit, usual = (separation.limit(meshes.low, each) for each in (settings, replace(settings, limit=None)))
+    limit, usual = (separation.limit(meshes.low, each.tracing) for each in (settings, replace(settings, limit=None)))
     usual = max(usual, limit)  # a larger one allows for more
     maximum, percentile_99 = (float(found.max()), float(np.quantile(found, 0.99))) if found.size else (0.0, 0.0)
     check = _share(int(np.count_nonzero(found > limit)), found.size) | {
@@ -230,7 +228,7 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
 
 
 def _placement_warnings(
-    plan: Plan, checks: Checks, settings: Settings, placement: _Placement, length: Length
+    plan: Plan, checks: Checks, settings: TracingSettings, placement: _Placement, length: Length
 ) -> Iterator[Warned]:
     """Why the surfaces do not meet."""
     meshes, missed, unsure = plan.meshes, checks["uncovered"], checks["unsure"]
@@ -269,11 +267,11 @@ def _placement_warnings(
 
 def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[Warned]:
     # In object and world space, overlaps are wrong in any order.
-    if plan.method != Method.FLATTEN or plan.has_rays or settings.space != Space.TANGENT:
+    if plan.method != Method.FLATTEN or plan.has_rays or settings.map.space != Space.TANGENT:
         return
     low, overlap_check = plan.meshes.low, checks["overlap"]
     is_stacked = overlap_check["stacked"] > severity.MUCH_OVERLAP * overlap_check["of"]
-    if is_stacked and checks["far"]["maximum"] > separation.limit(low, replace(settings, limit=None)):
+    if is_stacked and checks["far"]["maximum"] > separation.limit(low, replace(settings, limit=None).tracing):
         highs = [separation.thinned(high) for high in plan.meshes.drawn_highs]
         share = uv_agreement.crossed(low, highs, plan.tiles)
         if share > uv_agreement.CROSSED:

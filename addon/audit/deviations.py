@@ -121,7 +121,7 @@ class Deviations:
         low, settings = drawn.low, self._settings
         data = gpu.types.Buffer("FLOAT", texels.shape, texels)
         normal_map = gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
-        read = normal_channels.reading(settings)
+        read = normal_channels.reading(settings.map)
         measured = target.get("deviation", band.width, band.height, "RGBA32F")
         deviation.measure(
             measured,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.settings import Settings
+from ..core.settings import SamplingSettings
 from ..mesh import uv_islands
 from ..mesh.triangle_mesh import Mesh
 from ..passes.audit import triangle_ids
@@ -30,7 +30,7 @@ class Found:
     border: np.ndarray
 
 
-def needed(settings: Settings) -> int:
+def needed(settings: SamplingSettings) -> int:
     """The texels that are needed between islands: the width of one texel of the last mip level in the settings.
 
     Half as many are needed to the border: a map that repeats has the other half on its opposite side.
@@ -38,16 +38,18 @@ def needed(settings: Settings) -> int:
     return 2**settings.mips
 
 
-def grid(settings: Settings, most: int = QUICK) -> Sparse:
+def grid(settings: SamplingSettings, most: int = QUICK) -> Sparse:
     """The texels to check: at most `most` a side, but at least two on the gap that is needed between islands."""
-    sparse = at_most((settings.width, settings.height), most)
+    sparse = at_most(settings.size, most)
     finest = max(1, needed(settings) // 2)
     if most == QUICK:
         sparse = replace(sparse, steps=tuple(min(step, finest) for step in sparse.steps))
     return sparse if max(sparse.small) <= MOST else at_most(sparse.size, MOST)
 
 
-def find(low: Mesh, tiles: Sequence[int], settings: Settings, sparse: Sparse, *, overlaps: bool) -> Iterator[Found]:
+def find(
+    low: Mesh, tiles: Sequence[int], settings: SamplingSettings, sparse: Sparse, *, overlaps: bool
+) -> Iterator[Found]:
     """The texels that are too close, on each of the tiles. overlaps: whether triangles share texels."""
     if overlaps:
         unique = uv_islands.without_copies(low)

@@ -25,9 +25,9 @@ class OtherReaders:
     """
 
     def __init__(self, low: Mesh | None, settings: Settings):
-        is_measured = low is not None and settings.space == Space.TANGENT and settings.normal
-        wanted = [readers.BY_NAME[name] for name in settings.readers] if is_measured else []
-        own = bases.of_name(settings.basis)
+        is_measured = low is not None and settings.map.space == Space.TANGENT and settings.map.normal
+        wanted = [readers.BY_NAME[name] for name in settings.map.readers] if is_measured else []
+        own = bases.of_name(settings.map.basis)
         is_uneven = bool(wanted) and stretch.is_uneven(low.to_world)
         self.readers = [reader for reader in wanted if not is_uneven or reader.basis.has_tangents_of(own)]
         unlike = ", ".join(reader.label for reader in wanted if reader not in self.readers)
@@ -49,7 +49,7 @@ class OtherReaders:
         if self._uploaded is None:
             low = self.low
             self._uploaded = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=low.tangents)
-        own = normal_channels.reading(self.settings)
+        own = normal_channels.reading(self.settings.map)
         for band in bands.bands(state.shape[1], state.shape[0], 0, tile):
             rows = np.ascontiguousarray(texels[band.start : band.stop], np.float32)
             data = gpu.types.Buffer("FLOAT", rows.shape, rows)

@@ -43,7 +43,7 @@ Check = dict[str, float]
 def rate(kind: str, check: Check, settings: Settings) -> str:
     """The rating of `check`, one of Report.checks: GOOD, LOOK or WRONG. settings: of the bake; their method is CAST if
     rays were cast."""
-    if not check["count"] or (kind in _TANGENT_ONLY and settings.space != Space.TANGENT):
+    if not check["count"] or (kind in _TANGENT_ONLY and settings.map.space != Space.TANGENT):
         return GOOD
     return WRONG if kind in _HARMS and _HARMS[kind](check, settings) else LOOK
 
@@ -52,15 +52,19 @@ def warning(kind: str, check: Check, low: str, settings: Settings, length: Lengt
     """The warning about the map of the object `low`, as a sentence. check: one that `rate` finds WRONG. length: a length in
     scene units as text."""
     values = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check
-    values |= {"where": TILES if settings.udim else TILE, "margin": check.get("needed", 0) / 2, "level": settings.mips}
+    values |= {
+        "where": TILES if settings.sampling.udim else TILE,
+        "margin": check.get("needed", 0) / 2,
+        "level": settings.sampling.mips,
+    }
     values |= {name: length(check[name]) for name in ("limit", "maximum") if name in check}
     sentence = _SENTENCES[kind]
-    if kind == "uncovered" and settings.method == Method.CAST:
-        is_set = settings.extrusion is not None or settings.max_distance is not None
+    if kind == "uncovered" and settings.tracing.method == Method.CAST:
+        is_set = settings.tracing.extrusion is not None or settings.tracing.max_distance is not None
         sentence = _OUT_OF_REACH if is_set else _MISSED
-    elif kind == "uncovered" and settings.method == Method.AUTO:
+    elif kind == "uncovered" and settings.tracing.method == Method.AUTO:
         sentence = _NOT_CAST
-    elif kind == "unsure" and settings.hit != Hit.OWN:
+    elif kind == "unsure" and settings.tracing.hit != Hit.OWN:
         sentence = _OTHER_LAYER
     elif kind == "unsure" and check["backs"] > 0.5 * check["count"]:
         sentence = _BACKS
@@ -69,17 +73,17 @@ def warning(kind: str, check: Check, low: str, settings: Settings, length: Lengt
 
 def _overlap(check: Check, settings: Settings) -> bool:
     # Stacked parts share their detail on purpose. In object and world space, the map still has the normals of only one part.
-    shared = check["count"] - (check["stacked"] if settings.space == Space.TANGENT else 0)
+    shared = check["count"] - (check["stacked"] if settings.map.space == Space.TANGENT else 0)
     return shared > MUCH_OVERLAP * check["of"]
 
 
 def _uncovered(check: Check, settings: Settings) -> bool:
-    return check["share"] > (MANY_MISSES if settings.method == Method.CAST else MANY_UNCOVERED)
+    return check["share"] > (MANY_MISSES if settings.tracing.method == Method.CAST else MANY_UNCOVERED)
 
 
 def _far(check: Check, settings: Settings) -> bool:
     # Deep panels are far and correct: only a limit that was set says what is too far.
-    return settings.limit is not None and check["share"] > MANY_BEYOND
+    return settings.tracing.limit is not None and check["share"] > MANY_BEYOND
 
 
 def _beyond(share: float) -> Callable[[Check, Settings], bool]:

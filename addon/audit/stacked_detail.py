@@ -26,12 +26,12 @@ def check(
     found = {"hidden": hidden.triangles, "under_others": 0, "differing": 0.0}
     if hidden.share <= MUCH_OVERLAP:  # decimation leaves slivers on other triangles
         return found | {"hidden": 0}
-    if settings.space != Space.TANGENT or not settings.normal:  # each part has other normals in other spaces
+    if settings.map.space != Space.TANGENT or not settings.map.normal:  # each part has other normals in other spaces
         return found
     if materials is not None:
         found["under_others"] = hidden.under_others(materials)
     compared = differing = 0
-    size = min(settings.width, SIDE), min(settings.height, SIDE)
+    size = min(settings.sampling.width, SIDE), min(settings.sampling.height, SIDE)
     with target.using(target.TargetPool()):
         for tile in plan.tiles:
             band = Band(0, size[1], size, 0, tile)

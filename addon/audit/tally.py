@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core import texel_state
 from ..core.declarations.choices import Space
-from ..core.settings import Settings
+from ..core.settings import MapSettings
 from ..core.texel_state import Map
 from ..engine import normal_channels
 from .sparse_maps import Sparse, at_most
@@ -40,7 +40,7 @@ class Tally:
     states: list[np.ndarray] = field(default_factory=list)
     """For each tile, the states of the texels that `sampled` selects."""
 
-    def add(self, stored: Map, settings: Settings) -> None:
+    def add(self, stored: Map, settings: MapSettings) -> None:
         """Count a tile of the normal map as it is stored."""
         texels, state = stored
         self._add_state(state)
@@ -48,7 +48,7 @@ class Tally:
             self._add_upwards(state, lambda which: normal_channels.upwards(texels[which], settings))
             self.backwards += normal_channels.backwards(texels, state, settings)
 
-    def add_raw(self, normals: np.ndarray, settings: Settings) -> None:
+    def add_raw(self, normals: np.ndarray, settings: MapSettings) -> None:
         """Count a tile of normals as rendering.Renderer.raw returns them."""
         alpha = normals[..., 3]
         state = texel_state.of_raw(alpha)

@@ -106,7 +106,7 @@ def open_files(
     interruption.note(name)
     settings = arguments.settings(options)
     # Opening a file can take long, so check first that the results can be written.
-    for path in (settings.output, options.export, options.save_blend, report_file.path_of(options.report)):
+    for path in (settings.storing.output, options.export, options.save_blend, report_file.path_of(options.report)):
         if path and file_names.LOW not in str(path):
             check_writable(Path(path).absolute())
     if meter.is_on:
@@ -122,7 +122,7 @@ def open_files(
     read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
     used = [*read_files.used(options), *read]
     files.opened(plan.name, options, _lows(options, jobs), used)
-    notes = input_checks.check_pages(options, settings, jobs)
+    notes = input_checks.check_pages(options, settings.map, jobs)
     hints = input_checks.fit_hints(options, jobs)
     for job in jobs:
         job.hints = hints

@@ -16,7 +16,7 @@ from ..core.file_formats import BY_ENDING
 from ..core.file_structure import usd_layers
 from ..core.file_structure.whole_files import MISSING
 from ..core.preflight import placement
-from ..core.settings import Settings
+from ..core.settings import MapSettings
 from ..jobs.job import Job
 from ..scene import complaints, dependencies, object_checks
 from .mesh_files import obj_materials, page_files
@@ -28,7 +28,7 @@ MOST_NAMED = 8
 """Missing files that a message names."""
 
 
-def check_pages(options: argparse.Namespace, settings: Settings, jobs: Sequence[Job]) -> list[str]:
+def check_pages(options: argparse.Namespace, settings: MapSettings, jobs: Sequence[Job]) -> list[str]:
     """Sentences about material libraries and images that are missing, if a map shows materials.
 
     Raises BakeError for them, for other files that objects are made from, and for images, that are missing or not whole, unless
@@ -115,7 +115,7 @@ def refused_scripts() -> list[str]:
     return [f"Scripts of the file were not run, and what they drive stays as saved: {bpy.app.autoexec_fail_message}."]
 
 
-def _of_materials(settings: Settings) -> list[str]:
+def _of_materials(settings: MapSettings) -> list[str]:
     """The maps of these settings that show materials, also those that are only packed."""
     known = [map_types.BY_NAME[name] for name in settings.drawn_maps]
     return [each.name for each in known if each.socket]

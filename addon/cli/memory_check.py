@@ -48,19 +48,19 @@ def need_of(job: Job, settings: Settings) -> Need | None:
     objects = list(dict.fromkeys([job.low, *job.highs]))
     if any(obj.type != "MESH" or obj.modifiers or obj.is_instancer for obj in objects):
         return None
-    shows_images = any(BY_NAME[name].family.shows_materials for name in settings.drawn_maps)
+    shows_images = any(BY_NAME[name].family.shows_materials for name in settings.map.drawn_maps)
     pages = page_files.used_by(job.highs)
     return Need.of(
         Amounts(
             triangles=sum(len(obj.data.loops) - 2 * len(obj.data.polygons) for obj in objects),
-            texels=settings.width * settings.height * max(1, len(settings.tiles)),
-            band_texels=drawing.band_texels(settings),
-            samples=settings.samples,
-            other_maps=len(settings.drawn_maps),
-            is_adaptive=settings.are_adaptive(settings.method) and not settings.drawn_maps,
-            is_flat=settings.method == Method.FLATTEN
-            and not settings.drawn_maps
-            and not (settings.detail_maps and pages),
+            texels=settings.sampling.width * settings.sampling.height * max(1, len(settings.sampling.tiles)),
+            band_texels=drawing.band_texels(settings.sampling),
+            samples=settings.sampling.samples,
+            other_maps=len(settings.map.drawn_maps),
+            is_adaptive=settings.sampling.are_adaptive(settings.tracing.method) and not settings.map.drawn_maps,
+            is_flat=settings.tracing.method == Method.FLATTEN
+            and not settings.map.drawn_maps
+            and not (settings.map.detail_maps and pages),
             page_pixels=max(map(_pixels, pages), default=0) if shows_images else 0,
         )
     )

@@ -2,6 +2,7 @@
 """The settings of a bake, as plain data. `declarations` holds their labels, tooltips, limits and defaults."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import PurePath
 from typing import Any
@@ -24,23 +25,59 @@ def _field(name: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Settings:
-    """One bake. Sizes and margin in texels, depth in bits per channel, distances in scene units.
+class MapSettings:
+    """What the maps hold: which maps, of what, and how normals are written into channels."""
 
-    `DECLARED` describes each field.
-    """
-
-    method: str = _field("method")
     space: str = _field("space")
     basis: str = _field("basis")
     readers: tuple[str, ...] = _field("readers")
     """Names among declarations.readers.BY_NAME, in their order."""
     uv_layer: str = _field("uv_layer")
-    width: int = _field("width")
-    height: int = _field("height")
-    samples: int = _field("samples")
-    adaptive: bool = _field("adaptive")
-    """Whether samples are adaptive."""
+    modifiers: str = _field("modifiers")
+    normal: bool = _field("normal")
+    """Whether the normal map is stored."""
+    mask: bool = _field("mask")
+    maps: tuple[str, ...] = _field("maps")
+    """Names among map_types.NAMES, in their order."""
+    attribute: str = _field("attribute")
+    """Empty for the color attribute that is set to render."""
+    detail_maps: bool = _field("detail_maps")
+    missed: tuple[float, float, float] = _field("missed")
+    red: str = _field("red")
+    green: str = _field("green")
+    blue: str = _field("blue")
+    pack: str = _field("pack")
+    pack_red: str = _field("pack_red")
+    pack_green: str = _field("pack_green")
+    pack_blue: str = _field("pack_blue")
+    pack_alpha: str = _field("pack_alpha")
+    texture_sets: bool = _field("texture_sets")
+
+    @property
+    def channels(self) -> tuple[str, str, str]:
+        """The axes of normals in red, green and blue."""
+        return self.red, self.green, self.blue
+
+    @property
+    def packing(self) -> Packing | None:
+        """The layout of the packed image, or None without one."""
+        if self.pack == Pack.CUSTOM:
+            return Packing.of(CUSTOM_SUFFIX, self.pack_red, self.pack_green, self.pack_blue, self.pack_alpha)
+        layout = PRESETS.get(self.pack)
+        return layout.of_widened_roughness() if layout and WIDENED_ROUGHNESS.name in self.maps else layout
+
+    @property
+    def drawn_maps(self) -> tuple[str, ...]:
+        """The maps to draw beside the normal map: those in `maps`, and those that only the packed image stores."""
+        wanted = {*self.maps, *(self.packing.maps if self.packing else ())}
+        return tuple(name for name in NAMES if name in wanted)
+
+
+@dataclass(frozen=True)
+class TracingSettings:
+    """How the high objects are found from the low object, and what the rays of other maps meet. Distances in scene units."""
+
+    method: str = _field("method")
     extrusion: float | None = _field("extrusion")
     """None to measure it. Not used with a cage."""
     max_distance: float | None = _field("max_distance")
@@ -52,12 +89,8 @@ class Settings:
     straight_group: str = _field("straight_group")
     """As offset_group. A cage decides the directions alone."""
     facing_only: bool = _field("facing_only")
-    missed: tuple[float, float, float] = _field("missed")
-    mask: bool = _field("mask")
-    normal: bool = _field("normal")
-    """Whether the normal map is stored."""
-    maps: tuple[str, ...] = _field("maps")
-    """Names among map_types.NAMES, in their order."""
+    limit: float | None = _field("limit")
+    """None for 5 % of the low mesh's radius."""
     rays: int = _field("rays")
     distance_unit: str = _field("distance_unit")
     ao_distance: float | None = _field("ao_distance")
@@ -72,33 +105,42 @@ class Settings:
     """In distance_unit. None for THICKNESS_SHARE."""
     curvature_radius: float | None = _field("curvature_radius")
     """In distance_unit. None for CURVATURE_SHARE."""
-    attribute: str = _field("attribute")
-    """Empty for the color attribute that is set to render."""
-    detail_maps: bool = _field("detail_maps")
-    pack: str = _field("pack")
-    pack_red: str = _field("pack_red")
-    pack_green: str = _field("pack_green")
-    pack_blue: str = _field("pack_blue")
-    pack_alpha: str = _field("pack_alpha")
-    texture_sets: bool = _field("texture_sets")
-    vertex_domain: str = _field("vertex_domain")
-    connect_maps: bool = _field("connect_maps")
-    red: str = _field("red")
-    green: str = _field("green")
-    blue: str = _field("blue")
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """The texels of a map, in which sizes and the margin are counted, and the samples of each."""
+
+    width: int = _field("width")
+    height: int = _field("height")
+    samples: int = _field("samples")
+    adaptive: bool = _field("adaptive")
+    """Whether samples are adaptive."""
+    stacked: str = _field("stacked")
     margin: int | None = _field("margin")
     """None to fill the whole background."""
     margin_type: str = _field("margin_type")
     mips: int = _field("mips")
-    stacked: str = _field("stacked")
     udim: bool = _field("udim")
     tiles: tuple[int, ...] = _field("tiles")
     """Empty for all tiles that the low mesh covers."""
-    limit: float | None = _field("limit")
-    """None for 5 % of the low mesh's radius."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """The width and the height."""
+        return self.width, self.height
+
+    def are_adaptive(self, method: str) -> bool:
+        """Whether samples of a normal map alone are adaptive by this method."""
+        return self.adaptive and method != Method.FLATTEN and self.samples >= ADAPTIVE_FROM
+
+
+@dataclass(frozen=True)
+class StorageSettings:
+    """Where the maps are stored, in how many bits per channel, and what is connected to them."""
+
     depth: int = _field("depth")
     dither: bool = _field("dither")
-    modifiers: str = _field("modifiers")
     image: str = _field("image")
     """Name of the image datablock. Empty to name it after the low object."""
     storage: str = _field("storage")
@@ -108,108 +150,142 @@ class Settings:
     """Whether files have alpha."""
     mip_files: bool = _field("mip_files")
     """Whether files of mip levels are written, for storage FILE."""
+    vertex_domain: str = _field("vertex_domain")
+    connect_maps: bool = _field("connect_maps")
     material: bool = _field("material")
     single_user: bool = _field("single_user")
-
-    def read_by(self, engine: str) -> "Settings":
-        """These settings, where basis AUTO is replaced by that of a render engine. engine: Blender's identifier."""
-        if self.basis != bases.AUTO:
-            return self
-        return replace(self, basis=bases.of_engine(engine).name)
-
-    def without_file(self) -> "Settings":
-        """These settings for a map that goes into no file."""
-        return replace(self, storage=Storage.PACK if self.udim else Storage.MEMORY, output="")
-
-    def are_adaptive(self, method: str) -> bool:
-        """Whether samples of a normal map alone are adaptive by this method."""
-        return self.adaptive and method != Method.FLATTEN and self.samples >= ADAPTIVE_FROM
 
     @property
     def is_float(self) -> bool:
         """Whether images store floats, rather than steps from 0 to 1."""
         return file_formats.of(self.output).is_float if self.storage == Storage.FILE else self.depth > 8
 
+
+@dataclass(frozen=True, init=False)
+class Settings:
+    """One bake, in four parts: code that needs one part alone takes that part.
+
+    Each setting has a name of its own in all of them: reports, presets, job files and calls name it without its part.
+    """
+
+    map: MapSettings
+    tracing: TracingSettings
+    sampling: SamplingSettings
+    storing: StorageSettings
+
+    def __init__(self, **values: Any):
+        """Take settings by their names, also beside whole parts, so that `replace` changes single settings.
+
+        Args:
+            values: settings by their names in `DECLARED`, and parts by theirs. The others have their defaults.
+        """
+        for part, kind in PARTS.items():
+            own = {each.name: values.pop(each.name) for each in fields(kind) if each.name in values}
+            object.__setattr__(self, part, replace(values.pop(part, kind()), **own))
+        if values:
+            raise TypeError(f"Unknown settings: {', '.join(values)}")
+
+    @classmethod
+    def of_json(cls, values: Mapping[str, Any]) -> "Settings":
+        """The settings that `flat` made, also after they were stored as JSON, which has lists where settings have tuples."""
+        return cls(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})
+
+    def flat(self) -> dict[str, Any]:
+        """All settings by their names, in the order of the panels."""
+        return {name: getattr(getattr(self, part), name) for name, part in PART_OF.items()}
+
+    def __getattr__(self, name: str) -> Any:  # until every caller names the part
+        for part in () if name in PARTS else PARTS:
+            if hasattr(PARTS[part], name):
+                return getattr(getattr(self, part), name)
+        raise AttributeError(name)
+
+    def read_by(self, engine: str) -> "Settings":
+        """These settings, where basis AUTO is replaced by that of a render engine. engine: Blender's identifier."""
+        if self.map.basis != bases.AUTO:
+            return self
+        return replace(self, basis=bases.of_engine(engine).name)
+
+    def without_file(self) -> "Settings":
+        """These settings for a map that goes into no file."""
+        return replace(self, storage=Storage.PACK if self.sampling.udim else Storage.MEMORY, output="")
+
     @property
     def mip_sizes(self) -> list[tuple[int, int]]:
         """The widths and heights of the mip levels that are written, from level 1 on, down to one texel."""
-        if not (self.mip_files and self.storage == Storage.FILE):
+        if not (self.storing.mip_files and self.storing.storage == Storage.FILE):
             return []
-        count = max(self.width, self.height).bit_length()
-        return [(max(1, self.width >> level), max(1, self.height >> level)) for level in range(1, count)]
-
-    @property
-    def packing(self) -> Packing | None:
-        """The layout of the packed image, or None without one."""
-        if self.pack == Pack.CUSTOM:
-            return Packing.of(CUSTOM_SUFFIX, self.pack_red, self.pack_green, self.pack_blue, self.pack_alpha)
-        layout = PRESETS.get(self.pack)
-        return layout.of_widened_roughness() if layout and WIDENED_ROUGHNESS.name in self.maps else layout
+        width, height = self.sampling.size
+        return [
+            (max(1, width >> level), max(1, height >> level)) for level in range(1, max(width, height).bit_length())
+        ]
 
     @property
     def changes_materials(self) -> bool:
         """Whether maps are put into the materials of the low object."""
-        return (self.material and self.normal) or self.connect_maps
-
-    @property
-    def drawn_maps(self) -> tuple[str, ...]:
-        """The maps to draw beside the normal map: those in `maps`, and those that only the packed image stores."""
-        wanted = {*self.maps, *(self.packing.maps if self.packing else ())}
-        return tuple(name for name in NAMES if name in wanted)
+        return (self.storing.material and self.map.normal) or self.storing.connect_maps
 
     def for_drawing(self) -> "Settings":
         """These settings with `drawn_maps` as the maps."""
-        return replace(self, maps=self.drawn_maps)
+        return replace(self, maps=self.map.drawn_maps)
 
     def check(self) -> None:
         """Raise BakeError for settings that are not valid for any objects."""
-        for name in (setting.name for setting in fields(self)):
-            DECLARED[name].check(getattr(self, name))
-        if len({axis[1] for axis in (self.red, self.green, self.blue)}) < 3:
-            raise BakeError(
-                f"Red, green and blue store {self.red}, {self.green} and {self.blue}: give each channel another axis."
-            )
-        if not (self.normal or self.drawn_maps):
+        for name, value in self.flat().items():
+            DECLARED[name].check(value)
+        red, green, blue = self.map.channels
+        if len({axis[1] for axis in self.map.channels}) < 3:
+            raise BakeError(f"Red, green and blue store {red}, {green} and {blue}: give each channel another axis.")
+        if not (self.map.normal or self.map.drawn_maps):
             raise BakeError("No map is chosen: choose the normal map, another map, or maps to pack.")
-        if self.packing and not self.packing.maps:
+        if self.map.packing and not self.map.packing.maps:
             raise BakeError("The packed image would hold no map: choose a map for one of its channels.")
         self._check_tiles()
-        for text in (self.image, self.output):
+        for text in (self.storing.image, self.storing.output):
             for placeholder in re.findall(r"\{\w*\}", text):
-                if placeholder == MATERIAL and not self.texture_sets:
+                if placeholder == MATERIAL and not self.map.texture_sets:
                     raise BakeError(f"{text!r} contains {MATERIAL} but Texture Sets is off: enable it.")
                 if placeholder not in (LOW, MATERIAL):
                     raise BakeError(f"Unknown placeholder {placeholder} in {text!r}: use {LOW}, the low object's name.")
-        if self.storage == Storage.FILE:
+        if self.storing.storage == Storage.FILE:
             self._check_output()
 
     def _check_tiles(self) -> None:
-        udim.check(self.tiles)
-        if self.tiles and not self.udim:
+        udim.check(self.sampling.tiles)
+        if self.sampling.tiles and not self.sampling.udim:
             raise BakeError("Tiles are set but UDIM Tiles is off: enable it.")
-        if self.udim and self.storage == Storage.MEMORY:
+        if self.sampling.udim and self.storing.storage == Storage.MEMORY:
             raise BakeError("Blender cannot keep UDIM tiles in memory alone: store them in a file, or packed.")
 
     def _check_output(self) -> None:
-        if not self.output:
+        storing = self.storing
+        if not storing.output:
             raise BakeError("No file is set for the map: set one, or store the map packed.")
-        depths = file_formats.of(self.output).depths
-        if TOKEN in self.output and not self.udim:
-            raise BakeError(f"{self.output!r} contains {TOKEN} but UDIM Tiles is off: enable it.")
-        if self.udim and "%" in self.output:  # Blender takes it for a placeholder, and may crash
-            raise BakeError(f"{self.output!r} contains %, which Blender does not take in the path of UDIM tiles.")
-        if TOKEN in str(PurePath(self.output).parent):
+        depths = file_formats.of(storing.output).depths
+        if TOKEN in storing.output and not self.sampling.udim:
+            raise BakeError(f"{storing.output!r} contains {TOKEN} but UDIM Tiles is off: enable it.")
+        if self.sampling.udim and "%" in storing.output:  # Blender takes it for a placeholder, and may crash
+            raise BakeError(f"{storing.output!r} contains %, which Blender does not take in the path of UDIM tiles.")
+        if TOKEN in str(PurePath(storing.output).parent):
             raise BakeError(
-                f"{self.output!r} has {TOKEN} in a folder's name: Blender takes it only in the file's name."
+                f"{storing.output!r} has {TOKEN} in a folder's name: Blender takes it only in the file's name."
             )
-        stored = self.packing.channels[-1] if self.packing else WHITE
-        if not self.alpha and stored != WHITE:
+        stored = self.map.packing.channels[-1] if self.map.packing else WHITE
+        if not storing.alpha and stored != WHITE:
             what = f"the map {BY_NAME[stored.map].label}" if stored.map else "a number"
             raise BakeError(
                 f"The packed image has {what} in its alpha, but the files are to have no alpha: choose one of the two."
             )
-        if self.depth not in depths:
-            ending = PurePath(self.output).suffix.lower()
+        if storing.depth not in depths:
+            ending = PurePath(storing.output).suffix.lower()
             raise BakeError(
-                f"A {ending} file stores {' or '.join(map(str, depths))} bits per channel, not {self.depth}."
+                f"A {ending} file stores {' or '.join(map(str, depths))} bits per channel, not {storing.depth}."
             )
+
+
+PARTS = {"map": MapSettings, "tracing": TracingSettings, "sampling": SamplingSettings, "storing": StorageSettings}
+"""The parts of Settings by their names."""
+
+_PART_OF = {each.name: part for part, kind in PARTS.items() for each in fields(kind)}
+PART_OF: dict[str, str] = {name: _PART_OF[name] for name in DECLARED if name in _PART_OF}
+"""The part of each setting by its name, in the order of the panels."""

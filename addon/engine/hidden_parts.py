@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core import threads, udim
 from ..core.progress import Pace
-from ..core.settings import Settings
+from ..core.settings import SamplingSettings, Settings
 from ..core.timings import Timings
 from ..mesh import uv_islands
 from ..mesh.inputs import Meshes
@@ -73,7 +73,7 @@ class HiddenParts:
         self._numbered: gpu.types.GPUBatch | None = None
         low = plan.meshes.low
         self._tiles = np.zeros((len(low.triangles), 2), np.float32)
-        if not settings.udim:
+        if not settings.sampling.udim:
             moved = uv_islands.moved_copies(low)
             self._tiles[moved] = np.floor(low.uv[low.triangles[moved]].mean(axis=1))
         is_moved = self._tiles.any(axis=1)
@@ -84,7 +84,7 @@ class HiddenParts:
             order = np.argsort(~is_moved, kind="stable")
             drawn = _moved_back(low, self._tiles).with_triangles(order)
             parts = self._parts[order] = uv_islands.parts(drawn)
-            self._pairs, self.share = _hiding(drawn, parts, _size(settings, PROBE), plan.tiles)
+            self._pairs, self.share = _hiding(drawn, parts, _size(settings.sampling, PROBE), plan.tiles)
             self._layers[order] = _layers(self._pairs, int(parts.max()) + 1)[parts]
 
     @property
@@ -139,7 +139,7 @@ class HiddenParts:
             return Flat(
                 meshes.low,
                 meshes.highs,
-                run.settings,
+                run.settings.map,
                 run.timings,
                 surface=self._source.surface,
                 is_drawn=self._is_of(number),
@@ -178,7 +178,7 @@ class HiddenParts:
         )
         points -= (aside / space.size).astype(np.float32)
         nearest = _Nearest(points, uvs)
-        size = _size(self._settings, PROBE)
+        size = _size(self._settings.sampling, PROBE)
         attributes = {
             "uv": low.uv,
             "position": space.points(low)[low.vertices],
@@ -271,6 +271,6 @@ def _middles(mesh: Mesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _size(settings: Settings, most: int) -> tuple[int, int]:
+def _size(settings: SamplingSettings, most: int) -> tuple[int, int]:
     """The width and height of the map, at most so many texels each."""
     return min(settings.width, most), min(settings.height, most)

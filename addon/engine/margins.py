@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.declarations.choices import MarginType, Space
 from ..core.map_types import BY_NAME, NORMAL, Kind
-from ..core.settings import Settings
+from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
 from ..passes import target
@@ -21,9 +21,9 @@ from .normal_channels import channels
 class Borders:
     """The borders of islands, on one UDIM tile at a time. Several maps may share it."""
 
-    def __init__(self, found: uv_seams.Seams, settings: Settings):
+    def __init__(self, found: uv_seams.Seams, settings: SamplingSettings):
         self.found = found
-        self.size = settings.width, settings.height
+        self.size = settings.size
         self.tile = None
 
     def on(self, tile: int) -> "Borders":
@@ -46,7 +46,7 @@ class PostProcess:
         self.settings, self.kind, self.borders = settings, kind, borders
         self.encode = np.eye(4)
         if kind in (seam_fill.NORMAL, seam_fill.TANGENT):
-            self.encode[:3, :3], self.encode[:3, 3] = channels(settings) * 0.5, 0.5
+            self.encode[:3, :3], self.encode[:3, 3] = channels(settings.map) * 0.5, 0.5
 
     def draw(self, band: Band, values: gpu.types.GPUTexture) -> target.Target:
         """The stored texels (RGBA32F) and their state (R8) of the band without its halo, from `values` with it.
@@ -57,7 +57,7 @@ class PostProcess:
 
     def search(self, band: Band, values: gpu.types.GPUTexture) -> margin_search.Nearest:
         """The texels that the margin of `values` repeats."""
-        return margin_search.search(values, self.settings.margin if band.is_whole else self._near)
+        return margin_search.search(values, self.settings.sampling.margin if band.is_whole else self._near)
 
     def fill(self, band: Band, values: gpu.types.GPUTexture, nearest: margin_search.Nearest) -> target.Target:
         """As `draw`. nearest: what `search` returned for values that are written on the same texels."""
@@ -68,7 +68,7 @@ class PostProcess:
             nearest,
             halo=band.halo,
             encode=self.encode,
-            missed=self.settings.missed,
+            missed=self.settings.map.missed,
         )
         if self.borders:
             seam_fill.draw(
@@ -88,7 +88,7 @@ class PostProcess:
     @property
     def _near(self) -> int:
         """The width of the margin that is drawn band by band, in texels."""
-        return REACH if self.settings.margin is None else min(self.settings.margin, REACH)
+        return REACH if self.settings.sampling.margin is None else min(self.settings.sampling.margin, REACH)
 
     def complete(self, tile: int, texels: np.ndarray, state: np.ndarray) -> None:
         """Fill the margin that needs several bands. texels (height, width, 4) float32, state (height, width) uint8: changed
@@ -98,17 +98,17 @@ class PostProcess:
             return
         if self.borders:
             large_map_margin.across(texels, state, self.borders.on(tile).similarities, self.kind, self.encode)
-        if self.settings.margin is None or self.settings.margin > REACH:
-            large_map_margin.beyond(texels, state, self.settings.margin)
+        if self.settings.sampling.margin is None or self.settings.sampling.margin > REACH:
+            large_map_margin.beyond(texels, state, self.settings.sampling.margin)
 
 
 def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]:
     """A PostProcess for each map of a bake, by name. lows: the meshes whose islands are on the map."""
     borders = None
-    if settings.margin_type == MarginType.ADJACENT_FACES and settings.margin != 0:
+    if settings.sampling.margin_type == MarginType.ADJACENT_FACES and settings.sampling.margin != 0:
         found = uv_seams.find(lows)
-        borders = Borders(found, settings) if len(found.side) else None
-    normal = seam_fill.TANGENT if settings.space == Space.TANGENT else seam_fill.NORMAL
+        borders = Borders(found, settings.sampling) if len(found.side) else None
+    normal = seam_fill.TANGENT if settings.map.space == Space.TANGENT else seam_fill.NORMAL
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: seam_fill.VALUE, Kind.LABEL: seam_fill.LABEL}
-    kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.maps)}
+    kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.map.maps)}
     return {name: PostProcess(settings, kind, borders) for name, kind in kinds.items()}

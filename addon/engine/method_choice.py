@@ -10,7 +10,7 @@ from ..core import lengths, udim
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError, shorten_list
 from ..core.lengths import Length
-from ..core.settings import Settings
+from ..core.settings import SamplingSettings, TracingSettings
 from ..mesh import triangle_mesh, uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
@@ -45,7 +45,9 @@ class Plan:
         return self.method == Method.CAST or self.has_rays
 
 
-def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings, length: Length = lengths.plain) -> Plan:
+def choose_method(
+    meshes: Meshes, tiles: Sequence[int], settings: TracingSettings, length: Length = lengths.plain
+) -> Plan:
     """Decide between Flatten and Cast, and drop the parts of meshes that the method cannot use.
 
     length: a length in scene units as text. Raises BakeError for meshes that are far apart.
@@ -56,7 +58,7 @@ def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings, leng
     return _within_reach(plan, settings, length) if plan.casts_rays else _flattened(plan)
 
 
-def tiles_to_bake(meshes: Meshes, settings: Settings) -> list[int]:
+def tiles_to_bake(meshes: Meshes, settings: SamplingSettings) -> list[int]:
     """The UDIM tiles of `settings` that the low mesh covers. Raises BakeError if there is none, or far too many."""
     if not settings.udim:
         return [udim.FIRST]
@@ -121,7 +123,7 @@ def _flattened(plan: Plan) -> Plan:
     return replace(plan, meshes=replace(plan.meshes, highs=highs))
 
 
-def _within_reach(plan: Plan, settings: Settings, length: Length) -> Plan:
+def _within_reach(plan: Plan, settings: TracingSettings, length: Length) -> Plan:
     """`plan` without the high meshes that no ray can reach."""
     meshes = plan.meshes
     distance = gap(meshes.low, meshes.highs)

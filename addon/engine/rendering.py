@@ -43,7 +43,7 @@ class Renderer:
 
     def texels(self, tile: int, post_processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
         """The maps of a tile by name, as they are stored."""
-        size = self.settings.height, self.settings.width
+        size = self.settings.sampling.height, self.settings.sampling.width
         maps = {name: (np.empty((*size, 4), np.float32), np.empty(size, np.uint8)) for name in post_processes}
 
         def keep(name: str, band: Band, drawn: gpu.types.GPUTexture) -> None:
@@ -56,7 +56,7 @@ class Renderer:
                 stored.read(state, 1)
             self._count(name, state, texel_state.WRITTEN)
 
-        yield from self._banded(tile, self.settings.margin, keep)
+        yield from self._banded(tile, self.settings.sampling.margin, keep)
         with self.timings.timed("draw"):
             for name, process in post_processes.items():
                 process.complete(tile, *maps[name])
@@ -65,7 +65,7 @@ class Renderer:
     def values(self, tile: int) -> Task[gpu.types.GPUTexture]:
         """The values of a bake of one map that is one band, without encoding and margin. The texture is in the current pool."""
         found = []
-        yield from self._banded(tile, self.settings.margin, lambda _name, _band, drawn: found.append(drawn))
+        yield from self._banded(tile, self.settings.sampling.margin, lambda _name, _band, drawn: found.append(drawn))
         (drawn,) = found
         return drawn
 
@@ -73,7 +73,8 @@ class Renderer:
         """The maps of a tile by name, without encoding and margin: (height, width, 4) float32, alpha as in sources.Source."""
         settings = self.settings
         maps = {
-            name: np.empty((settings.height, settings.width, 4), np.float32) for name in (NORMAL.name, *settings.maps)
+            name: np.empty((settings.sampling.height, settings.sampling.width, 4), np.float32)
+            for name in (NORMAL.name, *settings.map.maps)
         }
 
         def keep(name: str, band: Band, drawn: gpu.types.GPUTexture) -> None:
@@ -94,7 +95,7 @@ class Renderer:
         self, tile: int, margin: int | None, keep: Callable[[str, Band, gpu.types.GPUTexture], None]
     ) -> Task[None]:
         settings = self.settings
-        parts = list(bands(settings.width, settings.height, margin, tile))
+        parts = list(bands(settings.sampling.width, settings.sampling.height, margin, tile))
         if self.pace.has_listener and self.pace.has_picture and self.maps.takes_time:
             yield from part(self.maps.coarse(tile), 0.0, 0.0)
         for number, band in enumerate(parts):

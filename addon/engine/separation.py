@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core import udim
 from ..core.declarations.choices import Method
-from ..core.settings import Settings
+from ..core.settings import TracingSettings
 from ..core.udim import UvToClip
 from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
@@ -48,7 +48,7 @@ def quick_probe(meshes: Meshes) -> Probe:
     return flat_probe(meshes.low, [high.with_triangles(_every(high)) for high in meshes.drawn_highs])
 
 
-def limit(low: Mesh, settings: Settings) -> float:
+def limit(low: Mesh, settings: TracingSettings) -> float:
     """The greatest distance between points of one texel that is not reported, in scene units."""
     return LIMIT * local_space_of([low]).size if settings.limit is None else settings.limit
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core import udim
 from ..core.declarations.choices import Stacked
-from ..core.settings import Settings
+from ..core.settings import SamplingSettings
 from ..mesh import uv_islands, uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -23,7 +23,7 @@ COPIED = 1.25
 
 
 def ordered(
-    meshes: Meshes, tiles: Sequence[int], settings: Settings, before: tuple[Meshes, Meshes] | None = None
+    meshes: Meshes, tiles: Sequence[int], settings: SamplingSettings, before: tuple[Meshes, Meshes] | None = None
 ) -> Meshes:
     """`meshes` with their triangles in another order where parts of the low mesh share texels; otherwise as they are.
 

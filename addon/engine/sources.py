@@ -11,7 +11,7 @@ import numpy as np
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.map_types import BY_NAME, Family
 from ..core.progress import Pace, Progress, Task
-from ..core.settings import Settings
+from ..core.settings import MapSettings, Settings, TracingSettings
 from ..core.timings import Timings
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -63,13 +63,13 @@ def normal_source(
     meshes = plan.meshes
     if not plan.casts_rays:
         surface = None
-        if settings.maps or meshes.has_detail:
+        if settings.map.maps or meshes.has_detail:
             yield Progress("Reading the surface", 0.0)
-            surface = _flat_surface(meshes.highs, settings, timings)
+            surface = _flat_surface(meshes.highs, settings.map, timings)
         return Flat(
             meshes.low,
             meshes.drawn_highs,
-            settings,
+            settings.map,
             timings,
             surface=surface,
             is_drawn=meshes.is_drawn,
@@ -82,7 +82,7 @@ def normal_source(
     return Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
 
 
-def hits_are_chosen(plan: Plan, settings: Settings) -> bool:
+def hits_are_chosen(plan: Plan, settings: TracingSettings) -> bool:
     """Whether rays have another hit than that which belongs to their texel, since the settings name another rule."""
     return plan.casts_rays and settings.hit != Hit.OWN
 
@@ -95,7 +95,7 @@ def own_source(
     return (yield from normal_source(plan, own, timings, pace, uploads=uploads))
 
 
-def _flat_surface(highs: Sequence[Mesh], settings: Settings, timings: Timings) -> HighSurface:
+def _flat_surface(highs: Sequence[Mesh], settings: MapSettings, timings: Timings) -> HighSurface:
     """What hits of Flatten are on, with a tree only if maps cast rays."""
     if any(BY_NAME[name].family.casts_rays for name in settings.maps):
         return HighSurface(highs, tree_cache.trees.ray_scene_of(highs, timings))
@@ -106,18 +106,18 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     """The rays of a bake. Distances that the settings do not set are measured."""
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
-    takes_parts = not meshes.has_detail and all(BY_NAME[name].family is Family.POINTS for name in settings.maps)
+    takes_parts = not meshes.has_detail and all(BY_NAME[name].family is Family.POINTS for name in settings.map.maps)
     ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, takes_parts=takes_parts)
     low_surface = tree_cache.trees.low_surface_of(
-        meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.hit == Hit.OWN
+        meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.tracing.hit == Hit.OWN
     )
     yield Progress("Measuring distances", 0.5)
     with timings.timed("upload"):
         ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, ray_scene.local_space)
     with timings.timed("distances"):
-        directions = ray_directions.choose(settings.directions, meshes, low_surface, ray_scene.tables)
+        directions = ray_directions.choose(settings.tracing.directions, meshes, low_surface, ray_scene.tables)
     # With a cage, rays start exactly on it.
-    extrusion, max_distance = 0.0 if has_cage else settings.extrusion, settings.max_distance
+    extrusion, max_distance = 0.0 if has_cage else settings.tracing.extrusion, settings.tracing.max_distance
     is_measured = extrusion is None or max_distance is None
     if is_measured:
         with timings.timed("distances"):
@@ -130,11 +130,11 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
                 if meshes.offset is None
                 else ray_casting.upload_ray_mesh(unpainted, low_surface, ray_scene.local_space),
                 directions,
-                (settings.width, settings.height),
+                settings.sampling.size,
                 plan.tiles,
             )
-            outside, inside = ray_distances.measure(probe, has_cage=has_cage, facing_only=settings.facing_only)
-            if settings.hit == Hit.OWN and not has_cage:
+            outside, inside = ray_distances.measure(probe, has_cage=has_cage, facing_only=settings.tracing.facing_only)
+            if settings.tracing.hit == Hit.OWN and not has_cage:
                 length = None if max_distance is None else max_distance / unit
                 outside, inside = ray_distances.with_room((outside, inside), length, probe, low_surface.owners)
         extrusion = outside * unit if extrusion is None else extrusion
@@ -145,10 +145,10 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
         low_surface,
         ray_mesh,
         directions,
-        Hit(settings.hit),
+        Hit(settings.tracing.hit),
         extrusion,
         max_distance,
-        settings.facing_only,
+        settings.tracing.facing_only,
         has_cage,
         is_measured,
     )
@@ -171,7 +171,7 @@ class Flat:
         self,
         low: Mesh,
         highs: Sequence[Mesh],
-        settings: Settings,
+        settings: MapSettings,
         timings: Timings,
         *,
         surface: HighSurface | None = None,
@@ -221,7 +221,7 @@ class Rays:
     def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], settings: Settings, pace: Pace):
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace
         self.surface = HighSurface(highs, ray_cast.ray_scene)
-        self.to_space = world_to_space(low, settings)
+        self.to_space = world_to_space(low, settings.map)
         self.low, self._near = low, NearTriangles(low)
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
@@ -349,7 +349,7 @@ class FlatAndRays(Rays):
     def _count(self, points: target.Target, rays: target.Target, band: Band) -> None:
         """Note the texels that have rays, and those of the low mesh, for the first sample of a band of the map."""
         key = band.tile, band.start
-        if key in self._counts or band.size != (self.settings.width, self.settings.height):
+        if key in self._counts or band.size != self.settings.sampling.size:
             return
         found = []
         for drawn in (points, rays):
@@ -370,7 +370,7 @@ class FlatAndRays(Rays):
         joined_hits.join(hits, rays, left, flat, rows=rows, some=some)
 
 
-def world_to_space(low: Mesh, settings: Settings) -> np.ndarray:
+def world_to_space(low: Mesh, settings: MapSettings) -> np.ndarray:
     """The matrix (3, 3) from world normals to the space in which sources draw normals."""
     matrix = low.to_world[:3, :3]
     return np.eye(3) if settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()

@@ -65,7 +65,7 @@ def _bake(
             outputs.sample_onto(job.low, ready.meshes.uv_layer, is_own_base=ready.meshes.is_own_base, slots=job.slots)
             for tile, start, stop in _shares(ready.plan):
                 maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
-                tally.add(maps[NORMAL.name], settings)
+                tally.add(maps[NORMAL.name], settings.map)
                 with timings.timed("audit"):
                     ready.others.add(tile, maps[NORMAL.name])
                     ready.deviations.add(tile, maps[NORMAL.name])
@@ -124,17 +124,17 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     tiles = tiles_to_bake(meshes, settings)
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     with timings.timed("method"):
-        in_order = shared_uvs.ordered(meshes, tiles, settings)
-        plan = choose_method(in_order, tiles, settings, length)
+        in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)
+        plan = choose_method(in_order, tiles, settings.tracing, length)
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
     run = Run(settings, timings, pace)
     drawn, others = maps_of_bake(in_order, source, run), OtherReaders(in_order.basis, settings)
     low = in_order.basis or in_order.low
     pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
-    is_wanted = (job.is_measured or job.is_pictured) and settings.normal
+    is_wanted = (job.is_measured or job.is_pictured) and settings.map.normal
     kept = partial(map_storage.kept, settings=settings)
     truth = drawn
-    if is_wanted and sources.hits_are_chosen(plan, settings):
+    if is_wanted and sources.hits_are_chosen(plan, settings.tracing):
         source_of_truth = yield from part(sources.own_source(plan, settings, timings, pace), 1.0, 1.0)
         truth = maps_of_bake(in_order, source_of_truth, replace(run, settings=replace(settings, maps=())))
     hidden = HiddenParts(plan, truth.source, settings, is_shared=in_order is not meshes)
@@ -152,7 +152,7 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
         raise BakeError(nothing_drawn(ready.plan, ready.length))
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
-        materials = texture_sets.numbers(job.low, ready.plan.meshes) if not settings.texture_sets else None
+        materials = texture_sets.numbers(job.low, ready.plan.meshes) if not settings.map.texture_sets else None
         stacked = stacked_detail.check(ready.plan, ready.hidden, ready.truth, settings, materials)
         findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
     stopped = ready.renderer.stopped / tally.written
@@ -192,7 +192,7 @@ def draw_raw(
         tally, maps = Tally(), {}
         for tile, start, stop in _shares(ready.plan):
             maps[tile] = yield from part(ready.renderer.raw(tile), start, stop)
-            tally.add_raw(maps[tile][NORMAL.name], settings)
+            tally.add_raw(maps[tile][NORMAL.name], settings.map)
             with timings.timed("audit"):
                 ready.others.add_raw(tile, maps[tile][NORMAL.name])
                 ready.deviations.add_raw(tile, maps[tile][NORMAL.name])

@@ -14,7 +14,7 @@ from ..core.names import file_names
 from ..core.names.file_names import ATLAS
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
-from ..core.settings import Settings
+from ..core.settings import Settings, TracingSettings
 from ..core.timings import Timings
 from ..output import map_names, output_clashes
 from . import readiness, texture_sets
@@ -75,20 +75,20 @@ def work(
     for job in jobs:
         job.is_for_others = readiness.is_for_others(settings, is_exported=job.is_exported)
     settings = settings.read_by(context.scene.render.engine)
-    if settings.texture_sets:
+    if settings.map.texture_sets:
         if share_image:
             raise BakeError("Texture sets and one image for all low objects exclude each other: choose one of them.")
-        jobs = texture_sets.by_material(jobs, settings)
+        jobs = texture_sets.by_material(jobs, settings.storing)
     filled = [
         for_low(own, ATLAS if share_image else job.low.name, job.material)
         for job, own in zip(jobs, painted_groups.settings_by_job(jobs, settings), strict=True)
     ]
-    _find_occluders(jobs, settings)
-    read = files_kept(jobs, settings)
+    _find_occluders(jobs, settings.tracing)
+    read = files_kept(jobs, settings.storing)
     if share_image:
-        output_clashes.check(settings, filled[:1], [ATLAS], read)
+        output_clashes.check(settings.storing, filled[:1], [ATLAS], read)
     else:
-        output_clashes.check(settings, filled, [job.title for job in jobs], read)
+        output_clashes.check(settings.storing, filled, [job.title for job in jobs], read)
     for job, job_settings in zip(jobs, filled, strict=True):
         check_job(context, job, job_settings)
     if share_image:
@@ -100,7 +100,7 @@ def work(
     return reports
 
 
-def _find_occluders(jobs: Sequence[Job], settings: Settings) -> None:
+def _find_occluders(jobs: Sequence[Job], settings: TracingSettings) -> None:
     """Make the high objects of all jobs occluders of each, if the settings say so."""
     is_shared = settings.occluders == Occluders.ALL
     refs = {ref.uid: ref for job in jobs for ref in job.high_refs} if is_shared else {}
@@ -137,6 +137,6 @@ def for_low(settings: Settings, name: str, material: str = "") -> Settings:
     """The settings with names filled in. Without a name, the image is named after the low object and the texture set."""
     return replace(
         settings,
-        image=map_names.name_for(name, settings, material),
-        output=file_names.fill(settings.output, name, material),
+        image=map_names.name_for(name, settings.storing, material),
+        output=file_names.fill(settings.storing.output, name, material),
     )

@@ -19,7 +19,7 @@ from ..core.errors import BakeError
 from ..core.map_types import NORMAL, Labeled
 from ..core.names import file_names
 from ..core.progress import Pace, Progress, Task, part
-from ..core.settings import Settings
+from ..core.settings import SamplingSettings, Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
 from ..engine.converting.converted_map import ConvertedMap
@@ -91,7 +91,7 @@ def _work(
     settings, mesh, counts = ready.settings, ready.mesh, np.zeros(3, np.int64)
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
-            drawn = ConvertedMap(mesh, ready.before, settings)
+            drawn = ConvertedMap(mesh, ready.before, settings.map)
             run = Run(settings, timings, pace)
             renderer = Renderer(drawn, run)
             post_processes = margins.for_maps([mesh], settings)
@@ -118,11 +118,11 @@ def _work(
     return ConversionReport(
         source=ready.name,
         low=mesh.name,
-        size=(settings.width, settings.height),
+        size=settings.sampling.size,
         before=asdict(ready.before),
-        settings=asdict(settings),
+        settings=settings.flat(),
         was=ready.before.words,
-        now=in_words(settings.space, settings.basis, (settings.red, settings.green, settings.blue)),
+        now=in_words(settings.map.space, settings.map.basis, settings.map.channels),
         source_depth=ready.source.depth,
         source_loss=ready.source.loss,
         loss=stored.loss,
@@ -149,22 +149,22 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     if reason := object_checks.low_problem(context, low, is_own_base=is_own_base):
         raise BakeError(reason)
     with timings.timed("pages"):
-        tiles = {tile: stored_values.read(image, tile) for tile in _tiles(image, settings)}
+        tiles = {tile: stored_values.read(image, tile) for tile in _tiles(image, settings.sampling)}
     settings = _sized(image, tiles, settings)
     check_outputs(low, settings)
     read = [(bpy.path.abspath(image.filepath, library=image.library), "the map to convert")] if image.filepath else []
-    output_clashes.check_files([settings], [low.name], "", [*read, *files_kept([Job(low, [])], settings)])
-    has_basis = Space.TANGENT in (before.from_space, settings.space)
+    output_clashes.check_files([settings], [low.name], "", [*read, *files_kept([Job(low, [])], settings.storing)])
+    has_basis = Space.TANGENT in (before.from_space, settings.map.space)
     # The tangents as they were read: ConvertedMap makes those of both bases.
     space = Space.TANGENT if has_basis else Space.OBJECT
     reading_settings = replace(settings, space=space, basis=bases.CYCLES.name)
     with (
         timings.timed("extract"),
-        evaluation.prepared(context, low, [low] if is_own_base else [], None, settings.modifiers) as depsgraph,
+        evaluation.prepared(context, low, [low] if is_own_base else [], None, settings.map.modifiers) as depsgraph,
     ):
         meshes = reading.read_low(depsgraph, low, None, reading_settings, is_own_base=is_own_base)
     mesh = meshes.basis or meshes.low
-    if settings.udim:
+    if settings.sampling.udim:
         covered = uv_layout.tiles(mesh)
         tiles = {tile: values for tile, values in tiles.items() if tile in covered}
     if not tiles:
@@ -182,12 +182,12 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
 
 def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) -> Settings:
     """The settings of the new map alone, with names filled in."""
-    name = settings.image.replace(file_names.LOW, low.name)
+    name = settings.storing.image.replace(file_names.LOW, low.name)
     if name in ("", image.name):
-        how = bases.of_name(settings.basis).name if settings.space == Space.TANGENT else settings.space
+        how = bases.of_name(settings.map.basis).name if settings.map.space == Space.TANGENT else settings.map.space
         name = f"{image.name.removesuffix(Path(image.name).suffix)}_{how.lower()}"
-    output = file_names.fill(settings.output, low.name)
-    if settings.storage == Storage.FILE and output and image.filepath:
+    output = file_names.fill(settings.storing.output, low.name)
+    if settings.storing.storage == Storage.FILE and output and image.filepath:
         old, new = (os.path.realpath(bpy.path.abspath(path)) for path in (image.filepath, output))
         if old == new:
             raise BakeError(f"The new map would replace the file of {image.name!r}: choose another file.")
@@ -205,11 +205,11 @@ def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) 
         udim=image.source == "TILED",
         image=name,
         output=output,
-        tiles=settings.tiles if image.source == "TILED" else (),
+        tiles=settings.sampling.tiles if image.source == "TILED" else (),
     )
 
 
-def _tiles(image: bpy.types.Image, settings: Settings) -> tuple[int, ...]:
+def _tiles(image: bpy.types.Image, settings: SamplingSettings) -> tuple[int, ...]:
     found = stored_values.tiles(image)
     wanted = tuple(tile for tile in found if not settings.tiles or tile in settings.tiles)
     if not wanted:

@@ -12,7 +12,7 @@ from ..core import udim
 from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
 from ..core.names.name_matching import Suffixes, match
-from ..core.settings import Settings
+from ..core.settings import SamplingSettings, Settings, StorageSettings
 from ..engine.bands import bands
 from ..output import map_storage, materials, vertex_attributes
 from ..output.files.planned_files import settings_by_map
@@ -124,7 +124,7 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     """Raise BakeError for problems that show before any mesh is read."""
     # A script may link or move objects and bake without a redraw: view layers and matrices are old until this update.
     context.view_layer.update()
-    reason = object_checks.problem(context, job.low, job.highs, job.cage, settings.method)
+    reason = object_checks.problem(context, job.low, job.highs, job.cage, settings.tracing.method)
     if reason:
         raise BakeError(reason)
     check_outputs(job.low, settings)
@@ -135,22 +135,21 @@ def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
     for image_settings in settings_by_map(settings).values():
         map_storage.check(low.name, image_settings)
     if settings.changes_materials:
-        materials.check(low, can_be_off=not settings.connect_maps)
-    if settings.vertex_domain != VertexDomain.NONE:
+        materials.check(low, can_be_off=not settings.storing.connect_maps)
+    if settings.storing.vertex_domain != VertexDomain.NONE:
         vertex_attributes.check(low)
     try:
         older_blender.start_gpu()
     except (SystemError, RuntimeError) as error:
         raise NoGpu(f"There is no GPU to bake on: {error}.") from error
-    limit = gpu.capabilities.max_texture_size_get()
-    if max(settings.width, _tallest_band(settings)) > limit:
+    limit, (width, height) = gpu.capabilities.max_texture_size_get(), settings.sampling.size
+    if max(width, _tallest_band(settings.sampling)) > limit:
         raise BakeError(
-            f"A map of {settings.width} x {settings.height} texels does not fit this GPU, whose textures have at most {limit} "
-            "a side."
+            f"A map of {width} x {height} texels does not fit this GPU, whose textures have at most {limit} a side."
         )
 
 
-def band_texels(settings: Settings) -> int:
+def band_texels(settings: SamplingSettings) -> int:
     """The most texels of a map that are drawn at once."""
     return settings.width * _tallest_band(settings)
 
@@ -160,7 +159,7 @@ def draws_in_software() -> bool:
     return in_software(gpu.platform.renderer_get())
 
 
-def _tallest_band(settings: Settings) -> int:
+def _tallest_band(settings: SamplingSettings) -> int:
     return max(band.height for band in bands(settings.width, settings.height, settings.margin))
 
 
@@ -181,6 +180,6 @@ def _files(path: str) -> Iterable[str]:
     return [path] if udim.TOKEN in path or not udim.is_tiled(path) else udim.files(path).values()
 
 
-def files_kept(jobs: Sequence[Job], settings: Settings) -> list[tuple[str, str]]:
+def files_kept(jobs: Sequence[Job], settings: StorageSettings) -> list[tuple[str, str]]:
     """As `files_read_by`, if the settings write files."""
     return files_read_by(jobs) if settings.storage == Storage.FILE else []

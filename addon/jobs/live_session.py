@@ -98,11 +98,11 @@ class Session:
 
     def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace):
         """Raises BakeError for objects or settings that cannot be baked, or not live."""
-        if settings.udim:
+        if settings.sampling.udim:
             raise BakeError("Live draws only one tile: turn UDIM Tiles off.")
         self.job = job
         settings.check()
-        if settings.texture_sets:
+        if settings.map.texture_sets:
             raise BakeError("Live draws one image for all materials: turn Texture Sets off.")
         settings = replace(
             settings.read_by(context.scene.render.engine),
@@ -114,7 +114,7 @@ class Session:
         self._all_settings = settings
         self.settings = replace(settings, normal=True, maps=(), pack=Pack.NONE)
         self.others = LiveMaps(settings)
-        output_clashes.check(settings, [settings], [job.low.name], files_kept([job], settings))
+        output_clashes.check(settings.storing, [settings], [job.low.name], files_kept([job], settings.storing))
         check_job(context, job, settings)
         self.pace = pace
         self.drawn = 0
@@ -122,7 +122,7 @@ class Session:
         self.meshes: Meshes | None = None
         self._as_read: Meshes | None = None
         self._meshes: Meshes | None = None
-        self._method = settings.method
+        self._method = settings.tracing.method
         self._post_processes: dict[str, margins.PostProcess] = {}
         self._uploads = UploadCache()
         self._source: sources.Source | None = None
@@ -148,7 +148,7 @@ class Session:
         length = scene_lengths.of(context.scene)
         yield Progress(f"Reading {self.job.low.name}", 0.0)
         meshes = self._read(context, changed, replace(self.others.drawing, method=self._method))
-        plan = choose_method(meshes, [udim.FIRST], settings, length)
+        plan = choose_method(meshes, [udim.FIRST], settings.tracing, length)
         if self.plan is not None and self.plan.has_rays:
             plan = replace(plan, method=self.plan.method, has_rays=True)  # the method stays while meshes change
         elif not plan.has_rays:
@@ -195,7 +195,7 @@ class Session:
         changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
         self._shown_by = instances.shown_by(highs)
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
-        in_order = shared_uvs.ordered(meshes, [udim.FIRST], settings, before and (before, self._meshes))
+        in_order = shared_uvs.ordered(meshes, [udim.FIRST], settings.sampling, before and (before, self._meshes))
         self._as_read, self._meshes = meshes, in_order
         is_same = in_order is meshes
         self.meshes = meshes if is_same else replace(meshes, low=in_order.low, basis=in_order.basis)
@@ -207,8 +207,8 @@ class Session:
         """Draw a coarse map to show until the whole one is done."""
         small = replace(
             settings,
-            width=max(16, settings.width // sampling.COARSE),
-            height=max(16, settings.height // sampling.COARSE),
+            width=max(16, settings.sampling.width // sampling.COARSE),
+            height=max(16, settings.sampling.height // sampling.COARSE),
             samples=1,
         )
         # It has its own pool, so that the targets of the whole map keep their size.
@@ -296,7 +296,7 @@ class Session:
 
         The texture is in the current pool.
         """
-        size = self.settings.width, self.settings.height
+        size = self.settings.sampling.width, self.settings.sampling.height
         return self._true_drawer().high_normals(Band(0, size[1], size, 0))
 
     def hidden_parts(self) -> HiddenParts:
@@ -306,7 +306,7 @@ class Session:
 
     def _true_drawer(self) -> sampling.SampledMaps:
         """What draws a whole map, with the hits that belong to the texels; for the last map, it is made once."""
-        is_other = sources.hits_are_chosen(self.plan, self.settings)
+        is_other = sources.hits_are_chosen(self.plan, self.settings.tracing)
         if self._drawer is None or (is_other and self._drawer.source is self._source):
             make = sources.own_source if is_other else sources.normal_source
             run = Run(self.settings, Timings(), Pace())
@@ -319,14 +319,14 @@ class Session:
     def store(self) -> None:
         """Put the last normal map into its image datablock, and the image into the material if it is new."""
         settings = self.settings
-        if not self._all_settings.normal:
+        if not self._all_settings.map.normal:
             return
-        is_new = datablocks.get(settings.image) is None
-        image = datablocks.fill(settings.image, self.texels, is_float=settings.depth > 8, pack=False)
+        is_new = datablocks.get(settings.storing.image) is None
+        image = datablocks.fill(settings.storing.image, self.texels, is_float=settings.storing.depth > 8, pack=False)
         datablocks.sign(image, self._high_names)
         if is_new or not self._is_stored:
             datablocks.note_maps(self.job.low, [image])
-        if settings.material and (is_new or not self._is_stored):
+        if settings.storing.material and (is_new or not self._is_stored):
             outputs.hook_up(self.job.low, image, self._meshes.uv_layer, settings)
         self._is_stored = True
 
@@ -341,7 +341,7 @@ class Session:
         others = self.others.drawn
         if not others:
             settings = replace(settings, maps=(), pack=Pack.NONE)
-        if self.texels is None or low is None or not (settings.normal or others):
+        if self.texels is None or low is None or not (settings.map.normal or others):
             return
         with outputs.Outputs(settings) as writers:
             writers.add(udim.FIRST, {NORMAL.name: self._kept.map, **self.others.copies()})

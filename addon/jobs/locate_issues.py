@@ -72,7 +72,7 @@ def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.type
     report and errors: as in `find`.
     """
     view = _view(context, report, kind)
-    mask = np.empty((view.settings.height, view.settings.width), bool)
+    mask = np.empty((view.settings.sampling.height, view.settings.sampling.width), bool)
     with map_storage.Writer("", view.settings) as writer:
         for band, rows, _ in _masks(view, kind):
             mask[band.start : band.stop] = rows
@@ -96,7 +96,7 @@ class _View:
 
     @property
     def size(self) -> tuple[int, int]:
-        return self.settings.width, self.settings.height
+        return self.settings.sampling.width, self.settings.sampling.height
 
     def source(self) -> Source:
         """A source as the bake used it."""
@@ -109,21 +109,21 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     # Settings of the map's appearance do not matter, because only the mask is written.
     space = Space.TANGENT if kind == "backwards" else Space.OBJECT
     settings = replace(past.settings, method=past.method, space=space, maps=(), mask=False, material=False)
-    settings = replace(settings.without_file(), image=f"{settings.image}_{kind}", depth=8, dither=False)
+    settings = replace(settings.without_file(), image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
     meshes = reading.read(
         context, past.job.low, past.job.highs, past.job.cage, settings, texture_set=past.job.texture_set
     )
-    meshes = shared_uvs.ordered(meshes, past.tiles, settings)
-    return _View(past.job, choose_method(meshes, past.tiles, settings), settings, past.distances)
+    meshes = shared_uvs.ordered(meshes, past.tiles, settings.sampling)
+    return _View(past.job, choose_method(meshes, past.tiles, settings.tracing), settings, past.distances)
 
 
 def _triangles(view: _View, kind: str) -> np.ndarray:
     """Which triangles of the low mesh, (T,) bool, have issues of this kind."""
     low = view.meshes.low
     if kind == "outside":
-        outside = uv_layout.outside(low, uv_space(view.settings))
-        harmful = outside if view.settings.udim else outside & ~uv_islands.moved_copies(low)
+        outside = uv_layout.outside(low, uv_space(view.settings.sampling))
+        harmful = outside if view.settings.sampling.udim else outside & ~uv_islands.moved_copies(low)
         return harmful if harmful.any() else outside
     if kind == "behind":
         return face_shapes.normals_behind(low)
@@ -183,7 +183,7 @@ def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band
     probe = separation.full_probe(view.meshes, ray_cast)
     texels = separation.sample(probe, view.size, view.plan.tiles)
     method = Method.CAST if ray_cast else Method.FLATTEN
-    offset, limit = separation.offset(texels, method), separation.limit(view.meshes.low, view.settings)
+    offset, limit = separation.offset(texels, method), separation.limit(view.meshes.low, view.settings.tracing)
     for band in bands:
         texels = probe((band.width, band.height), band.uv_to_clip)
         mask = texels[..., 3] < 0.0 if kind == "uncovered" else separation.distances(texels, offset) > limit
@@ -201,11 +201,11 @@ def _unsure(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
 
 def _close(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool that are too close to another island or to the border."""
-    sparse = mip_gaps.grid(view.settings, mip_gaps.MOST)
+    sparse = mip_gaps.grid(view.settings.sampling, mip_gaps.MOST)
     columns, rows = sparse.steps
-    for found in mip_gaps.find(view.meshes.low, view.plan.tiles, view.settings, sparse, overlaps=True):
+    for found in mip_gaps.find(view.meshes.low, view.plan.tiles, view.settings.sampling, sparse, overlaps=True):
         close = np.repeat(np.repeat(found.close | found.border, rows, axis=0), columns, axis=1)
-        yield close[: view.settings.height, : view.settings.width]
+        yield close[: view.settings.sampling.height, : view.settings.sampling.width]
 
 
 def _backwards(view: _View) -> Iterator[np.ndarray]:
@@ -226,7 +226,7 @@ def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, do
     has_modifiers = low not in view.job.highs and len(low.modifiers) > 0
     if domain == "FACE" and not has_modifiers:
         return found
-    with evaluation.prepared(context, low, [], None, view.settings.modifiers):
+    with evaluation.prepared(context, low, [], None, view.settings.map.modifiers):
         if not has_modifiers:
             return mesh_elements.edges(low.data, found)
         with (

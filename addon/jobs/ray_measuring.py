@@ -32,7 +32,7 @@ def measure(
     check_job(context, job, settings)
     meshes = reading.read(context, low, highs, cage, settings)
     with gpu_memory.trimmed():
-        tiles = tiles_to_bake(meshes, settings)
-        in_order = shared_uvs.ordered(meshes, tiles, settings)
-        plan = choose_method(in_order, tiles, settings, scene_lengths.of(context.scene))
+        tiles = tiles_to_bake(meshes, settings.sampling)
+        in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)
+        plan = choose_method(in_order, tiles, settings.tracing, scene_lengths.of(context.scene))
         return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast

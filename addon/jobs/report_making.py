@@ -2,7 +2,7 @@
 """Makes the report of a finished bake, and finds the objects and settings of a bake from its report."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import gpu
 import numpy as np
@@ -15,7 +15,7 @@ from ..core.declarations.choices import Method
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, Labeled
 from ..core.report import Report
-from ..core.settings import Settings
+from ..core.settings import MapSettings, Settings
 from ..core.timings import Timings
 from ..engine.maps import ray_reach
 from ..engine.method_choice import Plan
@@ -64,15 +64,15 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
     settings, plan, ray_cast, findings = drawn.settings, drawn.plan, drawn.ray_cast, drawn.findings
     return Report(
         method=plan.method,
-        space=settings.space,
-        size=(settings.width, settings.height),
+        space=settings.map.space,
+        size=settings.sampling.size,
         low=drawn.meshes.low.name,
         material=drawn.job.material,
         slots=list(drawn.job.slots or ()),
         high=drawn.labels[Labeled.OBJECTS],
         cage=drawn.meshes.cage.name if drawn.meshes.cage else "",
         refs=drawn.job.refs,
-        settings=asdict(settings),
+        settings=settings.flat(),
         uv_layer=drawn.meshes.uv_layer,
         why=plan.why,
         triangles=findings.triangles,
@@ -103,8 +103,8 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         warnings=causes.remaining(
             (
                 *drawn.warnings,
-                *map(Warned, material_notes(drawn.meshes, settings)),
-                *map(Warned, attribute_notes(drawn.meshes, settings)),
+                *map(Warned, material_notes(drawn.meshes, settings.map)),
+                *map(Warned, attribute_notes(drawn.meshes, settings.map)),
                 *map(Warned, slope_notes(settings)),
                 *map(Warned, plan.warnings),
                 *findings.warnings,
@@ -115,7 +115,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
     )
 
 
-def material_notes(meshes: Meshes, settings: Settings) -> list[str]:
+def material_notes(meshes: Meshes, settings: MapSettings) -> list[str]:
     """What could not be read of the high meshes' materials, of those parts that the bake wanted."""
     wanted = [BY_NAME[name].socket for name in settings.drawn_maps if BY_NAME[name].socket]
     sockets = [*wanted, ""] if wanted else []
@@ -124,7 +124,7 @@ def material_notes(meshes: Meshes, settings: Settings) -> list[str]:
     return list(dict.fromkeys(notes))
 
 
-def attribute_notes(meshes: Meshes, settings: Settings) -> list[str]:
+def attribute_notes(meshes: Meshes, settings: MapSettings) -> list[str]:
     """The high meshes without the attribute that the attribute map shows, and attributes with values that are no numbers."""
     lacking = [
         repr(high.name) for high in meshes.highs if (triangle_mesh.ATTRIBUTE, settings.attribute) not in high.layers
@@ -155,7 +155,7 @@ def _attribute(name: str) -> str:
 
 def slope_notes(settings: Settings) -> list[str]:
     """That one sample does not show the detail in a texel."""
-    if settings.samples > 1 or map_types.WIDENED_ROUGHNESS.name not in settings.drawn_maps:
+    if settings.sampling.samples > 1 or map_types.WIDENED_ROUGHNESS.name not in settings.map.drawn_maps:
         return []
     return [
         fixes.in_shell("With 1 sample in a texel, widened roughness is the roughness of the material.", fixes.SAMPLES)
@@ -165,7 +165,7 @@ def slope_notes(settings: Settings) -> list[str]:
 def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:
     """`maps` with what values mean that do not depend on the bake's other values, also in packed channels."""
     settings = drawn.settings.for_drawing()
-    if not any(BY_NAME[name].family in ray_reach.WITH_MEANING for name in settings.maps):
+    if not any(BY_NAME[name].family in ray_reach.WITH_MEANING for name in settings.map.maps):
         return maps
     space = local_space_of(drawn.plan.meshes.highs)
     meanings = {name.lower(): how for name, how in ray_reach.meanings(settings, space).items()}
@@ -194,8 +194,7 @@ class PastBake:
         refs = report.refs or [ObjectRef(0, name) for name in names]
         low, *others = (ref.resolve() for ref in refs)
         highs, cages = others[: len(report.high)], others[len(report.high) :]
-        # JSON has lists where settings have tuples.
-        settings = Settings(**{k: tuple(v) if isinstance(v, list) else v for k, v in report.settings.items()})
+        settings = Settings.of_json(report.settings)
         job = Job(low, highs, *cages)
         if report.slots:
             job.texture_set = MaterialSet(report.material, tuple(report.slots))

@@ -40,18 +40,18 @@ def work(
     _check(settings, frames)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
-    settings = replace(filled(settings, low), image=map_names.name_for(low, settings))
+    settings = replace(filled(settings, low), image=map_names.name_for(low, settings.storing))
     frame_base = replace(
         settings, image=FRAME_IMAGE, material=False, connect_maps=False, vertex_domain=VertexDomain.NONE
     )
-    image = datablocks.get(settings.image)
+    image = datablocks.get(settings.storing.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
         raise BakeError(f"The image {image.name!r} is not a picture or sequence: choose another name for the map.")
-    if settings.material:
+    if settings.storing.material:
         materials.check(job.low)  # the bakes of frames do not change it
     frame_settings = [of_frame(frame_base, frame) for frame in frames]
     advice = "put the frame number into the name with #"
-    output_clashes.check_files(frame_settings, [low] * len(frames), advice, files_kept([job], settings))
+    output_clashes.check_files(frame_settings, [low] * len(frames), advice, files_kept([job], settings.storing))
     reports = [] if reports is None else reports
     try:
         for number, frame in enumerate(frames):
@@ -72,7 +72,7 @@ def work(
         if object_refs.scene_by_uid(scene) is not None:
             _go_to(scene, before)
         for map_settings in settings_by_map(frame_base).values():
-            image = datablocks.get(map_settings.image)
+            image = datablocks.get(map_settings.storing.image)
             if image is not None:
                 bpy.data.images.remove(image)
         if reports:
@@ -89,19 +89,20 @@ def _go_to(uid: int, frame: float) -> None:
 
 def _check(settings: Settings, frames: Sequence[int]) -> None:
     """Raise BakeError for what cannot be a sequence."""
-    if settings.storage != Storage.FILE:
+    if settings.storing.storage != Storage.FILE:
         raise BakeError("A sequence needs files: set Store to File.")
-    if not settings.normal:
+    if not settings.map.normal:
         raise BakeError("A sequence shows the normal map: switch Normal Map on.")
-    if settings.udim:
+    if settings.sampling.udim:
         raise BakeError("A sequence has only one tile: turn UDIM Tiles off.")
-    if settings.texture_sets:
+    if settings.map.texture_sets:
         raise BakeError("A sequence has one image for all materials: turn Texture Sets off.")
     if any(frame < 0 for frame in frames):
         raise BakeError("A sequence cannot have frames below 0: Blender would not find their files.")
-    if re.search(r"#[^#]*\d", PurePath(settings.output).stem):
+    if re.search(r"#[^#]*\d", PurePath(settings.storing.output).stem):
         raise BakeError(
-            f"{settings.output!r} has a number after the frame number, and Blender would read it as the frame: put it before."
+            f"{settings.storing.output!r} has a number after the frame number, and Blender would read it as the frame: "
+            "put it before."
         )
     if not frames:
         raise BakeError("There is no frame to bake: set the end frame to the start frame or later.")
@@ -112,14 +113,14 @@ def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence
 
     Returns the reports of these frames with that image.
     """
-    image = datablocks.show(settings.image, output_for(settings.output, frames[0]))
+    image = datablocks.show(settings.storing.image, output_for(settings.storing.output, frames[0]))
     image.source = "SEQUENCE"
     first, *others = (replace(report, image=image.name) for report in reports)
     done = [first.with_warnings(outputs.sign(image, [ref.name for ref in job.high_refs])), *others]
     low = job.low_ref.find()
     if low is not None:
         datablocks.note_maps(low, [image])
-    if low is None or not settings.material:
+    if low is None or not settings.storing.material:
         return done
     done[-1] = done[-1].with_warnings(outputs.hook_up(low, image, done[-1].uv_layer, settings))
     for material in filter(None, (slot.material for slot in low.material_slots)):

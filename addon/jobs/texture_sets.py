@@ -8,13 +8,13 @@ import numpy as np
 
 from ..core.errors import BakeError
 from ..core.names.file_names import MATERIAL
-from ..core.settings import Settings
+from ..core.settings import StorageSettings
 from ..mesh.inputs import Meshes
 from ..scene.high_layers.material_sets import sets_of
 from .job import Job
 
 
-def by_material(jobs: Sequence[Job], settings: Settings) -> list[Job]:
+def by_material(jobs: Sequence[Job], settings: StorageSettings) -> list[Job]:
     """A job for each texture set of each of `jobs`. Raises BakeError for names that the sets would share."""
     found = [job.of_set(one) for job in jobs for one in sets_of(job.low)]
     if len(found) > len(jobs):

@@ -10,7 +10,7 @@ from ..core import file_formats
 from ..core.declarations.choices import Storage
 from ..core.map_types import MapType
 from ..core.names.file_names import LOW, MATERIAL, USUAL, of_texture_sets
-from ..core.settings import Settings
+from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
 
 LONGEST = 240
@@ -24,7 +24,7 @@ _SHORT_NORMAL = re.compile(rf"(?<=_)N{_TILE}")
 """What the short suffix of another map replaces at the end of a name that starts with T_, as Unreal's textures are named."""
 
 
-def name_for(low_name: str, settings: Settings, material: str = "") -> str:
+def name_for(low_name: str, settings: StorageSettings, material: str = "") -> str:
     """The name of the image datablock, with the names of the low object and of the material in place of LOW and MATERIAL.
 
     Blender would shorten long names, and the image would not be found by its name. So they are shortened here, with a
@@ -41,10 +41,10 @@ def name_for(low_name: str, settings: Settings, material: str = "") -> str:
 
 def output_for(settings: Settings) -> str:
     """The path to write to, as Blender spells it, with TOKEN for the tile's number in a UDIM bake. Empty without a file."""
-    path = settings.output
-    if settings.storage != Storage.FILE:
+    path = settings.storing.output
+    if settings.storing.storage != Storage.FILE:
         return ""
-    if settings.udim and TOKEN not in path:
+    if settings.sampling.udim and TOKEN not in path:
         ending = PurePath(path).suffix
         path = f"{path.removesuffix(ending)}.{TOKEN}{ending}"
     return path
@@ -52,7 +52,7 @@ def output_for(settings: Settings) -> str:
 
 def of_level(settings: Settings, level: int) -> Settings:
     """The settings of a mip level of a map, from the map's own: rock_normal.png has rock_normal_mip1.png beside it."""
-    path = PurePath(settings.output)
+    path = PurePath(settings.storing.output)
     stem = re.sub(rf"([._ -]?{TOKEN}|$)", rf"_mip{level}\g<1>", path.stem, count=1)
     return replace(settings, output=str(path.with_stem(stem)))
 
@@ -68,21 +68,21 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
     material have 8 bits instead of 16: there, 16 bits are floats, which hold linear values, and glTF's exporter writes those
     as if they were sRGB.
     """
-    path = PurePath(settings.output)
-    is_file = settings.storage == Storage.FILE
+    path = PurePath(settings.storing.output)
+    is_file = settings.storing.storage == Storage.FILE
     own_format = file_formats.of(path) if is_file else file_formats.PACKED[False]
     lowest = own_format.depths[0]
-    depth = settings.depth if map_type.is_deep else lowest
+    depth = settings.storing.depth if map_type.is_deep else lowest
     if map_type.is_unbounded and own_format.is_float:
         depth = own_format.depths[-1]
     if map_type.is_color and map_type.socket and not is_file:
         depth = lowest if depth <= file_formats.USUAL_DEPTH else depth
     return replace(
         settings,
-        image=_named(settings.image, map_type),
+        image=_named(settings.storing.image, map_type),
         output=str(path.with_stem(_named(path.stem, map_type))) if is_file else "",
         depth=depth,
-        dither=settings.dither and map_type.is_deep,
+        dither=settings.storing.dither and map_type.is_deep,
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..core import file_formats, udim
 from ..core.declarations.choices import Storage
 from ..core.errors import BakeError, shorten_list
-from ..core.settings import Settings
+from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
 from . import datablocks, image_file, quantize
 from .files import atomic_file
@@ -31,7 +31,7 @@ def black_and_white(where: np.ndarray) -> np.ndarray:
 
 def check(low_name: str, settings: Settings) -> None:
     """Raise BakeError if a map cannot be stored with these settings. Called before the bake."""
-    _check_image(settings.image or name_for(low_name, settings))
+    _check_image(settings.storing.image or name_for(low_name, settings.storing))
     output = output_for(settings)
     if output.startswith("//") and not bpy.data.filepath:
         raise BakeError(f"{output!r} is relative to a .blend file that was never saved: save it first.")
@@ -50,15 +50,15 @@ def replaced(name: str, highs: Iterable[str]) -> str:
 
 def kept(texels: np.ndarray, settings: Settings) -> np.ndarray:
     """What an image or a file of these settings keeps of the normals in `texels` (height, width, 4) float32."""
-    if _is_dithered(settings):
+    if _is_dithered(settings.storing):
         return quantize.dithered(texels)
-    if not settings.is_float:
-        return quantize.rounded(texels, settings.depth)
-    is_half = settings.storage == Storage.FILE and settings.depth == 16
+    if not settings.storing.is_float:
+        return quantize.rounded(texels, settings.storing.depth)
+    is_half = settings.storing.storage == Storage.FILE and settings.storing.depth == 16
     return texels.astype(np.float16).astype(np.float32) if is_half else texels
 
 
-def _is_dithered(settings: Settings) -> bool:
+def _is_dithered(settings: StorageSettings) -> bool:
     return settings.dither and settings.depth == 8
 
 
@@ -84,7 +84,11 @@ class Writer:
         queue: WriteQueue | None = None,
         has_image: bool = True,
     ):
-        self.name, self.settings, self.is_normal = settings.image or name_for(low_name, settings), settings, is_normal
+        self.name, self.settings, self.is_normal = (
+            settings.storing.image or name_for(low_name, settings.storing),
+            settings,
+            is_normal,
+        )
         self.color_space, self.is_packed, self.has_image = color_space, is_packed, has_image
         self._texels: np.ndarray | None = None
         self._partials: dict[int, Partial] = {}
@@ -93,9 +97,13 @@ class Writer:
         self._folder: tempfile.TemporaryDirectory | None = None
         self._path = output_for(settings)
         """The path of the files, as Blender spells it. Empty without files."""
-        if settings.storage == Storage.PACK and settings.udim:  # Blender can pack tiles only from files
+        if (
+            settings.storing.storage == Storage.PACK and settings.sampling.udim
+        ):  # Blender can pack tiles only from files
             self._folder = tempfile.TemporaryDirectory(prefix="imprint-")
-            self._path = str(Path(self._folder.name, f"map.{TOKEN}{file_formats.PACKED[settings.is_float].endings[0]}"))
+            self._path = str(
+                Path(self._folder.name, f"map.{TOKEN}{file_formats.PACKED[settings.storing.is_float].endings[0]}")
+            )
         self._angles: list[np.ndarray] = []
         self.tiles: list[int] = []
         """The tiles that were added."""
@@ -115,15 +123,19 @@ class Writer:
         settings = self.settings
         self.tiles.append(tile)
         stored = texels  # Blender rounds
-        if _is_dithered(settings):
+        if _is_dithered(settings.storing):
             stored = quantize.dithered(texels, with_alpha=self.is_packed)
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             # As in Blender's own packed images, floats have 32 bits.
-            depth = file_formats.OPEN_EXR.depths[-1] if self._folder and settings.is_float else settings.depth
+            depth = (
+                file_formats.OPEN_EXR.depths[-1]
+                if self._folder and settings.storing.is_float
+                else settings.storing.depth
+            )
             with partial.writing():
                 partial.temporary.touch()
-            has_alpha, is_color = settings.alpha or bool(self._folder), self.color_space == SRGB
+            has_alpha, is_color = settings.storing.alpha or bool(self._folder), self.color_space == SRGB
             self._written.append(
                 self._queue.add(
                     lambda: image_file.content(
@@ -134,8 +146,8 @@ class Writer:
             )
         else:
             self._texels = stored
-        if self.is_normal and not settings.is_float:
-            rounded = quantize.rounded(quantize.sample(stored), settings.depth)
+        if self.is_normal and not settings.storing.is_float:
+            rounded = quantize.rounded(quantize.sample(stored), settings.storing.depth)
             self._angles.append(quantize.angles(quantize.sample(texels), rounded))
 
     @property
@@ -165,7 +177,7 @@ class Writer:
         if not self.has_image:
             return
         _check_image(self.name)  # again, because the user may have painted on it
-        if self._path and self.settings.udim:
+        if self._path and self.settings.sampling.udim:
             self._keep_other_tiles()
 
     def put_files(self) -> None:
@@ -178,9 +190,9 @@ class Writer:
         settings = self.settings
         if self._path:
             return datablocks.show(self.name, self._path, pack=self._folder is not None, color_space=self.color_space)
-        pack = settings.storage == Storage.PACK
+        pack = settings.storing.storage == Storage.PACK
         return datablocks.fill(
-            self.name, self._texels, is_float=settings.is_float, pack=pack, color_space=self.color_space
+            self.name, self._texels, is_float=settings.storing.is_float, pack=pack, color_space=self.color_space
         )
 
     def discard(self) -> None:

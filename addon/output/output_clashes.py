@@ -10,14 +10,14 @@ import bpy
 
 from ..core.errors import BakeError
 from ..core.names import file_names
-from ..core.settings import Settings
+from ..core.settings import Settings, StorageSettings
 from . import datablocks
 from .files.path_clashes import Places
 from .files.planned_files import files, settings_by_map, title
 
 
 def check(
-    settings: Settings, bakes: Sequence[Settings], objects: Sequence[str], read: Iterable[tuple[str, str]]
+    settings: StorageSettings, bakes: Sequence[Settings], objects: Sequence[str], read: Iterable[tuple[str, str]]
 ) -> None:
     """Raise BakeError if two maps would be written to one image or file, or if a map would replace a file that is read.
 
@@ -48,10 +48,12 @@ def _check_images(bakes: Sequence[Settings], objects: Sequence[str], advice: str
     owners: dict[str, str] = {}
     for settings, low in zip(bakes, objects, strict=True):
         for name, of_map in settings_by_map(settings).items():
-            owner = f"{title(settings, name)} of {low!r}"
-            other = owners.setdefault(of_map.image.casefold(), owner)
+            owner = f"{title(settings.map, name)} of {low!r}"
+            other = owners.setdefault(of_map.storing.image.casefold(), owner)
             if other != owner:
-                raise BakeError(f"T{owner[1:]} and {other} would both fill the image {of_map.image!r}: {advice}.")
+                raise BakeError(
+                    f"T{owner[1:]} and {other} would both fill the image {of_map.storing.image!r}: {advice}."
+                )
 
 
 def _advice(name: str) -> str:

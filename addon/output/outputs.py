@@ -50,15 +50,15 @@ class Outputs:
 
     def __init__(self, settings: Settings):
         self.settings = settings
-        types = stored_maps(settings)
+        types = stored_maps(settings.map)
         self._queue = WriteQueue()
-        self._packed = settings.packing.map_type.name if settings.packing else ""
+        self._packed = settings.map.packing.map_type.name if settings.map.packing else ""
         self._writers = {
             name: map_storage.Writer(
                 "",
                 of_map,
                 is_normal=types[name] is NORMAL,
-                color_space=value_encoding.color_space(types[name], of_map),
+                color_space=value_encoding.color_space(types[name], of_map.storing),
                 is_packed=name == self._packed,
                 queue=self._queue,
             )
@@ -76,11 +76,11 @@ class Outputs:
             for level in planned_files.levels_of(settings, name)
         }
         """The writers of mip levels, by the name of the map and the number of the level."""
-        self._first = planned_files.first_map(settings)
+        self._first = planned_files.first_map(settings.map)
         self._late: dict[str, dict[tuple[int, int], np.ndarray]] = {
             name: {}
-            for name in settings.drawn_maps
-            if value_encoding.needs_range(BY_NAME[name], self._settings_of(name))
+            for name in settings.map.drawn_maps
+            if value_encoding.needs_range(BY_NAME[name], self._settings_of(name).storing)
         }
         """The maps that are encoded when the range of all tiles is known, by tile and level. Others do not stay in memory."""
         self._unpacked: dict[tuple[int, int], dict[str, np.ndarray]] = {}
@@ -90,7 +90,7 @@ class Outputs:
         """Whether a file has texels without a hit, and nothing that shows which."""
         self._cut_off: set[str] = set()
         """The maps with values that 16-bit floats do not hold."""
-        self._empty = set(settings.drawn_maps)
+        self._empty = set(settings.map.drawn_maps)
         """The maps of which no texel had a value so far."""
 
     def __enter__(self) -> "Outputs":
@@ -106,7 +106,7 @@ class Outputs:
         self, low: bpy.types.Object, uv_layer: str, *, is_own_base: bool, slots: Sequence[int] | None = None
     ) -> None:
         """Also store the maps that are added from now on in attributes of `low`, if the settings say so. See VertexMaps."""
-        if self.settings.vertex_domain != VertexDomain.NONE:
+        if self.settings.storing.vertex_domain != VertexDomain.NONE:
             self._vertices.append(VertexMaps(low, uv_layer, self.settings, is_own_base=is_own_base, slots=slots))
 
     def add(self, tile: int, maps: dict[str, Map], levels: Sequence[dict[str, Map]] = ()) -> None:
@@ -123,7 +123,7 @@ class Outputs:
             self._writers[NORMAL.name].add(tile, texels)
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, map_storage.black_and_white(state == texel_state.MISSED))
-        elif self.settings.storage == Storage.FILE and not self.settings.alpha:
+        elif self.settings.storing.storage == Storage.FILE and not self.settings.storing.alpha:
             self._hides_misses |= bool((state == texel_state.MISSED).any())
         self._empty -= {name for name in self._empty if (maps[name][0][..., 3] > 0.0).any()}
         self._add_others(tile, 0, maps)
@@ -134,13 +134,13 @@ class Outputs:
 
     def _add_others(self, tile: int, level: int, maps: dict[str, Map]) -> None:
         """Add one level of the maps beside the normal map."""
-        for name in (name for name in self.settings.drawn_maps if name in maps):
+        for name in (name for name in self.settings.map.drawn_maps if name in maps):
             if name in self._late:
                 self._late[name][tile, level] = maps[name][0]
             else:
                 self._encode(name, tile, level, maps[name][0], self._encoding(name, []))
         if self._packed:
-            self._unpacked[tile, level] = {name: maps[name][0] for name in self.settings.packing.maps}
+            self._unpacked[tile, level] = {name: maps[name][0] for name in self.settings.map.packing.maps}
             if not self._late.keys() & self._unpacked[tile, level].keys():
                 self._pack()
 
@@ -151,17 +151,17 @@ class Outputs:
         calls of `sample_onto`; they become users of the images.
         """
         encodings = {}
-        for name in self.settings.drawn_maps:
+        for name in self.settings.map.drawn_maps:
             labeled = BY_NAME[name].labeled
             encodings[name] = self._encoding(name, labels[labeled] if labeled else [])
             for (tile, level), texels in self._late.get(name, {}).items():
                 self._encode(name, tile, level, texels, encodings[name])
             if name in self._empty:
                 encodings[name] |= {"empty": True}
-        maps = {name: encodings[name] for name in self.settings.maps}
+        maps = {name: encodings[name] for name in self.settings.map.maps}
         if self._packed:
             self._pack()
-            maps[self._packed] = {"channels": value_encoding.channels(self.settings.packing, encodings)}
+            maps[self._packed] = {"channels": value_encoding.channels(self.settings.map.packing, encodings)}
         writers = [*self._writers.values(), *self._levels.values()]
         stored = dict(zip(self._writers, map_storage.commit_all(writers), strict=True))
         for low in lows:
@@ -173,7 +173,7 @@ class Outputs:
         if self._hides_misses:
             warnings.append(HIDDEN_MISSES)
         if self._cut_off:
-            titles = shorten_list(BY_NAME[name].title for name in self.settings.drawn_maps if name in self._cut_off)
+            titles = shorten_list(BY_NAME[name].title for name in self.settings.map.drawn_maps if name in self._cut_off)
             cause = f"16-bit floats cut off values beyond 65,504 of the {titles}."
             warnings.append(fixes.in_shell(cause, fixes.DEPTH))
         attributes = {}
@@ -203,7 +203,7 @@ class Outputs:
     def _encoding(self, name: str, labels: Sequence[str]) -> dict:
         """How to decode a map. labels: as in value_encoding.encoding."""
         tiles = list(self._late.get(name, {}).values())
-        return value_encoding.encoding(BY_NAME[name], tiles, labels, self._settings_of(name))
+        return value_encoding.encoding(BY_NAME[name], tiles, labels, self._settings_of(name).storing)
 
     def _encode(self, name: str, tile: int, level: int, texels: np.ndarray, how: dict) -> None:
         """Encode a level of a tile of a map in place, and add it to its writer if it has one of its own."""
@@ -212,7 +212,11 @@ class Outputs:
         if BY_NAME[name].kind is not Kind.NORMAL:
             value_encoding.encode(texels, how)
         settings = self._settings_of(name)
-        is_half = settings.is_float and settings.storage == Storage.FILE and settings.depth == exr_writer.HALF
+        is_half = (
+            settings.storing.is_float
+            and settings.storing.storage == Storage.FILE
+            and settings.storing.depth == exr_writer.HALF
+        )
         if is_half and BY_NAME[name].family.shows_materials and np.abs(texels[..., :3]).max() > exr_writer.MOST_HALF:
             self._cut_off.add(name)
         if name in self._writers:
@@ -224,7 +228,7 @@ class Outputs:
     def _pack(self) -> None:
         """Add the encoded maps that wait to the packed image."""
         for (tile, level), maps in self._unpacked.items():
-            self._writer(self._packed, level).add(tile, value_encoding.packed(self.settings.packing, maps))
+            self._writer(self._packed, level).add(tile, value_encoding.packed(self.settings.map.packing, maps))
         self._unpacked.clear()
 
 
@@ -246,11 +250,11 @@ def into_materials(
     slots: the numbers of the material slots that a texture set belongs to; None for all.
     """
     warnings = []
-    if settings.material and settings.normal:
+    if settings.storing.material and settings.map.normal:
         warnings += hook_up(low, stored.image, uv_layer, settings, slots=slots)
-    if settings.connect_maps:
+    if settings.storing.connect_maps:
         warnings += connect_maps(
-            low, stored.maps, uv_layer, space=settings.space, single_user=settings.single_user, slots=slots
+            low, stored.maps, uv_layer, space=settings.map.space, single_user=settings.storing.single_user, slots=slots
         )
     return list(dict.fromkeys(warnings))
 
@@ -267,10 +271,10 @@ def hook_up(
     return materials.hook_up(
         low,
         image,
-        space=settings.space,
+        space=settings.map.space,
         uv_layer=uv_layer,
-        channels=(settings.red, settings.green, settings.blue),
-        single_user=settings.single_user,
+        channels=settings.map.channels,
+        single_user=settings.storing.single_user,
         slots=slots,
     )
 

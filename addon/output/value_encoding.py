@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.declarations.packing import Packing
 from ..core.map_types import Kind, MapType, Range
-from ..core.settings import Settings
+from ..core.settings import StorageSettings
 
 GOLDEN = 0.6180339887498949
 """A step around the circle of hues that keeps any number of hues distinct."""
@@ -20,7 +20,7 @@ SRGB, LINEAR = "sRGB", "Linear Rec.709"
 """Blender's names of the color spaces of colors in integers and in floats."""
 
 
-def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str], settings: Settings) -> dict:
+def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str], settings: StorageSettings) -> dict:
     """How to decode a map: value = (stored - midlevel) * scale + offset, or the colors of its labels.
 
     With a color_space, `stored` is linear after decoding the space. maps: its tiles, (height, width, 4) float32 with alpha 0
@@ -44,12 +44,12 @@ def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str
     return {"midlevel": 0.5, "scale": 2.0 * float(max(-low.min(), high.max(), 0.0)) or 1.0}
 
 
-def needs_range(map_type: MapType, settings: Settings) -> bool:
+def needs_range(map_type: MapType, settings: StorageSettings) -> bool:
     """Whether the encoding depends on the range of the values in all tiles."""
     return map_type.kind is Kind.VALUE and map_type.range is not Range.UNIT and not settings.is_float
 
 
-def color_space(map_type: MapType, settings: Settings) -> str:
+def color_space(map_type: MapType, settings: StorageSettings) -> str:
     """The color space of the image of a map; empty for data."""
     if not map_type.is_color:
         return ""

@@ -64,7 +64,7 @@ class VertexMaps:
         Raises BakeError if the mesh has no such layer of its own.
         """
         self.settings = settings
-        self._names = [NORMAL.name] * settings.normal + list(settings.drawn_maps)
+        self._names = [NORMAL.name] * settings.map.normal + list(settings.map.drawn_maps)
         self._samples: dict[str, _Samples] = {}
         mesh = low.data
         self._vertices = np.empty(len(mesh.loops), np.int32)
@@ -92,10 +92,10 @@ class VertexMaps:
         faces = np.repeat(np.arange(len(counts)), counts)
         centers = np.stack([np.bincount(faces, weights=part) / counts for part in uv.T], axis=-1)[faces]
         toward = centers - uv
-        texels = np.linalg.norm(toward * (self.settings.width, self.settings.height), axis=-1)
+        texels = np.linalg.norm(toward * self.settings.sampling.size, axis=-1)
         uv += toward * np.minimum(0.5, INWARD / np.maximum(texels, 1e-9))[:, None]
         columns, rows = np.floor(centers).astype(np.int64).T
-        tiles = udim.number(columns, rows) if self.settings.udim else np.full(len(uv), udim.FIRST)
+        tiles = udim.number(columns, rows) if self.settings.sampling.udim else np.full(len(uv), udim.FIRST)
         return tiles, uv - np.stack([columns, rows], axis=-1)
 
     def add(self, tile: int, maps: dict[str, Map]) -> None:
@@ -123,14 +123,14 @@ class VertexMaps:
     def _store(self, low: bpy.types.Object, map_type: MapType, samples: _Samples) -> str:
         """Store one map in an attribute, and return its name."""
         values, is_baked = self._decoded(map_type, samples), self._is_baked
-        if self.settings.vertex_domain == VertexDomain.POINT:
+        if self.settings.storing.vertex_domain == VertexDomain.POINT:
             count = len(low.data.vertices)
             values = self._by_vertex(map_type, values, samples.known, count)
             is_baked = np.bincount(self._vertices[is_baked], minlength=count) > 0
         if map_type.kind is Kind.LABEL:  # the first value of a vertex has no fraction
             values = value_encoding.palette(int(values.max(initial=0.0)))[values[:, 0].astype(np.int32)]
         kind = _type_of(map_type)
-        attribute = _attribute(low, map_type, kind, self.settings.vertex_domain)
+        attribute = _attribute(low, map_type, kind, self.settings.storing.vertex_domain)
         if kind == "FLOAT":
             values = values[:, 0]
         elif kind == "FLOAT_COLOR":
@@ -146,7 +146,7 @@ class VertexMaps:
         if map_type.kind is not Kind.NORMAL:
             return samples.values
         normals = np.zeros_like(samples.values)
-        for number, axis in enumerate((self.settings.red, self.settings.green, self.settings.blue)):
+        for number, axis in enumerate(self.settings.map.channels):
             sign = np.float32(-1.0 if axis[0] == "-" else 1.0)
             normals[:, "XYZ".index(axis[1])] = sign * (samples.values[:, number] * 2.0 - 1.0)
         return np.where(samples.known[:, None], normals, np.float32(0.0))

@@ -48,8 +48,8 @@ class Reader:
     known: Mapping[int, Mesh] = field(default_factory=dict)
 
     def __post_init__(self):
-        sockets = {BY_NAME[name].socket for name in self.settings.maps} - {""}
-        if self.settings.detail_maps:
+        sockets = {BY_NAME[name].socket for name in self.settings.map.maps} - {""}
+        if self.settings.map.detail_maps:
             sockets.add(NORMAL)
         self.materials = MaterialNumbers(ImagePages(), self.low, sockets=sockets, before=self.before)
 
@@ -74,7 +74,7 @@ class Reader:
         """The mesh of `high` joined with its instances."""
         to_world = mesh_reader.matrix(high)
         mesh = None
-        if instances.shows_itself(high, for_render=self.settings.modifiers == Modifiers.RENDER):
+        if instances.shows_itself(high, for_render=self.settings.map.modifiers == Modifiers.RENDER):
             with mesh_reader.evaluated(high, self.depsgraph) as data:
                 if data.polygons or not parts:
                     copied = mesh_copies.copied(high, self.depsgraph)
@@ -89,7 +89,7 @@ class Reader:
             )
         if mesh is not None:
             parts = [Part(mesh, to_world[None]), *parts]
-        if self.settings.method == Method.AUTO and max(len(part.matrices) for part in parts) > 1:
+        if self.settings.tracing.method == Method.AUTO and max(len(part.matrices) for part in parts) > 1:
             # All instances of a mesh have the same UVs, so Flatten would draw them on top of each other.
             parts = [Part(replace(part.mesh, uv=None), part.matrices) for part in parts]
         return joining.join(high.name, to_world, parts)
@@ -105,15 +105,15 @@ class Reader:
         copied: mesh_copies.Copied | None = None,
     ) -> Mesh:
         """Read the mesh `data` of `obj`, which belongs to the high object `name`. copied: as mesh_reader.surface has it."""
-        layer, method = "", self.settings.method
+        layer, method = "", self.settings.tracing.method
         if not data.polygons:
             raise BakeError(_no_faces(obj))
         if method == Method.FLATTEN or (method == Method.AUTO and data.uv_layers):
             # Use the layer with the name of the low mesh's layer, or else the active one.
             layer = uv_layer(name, data, self.low_layer if self.low_layer in data.uv_layers else "")
         slots = self.materials.of_slots(obj, data)
-        has_labels = bool(self.settings.maps) or self.settings.texture_sets
-        if has_labels or self.settings.detail_maps:
+        has_labels = bool(self.settings.map.maps) or self.settings.map.texture_sets
+        if has_labels or self.settings.map.detail_maps:
             shown = [self.materials.read(material) for material in slots]
             has_labels = has_labels or any(material.detail is not None for material in shown)
         known, mesh = self.known.get(number), None
@@ -132,7 +132,7 @@ class Reader:
             )
         if not has_labels:
             return mesh
-        return replace(self._labeled(mesh, number, slots, data), layers=read_layers(data, shown, self.settings))
+        return replace(self._labeled(mesh, number, slots, data), layers=read_layers(data, shown, self.settings.map))
 
     def _labeled(self, mesh: Mesh, number: int, slots: Sequence[Shown], data: bpy.types.Mesh) -> Mesh:
         """`mesh` labeled with the numbers of its high object and of its materials."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.declarations.choices import Method, Modifiers, Space
 from ..core.errors import BakeError, Incomplete
-from ..core.settings import Settings
+from ..core.settings import Settings, TracingSettings
 from ..mesh import stretch
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
@@ -46,11 +46,11 @@ def read(
     Raises BakeError for missing faces or UV layers, and for a cage of another topology.
     """
     objects = list(dict.fromkeys([low, *highs, *others, *([cage] if cage else [])]))
-    for_render = settings.modifiers == Modifiers.RENDER
+    for_render = settings.map.modifiers == Modifiers.RENDER
     lacks = complaints.of_files(objects, for_render=for_render)
     if lacks and must_be_whole:
         raise Incomplete(" ".join(lacks))
-    with evaluation.prepared(context, low, [*highs, *others], cage, settings.modifiers) as depsgraph:
+    with evaluation.prepared(context, low, [*highs, *others], cage, settings.map.modifiers) as depsgraph:
         lacks += complaints.of_modifiers(context, objects, for_render=for_render)
         if lacks and must_be_whole:
             raise Incomplete(" ".join(lacks))
@@ -146,17 +146,19 @@ def read_low(
 ) -> Meshes:
     """Read only the low mesh and its cage. Without UVs, there are no tangents either. Errors: as `read`."""
     with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
-        uv_layer = uv_layer_of(low.name, data, settings.uv_layer) if with_uv else ""
+        uv_layer = uv_layer_of(low.name, data, settings.map.uv_layer) if with_uv else ""
         to_world = mesh_reader.matrix(low)
         low_mesh = mesh_reader.surface(data, uv_layer, low.name, to_world, with_faces=True)
         smooth_normals = mesh_reader.smooth_normals(data, low_mesh)
-        has_basis = settings.space == Space.TANGENT and with_uv
+        has_basis = settings.map.space == Space.TANGENT and with_uv
         basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if has_basis else None
         if basis is not None:
-            basis = stretch.as_read(basis, settings.basis)
-        if settings.texture_sets:
+            basis = stretch.as_read(basis, settings.map.basis)
+        if settings.map.texture_sets:
             low_mesh = material_sets.with_slots(low_mesh, data, low)
-        offset, straight = _painted(low if is_own_base else low.evaluated_get(depsgraph), data, low_mesh, settings)
+        offset, straight = _painted(
+            low if is_own_base else low.evaluated_get(depsgraph), data, low_mesh, settings.tracing
+        )
         # The cage comes last: if it is the low object itself, reading it frees the mesh.
         cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
     return Meshes(
@@ -174,7 +176,7 @@ def read_low(
 
 
 def _painted(
-    owner: bpy.types.Object, data: bpy.types.Mesh, low: Mesh, settings: Settings
+    owner: bpy.types.Object, data: bpy.types.Mesh, low: Mesh, settings: TracingSettings
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """`offset` and `straight`, as Meshes has them. owner: of `data`, which `low` was read from."""
     if settings.method == Method.FLATTEN:

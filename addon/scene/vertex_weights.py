@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
-from ..core.settings import Settings
+from ..core.settings import Settings, TracingSettings
 
 GROUPS = ("offset_group", "straight_group")
 """The settings that name a vertex group."""
@@ -66,10 +66,12 @@ def write(obj: bpy.types.Object, name: str, values: np.ndarray) -> str:
 
 def without_missing(obj: bpy.types.Object, settings: Settings) -> Settings:
     """`settings` without the groups that `obj` does not have."""
-    return replace(settings, **{name: "" for name in GROUPS if getattr(settings, name) not in obj.vertex_groups})
+    return replace(
+        settings, **{name: "" for name in GROUPS if getattr(settings.tracing, name) not in obj.vertex_groups}
+    )
 
 
-def problem(obj: bpy.types.Object, settings: Settings) -> str:
+def problem(obj: bpy.types.Object, settings: TracingSettings) -> str:
     """Why `obj` cannot be baked with the groups of `settings`, as a sentence; empty if no reason is known.
 
     Fast enough for every redraw: it evaluates no modifiers, which may add groups.

@@ -2,7 +2,6 @@
 """The settings of a bake as Blender properties, made from their declarations, and the way back to plain data."""
 
 from collections.abc import Collection
-from dataclasses import fields
 from functools import singledispatch
 from typing import Any
 
@@ -23,7 +22,7 @@ from ..core.declarations import kinds
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import DistanceUnit, Storage
 from ..core.map_types import MapType
-from ..core.settings import Settings
+from ..core.settings import PART_OF, Settings
 from .translations import LABEL
 
 
@@ -153,10 +152,9 @@ class Options:
             is_named = fallback is not None and owner(name) is self
             return not is_named or (switch == "unlimited" and owner(switch) is self)
 
-        names = [field.name for field in fields(Settings)]
         values = {
             name: None if is_switched_off(name) else _plain(DECLARED[name], getattr(owner(name), name))
-            for name in names
+            for name in PART_OF
         }
         if fallback is not None and owner("output") is self and owner("storage") is fallback:
             values["storage"] = Storage.FILE  # if a script sets a file name, the file is written
@@ -181,12 +179,11 @@ def _is_set(owner: Options, name: str) -> bool:
     return getattr(owner, "properties", owner).is_property_set(name)
 
 
-_NAMES = {field.name for field in fields(Settings)}
 # Blender reads properties from the annotations of a class and of its bases.
 Options.__annotations__ = {
     name: declared(name)
     for name, setting in DECLARED.items()
-    if name in _NAMES or getattr(setting, "empties", None) is not None
+    if name in PART_OF or getattr(setting, "empties", None) is not None
 }
 
 

@@ -2,7 +2,6 @@
 """Live while it is on: how changes of objects, strokes and settings are found, and the map that is being drawn."""
 
 import time
-from dataclasses import asdict
 
 import bpy
 
@@ -168,7 +167,7 @@ class Following:
         found = [ref.find() for ref in self.session.job.refs]
         if None not in found:  # a pair of which an object was deleted stays as it was
             job = self.session.job
-            object_pairs.remember_objects(job.low, job.highs, job.cage, asdict(self._settings), {})
+            object_pairs.remember_objects(job.low, job.highs, job.cage, self._settings.flat(), {})
 
     def note_undo(self) -> None:
         """Note that any object may have changed, or been deleted or restored."""

@@ -38,7 +38,7 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
             row = layout.row()
             row.separator(factor=INDENT)
             row.prop(settings, "detail_maps")
-        drawn = settings.to_settings().drawn_maps
+        drawn = settings.to_settings().map.drawn_maps
         titles = {
             "rays": label("Occlusion and Curvature"),
             "materials": label("Materials and Attributes"),

@@ -71,7 +71,7 @@ class _OnePair(_Bake, Options):
             raise BakeError(object_pairs.problem(missing) or object_checks.problem(context, low, highs))
         settings = self.to_settings(scene_settings, rays, object_pairs.CHOSEN)
         cage = object_refs.by_name(self.cage) if self.cage else rays.cage
-        if settings.method == Method.FLATTEN and not self.cage:
+        if settings.tracing.method == Method.FLATTEN and not self.cage:
             cage = None
         job = Job(low, highs, cage)
         job.is_exported = bool(scene_settings.export)

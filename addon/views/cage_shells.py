@@ -50,7 +50,7 @@ def upload(
     meshes = reading.read_low(depsgraph, low, cage, settings, is_own_base=is_own_base, with_uv=False)
     local_space = local_space_of([meshes.low])
     edges = low_surface.upload_hard_edges(meshes.low, local_space)[0] if blend_width > 0.0 else rays.no_edges()
-    directions = ray_directions.of_width(settings.directions, edges, blend_width / local_space.size)
+    directions = ray_directions.of_width(settings.tracing.directions, edges, blend_width / local_space.size)
     pieces = subdividing.divide(parts(meshes, local_space, directions.blend_width))
     found = ray_points.evaluate(meshes, pieces, local_space, directions, extrusion=1.0)
     starts = found.starts if meshes.cage is None else found.starts * np.float32(local_space.size)

@@ -234,7 +234,7 @@ class Figures:
 
 def settings_for(settings: Settings) -> Settings:
     """Settings for the same map in memory only, with one tile, and small enough for a single band."""
-    width, height = settings.width, settings.height
+    width, height = settings.sampling.size
     while width * height > BAND_TEXELS:
         width, height = width // 2, height // 2
     return replace(
@@ -272,9 +272,9 @@ class Shading:
     def __init__(self, session: Session):
         """Raises BakeError for a map that is drawn in bands."""
         if session.map is None:
-            settings = session.settings
+            width, height = session.settings.sampling.size
             raise BakeError(
-                f"A map of {settings.width} x {settings.height} texels is drawn in bands and is never whole on the GPU: "
+                f"A map of {width} x {height} texels is drawn in bands and is never whole on the GPU: "
                 "choose a smaller size to see it live."
             )
         self.session, self.objects = session, ViewObjects(session)
@@ -345,15 +345,15 @@ class Shading:
     def _reading(self, normals: np.ndarray, light: np.ndarray | None = None) -> np.ndarray:
         """How the map is read, and the light, as the shaders take them."""
         settings, reader = self.session.settings, readers.BY_NAME.get(self.reader)
-        if reader and settings.space == Space.TANGENT:
+        if reader and settings.map.space == Space.TANGENT:
             read = normal_channels.reading_by(reader, settings)
         else:
-            read = (255 if settings.depth == 8 else 0, *normal_channels.reading(settings)[1:])
+            read = (255 if settings.storing.depth == 8 else 0, *normal_channels.reading(settings.map)[1:])
         return lit.shading(normals, light, read=read)
 
     def _measure(self) -> None:
         settings, meshes = self.session.settings, self.session.meshes
-        size = settings.width, settings.height
+        size = settings.sampling.width, settings.sampling.height
         with target.using(target.TargetPool()):  # frees the intermediate targets at the end
             self._measured = target.get("deviation", *size, "RGBA32F")
             high_normals, uploaded = self.session.high_normals(), self.objects.upload_low(self.objects.low)

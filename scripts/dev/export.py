@@ -31,7 +31,7 @@ def export(source: Path, into: Path) -> None:
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     settings = Settings(method="CAST", space="WORLD", width=512, height=512)
     meshes = reading.read(bpy.context, low, [high], None, settings)
-    plan = choose_method(meshes, [udim.FIRST], settings)
+    plan = choose_method(meshes, [udim.FIRST], settings.tracing)
     meshes, ray_cast = plan.meshes, progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
     ray_scene = ray_cast.ray_scene
     low_surface, edges = ray_cast.low, ray_cast.directions.edges

@@ -63,13 +63,20 @@ def bake(out: str, scenes: str, size: str, *files: str) -> None:
         )
         for method in ("CAST", "FLATTEN"):
             settings = Settings(
-                method, "WORLD", image=method, depth=32, storage="MEMORY", material=False, maps=MAPS, **side
+                method=method,
+                space="WORLD",
+                image=method,
+                depth=32,
+                storage="MEMORY",
+                material=False,
+                maps=MAPS,
+                **side,
             )
             add(f"{Path(file).stem} {method}", low, [high], settings)
             for space in ("TANGENT", "OBJECT"):
                 settings = Settings(
-                    method,
-                    space,
+                    method=method,
+                    space=space,
                     image=f"{method} {space} roughness",
                     samples=4,
                     depth=32,
@@ -81,7 +88,7 @@ def bake(out: str, scenes: str, size: str, *files: str) -> None:
                 add(f"{Path(file).stem} {method} {space} roughness", low, [high], settings)
             # A normal map alone has adaptive samples by Cast.
             settings = Settings(
-                method, image=f"{method} samples", samples=64, depth=32, storage="MEMORY", material=False, **side
+                method=method, image=f"{method} samples", samples=64, depth=32, storage="MEMORY", material=False, **side
             )
             add(f"{Path(file).stem} {method} with samples", low, [high], settings)
     print(

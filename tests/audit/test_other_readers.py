@@ -140,7 +140,14 @@ def test_programs_with_other_tangents_of_an_uneven_scale_are_named_and_not_measu
     low, high = zoo.terrain("low", n=5, height=0.3), zoo.terrain("high", n=32, height=0.3)
     for obj in (low, high):
         obj.scale = (1.0, 2.0, 1.0)
-    settings = Settings("FLATTEN", "TANGENT", "NORMALIZED", width=64, height=64, readers=("three", "cycles", "babylon"))
+    settings = Settings(
+        method="FLATTEN",
+        space="TANGENT",
+        basis="NORMALIZED",
+        width=64,
+        height=64,
+        readers=("three", "cycles", "babylon"),
+    )
     report = bake_pair(bpy.context, low, [high], settings)
     assert set(report.readers) == {"three", "babylon"}
     (said,) = (warning for warning in report.warnings if "Apply the scale" in warning)

@@ -141,7 +141,7 @@ def folds(low):
     )
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
     timings = Timings()
-    source = sources.Flat(painted, [painted], settings, timings)
+    source = sources.Flat(painted, [painted], settings.map, timings)
     run = Run(settings, timings, progress.Pace())
     renderer = rendering.Renderer(SampledMaps(source, NormalSpace(None, None, run.settings), [], None, run), run)
     texels, _ = progress.finish(renderer.texels(1001, for_maps([painted], settings)))["NORMAL"]

@@ -149,7 +149,7 @@ def test_only_texels_that_are_written_count_as_stopped_early():
     low, high = zoo.plane("low"), zoo.plane("high")
     layer = low.data.uv_layers[0].uv
     layer.foreach_set("vector", np.float32([[0.25, 0.25], [0.5, 0.25], [0.5, 0.5], [0.25, 0.5]]).ravel())
-    settings = Settings("CAST", width=64, height=64, samples=64, storage="MEMORY", material=False)
+    settings = Settings(method="CAST", width=64, height=64, samples=64, storage="MEMORY", material=False)
     stopped = bake_pair(bpy.context, low, [high], settings).stopped_early
     assert stopped == (14 / 16) ** 2  # all but those at the border
 

@@ -63,7 +63,7 @@ def open_pair(folder, name):
 
 def bake(low, high, method):
     values = {"width": 256, "height": 256, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    report = bake_pair(bpy.context, low, [high], Settings(method, "WORLD", image="map", **values))
+    report = bake_pair(bpy.context, low, [high], Settings(method=method, space="WORLD", image="map", **values))
     return maps.pixels(bpy.data.images["map"]), report
 
 

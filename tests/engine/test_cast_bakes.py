@@ -302,8 +302,8 @@ def test_misses_of_one_object_in_an_atlas_do_not_replace_texels_of_another(order
     highs[1].data.transform(Matrix.Diagonal((0.5, 1.0, 1.0, 1.0)))
     jobs = [Job(lows[number], [highs[number]]) for number in order]
     settings = Settings(
-        "CAST",
-        "OBJECT",
+        method="CAST",
+        space="OBJECT",
         width=32,
         height=16,
         extrusion=1.0,
@@ -369,7 +369,7 @@ def test_trees_of_finished_jobs_are_freed(monkeypatch):
 
     monkeypatch.setattr(tree_cache, "RayScene", make)
 
-    settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
+    settings = Settings(method="CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
     bake_all(bpy.context, jobs, settings, on_progress=count)
     assert len(made) == len(jobs)
     assert max(alive) <= 2  # the cached one and the one in use

@@ -63,7 +63,7 @@ def pair():
 
 
 def settings(method, **values):
-    return Settings(method, width=SIZE, height=SIZE, storage="MEMORY", material=False, **values)
+    return Settings(method=method, width=SIZE, height=SIZE, storage="MEMORY", material=False, **values)
 
 
 def passes(counts):

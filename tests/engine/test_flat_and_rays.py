@@ -209,7 +209,9 @@ def test_faces_of_a_check_are_found_by_the_same_method():
 
 def test_live_draws_what_a_bake_draws():
     low, high = pair()
-    settings = Settings("AUTO", width=SIZE, height=SIZE, storage="MEMORY", modifiers="VIEWPORT", margin=0, depth=32)
+    settings = Settings(
+        method="AUTO", width=SIZE, height=SIZE, storage="MEMORY", modifiers="VIEWPORT", margin=0, depth=32
+    )
 
     def texels(session, changed=None):
         session.run(bpy.context, changed)
@@ -245,6 +247,6 @@ def test_the_helmet_has_no_holes_and_looks_as_by_cast(shared_assets):
     flat = raw_maps(low, high, maps=(), size=512, method="FLATTEN")[1001]["NORMAL"][hit]
     assert (flat[:, 3] != 1.0).mean() > 0.01
     report = bake_pair(
-        bpy.context, low, [high], Settings("AUTO", width=512, height=512, storage="MEMORY", material=False)
+        bpy.context, low, [high], Settings(method="AUTO", width=512, height=512, storage="MEMORY", material=False)
     )
     assert not any("Cast" in warning for warning in report.warnings)

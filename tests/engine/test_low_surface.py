@@ -25,8 +25,8 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 
 def ray_cast(low, high, **values):
-    settings = Settings("CAST", width=32, height=32, **values)
-    plan = choose_method(reading.read(bpy.context, low, [high], None, settings), [udim.FIRST], settings)
+    settings = Settings(method="CAST", width=32, height=32, **values)
+    plan = choose_method(reading.read(bpy.context, low, [high], None, settings), [udim.FIRST], settings.tracing)
     return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
 
 
@@ -131,7 +131,7 @@ def test_a_low_mesh_too_large_for_the_gpu_is_refused_with_the_limit(monkeypatch)
 @pytest.mark.parametrize("change", [{}, {"origin": np.ones(3)}, {"size": 2.0}])
 def test_the_low_surface_is_built_once_for_each_local_space(change):
     low, trees = zoo.plane("low"), TreeCache()
-    meshes = reading.read(bpy.context, low, [low], None, Settings("CAST"))
+    meshes = reading.read(bpy.context, low, [low], None, Settings(method="CAST"))
     space = LocalSpace(np.zeros(3), 1.0)
     first = trees.low_surface_of(meshes.low, space, Timings())
     assert (trees.low_surface_of(meshes.low, replace(space, **change), Timings()) is first) == (not change)

@@ -214,7 +214,7 @@ def test_values_in_an_atlas_stay_with_their_objects():
             layer.foreach_set("vector", (uv.reshape(-1, 2) * (0.4, 1.0) + (0.55 * number, 0.0)).ravel())
     jobs = [Job(low, [high]) for low, high in zip(lows, highs, strict=True)]
     settings = Settings(
-        "FLATTEN", width=32, height=32, image="atlas", maps=("HEIGHT", "OBJECT_ID"), depth=32, storage="MEMORY"
+        method="FLATTEN", width=32, height=32, image="atlas", maps=("HEIGHT", "OBJECT_ID"), depth=32, storage="MEMORY"
     )
     reports = bake_all(bpy.context, jobs, settings, share_image=True)
     height, owner = (pixels(bpy.data.images[reports[0].maps[name]["image"]]) for name in ("height", "object_id"))
@@ -254,5 +254,5 @@ def test_two_bakes_share_no_image_and_no_file(tmp_path, names, case_settings):
     jobs = [Job(zoo.plane(name), [zoo.plane(f"high of {name}")]) for name in names]
     settings = {**case_settings, "output": str(tmp_path / case_settings["output"]), "storage": "FILE"}
     with pytest.raises(BakeError, match="would both"):
-        bake_all(bpy.context, jobs, Settings("FLATTEN", width=32, height=32, **settings))
+        bake_all(bpy.context, jobs, Settings(method="FLATTEN", width=32, height=32, **settings))
     assert list(tmp_path.iterdir()) == []

@@ -95,7 +95,7 @@ def test_tiles_and_a_cage_in_parts(in_parts):
     options = {"udim": True, "storage": "PACK", "material": False}
     packed = []
     for name in ("one", "parts"):
-        settings = Settings("CAST", width=32, height=32, image=name, **options)
+        settings = Settings(method="CAST", width=32, height=32, image=name, **options)
         bake_pair(bpy.context, low, highs, settings, cage)
         packed.append([part.packed_file.data for part in bpy.data.images[name].packed_files])
         in_parts(500)
@@ -107,7 +107,9 @@ def test_the_report_of_parts_is_that_of_one(in_parts):
     low, *highs = layers()
     found = []
     for _ in range(2):
-        report = bake_pair(bpy.context, low, highs, Settings("CAST", width=64, height=64, storage="MEMORY")).to_dict()
+        report = bake_pair(
+            bpy.context, low, highs, Settings(method="CAST", width=64, height=64, storage="MEMORY")
+        ).to_dict()
         found.append({key: value for key, value in report.items() if key not in {"seconds", "startup", "image"}})
         in_parts(500)
     assert found[0] == found[1]
@@ -152,7 +154,7 @@ def test_parts_that_do_not_fit_are_built_again_and_those_in_memory_come_first(in
 def test_parts_that_are_built_again_count_for_the_bake_that_does_it(in_parts):
     low, *highs = layers()
     in_parts(500, kept=1)
-    settings = Settings("CAST", width=32, height=32, storage="MEMORY", material=False)
+    settings = Settings(method="CAST", width=32, height=32, storage="MEMORY", material=False)
     first = bake_pair(bpy.context, low, highs, settings)
     before = dict(first.seconds)
     tables = tree_cache.trees.scenes[-1].tables
@@ -176,7 +178,7 @@ def test_the_order_of_parts_does_not_matter(in_parts, monkeypatch):
 def test_progress_goes_on_while_parts_are_cast_at(in_parts):
     low, *highs = layers()
     in_parts(300)
-    settings = Settings("CAST", width=64, height=64, storage="MEMORY", material=False)
+    settings = Settings(method="CAST", width=64, height=64, storage="MEMORY", material=False)
     steps = []
     bake_all(bpy.context, [Job(low, highs)], settings, on_progress=lambda step: steps.append(step.done))
     assert steps == sorted(steps)
@@ -220,7 +222,7 @@ def test_texture_sets_in_parts(in_parts):
     for name in "ab":
         low.data.materials.append(bpy.data.materials.new(name))
     low.data.polygons.foreach_set("material_index", np.arange(len(low.data.polygons)) % 2)
-    settings = Settings("CAST", width=32, height=32, storage="MEMORY", texture_sets=True, maps=("HEIGHT",))
+    settings = Settings(method="CAST", width=32, height=32, storage="MEMORY", texture_sets=True, maps=("HEIGHT",))
     found = []
     for _ in range(2):
         reports = bake_all(bpy.context, [Job(low, highs)], settings)
@@ -236,10 +238,10 @@ def test_a_bake_in_parts_may_end_at_each_step(in_parts, tmp_path):
     """It leaves nothing, and the parts that it has built are whole: later bakes take them."""
     low, *highs = layers()
     options = {"width": 32, "height": 32, "samples": 4, "maps": ("HEIGHT",), "material": False}
-    bake_pair(bpy.context, low, highs, Settings("CAST", image="map", storage="MEMORY", **options))
+    bake_pair(bpy.context, low, highs, Settings(method="CAST", image="map", storage="MEMORY", **options))
     wanted = maps.pixels(bpy.data.images["map"])
     bpy.data.images.remove(bpy.data.images["map"])
-    settings = Settings("CAST", storage="FILE", output=str(tmp_path / "map.png"), **options)
+    settings = Settings(method="CAST", storage="FILE", output=str(tmp_path / "map.png"), **options)
     before, number, ended = snapshot(), 0, 0
     in_parts(500)
     while True:
@@ -253,7 +255,7 @@ def test_a_bake_in_parts_may_end_at_each_step(in_parts, tmp_path):
         assert not list(tmp_path.iterdir())
         ended, number = ended + 1, number + 1 + number // 4
     assert ended > 8
-    bake_pair(bpy.context, low, highs, Settings("CAST", image="map", storage="MEMORY", **options))
+    bake_pair(bpy.context, low, highs, Settings(method="CAST", image="map", storage="MEMORY", **options))
     assert np.array_equal(maps.pixels(bpy.data.images["map"]), wanted)
 
 
@@ -270,7 +272,7 @@ def test_flatten_says_that_other_maps_need_all_triangles_at_once(in_parts, name)
 
 def test_live_in_parts_shows_the_map_of_one(in_parts):
     low, *highs = layers()
-    settings = Settings("CAST", width=64, height=64, storage="MEMORY", modifiers="VIEWPORT", material=False)
+    settings = Settings(method="CAST", width=64, height=64, storage="MEMORY", modifiers="VIEWPORT", material=False)
     found = []
     for _ in range(2):
         session = Session(bpy.context, Job(low, highs), settings, Pace())

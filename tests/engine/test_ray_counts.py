@@ -39,8 +39,8 @@ def counts(folder, name, monkeypatch, *, has_packets=False):
     """The counts of OWN and of OUTERMOST along the same rays, (N, 4) each, on texels with a ray. has_packets: as in of_rays."""
     bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
     low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
-    settings = Settings("CAST", "WORLD", width=SIZE, height=SIZE)
-    plan = choose_method(reading.read(bpy.context, low, [high], None, settings), [udim.FIRST], settings)
+    settings = Settings(method="CAST", space="WORLD", width=SIZE, height=SIZE)
+    plan = choose_method(reading.read(bpy.context, low, [high], None, settings), [udim.FIRST], settings.tracing)
     ray_cast = progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
     drawn = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
     ray_cast.draw(drawn, udim.uv_to_clip(udim.FIRST))

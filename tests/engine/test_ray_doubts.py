@@ -31,7 +31,7 @@ def rays():
     high.location.z = 0.1
     settings = Settings(method="CAST", width=SIZE, height=SIZE, extrusion=0.2, max_distance=0.4)
     meshes = reading.read(bpy.context, low, [high], None, settings)
-    plan = choose_method(meshes, [udim.FIRST], settings)
+    plan = choose_method(meshes, [udim.FIRST], settings.tracing)
     return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast, meshes.low
 
 

@@ -66,7 +66,7 @@ def test_slices_do_not_change_the_map(monkeypatch, samples):
 @pytest.mark.usefixtures("gpu_context")
 def test_probes_for_distances_and_checks_are_sliced_too(slow):
     low, high = zoo.plane("lo"), zoo.terrain("hi")
-    settings = Settings("CAST", width=SIZE, height=SIZE, image="map", storage="MEMORY", material=False)
+    settings = Settings(method="CAST", width=SIZE, height=SIZE, image="map", storage="MEMORY", material=False)
     bake_pair(bpy.context, low, [high], settings)
     # The distances, and parts that stand off; then the map; then the checks on some of its texels: hits, and other layers of
     # the low mesh on both sides.

@@ -86,7 +86,9 @@ def test_where_no_layer_is_near_the_map_is_that_of_the_outermost_hit(shared_asse
 
     def bake(**settings):
         values = {"width": 512, "height": 512, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-        report = bake_pair(bpy.context, low, [high], Settings("CAST", "WORLD", image="map", **values, **settings))
+        report = bake_pair(
+            bpy.context, low, [high], Settings(method="CAST", space="WORLD", image="map", **values, **settings)
+        )
         return maps.pixels(bpy.data.images["map"]), report
 
     own, report = bake()

@@ -168,7 +168,7 @@ def test_texels_that_all_samples_miss_are_missed_in_every_map(samples):
     low, high = zoo.plane("low"), zoo.plane("high")
     high.scale.x, high.location.z = 0.5, 0.1
     settings = Settings(
-        "CAST",
+        method="CAST",
         width=32,
         height=16,
         samples=samples,

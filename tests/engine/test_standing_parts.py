@@ -52,7 +52,9 @@ def bake(assets, name, *, below=np.inf):
     bpy.ops.wm.open_mainfile(filepath=str(assets / "layers" / f"{name}.blend"))
     low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
     values = {"width": SIZE, "height": SIZE, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    report = bake_pair(bpy.context, low, [high], Settings("CAST", "WORLD", maps=("POSITION",), image="map", **values))
+    report = bake_pair(
+        bpy.context, low, [high], Settings(method="CAST", space="WORLD", maps=("POSITION",), image="map", **values)
+    )
     texels = maps.pixels(bpy.data.images["map"])
     position = maps.pixels(bpy.data.images[report.maps["position"]["image"]])[..., :3].astype(np.float64)
 

@@ -75,7 +75,7 @@ def explore(low, high, **changes):
     settings = Settings(method="CAST", space="WORLD", width=SIZE[0], height=SIZE[1], **changes)
     # With Cast, the UVs of high meshes are not read.
     meshes = reading.read(bpy.context, low, [high], None, replace(settings, method="FLATTEN"))
-    plan = choose_method(meshes, [udim.FIRST], settings)
+    plan = choose_method(meshes, [udim.FIRST], settings.tracing)
     ray_cast = progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
     return meshes, ray_cast, Explorer(ray_cast, meshes.low).doubts(SIZE, VIEW)
 

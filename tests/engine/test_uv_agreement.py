@@ -16,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 def bake(low, *highs, method="AUTO", **settings):
     values = {"width": 64, "height": 64, "storage": "MEMORY", "material": False, **settings}
-    return bake_pair(bpy.context, low, highs, Settings(method, **values))
+    return bake_pair(bpy.context, low, highs, Settings(method=method, **values))
 
 
 def patch(name, box, uv, *, height=0.05, n=4):

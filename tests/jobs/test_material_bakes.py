@@ -76,8 +76,8 @@ def test_notes_have_the_order_of_the_maps():
     }
     meshes = SimpleNamespace(materials=[HighMaterial("Rust", notes=notes)])
     names = tuple(map_type.name for map_type in chosen)
-    found = report_making.material_notes(meshes, Settings(maps=names))
+    found = report_making.material_notes(meshes, Settings(maps=names).map)
     assert found == [*(f"{socket} is left out" for socket in sockets), "shader", "detail"]
-    widened = report_making.material_notes(meshes, Settings(maps=(map_types.WIDENED_ROUGHNESS.name,)))
+    widened = report_making.material_notes(meshes, Settings(maps=(map_types.WIDENED_ROUGHNESS.name,)).map)
     assert widened[0] == "Roughness is left out"
-    assert report_making.material_notes(meshes, Settings(detail_maps=False)) == []
+    assert report_making.material_notes(meshes, Settings(detail_maps=False).map) == []

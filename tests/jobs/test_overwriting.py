@@ -16,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 
 def settings(output, **values):
-    return Settings("FLATTEN", "OBJECT", width=16, height=16, storage="FILE", output=str(output), **values)
+    return Settings(method="FLATTEN", space="OBJECT", width=16, height=16, storage="FILE", output=str(output), **values)
 
 
 def save(path):
@@ -94,7 +94,7 @@ def test_letters_outside_ascii_stay_in_file_names(tmp_path):
 
 def test_every_map_has_a_title():
     chosen = settings("m.png", mask=True, maps=("HEIGHT", "OBJECT_ID"), pack="GLTF")
-    labels = [planned_files.title(chosen, kind) for kind in planned_files.settings_by_map(chosen)]
+    labels = [planned_files.title(chosen.map, kind) for kind in planned_files.settings_by_map(chosen)]
     assert labels == ["the normal map", "the miss mask", "the height map", "the object id map", "the packed map"]
 
 

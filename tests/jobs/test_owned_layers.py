@@ -48,7 +48,7 @@ def pair(prefix="", normals=NORMALS, **options):
 
 def settings(**values):
     common = {"space": "OBJECT", "width": SIZE, "height": SIZE, "margin": 0, "depth": 32, "storage": "MEMORY"}
-    return Settings("CAST", **{**common, "image": "map", "material": False, **values})
+    return Settings(method="CAST", **{**common, "image": "map", "material": False, **values})
 
 
 def check(texels, normals=NORMALS, *, halves=(0, 1)):

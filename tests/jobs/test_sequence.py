@@ -41,7 +41,14 @@ def job():
 
 def settings(tmp_path, name="map.exr", **values):
     return Settings(
-        "FLATTEN", "OBJECT", width=16, height=16, storage="FILE", depth=32, output=str(tmp_path / name), **values
+        method="FLATTEN",
+        space="OBJECT",
+        width=16,
+        height=16,
+        storage="FILE",
+        depth=32,
+        output=str(tmp_path / name),
+        **values,
     )
 
 

@@ -27,7 +27,7 @@ def test_stages_add_up_to_the_total_without_waiting(method, share_image, monkeyp
     monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=tick))
     tree_cache.trees.free()
     jobs = [Job(zoo.plane("lo"), [zoo.terrain("hi")])]
-    settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
+    settings = Settings(method=method, width=32, height=32, image="map", storage="MEMORY", material=False)
     work = bake_jobs.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
     try:
         while True:

@@ -431,7 +431,7 @@ def test_an_object_with_the_longest_name_has_one_image():
     for name in names:
         low = zoo.plane(name)
         for _ in range(2):
-            settings = Settings("FLATTEN", width=16, height=16, maps=("DISPLACEMENT",), storage="MEMORY")
+            settings = Settings(method="FLATTEN", width=16, height=16, maps=("DISPLACEMENT",), storage="MEMORY")
             found.add(bake_pair(bpy.context, low, [high], settings).image)
     assert len(found) == 2
     assert len(bpy.data.images) == 4

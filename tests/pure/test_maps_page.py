@@ -87,5 +87,5 @@ def test_the_table_of_encodings_has_each_map_that_is_not_stored_as_it_is():
 def test_normals_and_plain_values_are_decoded_as_the_table_says():
     settings = settings_of("rock.png")
     for label, name in (("Bent Normal", "BENT_NORMAL"), ("All others", AO.name)):
-        how = encoding(BY_NAME[name], [], [], settings)
+        how = encoding(BY_NAME[name], [], [], settings.storing)
         assert [f"{how['midlevel']:g}", f"{how['scale']:g}", "0"] == encodings()[label]

@@ -178,7 +178,7 @@ def test_a_map_of_one_normal_is_flat_only_in_tangent_space():
 
 def test_maps_that_share_an_image_are_checked_in_the_same_way():
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)  # its normals have a z of 0.7, more than one half
-    settings = Settings("FLATTEN", width=16, height=16, storage="MEMORY", material=False)
+    settings = Settings(method="FLATTEN", width=16, height=16, storage="MEMORY", material=False)
     (shared,) = bake_all(bpy.context, [Job(low, [high])], settings, share_image=True)
     assert not flat(shared.warnings)
     (shared,) = bake_all(bpy.context, [Job(low, [zoo.plane("flat")])], settings, share_image=True)

@@ -253,7 +253,7 @@ def test_instances_on_points_give_the_map_of_realized_ones():
     plane = low()
     instanced, realized = (scattered(200, realized=is_realized) for is_realized in (False, True))
     mesh, real = (
-        reading.read(bpy.context, plane, [obj], None, Settings("CAST")).highs[0] for obj in (instanced, realized)
+        reading.read(bpy.context, plane, [obj], None, Settings(method="CAST")).highs[0] for obj in (instanced, realized)
     )
     assert (mesh.instances, real.instances) == (200 + 1, 0)
     assert len(mesh.triangles) == len(real.triangles) == 18 * 200 + 8
@@ -332,7 +332,7 @@ def test_instances_on_vertices_and_faces(kind, shows_itself):
     parent.scale, child.parent, parent.instance_type = (0.7, 0.7, 0.7), parent, kind
     parent.show_instancer_for_render, parent.show_instancer_for_viewport = shows_itself, not shows_itself
     bpy.context.view_layer.update()
-    mesh = reading.read(bpy.context, plane, [parent], None, Settings("CAST")).highs[0]
+    mesh = reading.read(bpy.context, plane, [parent], None, Settings(method="CAST")).highs[0]
     assert mesh.instances == (9 if kind == "VERTS" else 4) + shows_itself
     assert is_seen(cast(plane, parent, size=(128, 128))) or shows_itself
 
@@ -342,7 +342,7 @@ def test_particles_that_are_objects():
     emitter.modifiers.new("Particles", "PARTICLE_SYSTEM")
     settings = emitter.particle_systems[0].settings
     settings.type, settings.count, settings.render_type, settings.instance_object = "HAIR", 20, "OBJECT", source
-    mesh = reading.read(bpy.context, plane, [emitter], None, Settings("CAST")).highs[0]
+    mesh = reading.read(bpy.context, plane, [emitter], None, Settings(method="CAST")).highs[0]
     assert mesh.instances == 21
 
 
@@ -353,7 +353,7 @@ def test_instances_of_zero_size_are_left_out():
     shelves = shelf(source)
     inner = [empty(f"{number}", shelves, scale=scale) for number, scale in enumerate(sizes)]
     mesh = reading.read(
-        bpy.context, plane, [link(empty("hi", shelf(*inner, name="All")))], None, Settings("CAST")
+        bpy.context, plane, [link(empty("hi", shelf(*inner, name="All")))], None, Settings(method="CAST")
     ).highs[0]
     assert mesh.instances == 2
     assert np.isfinite(mesh.normals).all()
@@ -376,7 +376,7 @@ def test_instanced_objects_have_their_render_levels():
     smooth.levels, smooth.render_levels = 0, 2
     high = link(empty("hi", shelf(source)))
     counts = [
-        len(reading.read(bpy.context, plane, [high], None, Settings("CAST", modifiers=kind)).highs[0].triangles)
+        len(reading.read(bpy.context, plane, [high], None, Settings(method="CAST", modifiers=kind)).highs[0].triangles)
         for kind in ("VIEWPORT", "RENDER")
     ]
     assert counts == [18, 18 * 16]
@@ -392,7 +392,7 @@ def test_an_instanced_object_may_be_in_edit_mode():
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
     bpy.ops.mesh.subdivide()
-    mesh = reading.read(bpy.context, plane, [high], None, Settings("CAST")).highs[0]
+    mesh = reading.read(bpy.context, plane, [high], None, Settings(method="CAST")).highs[0]
     assert len(mesh.triangles) == 18 * 4
     assert source.mode == "EDIT"
 
@@ -402,7 +402,7 @@ def test_an_instanced_object_may_be_in_edit_mode():
 
 def auto(plane, *highs, **settings):
     values = {"width": 48, "height": 48, "storage": "MEMORY", "material": False, **settings}
-    return bake_pair(bpy.context, plane, highs, Settings("AUTO", **values))
+    return bake_pair(bpy.context, plane, highs, Settings(method="AUTO", **values))
 
 
 def test_auto_chooses_cast_for_several_instances_with_the_same_uvs():
@@ -456,7 +456,7 @@ def test_instances_have_the_material_of_their_object_and_the_id_of_the_high_obje
         bpy.context,
         plane,
         [high],
-        Settings(method, width=32, height=32, image="map", storage="MEMORY", maps=("OBJECT_ID", "MATERIAL_ID")),
+        Settings(method=method, width=32, height=32, image="map", storage="MEMORY", maps=("OBJECT_ID", "MATERIAL_ID")),
     )
     objects, materials = (
         maps.pixels(bpy.data.images[report.maps[name]["image"]]) for name in ("object_id", "material_id")
@@ -480,7 +480,7 @@ def test_instances_of_one_mesh_have_the_materials_of_their_objects_and_the_ids_o
         obj.scale.x, obj.location.x = 0.5, -0.5 * side
     shown = [shelf(first, second)] if owners == 1 else [shelf(first, name="A"), shelf(second, name="B")]
     highs = [link(empty(f"hi {number}", collection)) for number, collection in enumerate(shown)]
-    settings = Settings("CAST", width=32, height=32, storage="MEMORY", maps=("OBJECT_ID", "MATERIAL_ID"))
+    settings = Settings(method="CAST", width=32, height=32, storage="MEMORY", maps=("OBJECT_ID", "MATERIAL_ID"))
     report = bake_pair(bpy.context, plane, highs, settings)
     for name, count in (("object_id", owners), ("material_id", 2)):
         texels = maps.pixels(bpy.data.images[report.maps[name]["image"]])
@@ -534,7 +534,7 @@ def test_hidden_objects_are_read_and_stay_hidden(how, role):
 
     def bake(image):
         job = Job(plane, [high], cage)
-        settings = Settings("CAST", width=32, height=32, image=image, depth=32, storage="MEMORY", material=False)
+        settings = Settings(method="CAST", width=32, height=32, image=image, depth=32, storage="MEMORY", material=False)
         bake_all(bpy.context, [job], settings)
         return maps.pixels(bpy.data.images[image])
 
@@ -564,7 +564,7 @@ def test_the_matrix_of_an_instance():
     )
     high = link(empty("hi", shelf(source), location=(0.3, 0.0, 0.1), scale=(2.0, 1.0, -0.5)))
     bpy.context.view_layer.update()
-    mesh = reading.read(bpy.context, low(), [high], None, Settings("CAST")).highs[0]
+    mesh = reading.read(bpy.context, low(), [high], None, Settings(method="CAST")).highs[0]
     points = np.array([vertex.co for vertex in source.data.vertices])
     product = np.array(high.matrix_world) @ np.array(source.matrix_basis)
     np.testing.assert_allclose(
@@ -576,5 +576,5 @@ def test_the_matrix_of_an_instance():
 
 @pytest.mark.parametrize(("chosen", "read"), [((), []), (("ROUGHNESS", "AO"), ["Roughness"])])
 def test_only_the_inputs_of_materials_that_maps_show_are_read(chosen, read):
-    meshes = reading.read(bpy.context, low(), [bolt()], None, Settings("CAST", maps=chosen))
+    meshes = reading.read(bpy.context, low(), [bolt()], None, Settings(method="CAST", maps=chosen))
     assert [list(material.feeds) for material in meshes.materials] == [read]

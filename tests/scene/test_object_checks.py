@@ -190,7 +190,7 @@ def test_the_uv_layer_of_the_same_name_is_used():
 @pytest.mark.parametrize("name", ["{low}", "a{low}b", "{x}", "{"])
 def test_a_low_object_may_have_any_name(name):
     low, high = zoo.plane(name), zoo.plane("high")
-    report = bake_pair(bpy.context, low, [high], Settings("FLATTEN", width=16, height=16, mask=True))
+    report = bake_pair(bpy.context, low, [high], Settings(method="FLATTEN", width=16, height=16, mask=True))
     assert report.image == f"{name}_normal"
     assert sorted(image.name for image in bpy.data.images) == [f"{name}_missed", f"{name}_normal"]
 
@@ -200,7 +200,7 @@ def test_a_low_object_may_have_any_name(name):
 
 def test_swapped_objects_give_a_warning():
     fine, coarse = zoo.terrain("fine"), zoo.plane("coarse")
-    settings = Settings("FLATTEN", width=16, height=16)
+    settings = Settings(method="FLATTEN", width=16, height=16)
     expected = "'fine' has more faces than 'coarse'. Are they swapped?"
     assert expected in bake_pair(bpy.context, fine, [coarse], settings).warnings
     assert expected not in bake_pair(bpy.context, coarse, [fine], settings).warnings

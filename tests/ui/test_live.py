@@ -682,7 +682,7 @@ def test_disabling_the_extension_ends_live(pair):
 def test_maps_are_right_after_shaders_are_freed(pair):
     """Blender identifies the bound shader by its address, and a new shader may get the same address."""
     low, high = pair
-    settings = Settings("FLATTEN", width=64, height=64, storage="MEMORY", material=False)
+    settings = Settings(method="FLATTEN", width=64, height=64, storage="MEMORY", material=False)
     maps = []
     for _ in range(60):
         session = live_session.Session(bpy.context, Job(low, [high]), settings, progress.Pace())

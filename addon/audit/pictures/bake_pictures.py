@@ -32,7 +32,7 @@ class BakePictures:
 
     def __init__(self, low: Mesh, tiles: Sequence[int], settings: Settings, *, is_wanted: bool):
         self._low, self._settings, self._is_wanted = low, settings, is_wanted
-        self._board = _Board(tiles, (settings.width, settings.height))
+        self._board = _Board(tiles, settings.sampling.size)
         self._maps: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._degrees: dict[int, np.ndarray] = {}
         self._textures: dict[int, np.ndarray] = {}
@@ -43,11 +43,11 @@ class BakePictures:
         if not self._is_wanted:
             return
         other = next((name for name in maps if name != NORMAL.name), NORMAL.name)
-        texels, state = maps[NORMAL.name if self._settings.normal else other]
+        texels, state = maps[NORMAL.name if self._settings.map.normal else other]
         is_known = state != 0
         self._maps[tile] = shrinking.means(texels, is_known, self._board.factor)
-        if self._settings.normal:
-            most = shrinking.factor((self._settings.width, self._settings.height), LIT_TEXELS)
+        if self._settings.map.normal:
+            most = shrinking.factor(self._settings.sampling.size, LIT_TEXELS)
             means, _ = shrinking.means(texels, is_known, most)
             self._textures[tile] = np.dstack([means, np.ones(means.shape[:2], np.float32)])
 

@@ -33,12 +33,12 @@ def draw(low: Mesh, tiles: Mapping[int, np.ndarray], settings: Settings, side: i
     away = _towards_viewer(points)
     matrix, up, right = _view(points, away)
     light = np.append(away + 0.7 * up - 0.5 * right, 0.0)
-    shading = lit.shading(low.normal_matrix, light, read=normal_channels.reading(settings))
+    shading = lit.shading(low.normal_matrix, light, read=normal_channels.reading(settings.map))
     tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
     attributes = {"position": points, "normal": low.normals[corners], "tangent": tangents[corners]}
     into = target.get("picture of low", FINER * side, FINER * side, "RGBA32F", "DEPTH_COMPONENT32F")
     with target.drawing(into, writes_depth=True):
-        for tile, chosen, uv in _by_tile(low.uv[corners], tiles, is_udim=settings.udim):
+        for tile, chosen, uv in _by_tile(low.uv[corners], tiles, is_udim=settings.sampling.udim):
             batch = mesh_upload.upload_corners(
                 uv=uv, **{name: np.ascontiguousarray(values[chosen]) for name, values in attributes.items()}
             )

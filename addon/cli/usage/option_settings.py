@@ -9,13 +9,13 @@ from ...core import file_formats, udim
 from ...core.conversion.stored_normals import StoredNormals
 from ...core.declarations.choices import Storage
 from ...core.errors import BakeError
-from ...core.settings import Settings
+from ...core.settings import PART_OF, Settings
 
 
 def settings(options: argparse.Namespace) -> Settings:
     """The settings of the bake. The map goes to a file, of the format's usual depth if no depth is given."""
     given = vars(options)
-    values = {field.name: given[field.name] for field in fields(Settings) if field.name in given}
+    values = {name: given[name] for name in PART_OF if name in given}
     values["width"], values["height"] = options.size
     values["storage"], values["output"] = Storage.FILE, os.path.abspath(options.output)
     values["udim"] = options.udim or bool(options.tiles) or udim.TOKEN in options.output

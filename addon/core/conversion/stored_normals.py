@@ -7,7 +7,7 @@ from ..declarations import bases
 from ..declarations.all_settings import DECLARED
 from ..declarations.choices import Space
 from ..errors import BakeError
-from ..settings import Settings
+from ..settings import MapSettings
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class StoredNormals:
         return replace(self, from_basis=bases.of_engine(engine).name)
 
     @property
-    def channels(self) -> Settings:
-        """Settings with these channels."""
-        return Settings(red=self.from_red, green=self.from_green, blue=self.from_blue)
+    def channels(self) -> MapSettings:
+        """Map settings with these channels."""
+        return MapSettings(red=self.from_red, green=self.from_green, blue=self.from_blue)
 
     def check(self) -> None:
         """Raise BakeError for values that are not valid."""

@@ -28,7 +28,7 @@ class AdaptiveNormals:
     def __init__(self, source: Rays, run: Run):
         self.source = source
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
-        self.rounds = samples.rounds(self.settings.samples)
+        self.rounds = samples.rounds(self.settings.sampling.samples)
         taken = np.cumsum([len(offsets) for offsets in self.rounds])
         self.limits = [LIMITS[count] for count in taken[:-1].tolist()]
         self.stopped: np.ndarray | None = None

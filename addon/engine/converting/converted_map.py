@@ -12,7 +12,7 @@ from ...core.declarations import bases
 from ...core.declarations.choices import Space
 from ...core.map_types import NORMAL
 from ...core.progress import Task
-from ...core.settings import Settings
+from ...core.settings import MapSettings
 from ...mesh import stretch
 from ...mesh.triangle_mesh import Mesh
 from ...passes import mesh_upload, target
@@ -60,7 +60,7 @@ class ConvertedMap:
     takes_time = False
     stopped = None
 
-    def __init__(self, low: Mesh, before: StoredNormals, settings: Settings):
+    def __init__(self, low: Mesh, before: StoredNormals, settings: MapSettings):
         shown = stretch.as_read(low, before.from_basis) if before.from_space == Space.TANGENT else low
         self._wanted = stretch.as_read(low, settings.basis) if settings.space == Space.TANGENT else low
         self._before = _upload(shown)
@@ -102,7 +102,7 @@ def _upload(low: Mesh) -> gpu.types.GPUBatch:
     return mesh_upload.upload(low.triangles, **low.tangent_space)
 
 
-def _shading(low: Mesh, before: StoredNormals, settings: Settings) -> np.ndarray:
+def _shading(low: Mesh, before: StoredNormals, settings: MapSettings) -> np.ndarray:
     """How map_lib.glsl decodes the stored map: into the low object's space, or into world space if the settings say that."""
     to_world = settings.space == Space.WORLD
     of_low = low.normal_matrix if to_world else np.eye(3) if low.stretch is None else low.stretch.T

@@ -34,7 +34,7 @@ def maps_of_bake(
     with run.timings.timed("upload"):
         space = NormalSpace(basis, meshes.basis, run.settings)
         families = list(_families(meshes, source, space, run))
-        to_space = world_to_space(meshes.low, run.settings)
+        to_space = world_to_space(meshes.low, run.settings.map)
         detail = OwnNormals(meshes, source.surface, to_space, run) if meshes.has_detail else None
     return SampledMaps(source, space, families, detail, run)
 
@@ -53,7 +53,7 @@ def _families(
     run: Run,
 ) -> Iterator[MapFamily]:
     def names(family: Family) -> list[str]:
-        return [name for name in run.settings.maps if BY_NAME[name].family is family]
+        return [name for name in run.settings.map.maps if BY_NAME[name].family is family]
 
     surface = source.surface
     if names(Family.POINTS):
@@ -64,7 +64,7 @@ def _families(
             surface,
             run,
             others=meshes.others,
-            to_space=world_to_space(meshes.low, run.settings),
+            to_space=world_to_space(meshes.low, run.settings.map),
             space=space,
         )
     if names(Family.MATERIAL):

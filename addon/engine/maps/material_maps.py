@@ -88,7 +88,7 @@ class MaterialMaps:
                 uvs=self.surface.uvs(feed.uv_layer),
                 materials=one.table,
                 tile=tile,
-                samples=self.run.settings.samples,
+                samples=self.run.settings.sampling.samples,
                 blocks=sample.blocks,
             )
 
@@ -112,10 +112,10 @@ def _map_of(map_type: MapType, materials: Sequence[HighMaterial], settings: Sett
     colors = np.zeros((len(numbers), 3), np.float32)
     feeds: dict[Feed, int] = {}
     for label, material in enumerate(materials, start=1):
-        feed = _feed_of(map_type, material, settings.attribute)
+        feed = _feed_of(map_type, material, settings.map.attribute)
         if isinstance(feed, Constant):
             numbers[label], colors[label] = material_table.CONSTANT, feed.color[:3]
         elif feed is not None:
             numbers[label] = feeds.setdefault(feed, len(feeds) + 1)
-    mean = Mean(map_type.name, settings.samples, is_summed=True)
+    mean = Mean(map_type.name, settings.sampling.samples, is_summed=True)
     return _Map(mean, material_table.upload(numbers, colors), feeds)

@@ -27,9 +27,9 @@ class NormalSpace:
 
     def __init__(self, basis: gpu.types.GPUBatch | None, mesh: Mesh | None, settings: Settings):
         self.basis, self.mesh = basis, mesh
-        self.flags = bases.of_name(settings.basis).flags
+        self.flags = bases.of_name(settings.map.basis).flags
         # The last one that is drawn over a texel stays: the one closest to the center.
-        beside = [offset for offset in samples.offsets(settings.samples) if offset != CENTER]
+        beside = [offset for offset in samples.offsets(settings.sampling.samples) if offset != CENTER]
         self._beside = sorted(beside, key=lambda offset: -math.hypot(*offset))
 
     def of_sample(self, normals: gpu.types.GPUTexture, band: Band) -> gpu.types.GPUTexture:

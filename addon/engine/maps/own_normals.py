@@ -52,7 +52,7 @@ class OwnNormals:
                     materials=self.normal_table,
                     to_space=self.to_space,
                     tile=tile,
-                    samples=self.run.settings.samples,
+                    samples=self.run.settings.sampling.samples,
                     blocks=sample.blocks,
                 )
 
@@ -76,7 +76,7 @@ class OwnNormals:
                     to_space=self.to_space,
                     unit=self.surface.local_space.size,
                     tile=tile,
-                    samples=self.run.settings.samples,
+                    samples=self.run.settings.sampling.samples,
                     blocks=sample.blocks,
                 )
 

@@ -27,7 +27,8 @@ class PointMaps:
     def __init__(self, names: Sequence[str], low: Mesh, surface: HighSurface, run: Run):
         self.surface, self.timings = surface, run.timings
         self.means = [
-            Central(name) if BY_NAME[name].kind is Kind.LABEL else Mean(name, run.settings.samples) for name in names
+            Central(name) if BY_NAME[name].kind is Kind.LABEL else Mean(name, run.settings.sampling.samples)
+            for name in names
         ]
         local_space = surface.local_space
         self.low = mesh_upload.upload(
@@ -37,7 +38,7 @@ class PointMaps:
             direction=low.to_world_normals(low.normals),
         )
         # Positions and vectors are in the space of the normals: the low object's, or the world's.
-        from_world = np.eye(4) if run.settings.space == Space.WORLD else np.linalg.inv(low.to_world)
+        from_world = np.eye(4) if run.settings.map.space == Space.WORLD else np.linalg.inv(low.to_world)
         self.to_space = from_world[:3, :3] * local_space.size
         self.origin = from_world[:3, :3] @ local_space.origin + from_world[:3, 3]
 

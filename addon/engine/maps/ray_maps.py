@@ -33,9 +33,9 @@ class RayMaps(ABC):
         self.names, self.surface, self.run = names, surface, run
         settings = run.settings
         # Each sample casts as many, so that texels of which only some samples hit keep their mean.
-        self.rays = settings.samples * math.ceil(settings.rays / settings.samples)
+        self.rays = settings.sampling.samples * math.ceil(settings.tracing.rays / settings.sampling.samples)
         self.lattice = lattice.of(self.rays)
-        self.effort = 0.7 * self.rays / settings.samples
+        self.effort = 0.7 * self.rays / settings.sampling.samples
         self._picture: gpu.types.GPUTexture | None = None
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
@@ -50,7 +50,7 @@ class RayMaps(ABC):
 
     def _of_sample(self, sample: Sample) -> Iterator[float]:
         """Cast the rays of one sample, in slices. Yields the finished share."""
-        band, count = sample.band, self.run.settings.samples
+        band, count = sample.band, self.run.settings.sampling.samples
         sums = self._sums(band)
         rays = lattice.rays_of_sample(self.lattice, sample.number, count)
         done = 0
@@ -73,14 +73,14 @@ class RayMaps(ABC):
             return
         into = target.get("mean", sums.width, sums.height, "RGBA32F")
         self._values(self.names[0], into, sums, sample.normals.texture, rays)
-        size = self.run.settings.width, self.run.settings.height
+        size = self.run.settings.sampling.width, self.run.settings.sampling.height
         is_first = self._picture is None  # the picture may still show the normal map
         self._picture = preview_picture.draw(into.texture, size, np.eye(3), clear=is_first, is_value=True)
 
     def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         """As MapFamily has it."""
         # Where several samples are summed, each has cast its share of the rays.
-        rays = self.rays / self.run.settings.samples
+        rays = self.rays / self.run.settings.sampling.samples
         for name in self.names:
             with self.run.timings.timed("draw"):
                 drawn = self._draw(name, band, known, rays)
@@ -125,7 +125,7 @@ class OpennessMaps(RayMaps):
     ):
         super().__init__(names, surface, run)
         self.to_space, self.space = to_space, space
-        self.occluders = ray_reach.occluders(surface, others, run.settings, run.timings)
+        self.occluders = ray_reach.occluders(surface, others, run.settings.tracing, run.timings)
 
     def _cast(self, sums, hits, rays, rows, *, is_first):
         tables = self.surface.tables
@@ -150,7 +150,7 @@ class ThicknessMaps(RayMaps):
 
     def _cast(self, sums, hits, rays, rows, *, is_first):
         space = self.surface.local_space
-        farthest = ray_reach.thickness_distance(self.run.settings, space) / space.size
+        farthest = ray_reach.thickness_distance(self.run.settings.tracing, space) / space.size
         thickness.add(
             sums,
             hits,
@@ -176,7 +176,7 @@ class CurvatureMaps(RayMaps):
 
     def _cast(self, sums, hits, rays, rows, *, is_first):
         space = self.surface.local_space
-        radius = ray_reach.curvature_radius(self.run.settings, space) / space.size
+        radius = ray_reach.curvature_radius(self.run.settings.tracing, space) / space.size
         curvature.add(
             sums,
             hits,

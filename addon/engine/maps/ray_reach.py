@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ...core.declarations.choices import DistanceUnit, Occluders
 from ...core.declarations.surface_map_settings import CURVATURE_SHARE, THICKNESS_SHARE
 from ...core.map_types import BY_NAME, Family
-from ...core.settings import Settings
+from ...core.settings import Settings, TracingSettings
 from ...core.timings import Timings
 from ...mesh.local_space import LocalSpace
 from ...mesh.triangle_mesh import Mesh
@@ -19,18 +19,18 @@ WITH_MEANING = Family.THICKNESS, Family.CURVATURE
 """The families of maps that `meanings` explains."""
 
 
-def in_scene(distance: float, settings: Settings, space: LocalSpace) -> float:
+def in_scene(distance: float, settings: TracingSettings, space: LocalSpace) -> float:
     """A distance of the settings in scene units. space: of the high meshes; its size is half of their diagonal."""
     return distance * 2.0 * space.size if settings.distance_unit == DistanceUnit.DIAGONAL else distance
 
 
-def thickness_distance(settings: Settings, space: LocalSpace) -> float:
+def thickness_distance(settings: TracingSettings, space: LocalSpace) -> float:
     """In scene units."""
     share = settings.thickness_distance
     return THICKNESS_SHARE * 2.0 * space.size if share is None else in_scene(share, settings, space)
 
 
-def curvature_radius(settings: Settings, space: LocalSpace) -> float:
+def curvature_radius(settings: TracingSettings, space: LocalSpace) -> float:
     """In scene units."""
     share = settings.curvature_radius
     return CURVATURE_SHARE * 2.0 * space.size if share is None else in_scene(share, settings, space)
@@ -41,20 +41,22 @@ def meanings(settings: Settings, space: LocalSpace) -> dict[str, dict[str, float
 
     The scales of curvature are those of curvature.mean_curvature_scale: positive is convex.
     """
-    to_curvature = curvature.mean_curvature_scale(curvature_radius(settings, space))
+    to_curvature = curvature.mean_curvature_scale(curvature_radius(settings.tracing, space))
     by_family = {
-        Family.THICKNESS: [(0.0, thickness_distance(settings, space))],
+        Family.THICKNESS: [(0.0, thickness_distance(settings.tracing, space))],
         Family.CURVATURE: [(0.5, to_curvature), (0.0, 0.5 * to_curvature), (0.0, -0.5 * to_curvature)],
     }
     found = {}
-    for name in settings.maps:
+    for name in settings.map.maps:
         if BY_NAME[name].family in by_family:
             midlevel, scale = by_family[BY_NAME[name].family][BY_NAME[name].index]
             found[name] = {"midlevel": midlevel, "scale": scale}
     return found
 
 
-def occluders(surface: HighSurface, others: Sequence[Mesh], settings: Settings, timings: Timings) -> openness.Occluders:
+def occluders(
+    surface: HighSurface, others: Sequence[Mesh], settings: TracingSettings, timings: Timings
+) -> openness.Occluders:
     """What blocks the rays of ambient occlusion. others: the high meshes of other low objects."""
     space = surface.local_space
     tables, scale, offset = None, 1.0, (0.0, 0.0, 0.0)

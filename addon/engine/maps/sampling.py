@@ -47,7 +47,7 @@ class SampledMaps:
         self.source, self.space, self.families, self.detail = source, space, families, detail
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
         # Maps of other families are means over the samples of each texel that they share.
-        is_adaptive = run.settings.are_adaptive(source.method) and not families and detail is None
+        is_adaptive = run.settings.sampling.are_adaptive(source.method) and not families and detail is None
         self.adaptive = AdaptiveNormals(source, run) if is_adaptive else None
         self._picture: gpu.types.GPUTexture | None = None
 
@@ -55,7 +55,7 @@ class SampledMaps:
         """The maps by name, each valid until the next one is asked for. Normals and values are the mean of all samples."""
         if self.adaptive is not None:
             return (yield from self._adaptive(band))
-        count = self.settings.samples
+        count = self.settings.sampling.samples
         offsets = samples.offsets(count)
         central = min(offsets, key=lambda offset: offset[0] ** 2 + offset[1] ** 2)
         sums = target.get("sums", band.width, band.height, "RGBA32F") if count > 1 else None
@@ -70,7 +70,7 @@ class SampledMaps:
 
     def _adaptive(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
         """`of` with adaptive samples, of the normal map alone."""
-        share = 2.0 / self.settings.samples  # later samples are drawn in a part of the texels
+        share = 2.0 / self.settings.sampling.samples  # later samples are drawn in a part of the texels
         share += 0.5 * (1.0 - share)
         for normals, _, done in self.adaptive.first(band):
             if self.pace.has_listener:
@@ -93,7 +93,7 @@ class SampledMaps:
     def coarse(self, tile: int) -> Task[None]:
         """A first, coarse picture of the whole map."""
         settings = self.settings
-        size = max(1, settings.width // COARSE), max(1, settings.height // COARSE)
+        size = max(1, settings.sampling.width // COARSE), max(1, settings.sampling.height // COARSE)
         band = Band(0, size[1], size, 0, tile)
         for normals, _ in self._normals(band):
             yield self._step(normals, 0.0, band, clear=True)
@@ -115,7 +115,7 @@ class SampledMaps:
     def _group_size(self, band: Band) -> int:
         """How many samples are drawn together: as many as fit, if images have to be loaded for them."""
         texels = band.width * band.height
-        return max(1, min(self.settings.samples, KEPT_BYTES // (HIT_BYTES * texels))) if self._has_pages else 1
+        return max(1, min(self.settings.sampling.samples, KEPT_BYTES // (HIT_BYTES * texels))) if self._has_pages else 1
 
     def _group(
         self, band: Band, group: Sequence[tuple[int, tuple[float, float], bool]], sums: target.Target | None
@@ -194,9 +194,9 @@ class SampledMaps:
             yield normals, rows
 
     def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Progress:
-        size = self.settings.width, self.settings.height
+        size = self.settings.sampling.width, self.settings.sampling.height
         # Of a map in bands, only the coarse picture is shown.
         if band.is_whole and (clear or self.pace.takes_picture()):
             shown = self.space.of_sample(normals, band)
-            self._picture = preview_picture.draw(shown, size, channels(self.settings), clear=clear)
+            self._picture = preview_picture.draw(shown, size, channels(self.settings.map), clear=clear)
         return Progress("Drawing", done, self._picture)

@@ -11,7 +11,7 @@ from ...core import texel_state
 from ...core.declarations.choices import MarginType
 from ...core.map_types import BY_NAME, NORMAL, WIDENED_ROUGHNESS, Kind
 from ...core.progress import Progress, Task, finish
-from ...core.settings import Settings
+from ...core.settings import MapSettings
 from ...core.texel_state import Map
 from .. import margins
 from ..maps.drawn_maps import DrawnMaps
@@ -33,9 +33,9 @@ def of(maps: Mapping[str, Map], tile: int, run: Run) -> Task[list[dict[str, Map]
     if not sizes:
         return levels
     with run.timings.timed("draw"):
-        means = {name: Mean(name, maps[name], settings) for name in _names(settings)}
+        means = {name: Mean(name, maps[name], settings.map) for name in _names(settings.map)}
         widened = means.pop(WIDENED_ROUGHNESS.name, None)
-        rough = widened and RoughLevels(means[NORMAL.name].first, widened.first, settings.height)
+        rough = widened and RoughLevels(means[NORMAL.name].first, widened.first, settings.sampling.height)
     for number, (width, height) in enumerate(sizes, start=1):
         yield Progress("Averaging", number / len(sizes))
         with run.timings.timed("draw"):
@@ -51,7 +51,7 @@ def of(maps: Mapping[str, Map], tile: int, run: Run) -> Task[list[dict[str, Map]
     return levels
 
 
-def _names(settings: Settings) -> list[str]:
+def _names(settings: MapSettings) -> list[str]:
     """The normal map, and the other maps that have a mean."""
     return [NORMAL.name, *(name for name in settings.maps if BY_NAME[name].kind in (Kind.NORMAL, Kind.VALUE))]
 
@@ -59,7 +59,7 @@ def _names(settings: Settings) -> list[str]:
 class Mean:
     """The mean of what is written of a map, level by level. Level 0 is read where it is, a few rows at a time."""
 
-    def __init__(self, name: str, finished: Map, settings: Settings):
+    def __init__(self, name: str, finished: Map, settings: MapSettings):
         self.texels, self.state = finished
         self.is_normal = BY_NAME[name].kind is Kind.NORMAL
         self.decode = (2.0 * np.linalg.inv(channels(settings))).T.astype(np.float32)

@@ -26,12 +26,12 @@ class SlopeMaps:
         self.roughness = MaterialMaps([WIDENED_ROUGHNESS.name], meshes, surface, run)
         self.effort, self.has_pages = self.roughness.effort + 0.2, self.roughness.has_pages
         self.space, self.run = space, run
-        self.low = None if run.settings.space == Space.TANGENT else self._upload(meshes)
+        self.low = None if run.settings.map.space == Space.TANGENT else self._upload(meshes)
 
     def _upload(self, meshes: Meshes) -> gpu.types.GPUBatch:
         """The low mesh with its normals in the space of the bake, which are the axis of slopes there."""
         low = meshes.low
-        normals = low.to_world_normals(low.normals) if self.run.settings.space == Space.WORLD else low.normals
+        normals = low.to_world_normals(low.normals) if self.run.settings.map.space == Space.WORLD else low.normals
         return mesh_upload.upload(low.triangles, uv=low.uv, position=low.positions[low.vertices], direction=normals)
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:

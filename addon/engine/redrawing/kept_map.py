@@ -29,7 +29,7 @@ MOST_DRAWN = 0.5
 
 def of(settings: Settings) -> "KeptMap | MapInBands":
     """What draws the normal map of `settings`, which have no other maps, again and again."""
-    is_whole = next(bands(settings.width, settings.height, settings.margin)).is_whole
+    is_whole = next(bands(settings.sampling.width, settings.sampling.height, settings.sampling.margin)).is_whole
     return KeptMap(settings) if is_whole else MapInBands()
 
 
@@ -72,7 +72,7 @@ class KeptMap:
 
     def __init__(self, settings: Settings):
         self.settings = settings
-        self.band = Band(0, settings.height, (settings.width, settings.height), 0)
+        self.band = Band(0, settings.sampling.height, settings.sampling.size, 0)
         self.state: np.ndarray | None = None
         self._stored: target.Target | None = None
         self._texels: np.ndarray | None = None
@@ -85,7 +85,7 @@ class KeptMap:
     def texels(self) -> np.ndarray | None:
         """The last map, (height, width, 4) float32 as it is stored. It is read when it is first asked for."""
         if self._texels is None and self._stored is not None:
-            self._texels = np.empty((self.settings.height, self.settings.width, 4), np.float32)
+            self._texels = np.empty((self.settings.sampling.height, self.settings.sampling.width, 4), np.float32)
             self._stored.read(self._texels)
         return self._texels
 
@@ -126,11 +126,11 @@ class KeptMap:
         values, run = None, Run(self.settings, Timings(), Pace())
         for part, highs in around:
             with drawn_part.limited_to(part.x, part.y):
-                source = Flat(plan.meshes.low, highs, self.settings, run.timings)
+                source = Flat(plan.meshes.low, highs, self.settings.map, run.timings)
                 drawer = maps_of_bake(plan.meshes, source, run, uploads=uploads)
                 ((_, values),) = finish(drawer.of(self.band))
         if values is not None:
-            margin = self.settings.margin
+            margin = self.settings.sampling.margin
             reach = None if margin is None or process.borders else margin_search.farthest(margin) + 1
             self._store_parts(values, parts, reach, process)
         return True
@@ -167,7 +167,7 @@ class KeptMap:
 
     def _store(self, values: gpu.types.GPUTexture, process: PostProcess) -> bool:
         """Encode all values and fill the margin. Returns whether any texel was written."""
-        state = np.empty((self.settings.height, self.settings.width), np.uint8)
+        state = np.empty((self.settings.sampling.height, self.settings.sampling.width), np.uint8)
         if self._nearest is not None:  # where the same texels are written, the margin comes from the same ones
             stored = process.fill(self.band, values, self._nearest)
             stored.read(state, 1)

@@ -56,12 +56,12 @@ def overlapping(low: Mesh, before: StoredNormals, settings: Settings, tiles: Seq
 
     settings, tiles: of the new map.
     """
-    spaces = {before.from_space, settings.space}
+    spaces = {before.from_space, settings.map.space}
     if Space.TANGENT not in spaces:  # the triangle does not matter
         return
     # Stacked parts share a tangent-space map. In the other spaces, each part has normals of its own.
     (space,) = spaces - {Space.TANGENT} or {Space.TANGENT}
-    overlap = checks.overlap(low, (settings.width, settings.height), tiles)
+    overlap = checks.overlap(low, settings.sampling.size, tiles)
     if severity.rate("overlap", overlap, replace(settings, space=space)) == severity.WRONG:
         yield (
             f"{overlap['share']:.2%} of the texels of {low.name!r} belong to two or more of its triangles (overlapping UVs): "

@@ -53,12 +53,12 @@ class Deviations:
 
 def settings_for(settings: Settings) -> Settings:
     """Settings for the normal map alone, by Flatten, on a single tile of at most SIDE texels a side, with one sample."""
-    shrink = max(1.0, max(settings.width, settings.height) / SIDE)
+    shrink = max(1.0, max(settings.sampling.size) / SIDE)
     return replace(
         settings.without_file(),
         method=Method.FLATTEN,
-        width=max(1, round(settings.width / shrink)),
-        height=max(1, round(settings.height / shrink)),
+        width=max(1, round(settings.sampling.width / shrink)),
+        height=max(1, round(settings.sampling.height / shrink)),
         samples=1,
         margin=0,
         normal=True,
@@ -79,16 +79,16 @@ def measure(
     original: with UVs. level: in the original's space. settings: from settings_for.
     """
     low = mesh_reader.surface(level, layer, original.name, original.to_world, with_faces=True)
-    is_tangent = settings.space == Space.TANGENT
+    is_tangent = settings.map.space == Space.TANGENT
     basis = mesh_reader.with_tangents(level, layer, original.name, original.to_world) if is_tangent else None
     if basis is not None:
-        basis = stretch.as_read(basis, settings.basis)
+        basis = stretch.as_read(basis, settings.map.basis)
     meshes = Meshes(low, [original], basis, mesh_reader.smooth_normals(level, low), None, layer, False, [])
     normal_map = yield from part(_flattened(meshes, settings, pace), 0.0, FLAT)
     casting = replace(settings, method=Method.CAST)
     plan = Plan(Method.CAST, (udim.FIRST,), meshes)
     source = yield from part(sources.normal_source(plan, casting, Timings(), pace), FLAT, TREES)
-    size = settings.width, settings.height
+    size = settings.sampling.width, settings.sampling.height
     for _, rows in source.normals(Band(0, size[1], size, 0)):
         yield Progress("Measuring", TREES + (1.0 - TREES) * rows.stop / size[1])
     measured = _compared(basis or low, normal_map, source.drawn().texture, settings)
@@ -121,19 +121,19 @@ def _flattened(meshes: Meshes, settings: Settings, pace: Pace) -> Task[gpu.types
     maps = yield from part(drawing, 0.5, 1.0)
     texels = maps[NORMAL.name][0]
     data = gpu.types.Buffer("FLOAT", texels.size, texels)
-    return gpu.types.GPUTexture((settings.width, settings.height), format="RGBA32F", data=data)
+    return gpu.types.GPUTexture(settings.sampling.size, format="RGBA32F", data=data)
 
 
 def _compared(
     basis: Mesh, normal_map: gpu.types.GPUTexture, truth: gpu.types.GPUTexture, settings: Settings
 ) -> np.ndarray:
     """What deviation.measure writes, (height, width, 4) float32. basis: the level, with tangents for tangent space."""
-    read = (255 if settings.depth == 8 else 0, *normal_channels.reading(settings)[1:])
+    read = (255 if settings.storing.depth == 8 else 0, *normal_channels.reading(settings.map)[1:])
     reading = lit.shading(basis.normal_matrix, read=read)
     level = mesh_upload.upload(basis.triangles, **basis.tangent_space)
-    measured = target.get("deviation", settings.width, settings.height, "RGBA32F")
+    measured = target.get("deviation", settings.sampling.width, settings.sampling.height, "RGBA32F")
     nowhere = np.zeros((1, 1), bool)
     deviation.measure(measured, level, normal_map, truth, reading, elsewhere=nowhere, stretch=basis.stretch)
-    values = np.empty((settings.height, settings.width, 4), np.float32)
+    values = np.empty((settings.sampling.height, settings.sampling.width, 4), np.float32)
     measured.read(values)
     return values

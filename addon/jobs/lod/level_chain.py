@@ -46,7 +46,7 @@ def work(
     _check(context, obj, len(limits), settings)
     with decimation.Meshes() as meshes, gpu_memory.trimmed():
         yield Progress(f"Reading {obj.name}", 0.0)
-        original = decimation.read(context, obj, settings.uv_layer, settings.modifiers, meshes)
+        original = decimation.read(context, obj, settings.map.uv_layer, settings.map.modifiers, meshes)
         search = LevelSearch(original, settings, pace, meshes)
         yield from part(search.measure_original(), 0.0, 0.05)
         found, left_out = yield from part(_search_all(search, limits), 0.05, SEARCHED)
@@ -80,10 +80,10 @@ def _check(context: bpy.types.Context, obj: bpy.types.Object, count: int, settin
     reason = object_checks.matrix_problem(obj)
     if reason:
         raise BakeError(reason)
-    if settings.udim:
+    if settings.sampling.udim:
         raise BakeError("Levels of detail are measured on one tile: turn UDIM Tiles off.")
     bakes = [bake_jobs.for_low(settings, name) for name in names(obj, count)]
-    output_clashes.check(settings, bakes, names(obj, count), files_kept([Job(obj, [obj])], settings))
+    output_clashes.check(settings.storing, bakes, names(obj, count), files_kept([Job(obj, [obj])], settings.storing))
     for job_settings in bakes:
         for image_settings in planned_files.settings_by_map(job_settings).values():
             map_storage.check(obj.name, image_settings)

@@ -82,7 +82,7 @@ class LevelSearch:
         triangles while the rest becomes coarser. Where that leaves too few triangles to remove, or before a search ends, a step
         is done with all triangles free.
         """
-        frozen = np.zeros((self.settings.height, self.settings.width), bool)
+        frozen = np.zeros((self.settings.sampling.height, self.settings.sampling.width), bool)
         shares = self._shares()
 
         def attempt(base: Candidate, wanted: int, is_last: bool) -> Task[list[Candidate]]:

@@ -16,10 +16,10 @@ def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:
     Raises BakeError if none of several low objects has the group. One low object may lack a group that another object has,
     as vertex_weights.weights reads it.
     """
-    if len(jobs) < 2 or settings.method == Method.FLATTEN:
+    if len(jobs) < 2 or settings.tracing.method == Method.FLATTEN:
         return [settings] * len(jobs)
     lows = [job.low for job in jobs]
-    for name in filter(None, (getattr(settings, setting) for setting in vertex_weights.GROUPS)):
+    for name in filter(None, (getattr(settings.tracing, setting) for setting in vertex_weights.GROUPS)):
         if not any(name in low.vertex_groups for low in lows):
             raise BakeError(f"No low object has a vertex group {name!r}: name one that they have, or none.")
     return [vertex_weights.without_missing(low, settings) for low in lows]

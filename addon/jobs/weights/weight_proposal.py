@@ -72,14 +72,14 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
         raise BakeError(
             f"The modifiers of {low.name!r} add or remove vertices: apply them to get weights for its mesh."
         )
-    plan = choose_method(meshes, past.tiles, settings)
+    plan = choose_method(meshes, past.tiles, settings.tracing)
     with gpu_memory.trimmed():
         ray_cast = progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
         views = [udim.uv_to_clip(tile) for tile in past.tiles]
 
         def trace(painted: Meshes, most: int) -> ray_doubts.Traced:
             most = max(TEXELS, int(most / len(views) ** 0.5))  # as much memory for many tiles as for one
-            size = min(settings.width, most), min(settings.height, most)
+            size = min(settings.sampling.width, most), min(settings.sampling.height, most)
             return ray_doubts.trace(replace(ray_cast, ray_mesh=_ray_mesh(ray_cast, painted)), meshes.low, size, views)
 
         return best(meshes, trace)

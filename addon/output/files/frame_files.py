@@ -21,9 +21,9 @@ def output_for(output: str, frame: int) -> str:
 
 def filled(settings: Settings, low_name: str) -> Settings:
     """The settings with the low object's name in the path. A # in that name is replaced, because it means a frame."""
-    return replace(settings, output=file_names.fill(settings.output, low_name.replace("#", "_")))
+    return replace(settings, output=file_names.fill(settings.storing.output, low_name.replace("#", "_")))
 
 
 def of_frame(settings: Settings, frame: int) -> Settings:
     """The settings of one frame, from those with the low object's name filled in."""
-    return replace(settings, output=output_for(settings.output, frame))
+    return replace(settings, output=output_for(settings.storing.output, frame))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.map_types import BY_NAME
 from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, Feed, HighMaterial, ImageFeed
-from ...core.settings import Settings
+from ...core.settings import MapSettings
 from ...mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER
 from ..materials import mesh_attributes
 
@@ -21,14 +21,14 @@ READERS = {
 
 
 def read_layers(
-    data: bpy.types.Mesh, materials: Iterable[HighMaterial], settings: Settings
+    data: bpy.types.Mesh, materials: Iterable[HighMaterial], settings: MapSettings
 ) -> dict[tuple[str, str], np.ndarray]:
     """Those of `data` that its materials need for the maps of the settings, as Mesh.layers has them."""
     found = {key: READERS[key[0]](data, key[1]) for key in _needed(materials, settings)}
     return {key: values for key, values in found.items() if values is not None}
 
 
-def _needed(materials: Iterable[HighMaterial], settings: Settings) -> dict[tuple[str, str], None]:
+def _needed(materials: Iterable[HighMaterial], settings: MapSettings) -> dict[tuple[str, str], None]:
     """The keys of the layers, each once, in order."""
     wanted = [BY_NAME[name] for name in settings.maps if BY_NAME[name].family.shows_materials]
     needed: dict[tuple[str, str], None] = {}

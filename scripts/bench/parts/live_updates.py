@@ -30,7 +30,7 @@ def measure() -> list[dict]:
 def _measure(quads: int, size: int, share: float) -> dict:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     high, low = zoo.terrain("high", n=quads, waves=8), zoo.terrain("low", n=16)
-    settings = Settings("FLATTEN", width=size, height=size, storage="MEMORY", modifiers="VIEWPORT")
+    settings = Settings(method="FLATTEN", width=size, height=size, storage="MEMORY", modifiers="VIEWPORT")
     session = live_session.Session(bpy.context, Job(low, [high]), settings, progress.Pace())
     session.run(bpy.context)
     session.store()

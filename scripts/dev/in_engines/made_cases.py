@@ -43,7 +43,7 @@ def _made(maker, basis: str) -> Case:
     case, changed = maker(low, high)
     size = {"width": TEXELS, "height": TEXELS, "samples": 4}
     stored = {"storage": "PACK", "depth": 16, "material": False, "maps": ("BASE_COLOR",)}
-    settings = Settings("FLATTEN", "TANGENT", basis, **{**size, **stored, **changed})
+    settings = Settings(method="FLATTEN", space="TANGENT", basis=basis, **{**size, **stored, **changed})
     reports = bake_all(bpy.context, [Job(low, [high])], settings)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "low.glb"

@@ -95,7 +95,10 @@ def bake(
     """The texels (size, size, 4) float32 of a normal map, and the report of its bake."""
     chosen = {"width": size, "height": size, "samples": 1, "margin": margin, "depth": 32, "storage": "MEMORY"}
     report = bake_pair(
-        bpy.context, low, [high], Settings("FLATTEN", space, basis, image="map", material=False, **chosen)
+        bpy.context,
+        low,
+        [high],
+        Settings(method="FLATTEN", space=space, basis=basis, image="map", material=False, **chosen),
     )
     texels = np.empty(size * size * 4, np.float32)
     bpy.data.images["map"].pixels.foreach_get(texels)
