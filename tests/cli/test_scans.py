@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from addon.cli import batch, command, memory_check
-from addon.cli.mesh_files import base_colors, far_coordinates, ply_texture
+from addon.cli.mesh_files import base_colors, far_coordinates, ply
 from addon.cli.mesh_files.importers import PLAIN, Space, import_file
-from addon.cli.mesh_files.ply_texture import Texture
+from addon.cli.mesh_files.ply import Texture
 from addon.cli.results import exit_codes
 from addon.cli.scene_files import Stage
 from addon.core.errors import BakeError
@@ -528,5 +528,5 @@ def test_damaged_ply_files_are_read_without_an_error_by_seed(folder, name, seed)
     origin = far_coordinates.far_origin(folder / name)
     if origin is not None:
         far_coordinates.write_near(folder / name, folder / "near.ply", origin)
-    found = ply_texture.read(folder / name)
+    found = ply.read_texture(folder / name)
     assert found is None or found.uv is None or found.uv.shape == (*found.corners.shape, 2)

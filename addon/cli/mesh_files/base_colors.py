@@ -9,7 +9,7 @@ import numpy as np
 
 from ... import older_blender
 from . import page_search
-from .ply_texture import Texture
+from .ply import Texture
 
 UV_LAYER = "UVMap"
 

@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from . import ply_header
+from . import ply
 
 CHUNK = 1 << 24
 """Bytes of text that are moved at once."""
@@ -106,7 +106,7 @@ class _Points:
     @classmethod
     def of(cls, path: Path) -> "_Points | None":
         """The points of the .ply at `path`; None unless they come first and are text or have double precision."""
-        header = ply_header.read(path)
+        header = ply.read_header(path)
         if header is None or not header.elements or header.elements[0].name != "vertex":
             return None
         points = header.elements[0]

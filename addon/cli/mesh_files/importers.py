@@ -16,7 +16,7 @@ from ...core.errors import BakeError
 from ...output.files.atomic_file import reason
 from .. import standard_streams
 from ..starting import lean_blender
-from . import base_colors, far_coordinates, importer_messages, obj_materials, page_files, ply_texture
+from . import base_colors, far_coordinates, importer_messages, obj_materials, page_files, ply
 from .obj_materials import Materials
 
 IMPORTERS = {
@@ -95,7 +95,7 @@ def _import(path: Path, space: Space) -> None:
     page_files.find_missing(pages, path.parent)
     meshes = [obj for obj in new if obj.type == "MESH"]
     page_files.as_udims(meshes)
-    texture = ply_texture.read(path) if path.suffix.lower() == ".ply" else None
+    texture = ply.read_texture(path) if path.suffix.lower() == ".ply" else None
     for obj in meshes if texture else ():
         base_colors.show_texture(obj, texture, path.parent)
     base_colors.show_vertex_colors(meshes)
