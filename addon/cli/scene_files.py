@@ -17,8 +17,7 @@ from ..output.files.atomic_file import reason
 from ..scene import dependencies
 from ..scene.visibility import put
 from . import interruption, outside_files, standard_streams
-from .mesh_files.importer_messages import UnreadReference
-from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
+from .mesh_files.importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file
 from .plan import blend_blocks
 
 

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Imports mesh files with Blender's importers, and completes what these leave out."""
+"""Imports mesh files with Blender's importers, and completes and reports what these leave out."""
 
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import bpy
 import numpy as np
@@ -16,8 +18,39 @@ from ...core.errors import BakeError
 from ...output.files.atomic_file import reason
 from .. import standard_streams
 from ..starting import lean_blender
-from . import base_colors, far_coordinates, importer_messages, obj_materials, page_files, ply
+from . import base_colors, far_coordinates, obj_materials, page_files, ply
 from .obj_materials import Materials
+
+_MOST = 1 << 22
+"""Bytes of the importer's messages that are searched."""
+_UNREAD = re.compile(rb"Could not (?:open asset|load sublayer) @(.+?)@ (?:for|of) ")
+_LEFT_OUT = re.compile(rb"Invalid (?:vertex|UV|normal) index .*ignoring face")
+
+
+class UnreadReference(BakeError):
+    """A USD file refers to a file that cannot be read. path: of that file."""
+
+    def __init__(self, name: str, path: str):
+        super().__init__(f"{name!r} refers to {path!r}, which cannot be read.")
+        self.path = path
+
+
+@contextmanager
+def check_messages(path: Path) -> Iterator[None]:
+    """Raise UnreadReference or BakeError at the end of the block, which imports the file at `path`, if parts were left out."""
+    with TemporaryFile() as file:
+        with standard_streams.silence(into=file.fileno()):
+            yield
+        file.seek(0)
+        said = file.read(_MOST)
+    if found := _UNREAD.search(said):
+        raise UnreadReference(str(path), found[1].decode(errors="backslashreplace"))
+    if count := len(_LEFT_OUT.findall(said)):
+        faces = "1 face" if count == 1 else f"{count:,} faces"
+        raise BakeError(
+            f"{faces} of {str(path)!r} cannot be read, since points, UVs or normals are missing: export it again."
+        )
+
 
 IMPORTERS = {
     ".obj": ("wm", "obj_import", {}),
@@ -85,7 +118,7 @@ def _import(path: Path, space: Space) -> None:
             more = {**more, "up_axis": space.up, "forward_axis": _FORWARD[space.up]}
         if module == "import_scene":
             lean_blender.complete()  # the importer is an add-on
-        with importer_messages.checked(path):
+        with check_messages(path):
             getattr(getattr(bpy.ops, module), operator)(filepath=str(staged), **more)
     new = [obj for obj in bpy.data.objects if obj not in objects]
     pages = [image for image in bpy.data.images if image not in images]
