@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ... import older_blender
-from . import page_search
+from ...core.file_structure import mesh_references
 from .ply import Texture
 
 UV_LAYER = "UVMap"
@@ -24,7 +24,7 @@ def show_texture(obj: bpy.types.Object, texture: Texture, folder: Path) -> None:
     if not data.uv_layers:
         return
     for name in texture.names:
-        path = page_search.find(name, [folder]) or page_search.expected(name, folder)
+        path = mesh_references.find_file(name, [folder]) or mesh_references.expected_path(name, folder)
         # An image that is made, not loaded, may be missing.
         image = bpy.data.images.new(path.name, 1, 1)
         image.source, image.filepath = "FILE", str(path)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...core.file_structure import mesh_references
-from . import page_search
 
 _COLORS = ("map_kd", "map_ke", "map_ks", "map_ka")
 """The lines whose images are colors. Others are numbers or normals, which are not stored as sRGB."""
@@ -53,9 +52,9 @@ def _libraries(path: Path) -> tuple[list[Path], list[str]]:
     folders = mesh_references.folders(path)
     found, missing = [], []
     for name in mesh_references.libraries(path):
-        file = page_search.find(name, folders)
+        file = mesh_references.find_file(name, folders)
         if file is None and " " in name:  # several names in one line
-            several = [page_search.find(each, folders) for each in name.split()]
+            several = [mesh_references.find_file(each, folders) for each in name.split()]
             if all(several):
                 found += several
                 continue
@@ -64,7 +63,7 @@ def _libraries(path: Path) -> tuple[list[Path], list[str]]:
         else:
             missing.append(name)
     # As in Blender's importer, one with the name of the .obj counts even if no line names it.
-    own = page_search.find(f"{path.stem}.mtl", folders)
+    own = mesh_references.find_file(f"{path.stem}.mtl", folders)
     return list(dict.fromkeys([*found, *([own] if own else [])])), [] if own else missing
 
 
@@ -77,8 +76,8 @@ def _with_placeholder(line: bytes, folders: list[Path], known: dict[tuple, tuple
     clean = mesh_references.cleaned
     if not clean(name).strip("./"):  # it names a folder
         return b""
-    path = page_search.find(name, folders)
-    if path is None and name != whole and (path := page_search.find(whole, folders)):
+    path = mesh_references.find_file(name, folders)
+    if path is None and name != whole and (path := mesh_references.find_file(whole, folders)):
         options, name = "", whole
     page = Page(name, path, word.lower() in _COLORS)
     key = (path or clean(name), page.is_color)

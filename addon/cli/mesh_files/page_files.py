@@ -10,8 +10,8 @@ import numpy as np
 
 from ...core import udim
 from ...core.file_formats import OPEN_EXR
+from ...core.file_structure import mesh_references
 from ...scene.images import image_files
-from . import page_search
 from .obj_materials import Page
 
 _LINEAR = {*OPEN_EXR.endings, ".hdr"}
@@ -27,7 +27,7 @@ def replace_placeholders(images: Iterable[bpy.types.Image], pages: Mapping[str, 
         page = pages.get(os.path.basename(image.filepath))
         if page is None:
             continue
-        path = page.path or page_search.expected(page.name, folder)
+        path = page.path or mesh_references.expected_path(page.name, folder)
         image.filepath = str(path)
         image.name = path.name
         if not page.is_color:
@@ -45,7 +45,7 @@ def find_missing(images: Iterable[bpy.types.Image], folder: Path) -> None:
     """
     for image in images:
         if image.source == "FILE" and not image.packed_file and image.filepath and _lacks_file(image):
-            found = page_search.find(image.filepath, [folder])
+            found = mesh_references.find_file(image.filepath, [folder])
             if found is not None:
                 image.filepath = str(found)
         if image.has_data and not image.is_dirty and image.source in {"FILE", "TILED"}:
@@ -58,8 +58,8 @@ def as_udims(objects: Iterable[bpy.types.Object]) -> None:
         for number, slot in enumerate(obj.material_slots):
             for image in _images(slot.material):
                 path = Path(bpy.path.abspath(image.filepath)) if image.source == "FILE" and image.filepath else None
-                tiled = path and page_search.as_tiled(path)
-                if tiled and len(page_search.tiles(tiled)) > 1 and _is_on_several_tiles(obj.data, number):
+                tiled = path and mesh_references.tiled_path(path)
+                if tiled and len(mesh_references.existing_tiles(tiled)) > 1 and _is_on_several_tiles(obj.data, number):
                     image.filepath = str(tiled)
                     _make_tiled(image, tiled)
 
@@ -93,7 +93,7 @@ def _is_missing(path: Path) -> bool:
 def _make_tiled(image: bpy.types.Image, path: Path) -> None:
     """Make `image` a tiled one, with all tiles that exist for `path`, which contains <UDIM>."""
     image.source = "TILED"
-    numbers = page_search.tiles(path)
+    numbers = mesh_references.existing_tiles(path)
     for number in numbers:
         if number not in {tile.number for tile in image.tiles}:
             image.tiles.new(tile_number=number)
