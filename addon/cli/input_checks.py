@@ -19,7 +19,7 @@ from ..core.preflight import placement
 from ..core.settings import MapSettings
 from ..jobs.job import Job
 from ..scene import complaints, dependencies, object_checks
-from .mesh_files import obj_materials, page_files
+from .mesh_files import textures
 from .plan import named_files
 from .usage.option_types import word_for
 
@@ -45,7 +45,7 @@ def check_pages(options: argparse.Namespace, settings: MapSettings, jobs: Sequen
     highs = [high for job in jobs for high in job.highs if high.type == "MESH"]
     libraries = list(_libraries(options))
     if not any(Path(name).suffix.lower().startswith(".blend") for name in named_files.scenes(options) or (".blend",)):
-        libraries += map(repr, page_files.missing_tiles(highs))
+        libraries += map(repr, textures.missing_tiles(highs))
     if options.allow_missing_pages:  # the bake reports the images that each material lacks
         return [_not_found(libraries)] if libraries else []
     lacking = dependencies.lacking(each for each in dependencies.of((), highs) if each.is_surface)
@@ -126,7 +126,7 @@ def _libraries(options: argparse.Namespace) -> Iterator[str]:
     for name in [*options.file, *options.high_file]:
         path = Path(name).absolute()
         if path.suffix.lower() == ".obj":
-            yield from (repr(str(path.parent / library)) for library in obj_materials.missing_libraries(path))
+            yield from (repr(str(path.parent / library)) for library in textures.missing_libraries(path))
         images = [each for each in usd_layers.named(str(path)).assets if Path(each).suffix.lower() in _IMAGES]
         yield from (
             repr(each) for each in images if not (udim.files(each) if udim.is_tiled(each) else os.path.isfile(each))

@@ -16,7 +16,7 @@ from ..core.settings import Settings
 from ..jobs import job as drawing
 from ..jobs.job import Job
 from ..scene.images import image_files
-from .mesh_files import page_files
+from .mesh_files import textures
 
 WORTH_A_LINE = 0.5
 """The share of the free memory from which the need is also printed where no terminal shows it."""
@@ -49,7 +49,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
     if any(obj.type != "MESH" or obj.modifiers or obj.is_instancer for obj in objects):
         return None
     shows_images = any(BY_NAME[name].family.shows_materials for name in settings.map.drawn_maps)
-    pages = page_files.used_by(job.highs)
+    pages = textures.images_of(job.highs)
     return Need.of(
         Amounts(
             triangles=sum(len(obj.data.loops) - 2 * len(obj.data.polygons) for obj in objects),

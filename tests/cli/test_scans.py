@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from addon.cli import batch, command, memory_check
-from addon.cli.mesh_files import base_colors, far_coordinates, ply
+from addon.cli.mesh_files import far_coordinates, ply, textures
 from addon.cli.mesh_files.importers import PLAIN, Space, import_file
 from addon.cli.mesh_files.ply import Texture
 from addon.cli.results import exit_codes
@@ -433,10 +433,10 @@ def test_uvs_by_face_are_left_out_where_the_faces_are_others(folder):
     scans.write_ply(folder / "scan.ply", points, faces)
     (obj,) = import_file(folder / "scan.ply", PLAIN)
     for corners in (faces[:, ::-1], faces[1:]):
-        base_colors.show_texture(obj, Texture(["a.png"], uv[corners], corners, np.zeros(len(corners), int)), folder)
+        textures.show_texture(obj, Texture(["a.png"], uv[corners], corners, np.zeros(len(corners), int)), folder)
         assert not obj.data.uv_layers
         assert not obj.material_slots
-    base_colors.show_texture(obj, Texture(["a.png"], uv[faces], faces, np.zeros(len(faces), int)), folder)
+    textures.show_texture(obj, Texture(["a.png"], uv[faces], faces, np.zeros(len(faces), int)), folder)
     assert len(obj.data.uv_layers) == len(obj.material_slots) == 1
 
 

@@ -18,8 +18,8 @@ from ...core.errors import BakeError
 from ...output.files.atomic_file import reason
 from .. import standard_streams
 from ..starting import lean_blender
-from . import base_colors, far_coordinates, obj_materials, page_files, ply
-from .obj_materials import Materials
+from . import far_coordinates, ply, textures
+from .textures import Materials
 
 _MOST = 1 << 22
 """Bytes of the importer's messages that are searched."""
@@ -124,14 +124,14 @@ def _import(path: Path, space: Space) -> None:
     pages = [image for image in bpy.data.images if image not in images]
     if subtracted is not None and space.origin is None:
         _move_back(new, subtracted)
-    page_files.replace_placeholders(pages, materials.placeholders, path.parent)
-    page_files.find_missing(pages, path.parent)
+    textures.replace_placeholders(pages, materials.placeholders, path.parent)
+    textures.find_missing_files(pages, path.parent)
     meshes = [obj for obj in new if obj.type == "MESH"]
-    page_files.as_udims(meshes)
+    textures.tile_numbered_images(meshes)
     texture = ply.read_texture(path) if path.suffix.lower() == ".ply" else None
     for obj in meshes if texture else ():
-        base_colors.show_texture(obj, texture, path.parent)
-    base_colors.show_vertex_colors(meshes)
+        textures.show_texture(obj, texture, path.parent)
+    textures.show_vertex_colors(meshes)
 
 
 @contextmanager
@@ -141,7 +141,7 @@ def _staged(path: Path, subtracted: np.ndarray | None) -> Iterator[tuple[Path, M
     An .obj is imported from a folder with one library of all materials, whose images do not exist: the importer would load
     all of them at once, and find none whose names are from another machine.
     """
-    materials = obj_materials.read(path) if path.suffix.lower() == ".obj" else Materials()
+    materials = textures.read_materials(path) if path.suffix.lower() == ".obj" else Materials()
     if subtracted is None and not materials.content:
         yield path, materials
         return

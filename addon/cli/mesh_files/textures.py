@@ -1,24 +1,106 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The images (pages) of imported materials: gives them their files, and finds those whose files are missing."""
+"""The textures of imported meshes: finds their files, and shows images and vertex colors that importers leave out."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from ... import older_blender
 from ...core import udim
 from ...core.file_formats import OPEN_EXR
 from ...core.file_structure import mesh_references
 from ...scene.images import image_files
-from .obj_materials import Page
+from .ply import Texture
+
+_COLORS = ("map_kd", "map_ke", "map_ks", "map_ka")
+"""The lines whose images are colors. Others are numbers or normals, which are not stored as sRGB."""
+
+
+@dataclass(frozen=True)
+class NamedImage:
+    """An image that materials name. name: as they spell it. path: its file, which may contain <UDIM>; None if it is missing.
+    is_color: whether it stores colors, rather than numbers."""
+
+    name: str
+    path: Path | None
+    is_color: bool
+
+
+@dataclass(frozen=True)
+class Materials:
+    """The materials of an .obj.
+
+    content: of one library with all of them, in which `placeholders` stand for the images.
+    """
+
+    content: bytes = b""
+    placeholders: dict[str, NamedImage] = field(default_factory=dict)
+
+
+def read_materials(path: Path) -> Materials:
+    """The materials of the .obj at `path`. Raises OSError."""
+    lines, known = [], {}
+    for file in _libraries(path)[0]:
+        folders = list(dict.fromkeys((file.parent, *mesh_references.folders(path))))
+        for line in mesh_references.lines_of(file):
+            lines.append(_with_placeholder(line, folders, known))
+    placeholders = dict(known.values())
+    return Materials(b"\n".join([*lines, b""]) if lines else b"", placeholders)
+
+
+def missing_libraries(path: Path) -> list[str]:
+    """The names of the libraries that the .obj at `path` needs and that do not exist. Raises OSError."""
+    return _libraries(path)[1]
+
+
+def _libraries(path: Path) -> tuple[list[Path], list[str]]:
+    """The libraries of an .obj, and the names of those that do not exist."""
+    folders = mesh_references.folders(path)
+    found, missing = [], []
+    for name in mesh_references.libraries(path):
+        file = mesh_references.find_file(name, folders)
+        if file is None and " " in name:  # several names in one line
+            several = [mesh_references.find_file(each, folders) for each in name.split()]
+            if all(several):
+                found += several
+                continue
+        if file is not None:
+            found.append(file)
+        else:
+            missing.append(name)
+    # As in Blender's importer, one with the name of the .obj counts even if no line names it.
+    own = mesh_references.find_file(f"{path.stem}.mtl", folders)
+    return list(dict.fromkeys([*found, *([own] if own else [])])), [] if own else missing
+
+
+def _with_placeholder(line: bytes, folders: list[Path], known: dict[tuple, tuple[str, NamedImage]]) -> bytes:
+    """A line of a library, with a placeholder for the image that it names. known: the placeholders by image."""
+    image = mesh_references.image_line(line)
+    if image is None:
+        return line.strip()
+    word, options, name, whole = image
+    clean = mesh_references.cleaned
+    if not clean(name).strip("./"):  # it names a folder
+        return b""
+    path = mesh_references.find_file(name, folders)
+    if path is None and name != whole and (path := mesh_references.find_file(whole, folders)):
+        options, name = "", whole
+    page = NamedImage(name, path, word.lower() in _COLORS)
+    key = (path or clean(name), page.is_color)
+    if key not in known:
+        known[key] = f"imprint-page-{len(known)}{Path(clean(name)).suffix}", page
+    return " ".join(filter(None, (word, options, known[key][0]))).encode()
+
 
 _LINEAR = {*OPEN_EXR.endings, ".hdr"}
 """Endings of images that store linear colors."""
 
 
-def replace_placeholders(images: Iterable[bpy.types.Image], pages: Mapping[str, Page], folder: Path) -> None:
+def replace_placeholders(images: Iterable[bpy.types.Image], pages: Mapping[str, NamedImage], folder: Path) -> None:
     """Give the images of an .obj their files. pages: by the name of the file that each image has now. folder: of the .obj.
 
     No image is loaded. An image whose file is missing gets the path where it should be.
@@ -38,7 +120,7 @@ def replace_placeholders(images: Iterable[bpy.types.Image], pages: Mapping[str, 
             _make_tiled(image, path)
 
 
-def find_missing(images: Iterable[bpy.types.Image], folder: Path) -> None:
+def find_missing_files(images: Iterable[bpy.types.Image], folder: Path) -> None:
     """Look in `folder`, of the mesh file, for the files of new images that are not where their paths say.
 
     The importers of some formats load images; their memory is freed.
@@ -52,7 +134,7 @@ def find_missing(images: Iterable[bpy.types.Image], folder: Path) -> None:
             image.buffers_free()
 
 
-def as_udims(objects: Iterable[bpy.types.Object]) -> None:
+def tile_numbered_images(objects: Iterable[bpy.types.Object]) -> None:
     """Tile the images of materials whose UVs lie on several UDIM tiles, and whose files are numbered, as scan_1001.png."""
     for obj in objects:
         for number, slot in enumerate(obj.material_slots):
@@ -64,7 +146,7 @@ def as_udims(objects: Iterable[bpy.types.Object]) -> None:
                     _make_tiled(image, tiled)
 
 
-def used_by(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Image]:
+def images_of(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Image]:
     """The images that materials of `objects` use, each once."""
     materials = dict.fromkeys(slot.material for obj in objects for slot in obj.material_slots)
     return list(dict.fromkeys(image for material in materials for image in _images(material)))
@@ -156,3 +238,56 @@ def _tiles_of(data: bpy.types.Mesh, material: int) -> list[tuple[int, int]]:
     # Exactly on the border, a corner belongs to both tiles.
     tiles = np.unique(np.floor(own[(own % 1.0 != 0.0).all(axis=1)]), axis=0)
     return [(int(column), int(row)) for column, row in tiles if np.isfinite(column + row)]
+
+
+UV_LAYER = "UVMap"
+
+
+def show_texture(obj: bpy.types.Object, texture: Texture, folder: Path) -> None:
+    """Show the images of a .ply on its mesh, with its UVs. Does nothing for a mesh without UVs. folder: of the file."""
+    data = obj.data
+    is_same = texture.corners is not None and _has_corners(data, texture.corners)
+    if is_same:
+        layer = data.uv_layers.new(name=UV_LAYER)
+        layer.uv.foreach_set("vector", texture.uv.ravel())
+    if not data.uv_layers:
+        return
+    for name in texture.names:
+        path = mesh_references.find_file(name, [folder]) or mesh_references.expected_path(name, folder)
+        # An image that is made, not loaded, may be missing.
+        image = bpy.data.images.new(path.name, 1, 1)
+        image.source, image.filepath = "FILE", str(path)
+        data.materials.append(_material(path.stem, "ShaderNodeTexImage", image=image))
+    if is_same:
+        numbers = np.clip(texture.images, 0, len(texture.names) - 1).astype(np.int32)
+        data.polygons.foreach_set("material_index", numbers)
+
+
+def show_vertex_colors(objects: Iterable[bpy.types.Object]) -> None:
+    """Show the active color attribute of each object that has one and no material."""
+    for obj in objects:
+        active = obj.data.color_attributes.active_color
+        if active is not None and not any(slot.material for slot in obj.material_slots):
+            obj.data.materials.append(_material(active.name, "ShaderNodeVertexColor", layer_name=active.name))
+
+
+def _has_corners(data: bpy.types.Mesh, corners: np.ndarray) -> bool:
+    """Whether the faces of a mesh are these triangles (T, 3) of points, in this order: the importer may leave some out."""
+    if len(data.loops) != corners.size or len(data.polygons) != len(corners):
+        return False
+    found = np.empty(len(data.loops), np.int32)
+    data.loops.foreach_get("vertex_index", found)
+    return np.array_equal(found, corners.ravel())
+
+
+def _material(name: str, node_type: str, **values) -> bpy.types.Material:
+    """A material whose base color is the output of a node with these values."""
+    material = bpy.data.materials.new(name)
+    older_blender.switch_on_nodes(material)
+    tree = material.node_tree
+    node = tree.nodes.new(node_type)
+    for key, value in values.items():
+        setattr(node, key, value)
+    surface = next(each for each in tree.nodes if each.type == "BSDF_PRINCIPLED")
+    tree.links.new(node.outputs["Color"], surface.inputs["Base Color"])
+    return material
