@@ -145,4 +145,4 @@ def test_random_libraries_never_fail_by_seed(folder, seed):
     ]
     text = "".join(" \n"[int(random.integers(8) == 0)] + words[random.integers(len(words))] for _ in range(400))
     content, files = read(folder, text.encode("latin1" if seed % 2 else "utf-8"))
-    assert len([line for line in content if "imprint-page-" in line]) >= len(files)
+    assert len([line for line in content if "imprint-image-" in line]) >= len(files)

@@ -121,11 +121,11 @@ def _import(path: Path, space: Space) -> None:
         with check_messages(path):
             getattr(getattr(bpy.ops, module), operator)(filepath=str(staged), **more)
     new = [obj for obj in bpy.data.objects if obj not in objects]
-    pages = [image for image in bpy.data.images if image not in images]
+    new_images = [image for image in bpy.data.images if image not in images]
     if subtracted is not None and space.origin is None:
         _move_back(new, subtracted)
-    textures.replace_placeholders(pages, materials.placeholders, path.parent)
-    textures.find_missing_files(pages, path.parent)
+    textures.replace_placeholders(new_images, materials.placeholders, path.parent)
+    textures.find_missing_files(new_images, path.parent)
     meshes = [obj for obj in new if obj.type == "MESH"]
     textures.tile_numbered_images(meshes)
     texture = ply.read_texture(path) if path.suffix.lower() == ".ply" else None

@@ -89,10 +89,10 @@ def _with_placeholder(line: bytes, folders: list[Path], known: dict[tuple, tuple
     path = mesh_references.find_file(name, folders)
     if path is None and name != whole and (path := mesh_references.find_file(whole, folders)):
         options, name = "", whole
-    page = NamedImage(name, path, word.lower() in _COLORS)
-    key = (path or clean(name), page.is_color)
+    use = NamedImage(name, path, word.lower() in _COLORS)
+    key = (path or clean(name), use.is_color)
     if key not in known:
-        known[key] = f"imprint-page-{len(known)}{Path(clean(name)).suffix}", page
+        known[key] = f"imprint-image-{len(known)}{Path(clean(name)).suffix}", use
     return " ".join(filter(None, (word, options, known[key][0]))).encode()
 
 
@@ -100,19 +100,19 @@ _LINEAR = {*OPEN_EXR.endings, ".hdr"}
 """Endings of images that store linear colors."""
 
 
-def replace_placeholders(images: Iterable[bpy.types.Image], pages: Mapping[str, NamedImage], folder: Path) -> None:
-    """Give the images of an .obj their files. pages: by the name of the file that each image has now. folder: of the .obj.
+def replace_placeholders(images: Iterable[bpy.types.Image], named: Mapping[str, NamedImage], folder: Path) -> None:
+    """Give the images of an .obj their files. named: by the name of the file that each image has now. folder: of the .obj.
 
     No image is loaded. An image whose file is missing gets the path where it should be.
     """
     for image in images:
-        page = pages.get(os.path.basename(image.filepath))
-        if page is None:
+        found = named.get(os.path.basename(image.filepath))
+        if found is None:
             continue
-        path = page.path or mesh_references.expected_path(page.name, folder)
+        path = found.path or mesh_references.expected_path(found.name, folder)
         image.filepath = str(path)
         image.name = path.name
-        if not page.is_color:
+        if not found.is_color:
             image.colorspace_settings.is_data = True
         elif path.suffix.lower() in _LINEAR:
             image.colorspace_settings.name = "Linear Rec.709"
