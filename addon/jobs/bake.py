@@ -121,7 +121,7 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
             others = readiness.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings)
             found += readiness.unsolved_by_export(others, is_exported=job.is_exported)
         early = readiness.finding_warnings(found)
-    tiles = tiles_to_bake(meshes, settings)
+    tiles = tiles_to_bake(meshes, settings.sampling)
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     with timings.timed("method"):
         in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)

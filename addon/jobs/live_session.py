@@ -52,12 +52,12 @@ class LiveMaps:
 
     @property
     def are_any(self) -> bool:
-        return bool(self.drawing.maps)
+        return bool(self.drawing.map.maps)
 
     @property
     def show_materials(self) -> bool:
         """Whether a map changes with the materials of the high objects."""
-        return any(BY_NAME[name].family.shows_materials for name in self.drawing.maps)
+        return any(BY_NAME[name].family.shows_materials for name in self.drawing.map.maps)
 
     def work(self, source: sources.Source | None, plan: Plan, uploads: UploadCache, pace: Pace) -> Task[None]:
         """Draw the maps. source, plan: of the session's last normal map; the source is None if its memory was freed. Raises

@@ -33,7 +33,7 @@ def is_for_others(settings: Settings, *, is_exported: bool) -> bool:
 
     is_exported: whether Imprint writes the low mesh for an engine. Then it has the triangles and tangents of the bake.
     """
-    return before_bake.is_for_others(settings) or (is_exported and before_bake.is_in_tangent_space(settings))
+    return before_bake.is_for_others(settings) or (is_exported and before_bake.is_in_tangent_space(settings.map))
 
 
 def unsolved_by_export(findings: Sequence[Finding], *, is_exported: bool) -> list[Finding]:
@@ -49,7 +49,7 @@ def active_layer(low: bpy.types.Object) -> str:
 
 def mesh_findings(low: Mesh, obj: bpy.types.Object, uv_layer: str, settings: Settings) -> list[Finding]:
     """The findings for a low mesh as it was read from `obj`, for a bake of its UV map `uv_layer`."""
-    return before_bake.find(low, uv_layer, active_layer(obj), settings)
+    return before_bake.find(low, uv_layer, active_layer(obj), settings.sampling)
 
 
 def viewport_findings(
@@ -64,7 +64,7 @@ def viewport_findings(
     depsgraph = context.evaluated_depsgraph_get()
     with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
         layers = data.uv_layers
-        layer = settings.uv_layer or (layers.active.name if layers.active is not None else "")
+        layer = settings.map.uv_layer or (layers.active.name if layers.active is not None else "")
         if layer not in layers or not 0 < len(data.loops) <= MOST_CORNERS:
             return []
         mesh = mesh_reader.surface(data, layer, low.name, mesh_reader.matrix(low), with_faces=True)
@@ -165,7 +165,7 @@ def _merged(data: bpy.types.Mesh, is_sharp: np.ndarray) -> np.ndarray:
 def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.types.Modifier, int]:
     """Add a Triangulate modifier to the low object of a past bake. As `add`."""
     past = PastBake.of(report)
-    return add_modifier(context, past.job.low, past.settings.modifiers, is_own_base=past.job.low in past.job.highs)
+    return add_modifier(context, past.job.low, past.settings.map.modifiers, is_own_base=past.job.low in past.job.highs)
 
 
 def add_modifier(
@@ -253,10 +253,10 @@ def _flip(context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy
 
 def _activate_layer(low: bpy.types.Object, settings: Settings) -> str:
     layers = low.data.uv_layers
-    if settings.uv_layer not in layers:
-        raise BakeError(f"Modifiers make the UV map {settings.uv_layer!r} of {low.name!r}: apply them first.")
-    layers.active = layers[settings.uv_layer]
-    return f"{settings.uv_layer!r} is the active UV map of {low.name!r}"
+    if settings.map.uv_layer not in layers:
+        raise BakeError(f"Modifiers make the UV map {settings.map.uv_layer!r} of {low.name!r}: apply them first.")
+    layers.active = layers[settings.map.uv_layer]
+    return f"{settings.map.uv_layer!r} is the active UV map of {low.name!r}"
 
 
 def _soften(low: bpy.types.Object, settings: Settings) -> str:
@@ -299,7 +299,7 @@ def _own_mesh(low: bpy.types.Object, settings: Settings) -> Mesh:
 
 def _layer_name(low: bpy.types.Object, settings: Settings) -> str:
     layers = low.data.uv_layers
-    name = settings.uv_layer or (layers.active.name if layers.active is not None else "")
+    name = settings.map.uv_layer or (layers.active.name if layers.active is not None else "")
     if name not in layers:
         raise BakeError(f"{low.name!r} has no UV map {name!r} without its modifiers: apply them first.")
     return name

@@ -44,15 +44,17 @@ def bake_problem(
     reason = message(object_pairs.MISSING).format(repr(missing[0])) if missing else ""
     if not reason and low is not None and not highs and (waiting := settings.hidden(context, low, highs)):
         reason = describe_hidden(waiting)
-    reason = reason or object_checks.problem(context, low, highs, settings.cage_of(low, highs), values.method)
-    return reason or _material_problem(low, values) or vertex_weights.problem(low, values) or _clash(low, settings)
+    reason = reason or object_checks.problem(context, low, highs, settings.cage_of(low, highs), values.tracing.method)
+    return (
+        reason or _material_problem(low, values) or vertex_weights.problem(low, values.tracing) or _clash(low, settings)
+    )
 
 
 def _material_problem(low: bpy.types.Object, values: Settings) -> str:
     """Why the maps cannot be put into the materials of `low`; empty if they can, or are not."""
     try:
         if values.changes_materials:
-            materials.check(low, can_be_off=not values.connect_maps)
+            materials.check(low, can_be_off=not values.storing.connect_maps)
     except BakeError as error:
         return str(error)
     return ""
@@ -75,7 +77,7 @@ def describe_hidden(objects: Sequence[bpy.types.Object]) -> str:
 
 def is_normal_only(settings: ImprintSettings) -> bool:
     """Whether the button bakes the normal map and no other map."""
-    return settings.normal and not settings.to_settings().drawn_maps
+    return settings.normal and not settings.to_settings().map.drawn_maps
 
 
 def describe_bake(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> str:
@@ -135,9 +137,9 @@ def planned_images(low: bpy.types.Object, settings: ImprintSettings) -> list[Pla
 def _images(filled: Settings) -> list[PlannedImage]:
     """The images of one texture set."""
     by_map = planned_files.settings_by_map(filled)
-    first = planned_files.first_map(filled)
+    first = planned_files.first_map(filled.map)
     return [
-        PlannedImage(of_map.image, os.path.basename(bpy.path.abspath(map_names.output_for(of_map))))
+        PlannedImage(of_map.storing.image, os.path.basename(bpy.path.abspath(map_names.output_for(of_map))))
         for of_map in [by_map.pop(first), *by_map.values()]
     ]
 
@@ -146,7 +148,7 @@ def _filled(low: bpy.types.Object, settings: ImprintSettings) -> list[Settings]:
     """The settings of each texture set, or of the whole low object, with names filled in. Raises BakeError for names that
     texture sets would share."""
     values = settings.to_settings()
-    names = [job.material for job in by_material([Job(low, [])], values)] if values.texture_sets else [""]
+    names = [job.material for job in by_material([Job(low, [])], values.storing)] if values.map.texture_sets else [""]
     return [bake_jobs.for_low(values, low.name, name) for name in names]
 
 

@@ -72,11 +72,11 @@ class PanelFindings:
         self, context: bpy.types.Context, low: bpy.types.Object, is_own_base: bool, settings: Settings
     ) -> list[Finding]:
         """All findings, from the last time if nothing has changed since."""
-        layer = settings.uv_layer or readiness.active_layer(low)
+        layer = settings.map.uv_layer or readiness.active_layer(low)
         # Names are in the sentences.
         key = (
             *(low.session_uid, low.data.session_uid, low.name, low.mode, is_own_base),
-            *(layer, readiness.active_layer(low), settings.udim),
+            *(layer, readiness.active_layer(low), settings.sampling.udim),
         )
         if key != self._key:
             self._handlers.add()

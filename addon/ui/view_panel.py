@@ -173,9 +173,9 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
 def _green_problem(name: str, session: Session | None) -> list[str]:
     """Why the program of this name shows the map with green upside down, in a sentence; empty if it does not."""
     reader = readers.BY_NAME.get(name)
-    if reader is None or session is None or session.settings.green == reader.green:
+    if reader is None or session is None or session.settings.map.green == reader.green:
         return []
-    stored = session.settings.green
+    stored = session.settings.map.green
     return [message(GREEN).format(reader=reader.label, wanted=reader.green, stored=stored, preset=reader.preset)]
 
 

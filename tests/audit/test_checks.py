@@ -489,7 +489,7 @@ def test_a_single_texel_with_detail_between_the_compared_ones_is_found():
     normals = np.zeros((16, 16, 4), np.float32)
     normals[..., 2:] = 1.0
     flat, one = tally.Tally(), tally.Tally()
-    flat.add_raw(normals, Settings())
+    flat.add_raw(normals, Settings().map)
     normals[1, 1, :3] = (0.6, 0.0, 0.8)
-    one.add_raw(normals, Settings())
+    one.add_raw(normals, Settings().map)
     assert (flat.leaning, one.leaning) == (0, 1)

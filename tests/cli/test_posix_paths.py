@@ -16,7 +16,7 @@ def test_two_slashes_in_a_job_file_become_one(tmp_path):
     content = {"bake": [{"file": "//a.blend", "low": "a", "output": "//m.png"}]}
     (tmp_path / "jobs.json").write_text(json.dumps(content), encoding="utf-8")
     (found,) = job_file.read(str(tmp_path / "jobs.json"))
-    assert (found.file, arguments.settings(found).output) == (["/a.blend"], "/m.png")
+    assert (found.file, arguments.settings(found).storing.output) == (["/a.blend"], "/m.png")
 
 
 @pytest.mark.parametrize(

@@ -185,7 +185,7 @@ def test_a_map_is_made_for_the_render_engine_of_the_scene(engine, basis, reader)
     report = bake_pair(bpy.context, low, [high], settings)
     assert report.settings["basis"] == basis
     assert any(line.startswith(reader) for line in report.summary())
-    assert live_session.Session(bpy.context, Job(low, [high]), settings, progress.Pace()).settings.basis == basis
+    assert live_session.Session(bpy.context, Job(low, [high]), settings, progress.Pace()).settings.map.basis == basis
 
 
 @pytest.mark.parametrize("margin", [0, 5])

@@ -197,7 +197,7 @@ def test_ids_are_not_dithered():
 
 def test_maps_of_few_values_take_few_bits():
     expected = planned_files.settings_by_map(Settings(maps=("COVERAGE", "OBJECT_ID", "HEIGHT"), mask=True, depth=16))
-    depths = {name: own.depth for name, own in expected.items()}
+    depths = {name: own.storing.depth for name, own in expected.items()}
     assert depths == {"NORMAL": 16, "MASK": 8, "COVERAGE": 8, "OBJECT_ID": 8, "HEIGHT": 16}
 
 

@@ -21,7 +21,7 @@ def test_the_table_of_encodings_has_the_scales_of_reports():
         "The thickness distance": 0.25,
     }
     found = meanings(settings, LocalSpace(np.zeros(3), 1.0))
-    assert len(found) == len(settings.maps)
+    assert len(found) == len(settings.map.maps)
     for name, how in found.items():
         midlevel, scale, _ = encodings()[BY_NAME[name].label]
         assert (float(midlevel), scales[scale]) == pytest.approx((how["midlevel"], how["scale"]))

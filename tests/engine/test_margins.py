@@ -29,7 +29,7 @@ def finished(values, lows, tile=1001, name="NORMAL", **settings):
     settings = Settings(width=width, height=height, **{"maps": () if name == "NORMAL" else (name,), **settings})
     last = margins.for_maps(lows, settings)[name]
     texels, state = np.empty((height, width, 4), np.float32), np.empty((height, width), np.uint8)
-    for part in bands.bands(width, height, settings.margin, tile):
+    for part in bands.bands(width, height, settings.sampling.margin, tile):
         rows = np.zeros((part.height, width, 4), np.float32)
         first, stop = max(0, part.start - part.halo), min(height, part.stop + part.halo)
         rows[first - part.start + part.halo : stop - part.start + part.halo] = values[first:stop]
@@ -111,7 +111,7 @@ def test_an_atlas_of_two_objects_has_no_margin_over_the_others_texels():
             width=64, height=32, image=f"atlas {margin_type}", margin=None, margin_type=margin_type, **settings
         )
         bake_all(bpy.context, jobs, atlas_settings, share_image=True)
-        texels = maps.pixels(bpy.data.images[atlas_settings.image])
+        texels = maps.pixels(bpy.data.images[atlas_settings.storing.image])
         assert (texels[..., 3] == 1.0).all()
         x = texels[..., 0] - 0.5
         assert (x[:, :32] < -0.05).all()

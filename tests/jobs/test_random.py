@@ -441,6 +441,6 @@ def test_a_random_bake_ends_in_a_map_or_an_error_message(seed, tmp_path, outcome
         place(rng, obj)
     settings = make_settings(rng, tmp_path, low)
     if rng.random() < 0.06:
-        existing_image(rng, settings.image.replace("{low}", low.name) or f"{low.name}_normal")
+        existing_image(rng, settings.storing.image.replace("{low}", low.name) or f"{low.name}_normal")
     result = outcome.of_bake(low, highs, settings, tmp_path, cage)
     outcomes["sentence" if isinstance(result, str) else "map"] += 1

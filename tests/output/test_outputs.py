@@ -445,7 +445,7 @@ def test_tiles_in_files_do_not_stay_in_memory_unless_their_range_counts(tmp_path
     state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
     with Outputs(settings) as outputs:
         for tile in (1001, 1002):
-            drawn = {name: gray(tile) for name in (NORMAL.name, *settings.drawn_maps)}
+            drawn = {name: gray(tile) for name in (NORMAL.name, *settings.map.drawn_maps)}
             kept = {name: weakref.ref(texels) for name, texels in drawn.items()}
             outputs.add(tile, {name: (texels, state) for name, texels in drawn.items()})
             del drawn

@@ -130,7 +130,7 @@ def test_the_number_replaces_the_placeholder(output, map_files, mask_files, tmp_
     store(1002, storage="FILE", output=str(tmp_path / output))
     settings = Settings(udim=True, image="map", storage="FILE", output=str(tmp_path / output))
     mask = map_names.beside(settings, map_types.MASK)
-    store(1002, storage="FILE", output=mask.output, image=mask.image, depth=mask.depth)
+    store(1002, storage="FILE", output=mask.storing.output, image=mask.storing.image, depth=mask.storing.depth)
     assert sorted(os.listdir(tmp_path)) == sorted([map_files, mask_files])
     assert all(numbers(image) == (1002,) for image in bpy.data.images)
 

@@ -521,8 +521,8 @@ def test_a_view_limits_the_map_size_and_keeps_the_map_in_memory():
         Settings(width=16384, height=4096, udim=True, tiles=(1002,), storage="FILE", output="x.png")
     )
     settings.check()
-    assert (settings.width, settings.height) == (8192, 2048)
-    assert (settings.udim, settings.storage, settings.material) == (False, "MEMORY", False)
+    assert settings.sampling.size == (8192, 2048)
+    assert (settings.sampling.udim, settings.storing.storage, settings.storing.material) == (False, "MEMORY", False)
 
 
 def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):

@@ -119,5 +119,5 @@ def test_extrusion_may_be_zero():
     [("FLATTEN", 64, False), ("CAST", 2, False), ("CAST", 4, True), ("AUTO", 4, True)],
 )
 def test_samples_are_adaptive_from_a_number_on_that_depends_on_the_method(method, samples, expected):
-    assert Settings(samples=samples).are_adaptive(method) is expected
-    assert not Settings(samples=samples, adaptive=False).are_adaptive(method)
+    assert Settings(samples=samples).sampling.are_adaptive(method) is expected
+    assert not Settings(samples=samples, adaptive=False).sampling.are_adaptive(method)

@@ -106,7 +106,7 @@ def test_each_option_sets_its_setting(name):
 
 
 def test_maps_may_be_written_without_dashes_and_with_the_normal_map():
-    assert settings("--maps", "normal,basecolor,ao").maps == ("AO", "BASE_COLOR")
+    assert settings("--maps", "normal,basecolor,ao").map.maps == ("AO", "BASE_COLOR")
 
 
 @pytest.mark.parametrize("channel", ["red", "green", "blue"])
@@ -118,17 +118,17 @@ def test_axes_whose_names_look_like_options(channel, axis, joint):
 
 def test_all_three_axes_can_be_set():
     found = settings("--red", "-x", "--green", "-y", "--blue", "-z")
-    assert (found.red, found.green, found.blue) == ("-X", "-Y", "-Z")
+    assert found.map.channels == ("-X", "-Y", "-Z")
 
 
 def test_every_map_has_a_word():
     words = ",".join(name.lower().replace("_", "-") for name in map_types.NAMES)
-    assert settings("--maps", words).maps == map_types.NAMES
+    assert settings("--maps", words).map.maps == map_types.NAMES
 
 
 @pytest.mark.parametrize("words", ["--tiles 1002", "--udim", "--output m.<UDIM>.png"])
 def test_options_that_enable_tiles(words):
-    assert settings(*words.split()).udim
+    assert settings(*words.split()).sampling.udim
 
 
 @pytest.mark.parametrize("slashes", ["//", "///", "////"])
@@ -150,7 +150,7 @@ def test_two_slashes_become_one(monkeypatch, system, option, slashes):
 def test_the_default_depth_is_16_or_the_highest_below_that(ending):
     found = settings("--output", f"m{ending.upper()}")
     found.check()
-    assert found.depth == (16 if 16 in file_formats.BY_ENDING[ending].depths else 8)
+    assert found.storing.depth == (16 if 16 in file_formats.BY_ENDING[ending].depths else 8)
 
 
 def test_help_has_every_map_and_ending():

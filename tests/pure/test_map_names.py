@@ -19,7 +19,7 @@ def beside(name, **settings):
 
 def test_a_map_is_named_by_its_suffix():
     found = beside("HEIGHT")
-    assert (found.image, found.output.replace("\\", "/")) == ("rock_height", "maps/rock_height.png")
+    assert (found.storing.image, found.storing.output.replace("\\", "/")) == ("rock_height", "maps/rock_height.png")
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_a_map_is_named_by_its_suffix():
     ],
 )
 def test_the_suffix_takes_the_place_of_normal(output, expected):
-    assert beside("HEIGHT", output=output).output == expected
+    assert beside("HEIGHT", output=output).storing.output == expected
 
 
 @pytest.mark.parametrize(
@@ -49,19 +49,19 @@ def test_the_suffix_takes_the_place_of_normal(output, expected):
     ],
 )
 def test_the_number_of_the_tile_stays_at_the_end(output, expected):
-    assert beside("HEIGHT", output=output, udim=True).output == expected
+    assert beside("HEIGHT", output=output, udim=True).storing.output == expected
 
 
 @pytest.mark.parametrize(
     ("name", "image"), [("BASE_COLOR", "T_rock_BC"), ("AO", "T_rock_AO"), ("THICKNESS", "T_rock_thickness")]
 )
 def test_names_of_unreal_have_short_suffixes_where_there_are_usual_ones(name, image):
-    assert beside(name, image="T_rock_N").image == image
+    assert beside(name, image="T_rock_N").storing.image == image
 
 
 def test_the_packed_image_of_unreal_has_its_short_suffix():
     settings = Settings(image="T_rock_N", pack="UNREAL")
-    assert map_names.beside(settings, settings.packing.map_type).image == "T_rock_ORM"
+    assert map_names.beside(settings, settings.map.packing.map_type).storing.image == "T_rock_ORM"
 
 
 def test_short_suffixes_are_distinct():
@@ -72,7 +72,7 @@ def test_short_suffixes_are_distinct():
 @pytest.mark.parametrize("names", dict.fromkeys(reader.names for reader in READERS))
 def test_the_suffix_takes_the_place_of_the_ending_of_each_preset(names):
     name = names.replace(LOW, "rock")
-    assert beside("THICKNESS", image=name).image == f"{name.rpartition('_')[0]}_thickness"
+    assert beside("THICKNESS", image=name).storing.image == f"{name.rpartition('_')[0]}_thickness"
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_a_path_is_renamed_in_its_folder_with_its_tile_and_its_ending(path, expe
 
 
 def test_without_a_file_there_is_no_path():
-    assert beside("HEIGHT", storage="PACK", output="").output == ""
+    assert beside("HEIGHT", storage="PACK", output="").storing.output == ""
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_without_a_file_there_is_no_path():
 )
 def test_only_deep_maps_have_the_depth_of_the_settings_and_are_dithered(name, depth, dither):
     found = beside(name, dither=True)
-    assert (found.depth, found.dither) == (depth, dither)
+    assert (found.storing.depth, found.storing.dither) == (depth, dither)
 
 
 @pytest.mark.parametrize(
@@ -119,18 +119,18 @@ def test_only_deep_maps_have_the_depth_of_the_settings_and_are_dithered(name, de
 )
 def test_colors_of_materials_have_8_bits_inside_blender_unless_they_are_exact(name, storage, depth, expected):
     output = "a.png" if storage == "FILE" else ""
-    assert beside(name, storage=storage, output=output, depth=depth).depth == expected
+    assert beside(name, storage=storage, output=output, depth=depth).storing.depth == expected
 
 
 @pytest.mark.parametrize("name", ["POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "ATTRIBUTE"])
 def test_numbers_of_any_size_have_32_bits_in_files_of_floats(name):
-    assert beside(name, output="a.exr", depth=16).depth == 32
-    assert beside(name, output="a.png", depth=16).depth == 16
-    assert beside("AO", output="a.exr", depth=16).depth == 16
+    assert beside(name, output="a.exr", depth=16).storing.depth == 32
+    assert beside(name, output="a.png", depth=16).storing.depth == 16
+    assert beside("AO", output="a.exr", depth=16).storing.depth == 16
     pack = {"pack": "CUSTOM", "pack_red": "AO", "pack_green": "HEIGHT", "storage": "FILE", "output": "a.exr"}
-    assert settings_by_map(Settings(**pack))["PACKED"].depth == 32
-    assert settings_by_map(Settings(**pack | {"pack_green": "ZERO"}))["PACKED"].depth == 16
+    assert settings_by_map(Settings(**pack))["PACKED"].storing.depth == 32
+    assert settings_by_map(Settings(**pack | {"pack_green": "ZERO"}))["PACKED"].storing.depth == 16
 
 
 def test_labels_take_the_lowest_depth_of_their_format():
-    assert beside("OBJECT_ID", output="a.exr", depth=32).depth == 16
+    assert beside("OBJECT_ID", output="a.exr", depth=32).storing.depth == 16

@@ -46,7 +46,7 @@ def test_the_files_for_each_engine_are_those_of_a_bake():
     assert len(lines) == 5
     for _, options, files in lines:
         settings = settings_of("rock_normal.png", names(options)[0])
-        types = [settings.packing.map_type, *(BY_NAME[name] for name in settings.maps)]
+        types = [settings.map.packing.map_type, *(BY_NAME[name] for name in settings.map.maps)]
         assert {file(map_names.beside(settings, one)) for one in types} == set(names(files))
 
 
@@ -55,7 +55,7 @@ def test_the_files_of_all_maps_from_one_press_are_those_of_its_command():
     (command,) = re.findall(r"imprint\.py bake (.*?)```", text, re.DOTALL)
     parsed = arguments.parse(shlex.split(command.replace("\\\n", " ")))
     settings = arguments.settings(parsed)
-    written = [settings, *(map_names.beside(settings, BY_NAME[name]) for name in settings.maps)]
+    written = [settings, *(map_names.beside(settings, BY_NAME[name]) for name in settings.map.maps)]
     (sentence,) = re.findall(r"This writes (.*?)\.\s\[", text, re.DOTALL)
     assert names(sentence) == list(map(file, written))
 

@@ -23,30 +23,30 @@ LAYOUTS = {
 
 @pytest.mark.parametrize("pack", LAYOUTS)
 def test_the_channels_of_each_engine(pack):
-    packing = Settings(pack=pack).packing
+    packing = Settings(pack=pack).map.packing
     assert (packing.suffix, *packing.channels) == LAYOUTS[pack]
     assert list(packing.by_name()) == ["red", "green", "blue", "alpha"]
 
 
 def test_every_choice_but_none_has_a_layout():
-    assert [pack for pack in Pack if Settings(pack=pack).packing is None] == [Pack.NONE]
+    assert [pack for pack in Pack if Settings(pack=pack).map.packing is None] == [Pack.NONE]
 
 
 def test_a_layout_of_ones_own():
     settings = Settings(
         pack=Pack.CUSTOM, pack_red="HEIGHT", pack_green="ONE", pack_blue="SMOOTHNESS", pack_alpha="HEIGHT"
     )
-    packing = settings.packing
+    packing = settings.map.packing
     assert (packing.suffix, *packing.channels) == ("packed", Channel("HEIGHT"), WHITE, SMOOTH, Channel("HEIGHT"))
     assert packing.maps == ("HEIGHT", ROUGHNESS.name)
 
 
 def test_maps_that_are_packed_are_drawn_and_not_stored_alone():
     settings = Settings(maps=("HEIGHT", "ROUGHNESS"), pack=Pack.HDRP)
-    assert settings.drawn_maps == ("HEIGHT", "AO", "ROUGHNESS", "METALLIC")
-    assert settings.for_drawing().maps == settings.drawn_maps
-    assert settings.maps == ("HEIGHT", "ROUGHNESS")
-    assert Settings(maps=("HEIGHT",)).drawn_maps == ("HEIGHT",)
+    assert settings.map.drawn_maps == ("HEIGHT", "AO", "ROUGHNESS", "METALLIC")
+    assert settings.for_drawing().map.maps == settings.map.drawn_maps
+    assert settings.map.maps == ("HEIGHT", "ROUGHNESS")
+    assert Settings(maps=("HEIGHT",)).map.drawn_maps == ("HEIGHT",)
 
 
 @pytest.mark.parametrize("chosen", [{"normal": True}, {"maps": ("HEIGHT",)}, {"pack": Pack.GLTF}])
@@ -68,7 +68,7 @@ def test_a_packed_image_must_hold_a_map():
 
 @pytest.mark.parametrize("pack", [pack for pack in Pack if pack not in (Pack.NONE, Pack.CUSTOM)])
 def test_presets_take_the_widened_roughness_if_it_is_chosen(pack):
-    plain, widened = (Settings(pack=pack, maps=maps).packing for maps in ((), ("WIDENED_ROUGHNESS",)))
+    plain, widened = (Settings(pack=pack, maps=maps).map.packing for maps in ((), ("WIDENED_ROUGHNESS",)))
     assert "ROUGHNESS" in plain.maps
     assert widened.maps == tuple(name.replace("ROUGHNESS", "WIDENED_ROUGHNESS") for name in plain.maps)
     for before, after in zip(plain.channels, widened.channels, strict=True):
@@ -77,4 +77,4 @@ def test_presets_take_the_widened_roughness_if_it_is_chosen(pack):
 
 def test_a_layout_of_one_s_own_holds_what_it_names():
     settings = Settings(pack=Pack.CUSTOM, pack_green="ROUGHNESS", maps=("WIDENED_ROUGHNESS",))
-    assert settings.packing.channels[1].map == "ROUGHNESS"
+    assert settings.map.packing.channels[1].map == "ROUGHNESS"

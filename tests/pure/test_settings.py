@@ -72,7 +72,7 @@ def test_invalid_settings_are_named_in_the_message(values):
 
 def test_settings_cannot_be_changed():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        Settings().width = 32
+        Settings().sampling.width = 32
 
 
 @pytest.mark.parametrize(
@@ -87,5 +87,5 @@ def test_settings_cannot_be_changed():
     ],
 )
 def test_the_automatic_basis_follows_the_render_engine(basis, engine, read):
-    assert Settings(basis=basis).read_by(engine).basis == read
-    assert Settings().basis == "AUTO"
+    assert Settings(basis=basis).read_by(engine).map.basis == read
+    assert Settings().map.basis == "AUTO"

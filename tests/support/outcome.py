@@ -42,13 +42,13 @@ def of_bake(low, highs, settings, folder, cage=None):
     _check_report(report)
     filled = bake_jobs.for_low(settings, report.low)
     plan = planned_files.settings_by_map(filled)
-    _check_changes(changed, low, [map_settings.image for map_settings in plan.values()])
+    _check_changes(changed, low, [map_settings.storing.image for map_settings in plan.values()])
     expected = set()
     for name, map_settings in plan.items():
         map_type = map_types.BY_NAME[name]
         is_unit = map_type.range is map_types.Range.UNIT and map_type.family not in ANY_FLOAT
-        is_color = is_unit or not map_settings.is_float
-        image, path = bpy.data.images[map_settings.image], map_names.output_for(map_settings)
+        is_color = is_unit or not map_settings.storing.is_float
+        image, path = bpy.data.images[map_settings.storing.image], map_names.output_for(map_settings)
         if settings.udim:
             assert image.source == "TILED"
             assert [tile.number for tile in image.tiles if tile.size[0]] == sorted(report.tiles)

@@ -666,7 +666,7 @@ def test_live_follows_the_render_engine_of_the_scene(pair):
     for engine, basis in (("CYCLES", "CYCLES"), ("BLENDER_EEVEE", "MIKKTSPACE")):
         bpy.context.scene.render.engine = engine
         follow()
-        assert live.session.settings.basis == basis
+        assert live.session.settings.map.basis == basis
         assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 

@@ -14,6 +14,6 @@ def files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = ()) 
     """The files that a bake of the object `low` writes, as planned_files.files returns them."""
     settings = option_settings.settings(options)
     if not of_frames:
-        yield from planned_files.files(replace(settings, output=file_names.fill(settings.output, low)))
+        yield from planned_files.files(replace(settings, output=file_names.fill(settings.storing.output, low)))
     for frame in of_frames:
         yield from planned_files.files(frame_files.of_frame(frame_files.filled(settings, low), frame))

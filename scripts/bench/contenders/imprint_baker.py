@@ -19,10 +19,11 @@ class Imprint(Contender):
     """Imprint, from the objects to an image in the low object's material. keep: whether bakes reuse the ray tree."""
 
     def __init__(self, name: str, pair: Pair, size: int, *, keep: bool = False, **settings):
-        self.pair, self.keep, self.stages = pair, keep, []
+        self.pair, self.size, self.keep, self.stages = pair, size, keep, []
         if settings["method"] == "CAST":
             settings |= {"extrusion": pair.extrusion, "max_distance": 2.0 * pair.extrusion}
         settings = {"image": name, **settings}
+        self.image = settings["image"]
         self.settings = Settings(width=size, height=size, depth=32, storage="MEMORY", **settings)
         super().__init__(name, self._bake, self._normals)
 
@@ -36,7 +37,7 @@ class Imprint(Contender):
         return seconds
 
     def _normals(self) -> np.ndarray:
-        return normals_of(bpy.data.images[self.settings.image], self.settings.width)
+        return normals_of(bpy.data.images[self.image], self.size)
 
     def median_stages(self) -> dict[str, float]:
         return {name: statistics.median(s[name] for s in self.stages[1:]) for name in self.stages[0]}
