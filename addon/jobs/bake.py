@@ -118,7 +118,7 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     with timings.timed("audit"):
         found = readiness.flipped_findings(meshes)
         if job.is_for_others:
-            others = readiness.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings)
+            others = readiness.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
             found += readiness.unsolved_by_export(others, is_exported=job.is_exported)
         early = readiness.finding_warnings(found)
     tiles = tiles_to_bake(meshes, settings.sampling)

@@ -13,7 +13,7 @@ from ..audit.facing import Faces
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError, shorten_list
 from ..core.report import Report
-from ..core.settings import Settings
+from ..core.settings import MapSettings, SamplingSettings, Settings
 from ..mesh import edges, face_shapes, uv_islands, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -47,9 +47,9 @@ def active_layer(low: bpy.types.Object) -> str:
     return layer.name if layer is not None else ""
 
 
-def mesh_findings(low: Mesh, obj: bpy.types.Object, uv_layer: str, settings: Settings) -> list[Finding]:
+def mesh_findings(low: Mesh, obj: bpy.types.Object, uv_layer: str, settings: SamplingSettings) -> list[Finding]:
     """The findings for a low mesh as it was read from `obj`, for a bake of its UV map `uv_layer`."""
-    return before_bake.find(low, uv_layer, active_layer(obj), settings.sampling)
+    return before_bake.find(low, uv_layer, active_layer(obj), settings)
 
 
 def viewport_findings(
@@ -68,7 +68,7 @@ def viewport_findings(
         if layer not in layers or not 0 < len(data.loops) <= MOST_CORNERS:
             return []
         mesh = mesh_reader.surface(data, layer, low.name, mesh_reader.matrix(low), with_faces=True)
-        return mesh_findings(mesh, low, layer, settings) if len(mesh.triangles) else []
+        return mesh_findings(mesh, low, layer, settings.sampling) if len(mesh.triangles) else []
 
 
 def flipped_findings(meshes: Meshes) -> list[Finding]:
@@ -260,20 +260,20 @@ def _activate_layer(low: bpy.types.Object, settings: Settings) -> str:
 
 
 def _soften(low: bpy.types.Object, settings: Settings) -> str:
-    mesh = _own_mesh(low, settings)
+    mesh = _own_mesh(low, settings.map)
     inside = uv_seams.hard_edges(mesh)
     if not len(inside):
         raise BakeError(f"Modifiers make the hard edges of {low.name!r}: change or apply them.")
     soft = mesh_elements.edges(low.data, inside)
     count = soften(low.data, soft, mesh_elements.edges(low.data, edges.hard_edges(mesh)[0]))
     low.data.update()
-    left = len(uv_seams.hard_edges(_own_mesh(low, settings)))
+    left = len(uv_seams.hard_edges(_own_mesh(low, settings.map)))
     rest = f"; {left:,} are between vertices in the same place: merge those by distance" if left else ""
     return f"{count:,} edges of {low.name!r} are smooth, all inside UV islands{rest}"
 
 
 def _move_mirrored(low: bpy.types.Object, settings: Settings) -> str:
-    mesh = _own_mesh(low, settings)
+    mesh = _own_mesh(low, settings.map)
     found = before_bake.mirrored_copies(mesh)
     if not found.any():
         mirrors = [modifier for modifier in low.modifiers if modifier.type == "MIRROR"]
@@ -282,7 +282,7 @@ def _move_mirrored(low: bpy.types.Object, settings: Settings) -> str:
         for modifier in mirrors:
             modifier.offset_u = ASIDE
         return f"UVs are moved aside by {shorten_list(repr(modifier.name) for modifier in mirrors)} of {low.name!r}"
-    layer = low.data.uv_layers[_layer_name(low, settings)]
+    layer = low.data.uv_layers[_layer_name(low, settings.map)]
     uv = mesh_reader.uvs(low.data, layer.name)
     corners = mesh_elements.face_corners(low.data, np.unique(mesh.faces[found]))
     uv[corners, 0] += ASIDE
@@ -291,15 +291,15 @@ def _move_mirrored(low: bpy.types.Object, settings: Settings) -> str:
     return f"{int(np.count_nonzero(found)):,} triangles of {low.name!r} are moved aside by one tile"
 
 
-def _own_mesh(low: bpy.types.Object, settings: Settings) -> Mesh:
+def _own_mesh(low: bpy.types.Object, settings: MapSettings) -> Mesh:
     """The object's own mesh, without modifiers."""
     data = low.data
     return mesh_reader.surface(data, _layer_name(low, settings), low.name, mesh_reader.matrix(low), with_faces=True)
 
 
-def _layer_name(low: bpy.types.Object, settings: Settings) -> str:
+def _layer_name(low: bpy.types.Object, settings: MapSettings) -> str:
     layers = low.data.uv_layers
-    name = settings.map.uv_layer or (layers.active.name if layers.active is not None else "")
+    name = settings.uv_layer or (layers.active.name if layers.active is not None else "")
     if name not in layers:
         raise BakeError(f"{low.name!r} has no UV map {name!r} without its modifiers: apply them first.")
     return name
