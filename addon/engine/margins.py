@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
+from ..core import texel_state
 from ..core.declarations.choices import MarginType, Space
 from ..core.map_types import BY_NAME, NORMAL, Kind
 from ..core.settings import SamplingSettings, Settings
@@ -13,26 +14,31 @@ from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
 from ..passes import target
 from ..passes.margin import margin_fill, margin_search, seam_fill
-from . import large_map_margin
 from .bands import REACH, Band, bands
 from .normal_channels import channels
 
+ROWS = 256
+"""How many rows of a large map are completed at a time, so that memory does not grow with the map."""
+COARSE = 4
+"""How many times smaller the copy of a large map is in which distant texels are searched. The texel found is at most
+2 sqrt(2) COARSE texels farther away than the nearest."""
+
 
 class Borders:
-    """The borders of islands, on one UDIM tile at a time. Several maps may share it."""
+    """The borders of UV islands on the GPU, for one UDIM tile at a time. Several maps may share it."""
 
     def __init__(self, found: uv_seams.Seams, settings: SamplingSettings):
         self.found = found
         self.size = settings.size
         self.tile = None
 
-    def on(self, tile: int) -> "Borders":
-        """These borders, prepared for a tile: `similarities` as uv_seams.Seams returns them, and `uploaded`."""
+    def on(self, tile: int) -> seam_fill.Seams:
+        """The borders on a tile."""
         if tile != self.tile:
-            self.similarities = self.found.similarities(self.size, tile)
-            self.uploaded = seam_fill.upload(*self.found.strips(self.size, tile), self.similarities)
+            similarities = self.found.similarities(self.size, tile)
+            self.uploaded = seam_fill.upload(*self.found.strips(self.size, tile), similarities)
             self.tile = tile
-        return self
+        return self.uploaded
 
 
 class PostProcess:
@@ -75,12 +81,13 @@ class PostProcess:
                 stored,
                 values,
                 nearest,
-                self.borders.on(band.tile).uploaded,
+                self.borders.on(band.tile),
                 band.uv_to_clip,
                 halo=band.halo,
                 reach=self._near,
                 kind=self.kind,
                 encode=self.encode,
+                first_row=band.start - band.halo,
                 is_deferred=not band.is_whole,
             )
         return stored
@@ -91,15 +98,93 @@ class PostProcess:
         return REACH if self.settings.sampling.margin is None else min(self.settings.sampling.margin, REACH)
 
     def complete(self, tile: int, texels: np.ndarray, state: np.ndarray) -> None:
-        """Fill the margin that needs several bands. texels (height, width, 4) float32, state (height, width) uint8: changed
-        in place."""
+        """Fill the margin of a map of several bands where it needs texels of other bands. Changes both arrays in place.
+
+        Args:
+            texels: (height, width, 4) float32, as `draw` stored them.
+            state: (height, width) uint8.
+        """
         height, width = state.shape
         if next(bands(width, height, None)).is_whole:
             return
         if self.borders:
-            large_map_margin.across(texels, state, self.borders.on(tile).similarities, self.kind, self.encode)
+            for band in bands(width, height, None):
+                self._complete_across(self.borders.on(tile), band, texels, state)
+            _take_nearest(texels, state)
         if self.settings.sampling.margin is None or self.settings.sampling.margin > REACH:
-            large_map_margin.beyond(texels, state, self.settings.sampling.margin)
+            _complete_far(texels, state, self.settings.sampling.margin)
+
+    def _complete_across(self, seams: seam_fill.Seams, band: Band, texels: np.ndarray, state: np.ndarray) -> None:
+        """Fill the deferred texels whose walk across the seam starts in the rows of a band."""
+        first_row, values = max(0, band.start - seam_fill.FARTHEST - 2), None
+        for start in range(0, len(state), ROWS):
+            rows = slice(start, start + ROWS)
+            begins = texels[rows, :, 3]
+            y, x = np.nonzero((state[rows] == texel_state.DEFERRED) & (begins >= band.start) & (begins < band.stop))
+            y += start
+            if not len(y):
+                continue
+            if values is None:
+                stop = band.stop + seam_fill.FARTHEST + 2
+                values = _uploaded(self._values(texels[first_row:stop], state[first_row:stop]))
+            border, right, up = texels[y, x, :3].T
+            places = np.column_stack([x, y, right, up]).astype(np.float32)
+            colors = seam_fill.draw_listed(
+                values, seams, places, border[:, None], first_row=first_row, kind=self.kind, encode=self.encode
+            )
+            is_known = colors[:, 3] > 0.0
+            y, x = y[is_known], x[is_known]
+            texels[y, x], state[y, x] = colors[is_known], texel_state.MARGIN
+
+    def _values(self, texels: np.ndarray, state: np.ndarray) -> np.ndarray:
+        """The values of stored texels, with the alpha that `draw` takes."""
+        decode = np.linalg.inv(self.encode).astype(np.float32)
+        values = np.empty_like(texels)
+        for start in range(0, len(state), ROWS):
+            rows = slice(start, start + ROWS)
+            values[rows, :, :3] = texels[rows, :, :3] @ decode[:3, :3].T + decode[:3, 3]
+            values[rows, :, 3] = state[rows] == texel_state.WRITTEN
+            values[rows, :, 3] -= state[rows] == texel_state.MISSED
+        return values
+
+
+def _take_nearest(texels: np.ndarray, state: np.ndarray) -> None:
+    """Fill the texels that are still deferred with the nearest written ones."""
+    for start in range(0, len(state), ROWS):
+        y, x = np.nonzero(state[start : start + ROWS] == texel_state.DEFERRED)
+        y += start
+        right, up = texels[y, x, 1:3].astype(np.int64).T
+        texels[y, x], state[y, x] = texels[y + up, x + right], texel_state.MARGIN
+
+
+def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
+    """Fill the background within `reach` texels of written ones, or all of it, from the nearest or almost the nearest."""
+    # One written texel of each block, if it has any.
+    height, width = (-(-side // COARSE) for side in state.shape)
+    values = np.zeros((height, width, 4), np.float32)
+    for row, column in np.ndindex(COARSE, COARSE):
+        part = state[row::COARSE, column::COARSE]
+        block = values[: part.shape[0], : part.shape[1]]
+        is_first = (part == texel_state.WRITTEN) & (block[..., 3] == 0.0)
+        np.copyto(block, texels[row::COARSE, column::COARSE], where=is_first[..., None])
+    uploaded = _uploaded(values)
+    stored = target.get("coarse", width, height, "RGBA32F", "R8")
+    nearest = margin_search.search(uploaded, None if reach is None else reach // COARSE)
+    margin_fill.draw(stored, uploaded, nearest, halo=0, encode=np.eye(4), missed=(0.0, 0.0, 0.0))
+    stored.read(values)
+    for start in range(0, len(state), ROWS):
+        y, x = np.nonzero(state[start : start + ROWS] == 0)
+        y += start
+        found = values[y // COARSE, x // COARSE]
+        is_found = found[:, 3] > 0.0
+        y, x = y[is_found], x[is_found]
+        texels[y, x], state[y, x] = found[is_found], texel_state.MARGIN
+
+
+def _uploaded(values: np.ndarray) -> gpu.types.GPUTexture:
+    """A texture (RGBA32F) of values (height, width, 4) float32."""
+    data = gpu.types.Buffer("FLOAT", values.shape, values)
+    return gpu.types.GPUTexture(values.shape[1::-1], format="RGBA32F", data=data)
 
 
 def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]:

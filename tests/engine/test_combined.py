@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine import bands, large_map_margin, margins
+from addon.engine import bands, margins
 from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_storage
@@ -43,7 +43,7 @@ def in_bands(monkeypatch):
         monkeypatch.setattr(bands, "BAND_TEXELS", 10 * SIZE)
         for module in (bands, margins):
             monkeypatch.setattr(module, "REACH", 3)
-        monkeypatch.setattr(large_map_margin, "ROWS", 7)
+        monkeypatch.setattr(margins, "ROWS", 7)
 
     return shrink
 

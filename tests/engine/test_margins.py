@@ -11,9 +11,10 @@ import pytest
 
 from addon.core import texel_state
 from addon.core.settings import Settings
-from addon.engine import bands, large_map_margin, margins
+from addon.engine import bands, margins
 from addon.jobs import Job, bake_all
 from addon.mesh.triangle_mesh import Mesh
+from addon.passes.margin import seam_fill
 from tests.support import angles, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -128,13 +129,14 @@ def test_an_atlas_of_two_objects_has_no_margin_over_the_others_texels():
 
 @pytest.fixture
 def in_bands(monkeypatch):
-    """Treat small maps as large ones, with bands of a few rows and a short reach."""
+    """Treat small maps as large ones, with bands of a few rows, a short reach and short walks across seams."""
 
     def shrink(rows, reach):
         monkeypatch.setattr(bands, "BAND_TEXELS", SIZE[0] * rows)
         monkeypatch.setattr(bands, "REACH", reach)
         monkeypatch.setattr(margins, "REACH", reach)
-        monkeypatch.setattr(large_map_margin, "ROWS", 33)
+        monkeypatch.setattr(margins, "ROWS", 33)
+        monkeypatch.setattr(seam_fill, "FARTHEST", 26)
 
     return shrink
 
@@ -172,7 +174,7 @@ def test_texels_far_from_a_band_take_almost_the_nearest_texel_seed(in_bands, see
     if margin is None:
         assert filled[alpha == 0.0].all()
     assert np.array_equal(taken[filled & (nearest <= 64)], nearest[filled & (nearest <= 64)])
-    slack = 2.0 * np.sqrt(2.0) * large_map_margin.COARSE
+    slack = 2.0 * np.sqrt(2.0) * margins.COARSE
     assert (np.sqrt(taken[filled]) <= np.sqrt(nearest[filled]) + slack).all()
     if margin is not None:
         assert np.sqrt(nearest[filled].max()) <= margin * np.sqrt(2.0) + slack

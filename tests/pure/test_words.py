@@ -91,7 +91,6 @@ NAMES = {
     "Work": "Task",
     "Step": "Progress",
     "relief": "height_position_ids",
-    "stitch": "large_map_margin",
     "subjects": "objects",
     "told": "reported, messages, ...",
     "tell": "report",

@@ -32,13 +32,25 @@ ACROSS = Program(
     inputs=(("VEC2", "position"),),
     samplers=(("FLOAT_2D", "values"), ("FLOAT_2D", "borders"), ("FLOAT_2D", "similarities")),
     texels=(("R16I", "INT_2D", "offsets"), ("R32I", "INT_2D", "source_rows")),
-    constants=(("INT", "halo"), ("INT", "reach"), ("INT", "kind"), ("INT", "is_deferred"), ("MAT4", "encode")),
+    constants=(
+        *(("INT", name) for name in ("halo", "reach", "kind", "first_row", "is_deferred")),
+        ("MAT4", "encode"),
+    ),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
+)
+LISTED = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="margin/seam_listed_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(("FLOAT_2D", "values"), ("FLOAT_2D", "similarities")),
+    texels=(("RGBA32F", "FLOAT_2D", "places"), ("RGBA32F", "FLOAT_2D", "borders")),
+    constants=(("INT", "kind"), ("INT", "first_row"), ("MAT4", "encode")),
+    outputs=(("VEC4", "map_out"),),
 )
 VALUE, LABEL, NORMAL, TANGENT = range(4)
 """Kinds of values: numbers, numbers that must not be averaged, unit normals, and unit normals in tangent space."""
 FARTHEST = 256
-"""The longest way, in texels, on the other side of a seam, as in shaders/margin/seam_across_frag.glsl."""
+"""The longest way, in texels, on the other side of a seam, as in shaders/lib/seam_lib.glsl."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +77,20 @@ def draw(
     reach: int,
     kind: int,
     encode: np.ndarray,
+    first_row: int = 0,
     is_deferred: bool = False,
 ) -> None:
-    """Draw over the result of resolve.draw where a seam lies on the way to the nearest written texel.
+    """Draw over the result of margin_fill.draw where a seam lies on the way to the nearest written texel.
 
-    uv_to_clip: to the clip space of `values`. reach: how far, in texels, the way to the nearest may be. kind: one of VALUE,
-    LABEL, NORMAL and TANGENT; the last are turned with the similarity, which is exact on a flat surface whose islands are
-    similar to it. is_deferred: instead of the value across, store the border's number from 0 and the way (x, y) to the
-    nearest written texel, with the state DEFERRED: the values across may be on another band.
+    Args:
+        uv_to_clip: to the clip space of `values`.
+        reach: how far, in texels, the way to the nearest may be.
+        kind: one of VALUE, LABEL, NORMAL and TANGENT; the last are turned with the similarity, which is exact on a flat
+            surface whose islands are similar to it.
+        first_row: the row of the map that is row 0 of `values`.
+        is_deferred: store what `draw_listed` takes instead of the value, with the state DEFERRED, because `values` are
+            only a part of the map: the border's number from 0, the way (x, y) to the nearest written texel, and the row
+            of the map on which the walk across the seam starts.
     """
     borders = target.get("borders", values.width, values.height, "R32F", "DEPTH_COMPONENT32F")
     _draw_borders(borders, seams.strips, uv_to_clip)
@@ -87,9 +105,45 @@ def draw(
         halo=halo,
         reach=reach,
         kind=kind,
+        first_row=first_row,
         is_deferred=int(is_deferred),
         encode=shader.mat4(encode),
     )
+
+
+def draw_listed(
+    values: gpu.types.GPUTexture,
+    seams: Seams,
+    places: np.ndarray,
+    borders: np.ndarray,
+    *,
+    first_row: int,
+    kind: int,
+    encode: np.ndarray,
+) -> np.ndarray:
+    """The colors (N, 4) float32 across the seam of some texels of a map. Alpha is 0 where the nearest texel is to stay.
+
+    Args:
+        values: as `draw` takes them, of all rows that are at most FARTHEST + 2 from where the walks across the seam start.
+        places: (N, 4) float32, column, row, and the way (x, y) to the nearest written texel.
+        borders: (N, 1), the numbers of their borders, from 0.
+    """
+    listed = data_texture.upload(places)
+    into = target.Target(listed.width, listed.height, ("RGBA32F",))
+    target.fill(
+        into,
+        LISTED,
+        values=values,
+        similarities=seams.similarities,
+        places=listed,
+        borders=data_texture.upload(borders),
+        kind=kind,
+        first_row=first_row,
+        encode=shader.mat4(encode),
+    )
+    found = np.empty((listed.height, listed.width, 4), np.float32)
+    into.read(found)
+    return found.reshape(-1, 4)[: len(places)]
 
 
 def _draw_borders(into: target.Target, strips: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
