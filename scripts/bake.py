@@ -10,8 +10,12 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import addon  # noqa: E402
-from addon.cli import command, interruption, standard_streams  # noqa: E402
-from addon.cli.starting import ending  # noqa: E402
+from addon.cli import (  # noqa: E402
+    blender_process,  # noqa: E402
+    command,
+    interruption,
+    standard_streams,
+)
 from addon.core.timings import startup  # noqa: E402
 
 startup.add_launcher()
@@ -24,5 +28,5 @@ finally:
     addon.free()  # Blender crashes on exit while GPU objects exist
 code = interruption.leave() or code
 if __name__ == "__main__":
-    ending.end(code)
+    blender_process.end(code)
 sys.exit(code)

@@ -14,6 +14,7 @@ import bpy
 from .. import older_blender
 from ..core import progress
 from ..core.errors import BakeError, Incomplete, WrongPlace
+from ..core.levels import level_report
 from ..core.levels.level_report import ChainReport
 from ..core.names import file_names
 from ..core.report import Report
@@ -198,9 +199,9 @@ def _kind(options: argparse.Namespace) -> str:
 def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     """The names of the low objects in those of files."""
     if options.levels:
-        from .lod import level_bake  # here, since a bake does not need it
+        from ..jobs.lod import level_chain  # here, since a bake does not need it
 
-        return level_bake.names(options, jobs[0].low)
+        return level_chain.names(jobs[0].low, len(level_report.limits(*options.levels)))
     return [file_names.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
 
 
@@ -233,13 +234,14 @@ def _baked(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
 
     speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
     if options.convert:
-        from .converting import conversions  # here, since a bake does not need it
+        from .convert import convert_map  # here, since a bake does not need it
 
-        return _Baked([progress.finish(conversions.work(bpy.context, jobs[0], options, settings), on_step)])
+        return _Baked([progress.finish(convert_map(bpy.context, jobs[0], options, settings), on_step)])
     if options.levels:
-        from .lod import level_bake  # likewise
+        from ..jobs.lod import level_chain  # likewise
 
-        chain = progress.finish(level_bake.work(options, jobs[0].low, settings, speed), on_step)
+        limits = level_report.limits(*options.levels)
+        chain = progress.finish(level_chain.work(bpy.context, jobs[0].low, limits, settings, speed), on_step)
         return _Baked([level.bake for level in chain.levels], chain=chain)
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)

@@ -15,13 +15,13 @@ from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress
 from ..core.timings import startup
 from . import bounds, interruption, standard_streams
+from .blender_process import load_blender
 from .plan import costs, planning, shards
 from .plan.input_files import InputFiles
 from .results import events, this_call
 from .results.exit_codes import DONE, FAILED, WRONG_USAGE
 from .results.only import Only
 from .results.this_call import ThisCall
-from .starting.loading import load_blender
 from .terminal_progress import Meter
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
@@ -57,7 +57,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
             if words[:1] == [LOD]:
                 done = _run(words[1:], f"{program} {LOD}", meter, _read_levels, may_start_processes=may_start_processes)
             elif words[:1] == [FARM]:
-                from .farms import farm_command
+                from . import farm_command
 
                 done = farm_command.run(words[1:], f"{program} {FARM}")
             elif words[:1] == [REPORT]:
@@ -147,7 +147,7 @@ def _read_levels(
     words: Sequence[str], program: str, _meter: Meter
 ) -> tuple[argparse.Namespace, list[argparse.Namespace]]:
     """As `_read`, of the command lod."""
-    from .lod import lod_command
+    from . import lod_command
 
     options = lod_command.read(words, program)
     return options, [options]

@@ -12,6 +12,7 @@ from ..core.errors import BakeError, NoGpu, sentence
 from ..core.names.printable import printable
 from ..core.progress import Progress
 from ..core.timings import startup
+from .blender_process import load_blender
 from .bounds import Bounds
 from .done.claims import Claims
 from .done.resuming import Resuming
@@ -27,7 +28,6 @@ from .results.run_report import Entry, State
 from .results.sheets import picture_files
 from .results.sheets.sheet_file import SheetFile
 from .sandbox import MOST_SECONDS, Sandbox, most_memory
-from .starting.loading import load_blender
 from .terminal_progress import Meter
 from .usage import arguments, run_options
 from .usage.options import STDOUT

@@ -8,13 +8,12 @@ import bpy
 
 from ..core.errors import BakeError, WrongPlace
 from ..core.names.printable import printable
-from . import batch, interruption
+from . import batch, blender_process, interruption
 from .plan import plans, run_clashes
 from .plan.plans import Plan
 from .results import bake_result, exit_codes, report_file, run_report, terminal_text
 from .results.bake_result import Result
 from .scene_files import Stage
-from .starting import lean_blender
 from .terminal_progress import Meter
 from .usage.options import STDOUT
 
@@ -23,7 +22,7 @@ def run(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
     """Bake. files: must have the plan. Returns the exit code. Raises WrongPlace if the bake would harm a file."""
     options, stage = plan.options, Stage()
     if batch.need_all([plan]):
-        lean_blender.complete()  # before a file is opened, as Baker does
+        blender_process.complete()  # before a file is opened, as Baker does
     start, is_begun = time.perf_counter(), False
     meter.planned(1, 1)
     meter.begin(Plan(plans.subject(options, bpy.data.filepath), options))

@@ -9,11 +9,10 @@ import bpy
 from ..core.names import file_names
 from ..core.report import Report
 from ..output.files.atomic_file import replacing
-from . import standard_streams
-from .starting import lean_blender
+from . import blender_process, standard_streams
 
 EXPORTERS = {".fbx": ("io_scene_fbx",)}
-"""Blender's add-ons that write files, by their ending, beside those that `lean_blender.complete` loads."""
+"""Blender's add-ons that write files, by their ending, beside those that `blender_process.complete` loads."""
 
 
 def export(
@@ -26,7 +25,7 @@ def export(
     """
     from ..export import engine_files  # here, since a bake without exports does not need it
 
-    lean_blender.complete(*EXPORTERS.get(Path(output).suffix.lower(), ()))
+    blender_process.complete(*EXPORTERS.get(Path(output).suffix.lower(), ()))
     by_low: dict[int, list[Report]] = {}
     for report in reports:
         by_low.setdefault(report.refs[0].uid, []).append(report)

@@ -7,10 +7,10 @@ from pathlib import Path
 import bpy
 from bpy.props import IntProperty, StringProperty
 
+from .. import flamenco
 from ..core.declarations.choices import Storage
 from ..core.errors import BakeError
 from ..core.names import name_matching
-from ..farms import flamenco
 from .sidebar import SettingsPanel, draw_paragraphs
 from .translations import LABEL, label, message, tooltip
 

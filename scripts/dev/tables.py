@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from addon.cli.farms.farm_command import FARM_OPTIONS  # noqa: E402
+from addon.cli.farm_command import FARM_OPTIONS  # noqa: E402
 from addon.cli.results.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
 from addon.cli.usage.key_values import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402

@@ -11,18 +11,18 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon.cli.starting import ending, lean_blender
+from addon.cli import blender_process
 from addon.core.timings import STARTUP
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-LEFT_OUT = {*lean_blender.INTERFACE, *lean_blender.ADDONS, *lean_blender.NEVER}
+LEFT_OUT = {*blender_process.INTERFACE, *blender_process.ADDONS, *blender_process.NEVER}
 
 LATER = {
-    "addon.cli.farms.farm_command",
-    "addon.cli.lod.lod_command",
+    "addon.cli.farm_command",
+    "addon.cli.lod_command",
     "addon.cli.many_bakes",
     "addon.cli.results.report_command",
     "addon.export.engine_files",
@@ -96,7 +96,7 @@ def test_a_bake_loads_neither_the_interface_nor_add_ons(scene):
 def test_all_is_loaded_where_scripts_of_the_user_may_need_it(scene, tmp_path):
     modules, addons = loaded(*BLEND, BLENDER_SYSTEM_SCRIPTS=str(tmp_path))
     assert modules >= LEFT_OUT
-    assert addons >= {*lean_blender.ADDONS, "bl_pkg"}
+    assert addons >= {*blender_process.ADDONS, "bl_pkg"}
 
 
 @pytest.mark.skipif(not hasattr(sys, "setdlopenflags"), reason="shared libraries of POSIX")
@@ -113,7 +113,7 @@ def test_the_functions_of_blenders_libraries_are_found_when_called(monkeypatch):
     monkeypatch.setattr(sys, "meta_path", [finder := Finder()])
     monkeypatch.delitem(sys.modules, "bpy")
     with pytest.raises(ImportError):
-        lean_blender.load()
+        blender_process.load()
     assert finder.flags == [before & ~os.RTLD_NOW | os.RTLD_LAZY]
     assert (sys.getdlopenflags(), sys.meta_path) == (before, [finder])
 
@@ -121,14 +121,14 @@ def test_the_functions_of_blenders_libraries_are_found_when_called(monkeypatch):
 @pytest.mark.parametrize("words", [FILES, [*BLEND, "--save-blend", "saved.blend"]])
 def test_the_interface_is_loaded_for_files_that_need_it(scene, words):
     modules, addons = loaded(*words)
-    assert modules >= {*lean_blender.INTERFACE, *lean_blender.ADDONS}
-    assert addons == set(lean_blender.ADDONS)
+    assert modules >= {*blender_process.INTERFACE, *blender_process.ADDONS}
+    assert addons == set(blender_process.ADDONS)
     assert (scene / "m.png").is_file()
 
 
 def test_what_was_left_out_is_loaded_once():
     """Blender prints where a class takes the place of another one."""
-    text = "from addon.cli.starting.lean_blender import load, complete; load(); complete(); complete()"
+    text = "from addon.cli.blender_process import load, complete; load(); complete(); complete()"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True, cwd=ROOT)
     assert "registered before" not in done.stdout + done.stderr
 
@@ -176,7 +176,7 @@ def test_the_process_leaves_no_temporary_folder(scene, words, code):
 
 
 def test_a_process_that_ends_at_once_loses_no_text():
-    text = "import bpy; from addon.cli.starting import ending; print('last words', end=''); ending.end(3)"
+    text = "import bpy; from addon.cli import blender_process; print('last words', end=''); blender_process.end(3)"
     held_back = os.environ | {"PYTHONUNBUFFERED": ""}
     done = subprocess.run(
         [sys.executable, "-c", text], capture_output=True, text=True, check=False, cwd=ROOT, env=held_back
@@ -188,17 +188,17 @@ def test_a_process_that_ends_at_once_loses_no_text():
 def test_in_blender_nothing_ends_at_once(monkeypatch):
     monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace(app=SimpleNamespace(module=False)))
     monkeypatch.setattr(os, "_exit", lambda _code: pytest.fail("Blender's add-ons had no end"))
-    ending.end(0)
+    blender_process.end(0)
 
 
 @pytest.mark.parametrize("name", ["temporary", "blender_of_others"])
 def test_files_of_others_stay_where_blender_could_make_no_temporary_folder(tmp_path, name):
     (tmp_path / name).mkdir()
     (tmp_path / name / "kept").touch()
-    ending._remove_temporary(f"{tmp_path / name}{os.sep}")
+    blender_process._remove_temporary(f"{tmp_path / name}{os.sep}")
     assert (tmp_path / name / "kept").is_file()
 
 
 def test_an_empty_folder_for_all_programs_stays(tmp_path):
-    ending._remove_temporary(f"{tmp_path}{os.sep}")
+    blender_process._remove_temporary(f"{tmp_path}{os.sep}")
     assert tmp_path.is_dir()

@@ -10,9 +10,8 @@ import tomllib
 
 import pytest
 
-from addon.cli import command
-from addon.cli.farms import farm_command
-from addon.cli.farms.farm_command import FARM_OPTIONS
+from addon.cli import command, farm_command
+from addon.cli.farm_command import FARM_OPTIONS
 from addon.cli.results import exit_codes, report_command
 from addon.cli.results.report_command import REPORT_OPTIONS
 from addon.cli.usage import arguments, job_file

@@ -7,7 +7,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
-from addon.cli.farms import farm_command
+from addon.cli import farm_command
 from addon.cli.results import exit_codes
 
 KIND = {

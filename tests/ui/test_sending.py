@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
+from addon import flamenco
 from addon.core.errors import BakeError
-from addon.farms import flamenco
 from addon.ui import batches
 from tests.support.panel_layout import draw
 

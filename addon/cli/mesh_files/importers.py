@@ -16,8 +16,7 @@ import numpy as np
 
 from ...core.errors import BakeError
 from ...output.files.atomic_file import reason
-from .. import standard_streams
-from ..starting import lean_blender
+from .. import blender_process, standard_streams
 from . import far_coordinates, ply, textures
 from .textures import Materials
 
@@ -117,7 +116,7 @@ def _import(path: Path, space: Space) -> None:
         if space.up and path.suffix.lower() in WITHOUT_AXES:
             more = {**more, "up_axis": space.up, "forward_axis": _FORWARD[space.up]}
         if module == "import_scene":
-            lean_blender.complete()  # the importer is an add-on
+            blender_process.complete()  # the importer is an add-on
         with check_messages(path):
             getattr(getattr(bpy.ops, module), operator)(filepath=str(staged), **more)
     new = [obj for obj in bpy.data.objects if obj not in objects]

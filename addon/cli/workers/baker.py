@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.errors import BakeError
 from ...output.writers import png_writer
-from .. import batch, interruption
+from .. import batch, blender_process, interruption
 from ..done import recording
 from ..done.bake_record import Draft
 from ..done.contents import Contents
@@ -19,7 +19,6 @@ from ..results import bake_result
 from ..results.bake_result import Done, Result, Wanted
 from ..results.run_report import State
 from ..scene_files import Stage
-from ..starting import lean_blender
 from ..terminal_progress import Meter
 from .chains import Chains
 
@@ -39,7 +38,7 @@ class Baker:
         self._files, self._meter, self._folders, self._stage = files, meter, folders, Stage(folders)
         self._wanted, self._contents = wanted, Contents()
         if needs_all:
-            lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
+            blender_process.complete()  # before a file is opened: Cycles brings its settings in old files up to date
 
     def bake(self, plan: Plan, draft: Draft | None = None) -> Done:
         """Bake a plan. draft: of the record to write."""

@@ -7,9 +7,9 @@ import subprocess
 
 import pytest
 
-from addon.cli.farms import farm_command
+from addon import flamenco
+from addon.cli import farm_command
 from addon.cli.usage import arguments
-from addon.farms import flamenco
 from tests.package.farms.farm_words import FARM, JOBS, check_first, check_merge, check_shard
 
 RUN_JOB_TYPE = """

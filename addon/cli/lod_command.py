@@ -5,11 +5,11 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...core.errors import BakeError
-from ...core.levels import level_report
-from ...core.names import file_names
-from ..usage import arguments
-from ..usage.arguments import WrongUsage
+from ..core.errors import BakeError
+from ..core.levels import level_report
+from ..core.names import file_names
+from .usage import arguments
+from .usage.arguments import WrongUsage
 
 _OF_BAKES = ("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers")
 """Options that a chain has no use for."""

@@ -8,13 +8,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...core.errors import BakeError, WrongPlace, sentence
-from ...farms import flamenco
-from .. import bounds
-from ..results.exit_codes import DONE, FAILED, WRONG_USAGE
-from ..usage import arguments, job_file, option_types
-from ..usage.arguments import Parser, WrongUsage
-from ..usage.options import CommandOption
+from .. import flamenco
+from ..core.errors import BakeError, WrongPlace, sentence
+from . import bounds
+from .results.exit_codes import DONE, FAILED, WRONG_USAGE
+from .usage import arguments, job_file, option_types
+from .usage.arguments import Parser, WrongUsage
+from .usage.options import CommandOption
 
 
 def _number(text: str) -> int:

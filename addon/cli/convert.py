@@ -6,19 +6,19 @@ from pathlib import Path
 
 import bpy
 
-from ...core import udim
-from ...core.conversion.conversion_report import ConversionReport
-from ...core.errors import BakeError
-from ...core.progress import Pace, Task
-from ...core.settings import Settings
-from ...jobs import bake_jobs, convert
-from ...jobs.convert import Conversion
-from ...jobs.job import Job
-from ...scene import object_checks
-from ..usage import arguments
+from ..core import udim
+from ..core.conversion.conversion_report import ConversionReport
+from ..core.errors import BakeError
+from ..core.progress import Pace, Task
+from ..core.settings import Settings
+from ..jobs import bake_jobs, convert
+from ..jobs.convert import Conversion
+from ..jobs.job import Job
+from ..scene import object_checks
+from .usage import arguments
 
 
-def work(
+def convert_map(
     context: bpy.types.Context, job: Job, options: argparse.Namespace, settings: Settings
 ) -> Task[ConversionReport]:
     """Convert the image file that the options name, a map of the job's low object. Raises BakeError.

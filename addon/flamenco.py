@@ -11,7 +11,7 @@ import urllib.request
 from dataclasses import dataclass
 from typing import Any
 
-from ..core.errors import BakeError
+from .core.errors import BakeError
 
 JOB_TYPE = "imprint-bake"
 """The manager's name for scripts/farm/flamenco/imprint_bake.js."""

@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Loads Blender's Python package without its interface and its add-ons, which a bake does not need. `complete` loads later
-what some files need.
+"""Loads Blender's Python package without its interface and its add-ons, which a bake does not need, and ends its process.
 
-This works only where Blender is a Python package. Blender itself has loaded everything before it runs a script.
+`complete` loads later what some files need. This works only where Blender is a Python package. Blender itself has loaded
+everything before it runs a script.
 """
 
 import importlib
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
+
+from ..core.timings import startup
+from . import standard_streams
 
 INTERFACE = ("bl_operators", "bl_ui", "nodeitems_builtins")
 """Blender's panels, menus and operators in Python. The add-ons below add to them."""
@@ -135,3 +138,37 @@ def _register() -> None:
 
 def _nothing() -> None:
     pass
+
+
+def load_blender() -> None:
+    """Load Blender where it is a Python package. In Blender this does nothing."""
+    with standard_streams.silence(1), startup.spent("bpy"):
+        load()
+
+
+TEMPORARY = "blender_"
+"""The start of the name of the folder that each process of Blender makes for its temporary files."""
+
+
+def end(code: int) -> None:
+    """End the process at once, with this exit code, where Blender is a Python package: it unloads for a quarter of a second.
+
+    In Blender this returns: what its add-ons do at the end is theirs.
+    """
+    bpy = sys.modules.get("bpy")
+    if bpy is None or not bpy.app.module:
+        return
+    standard_streams.flush()
+    _remove_temporary(bpy.app.tempdir)
+    os._exit(code)
+
+
+def _remove_temporary(folder: str) -> None:
+    """Remove Blender's temporary folder if it is empty, as bakes leave it.
+
+    Never with its content: where Blender could not make a folder, this is the one that all programs share.
+    """
+    folder = os.path.normpath(folder)
+    if os.path.basename(folder).startswith(TEMPORARY):
+        with suppress(OSError):
+            os.rmdir(folder)
