@@ -118,7 +118,7 @@ def known_options():
     ours = {
         f"--{name}" for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS, REPORT_OPTIONS) for name in group
     } | {"--jobs"}
-    ours |= options_in(ROOT / "addon" / "cli" / "lod" / "lod_command.py")
+    ours |= options_in(ROOT / "addon" / "cli" / "lod_command.py")
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
 
 
