@@ -8,7 +8,6 @@ import hashlib
 import json
 import os
 import shutil
-from collections import Counter
 from pathlib import Path
 
 import bpy
@@ -19,7 +18,7 @@ from addon.cli import command
 from addon.cli.plan import blend_blocks
 from addon.cli.results import exit_codes
 from addon.core.file_structure import mesh_references
-from tests.support import zoo
+from tests.support import random_cases, scenes, zoo
 
 pytestmark = [
     pytest.mark.usefixtures("gpu_context"),
@@ -27,23 +26,13 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:Setting the shape:DeprecationWarning"),
 ]
 
-FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:60").split(":"))
-ENOUGH = 0.2
-"""The least share of cases that bake, and of cases that are refused. Otherwise refusing all would pass."""
 SMALL = ["--size", "16", "--margin", "0", "--limit", "9", "--method", "flatten"]
 TEXTURES = ("skin.png", "skin.1001.png", "skin_0001.png", "rock_a_low.png", "rock_a_low_height.png")
 STARTS = {".png": b"\x89PNG", ".json": (b"{", b"["), ".blend": (b"BLENDER", b"\x28\xb5\x2f\xfd")}
 """The first bytes of files."""
 
 
-@pytest.fixture(scope="module")
-def outcomes():
-    """The number of cases for each outcome."""
-    count = Counter()
-    yield count
-    print(f"{count.total()} combinations: {dict(count)}")
-    if count.total() >= 40:
-        assert min(count["baked"], count["refused"]) >= ENOUGH * count.total(), count
+outcomes = random_cases.counted(40, baked=0.2, refused=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -66,15 +55,10 @@ def inputs(tmp_path_factory):
             (folder / f"{obj.name}.obj").unlink()
             (folder / f"{obj.name}.mtl").unlink()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    with bpy.data.libraries.load(str(folder / "lib.blend"), link=True) as (there, here):
-        here.objects = there.objects
-    for obj in here.objects:
-        bpy.context.scene.collection.objects.link(obj)
+    scenes.from_library(folder / "lib.blend", "objects")
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "linked.blend"))
     for name in TEXTURES:
-        image = bpy.data.images.new(name, 4, 4)
-        image.filepath_raw, image.file_format = str(folder / name), "PNG"
-        image.save()
+        scenes.image_file(folder / name)
     text = "".join(f"newmtl m{number}\nmap_Kd {name}\n" for number, name in enumerate(TEXTURES))
     (folder / "rock_a_high.mtl").write_text(text)
     points = (folder / "rock_a_high.obj").read_text()
@@ -118,7 +102,7 @@ class Case:
         self.written = []
 
     def pick(self, *choices):
-        return choices[self.rng.integers(len(choices))]
+        return random_cases.any_of(self.rng, choices)
 
     def disguise(self, name):
         """An unusual spelling of the path in/name."""
@@ -230,7 +214,7 @@ def protected(bakes, folder):
     return result
 
 
-@pytest.mark.parametrize("seed", range(FIRST, LAST))
+@random_cases.seeds(60, fast=60)
 def test_no_input_is_changed_by_seed(place, outcomes, capsys, seed):
     case = Case(np.random.default_rng(seed), place)
     words = case.words()

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from tests.support import angles, cycles, lanes, layouts
+from tests.support import angles, cycles, lanes, scenes
 from tests.support.maps import bake, bake_all_maps, texel_uv
 
 pytestmark = [pytest.mark.shared, pytest.mark.usefixtures("gpu_context")]
@@ -35,8 +35,8 @@ def picture(size=1024, waves=5):
 def painted(high, **sockets):
     """Replace the materials of a mesh by one whose sockets show the picture. Returns the material and its texture node."""
     material = bpy.data.materials.new("painted")
-    node = layouts.texture(material, layouts.image("picture", picture()))
-    layouts.set_inputs(material, Base_Color=node.outputs["Color"], **sockets)
+    node = scenes.texture(material, scenes.image("picture", picture()))
+    scenes.set_inputs(material, Base_Color=node.outputs["Color"], **sockets)
     high.data.materials.clear()
     high.data.materials.append(material)
     return material, node
@@ -72,11 +72,11 @@ def test_the_high_meshes_own_normal_map_is_that_of_cycles(shared_assets, name):
     turn = texel_uv(1024, 1024) * 2.0 * np.pi * 5.0
     normals = np.concatenate([0.4 * np.sin(turn), np.ones((1024, 1024, 1))], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    shown = layouts.texture(material, layouts.image("dents", normals * 0.5 + 0.5, space="Non-Color", is_float=True))
+    shown = scenes.texture(material, scenes.image("dents", normals * 0.5 + 0.5, space="Non-Color", is_float=True))
     node = material.node_tree.nodes.new("ShaderNodeNormalMap")
     material.node_tree.links.new(shown.outputs["Color"], node.inputs["Color"])
     plain = bake(low, high, method="CAST", hit="OUTERMOST", space="OBJECT", size=SIZE, **reach)
-    layouts.set_inputs(material, Normal=node.outputs["Normal"])
+    scenes.set_inputs(material, Normal=node.outputs["Normal"])
     texels = bake(low, high, method="CAST", hit="OUTERMOST", space="OBJECT", size=SIZE, **reach)
     expected, written = cycles.bake_normals(low, SIZE, space="OBJECT", highs=[high], **reach)
     inner = angles.eroded(written & (texels[..., 3] == 1.0) & ~cycles.shared(low, SIZE), 1)

@@ -8,7 +8,7 @@ from mathutils import Euler
 
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from tests.support import layouts, zoo
+from tests.support import scenes, zoo
 from tests.support.maps import pixels
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -122,7 +122,7 @@ def width_of(shown, material, folder):
 def test_the_low_mesh_has_the_highlight_of_the_high_one_seed_1(level, size, samples, tmp_path):
     """Where texels are wider than bumps, and on a mip level of a map that shows the bumps."""
     low, high = patch("low", 48), patch("high", 512, bumps(0.2, 64, 1))
-    high.data.materials.append(layouts.material("rough", Roughness=ROUGHNESS))
+    high.data.materials.append(scenes.material("rough", Roughness=ROUGHNESS))
     chosen = Settings(
         method="FLATTEN",
         storage="FILE",

@@ -22,7 +22,7 @@ from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_jobs, bake_pair
 from addon.passes import target
 from scripts import imprint
-from tests.support import layouts, zoo
+from tests.support import scenes, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -105,7 +105,7 @@ import bpy, gpu
 gpu.init()
 from addon.jobs import bake_pair
 from addon.core.settings import Settings
-from tests.support import layouts, zoo
+from tests.support import scenes, zoo
 
 method, samples, output = sys.argv[1:]
 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -202,12 +202,12 @@ FEW, MORE_BAKES = 8, 24
 def test_bakes_of_many_maps_leave_nothing_behind():
     """Images of the high mesh change, and so do its shape, the size and the samples."""
     low, high = zoo.plane("lo", 4), zoo.terrain("hi", 24)
-    material = layouts.material("painted")
-    picture = layouts.image("picture", np.full((64, 64, 3), 0.5))
-    shown = layouts.texture(material, picture).outputs["Color"]
+    material = scenes.material("painted")
+    picture = scenes.image("picture", np.full((64, 64, 3), 0.5))
+    shown = scenes.texture(material, picture).outputs["Color"]
     bump = material.node_tree.nodes.new("ShaderNodeBump")
     material.node_tree.links.new(shown, bump.inputs["Height"])
-    layouts.set_inputs(material, Base_Color=shown, Roughness=shown, Normal=bump.outputs["Normal"])
+    scenes.set_inputs(material, Base_Color=shown, Roughness=shown, Normal=bump.outputs["Normal"])
     high.data.materials.append(material)
     names = ("POSITION", "AO", "BENT_NORMAL", "THICKNESS", "CURVATURE", "BASE_COLOR", "ROUGHNESS", "ATTRIBUTE")
     for number in range(300 if FULL else MORE_BAKES):

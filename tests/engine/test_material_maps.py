@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.engine import bands
-from tests.support import layouts, zoo
+from tests.support import layouts, scenes, zoo
 from tests.support.feeds import write_png
 from tests.support.layouts import Layout
 from tests.support.maps import bake_all_maps, raw_maps
@@ -34,8 +34,8 @@ def pair(material, *, low=LOW, paint=PAINT, n=1):
 
 def checkered(name="checker", socket="Base_Color", *, dark=DARK, bright=BRIGHT, **properties):
     found = bpy.data.materials.new(name)
-    shown = layouts.image(name, layouts.checker(FIELDS, 24, dark=dark, bright=bright))
-    layouts.set_inputs(found, **{socket: layouts.texture(found, shown, **properties).outputs["Color"]})
+    shown = scenes.image(name, layouts.checker(FIELDS, 24, dark=dark, bright=bright))
+    scenes.set_inputs(found, **{socket: scenes.texture(found, shown, **properties).outputs["Color"]})
     return found
 
 
@@ -67,7 +67,7 @@ def test_a_checker_comes_back_to_half_a_texel(method, samples):
 def test_several_materials_each_show_their_own(method, samples):
     """Four quads with an image, a constant, no material, and a material without a shader."""
     low, high = pair(checkered(), n=2)
-    plain = layouts.material("plain", Base_Color=(0.1, 0.2, 0.3, 1.0))
+    plain = scenes.material("plain", Base_Color=(0.1, 0.2, 0.3, 1.0))
     bare = bpy.data.materials.new("bare")
     bare.node_tree.nodes.clear()
     for material in (plain, None, bare):
@@ -105,7 +105,7 @@ def test_tiles_of_a_high_mesh(method, is_packed, tmp_path):
     if is_packed:
         shown.pack()
     material = bpy.data.materials.new("tiled")
-    layouts.set_inputs(material, Base_Color=layouts.texture(material, shown).outputs["Color"])
+    scenes.set_inputs(material, Base_Color=scenes.texture(material, shown).outputs["Color"])
     _, maps = bake_all_maps(*pair(material, paint=paint), maps=["BASE_COLOR"], size=SIZE, method=method)
     texels = maps["base_color"]
     points, inside = LOW.texels(SIZE)
@@ -133,7 +133,7 @@ def test_vertex_colors_come_back(method, domain, samples):
     attribute.data.foreach_set("color", colors.astype(np.float32).ravel())
     node = data.materials[0].node_tree.nodes.new("ShaderNodeVertexColor")
     node.layer_name = "Scanned"
-    layouts.set_inputs(data.materials[0], Base_Color=node.outputs["Color"])
+    scenes.set_inputs(data.materials[0], Base_Color=node.outputs["Color"])
     points, inside = LOW.texels(SIZE)
     expected = np.concatenate([points * 0.4 + 0.5, points.sum(axis=-1, keepdims=True) * 0.2 + 0.5], axis=-1)
     for name in ("", "Scanned"):
@@ -166,12 +166,12 @@ def test_the_channels_of_a_gltf_material(method):
     tree = material.node_tree
     low, high = pair(material)
     u, v = np.meshgrid((np.arange(64) + 0.5) / 64, (np.arange(64) + 0.5) / 64)
-    packed = layouts.texture(material, layouts.image("orm", np.stack([0 * u, u, v], axis=-1), space="Non-Color"))
+    packed = scenes.texture(material, scenes.image("orm", np.stack([0 * u, u, v], axis=-1), space="Non-Color"))
     split = tree.nodes.new("ShaderNodeSeparateColor")
     tree.links.new(packed.outputs["Color"], split.inputs["Color"])
-    color = layouts.texture(material, layouts.image("color", np.stack([u, v, 1 - u], axis=-1), alpha=0.3 + 0.5 * v))
-    glow = layouts.texture(material, layouts.image("glow", np.stack([v, u, u], axis=-1)))
-    layouts.set_inputs(
+    color = scenes.texture(material, scenes.image("color", np.stack([u, v, 1 - u], axis=-1), alpha=0.3 + 0.5 * v))
+    glow = scenes.texture(material, scenes.image("glow", np.stack([v, u, u], axis=-1)))
+    scenes.set_inputs(
         material,
         Roughness=split.outputs["Green"],
         Metallic=split.outputs["Blue"],
@@ -205,7 +205,7 @@ def test_the_channels_of_a_gltf_material(method):
 @pytest.mark.parametrize("storage", ["MEMORY", "PACK", "FILE"])
 def test_integers_store_colors_as_srgb_and_numbers_as_they_are(storage, tmp_path):
     material = checkered()
-    layouts.set_inputs(material, Roughness=0.3)
+    scenes.set_inputs(material, Roughness=0.3)
     report, maps = bake_all_maps(
         *pair(material),
         maps=["BASE_COLOR", "ROUGHNESS"],

@@ -12,7 +12,7 @@ from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_storage
 from tests.engine.test_slope_maps import SLOPE, roof, widened
-from tests.support import layouts, zoo
+from tests.support import scenes, zoo
 from tests.support.maps import pixels
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -232,10 +232,10 @@ def test_colors_have_the_mean_of_light(tmp_path):
     """Half of a field is black, half is white: sRGB has 188 of 255 steps for half of the light."""
     high = zoo.plane("high")
     y, x = np.indices((SIZE, SIZE))
-    shown = layouts.image("checker", np.repeat((x + y)[..., None] % 2.0, 3, axis=2))
+    shown = scenes.image("checker", np.repeat((x + y)[..., None] % 2.0, 3, axis=2))
     material = bpy.data.materials.new("checker")
-    node = layouts.texture(material, shown, interpolation="Closest")
-    layouts.set_inputs(material, Base_Color=node.outputs["Color"])
+    node = scenes.texture(material, shown, interpolation="Closest")
+    scenes.set_inputs(material, Base_Color=node.outputs["Color"])
     high.data.materials.append(material)
     bake(zoo.plane("low"), high, tmp_path, name="rock.png", depth=8, maps=["BASE_COLOR"])
     first, *levels = chain(tmp_path, "rock_base_color", ".png")

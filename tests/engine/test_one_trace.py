@@ -12,7 +12,7 @@ from addon.engine.rays import tree_cache
 from addon.passes import target
 from addon.passes.bake import cast
 from addon.passes.surface import image_page
-from tests.support import layouts, zoo
+from tests.support import scenes, zoo
 from tests.support.maps import bake_all_maps
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -48,12 +48,12 @@ def pair():
     low, high = zoo.plane("lo", 2), zoo.terrain("hi", 24)
     material = bpy.data.materials.new("painted")
     rng = np.random.default_rng(0)
-    color = layouts.image("color", rng.uniform(0, 1, (32, 32, 3)))
-    flat = layouts.image("flat", np.full((8, 8, 3), (0.55, 0.5, 0.95)), space="Non-Color")
+    color = scenes.image("color", rng.uniform(0, 1, (32, 32, 3)))
+    flat = scenes.image("flat", np.full((8, 8, 3), (0.55, 0.5, 0.95)), space="Non-Color")
     node = material.node_tree.nodes.new("ShaderNodeNormalMap")
-    material.node_tree.links.new(layouts.texture(material, flat).outputs["Color"], node.inputs["Color"])
-    shown = layouts.texture(material, color).outputs
-    layouts.set_inputs(material, Base_Color=shown["Color"], Roughness=shown["Color"], Normal=node.outputs["Normal"])
+    material.node_tree.links.new(scenes.texture(material, flat).outputs["Color"], node.inputs["Color"])
+    shown = scenes.texture(material, color).outputs
+    scenes.set_inputs(material, Base_Color=shown["Color"], Roughness=shown["Color"], Normal=node.outputs["Normal"])
     high.data.materials.append(material)
     return low, high
 
@@ -74,8 +74,8 @@ def test_images_that_no_hit_shows_are_not_loaded(counts, method):
     settings = {"method": method, "extrusion": 0.2, "max_distance": 0.5}
     low, high = pair()
     other = bpy.data.materials.new("other")
-    shown = layouts.texture(other, layouts.image("other", np.zeros((8, 8, 3))))
-    layouts.set_inputs(other, Base_Color=shown.outputs["Color"])
+    shown = scenes.texture(other, scenes.image("other", np.zeros((8, 8, 3))))
+    scenes.set_inputs(other, Base_Color=shown.outputs["Color"])
     high.data.materials.append(other)
     assert bake(low, high, ("BASE_COLOR",), counts, **settings)["pages"] == 2
     for face in high.data.polygons:

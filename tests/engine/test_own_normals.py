@@ -10,7 +10,7 @@ import pytest
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs
-from tests.support import angles, layouts, maps, zoo
+from tests.support import angles, layouts, maps, scenes, zoo
 from tests.support.layouts import Layout
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -38,22 +38,22 @@ def carved(name="carved", *, strength=1.0, layer="", pixels=512):
     """A material with the normal map."""
     found = bpy.data.materials.new(name)
     stored = original(maps.texel_uv(pixels, pixels)) * 0.5 + 0.5
-    shown = layouts.texture(found, layouts.image(name, stored, space="Non-Color", is_float=True))
+    shown = scenes.texture(found, scenes.image(name, stored, space="Non-Color", is_float=True))
     node = found.node_tree.nodes.new("ShaderNodeNormalMap")
     node.inputs["Strength"].default_value, node.uv_map = strength, layer
     found.node_tree.links.new(shown.outputs["Color"], node.inputs["Color"])
-    layouts.set_inputs(found, Normal=node.outputs["Normal"])
+    scenes.set_inputs(found, Normal=node.outputs["Normal"])
     return found
 
 
 def bumpy(heights, distance=0.3):
     """A material with a bump map. heights: of coordinates (..., 2)."""
     found = bpy.data.materials.new("bumpy")
-    shown = layouts.image("heights", heights(maps.texel_uv(512, 512)), space="Non-Color", is_float=True)
+    shown = scenes.image("heights", heights(maps.texel_uv(512, 512)), space="Non-Color", is_float=True)
     node = found.node_tree.nodes.new("ShaderNodeBump")
     node.inputs["Strength"].default_value, node.inputs["Distance"].default_value = 1.0, distance
-    found.node_tree.links.new(layouts.texture(found, shown).outputs["Color"], node.inputs["Height"])
-    layouts.set_inputs(found, Normal=node.outputs["Normal"])
+    found.node_tree.links.new(scenes.texture(found, shown).outputs["Color"], node.inputs["Height"])
+    scenes.set_inputs(found, Normal=node.outputs["Normal"])
     return found
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from tests.support import angles, layouts, zoo
+from tests.support import angles, layouts, scenes, zoo
 from tests.support.layouts import Layout
 from tests.support.maps import bake_all_maps
 
@@ -24,13 +24,13 @@ def test_borders_are_means_of_the_samples_on_the_mesh(method, samples, rays, spa
     wide = Layout(LOW.degrees, scale=1.4 * LOW.scale)
     high = layouts.square("hi", {zoo.LAYER: wide})
     high.scale = (1.4, 1.4, 1.0)
-    material = layouts.material("skin", Roughness=0.3)
+    material = scenes.material("skin", Roughness=0.3)
     high.data.materials.append(material)
     if has_detail:
         node = material.node_tree.nodes.new("ShaderNodeNormalMap")
-        flat = layouts.image("flat", np.full((4, 4, 3), (0.5, 0.5, 1.0)), space="Non-Color", is_float=True)
-        material.node_tree.links.new(layouts.texture(material, flat).outputs[0], node.inputs["Color"])
-        layouts.set_inputs(material, Normal=node.outputs[0])
+        flat = scenes.image("flat", np.full((4, 4, 3), (0.5, 0.5, 1.0)), space="Non-Color", is_float=True)
+        material.node_tree.links.new(scenes.texture(material, flat).outputs[0], node.inputs["Color"])
+        scenes.set_inputs(material, Normal=node.outputs[0])
     _, maps = bake_all_maps(low, high, maps=MAPS, size=SIZE, method=method, samples=samples, rays=rays, space=space)
     known = maps["height"][..., 3] == 1.0
     expected = {"ao": 1.0, "thickness": 1.0, "curvature": 0.5, "roughness": 0.3, "height": 0.0}

@@ -7,7 +7,7 @@ import pytest
 from mathutils import Euler
 
 from addon.core.map_types import WIDENED_ROUGHNESS
-from tests.support import layouts, zoo
+from tests.support import scenes, zoo
 from tests.support.maps import bake, bake_all_maps, raw_maps
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -29,7 +29,7 @@ def roof(roughness=None, *, periods=2 * SIZE, slope=SLOPE):
 
     high = zoo.sheet("high", surface, 2 * periods, 1, smooth=False)
     if roughness is not None:
-        high.data.materials.append(layouts.material("rough", Roughness=roughness))
+        high.data.materials.append(scenes.material("rough", Roughness=roughness))
     return high
 
 
@@ -86,9 +86,9 @@ def test_roughness_itself_stays_as_it_is():
 
 def test_an_image_of_roughness_is_widened():
     high = roof()
-    image = layouts.image("rough", np.full((8, 8, 3), 0.2), space="Non-Color", is_float=True)
+    image = scenes.image("rough", np.full((8, 8, 3), 0.2), space="Non-Color", is_float=True)
     material = bpy.data.materials.new("rough")
-    layouts.set_inputs(material, Roughness=layouts.texture(material, image).outputs["Color"])
+    scenes.set_inputs(material, Roughness=scenes.texture(material, image).outputs["Color"])
     high.data.materials.append(material)
     found = raw_maps(zoo.plane("low"), high, maps=[NAME], size=SIZE, samples=16)[1001][NAME]
     assert np.abs(found[..., 0] - widened(0.2)).max() < EXACT

@@ -11,7 +11,7 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine.maps import material_maps, own_normals, point_maps, ray_maps, sampling
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair
-from tests.support import layouts, zoo
+from tests.support import scenes, zoo
 from tests.support.feeds import write_png
 from tests.support.snapshot import difference, snapshot
 
@@ -35,11 +35,11 @@ def pair(folder):
     material = bpy.data.materials.new("painted")
     rng = np.random.default_rng(0)
     color = bpy.data.images.load(write_png(folder / "color.png", rng.integers(0, 255, (16, 16, 3)).astype(np.uint8)))
-    flat = layouts.image("bumps", np.full((8, 8, 3), (0.6, 0.5, 0.9)), space="Non-Color")
+    flat = scenes.image("bumps", np.full((8, 8, 3), (0.6, 0.5, 0.9)), space="Non-Color")
     node = material.node_tree.nodes.new("ShaderNodeNormalMap")
-    material.node_tree.links.new(layouts.texture(material, flat).outputs["Color"], node.inputs["Color"])
-    layouts.set_inputs(
-        material, Base_Color=layouts.texture(material, color).outputs["Color"], Normal=node.outputs["Normal"]
+    material.node_tree.links.new(scenes.texture(material, flat).outputs["Color"], node.inputs["Color"])
+    scenes.set_inputs(
+        material, Base_Color=scenes.texture(material, color).outputs["Color"], Normal=node.outputs["Normal"]
     )
     high.data.materials.append(material)
     high.data.color_attributes.new("paint", "FLOAT_COLOR", "POINT")

@@ -4,8 +4,7 @@
 The seed is in the test's name. For other seeds: IMPRINT_RANDOM=1000:5000 pytest tests/jobs/test_random.py
 """
 
-import os
-from collections import Counter
+from functools import partial
 
 import bpy
 import numpy as np
@@ -14,16 +13,13 @@ import pytest
 from addon.core import file_formats, map_types
 from addon.core.declarations.all_settings import DECLARED
 from addon.core.settings import Settings
-from tests.support import lanes, outcome, zoo
+from tests.support import outcome, random_cases, scenes, zoo
+from tests.support.random_cases import pick
+from tests.support.scenes import link
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:360").split(":"))
-FEW = 60
-"""Cases of the fast lane."""
 GROUP = "painted"
-MAPS_AT_LEAST = 0.3
-"""Share of the cases that must end in a map: otherwise, refusing everything would pass."""
 NAMES = (
     *("rock", "Rock.001", ".hidden", "a b  c", "it's", 'say "so"', "tab\there", "ends."),
     *("{low}", "<UDIM>", "a/b", "C:\\x", "//", "..", "%s %d", "{", "CON", "a" * 63, "é" * 31),
@@ -31,13 +27,7 @@ NAMES = (
 )
 
 
-@pytest.fixture(scope="module")
-def outcomes():
-    """The number of cases by outcome."""
-    count = Counter()
-    yield count
-    if count.total() >= 200:
-        assert count["map"] >= MAPS_AT_LEAST * count.total(), count
+outcomes = random_cases.counted(200, map=0.3)
 
 
 # Meshes
@@ -145,12 +135,6 @@ UVS = {
 }
 
 
-def pick(rng, weighted: dict):
-    """A random key, by weights. The weight is the value, or the last part of the value."""
-    weights = np.array([value[-1] if isinstance(value, tuple) else value for value in weighted.values()], float)
-    return list(weighted)[rng.choice(len(weights), p=weights / weights.sum())]
-
-
 def mesh(rng, name):
     points, faces = pick(rng, SHAPES)(rng)
     flat = points[:, :2] * 0.5 + 0.5
@@ -203,11 +187,6 @@ MATRICES = {
     "not finite": (lambda rng, obj: setattr(obj, "location", (0, rng.choice([np.nan, np.inf]), 0)), 0.3),
     "in a chain": (chain, 3),
 }
-
-
-def link(obj):
-    bpy.context.scene.collection.objects.link(obj)
-    return obj
 
 
 MODIFIERS_MADE = {
@@ -348,13 +327,7 @@ def make_cage(rng, low):
 
 def from_library(rng, obj, folder):
     """Replace the object by one that is linked from a file, perhaps with an override."""
-    path = str(folder / "library.blend")
-    bpy.data.libraries.write(path, {obj})
-    name = obj.name
-    bpy.data.objects.remove(obj)
-    with bpy.data.libraries.load(path, link=True) as (_, linked_data):
-        linked_data.objects = [name]
-    linked = linked_data.objects[0]
+    linked = scenes.to_library(folder / "library.blend", obj)
     if rng.random() < 0.5:
         linked = linked.override_create()
         if linked.data and rng.random() < 0.5:
@@ -363,9 +336,7 @@ def from_library(rng, obj, folder):
 
 
 def make_settings(rng, folder, low):
-    def any_of(values):
-        return values[rng.integers(len(values))]
-
+    any_of = partial(random_cases.any_of, rng)
     udim = rng.random() < 0.1
     storage = any_of(("PACK", "FILE") if udim else ("PACK", "MEMORY", "FILE"))
     ending = any_of((*file_formats.BY_ENDING, ".PNG"))
@@ -421,7 +392,7 @@ def existing_image(rng, name):
 # The test
 
 
-@pytest.mark.parametrize("seed", lanes.slow_but(range(FIRST, FIRST + FEW), range(FIRST, LAST)))
+@random_cases.seeds(360, fast=60)
 def test_a_random_bake_ends_in_a_map_or_an_error_message(seed, tmp_path, outcomes):
     rng = np.random.default_rng(seed)
     (tmp_path / "out").mkdir()
@@ -443,4 +414,4 @@ def test_a_random_bake_ends_in_a_map_or_an_error_message(seed, tmp_path, outcome
     if rng.random() < 0.06:
         existing_image(rng, settings.storing.image.replace("{low}", low.name) or f"{low.name}_normal")
     result = outcome.of_bake(low, highs, settings, tmp_path, cage)
-    outcomes["sentence" if isinstance(result, str) else "map"] += 1
+    outcomes["message" if isinstance(result, str) else "map"] += 1

@@ -4,33 +4,16 @@
 The seed is in the test's name. For other seeds: IMPRINT_RANDOM=1000:5000 pytest tests/jobs/test_random_layers.py
 """
 
-import os
-from collections import Counter
-
 import pytest
 
-from tests.support import lanes, layered_scenes, outcome
+from tests.support import layered_scenes, outcome, random_cases
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:200").split(":"))
-FEW = 20
-"""Cases of the fast lane."""
-MAPS_AT_LEAST = 0.8
-"""Share of the cases that must end in a map: otherwise, refusing everything would pass."""
+outcomes = random_cases.counted(20, map=0.8)
 
 
-@pytest.fixture(scope="module")
-def outcomes():
-    """The number of cases by outcome."""
-    count = Counter()
-    yield count
-    print(count)
-    if count.total() >= FEW:
-        assert count["map"] >= MAPS_AT_LEAST * count.total(), count
-
-
-@pytest.mark.parametrize("seed", lanes.slow_but(range(FIRST, FIRST + FEW), range(FIRST, LAST)))
+@random_cases.seeds(200, fast=20)
 def test_random_layers_end_in_a_map_or_an_error_message(seed, tmp_path, outcomes):
     result = outcome.of_bake(*layered_scenes.make(seed), tmp_path)
     outcomes["message" if isinstance(result, str) else "map"] += 1

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bakes of all kinds of maps from high meshes with random materials, images and attributes: a map or one sentence.
 
-The seed is in the test's name. For other seeds: IMPRINT_RANDOM_MAPS=1000:5000 pytest tests/jobs/test_random_maps.py
+The seed is in the test's name. For other seeds: IMPRINT_RANDOM=1000:5000 pytest tests/jobs/test_random_maps.py
 """
 
-import os
 import random
-from collections import Counter
 
 import bpy
 import numpy as np
@@ -15,28 +13,18 @@ import pytest
 from addon.core import map_types
 from addon.core.declarations.all_settings import DECLARED
 from addon.core.settings import Settings
-from tests.support import lanes, outcome, zoo
+from tests.support import outcome, random_cases, scenes, zoo
 from tests.support.feeds import write_png
 from tests.support.random_nodes import FOLLOWED, OTHERS, SHADERS, grow
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM_MAPS", "0:200").split(":"))
-FEW = 40
-"""Cases of the fast lane."""
-MAPS_AT_LEAST = 0.6
-"""Share of the cases that must end in a map: otherwise, refusing everything would pass."""
 NAMES = ("rust", "rust.001", 'say "so"', "tab\there", "岩", "{low}", "<UDIM>", "a/b", "é" * 31)
 SIZES = ((1, 1), (4, 3), (16, 16), (1, 300), (257, 2))
 SPACES = ("sRGB", "Non-Color", "Linear Rec.709", "ACEScg", "AgX Base sRGB", "Filmic sRGB")
 
 
-@pytest.fixture(scope="module")
-def outcomes():
-    count = Counter()
-    yield count
-    if count.total() >= 100:
-        assert count["map"] >= MAPS_AT_LEAST * count.total(), count
+outcomes = random_cases.counted(100, map=0.6)
 
 
 # Images
@@ -130,16 +118,6 @@ def material(source, images):
     return found
 
 
-def linked(folder, found, number):
-    """The material from a library."""
-    path, name = str(folder / f"library {number}.blend"), found.name
-    bpy.data.libraries.write(path, {found})
-    bpy.data.materials.remove(found)
-    with bpy.data.libraries.load(path, link=True) as (_, data):
-        data.materials = [name]
-    return data.materials[0]
-
-
 # Meshes
 
 
@@ -164,7 +142,7 @@ def high_mesh(source, folder, images, number):
     for place in range(source.randrange(0, 4)):
         shown = material(source, images)
         if shown is not None and source.random() < 0.1:
-            shown = linked(folder, shown, 10 * number + place)
+            shown = scenes.to_library(folder / f"library {10 * number + place}.blend", shown)
         data.materials.append(shown)
     data.polygons.foreach_set("material_index", [source.randrange(0, 5) for _ in data.polygons])
     if data.materials and source.random() < 0.2:
@@ -220,7 +198,7 @@ def settings_of(source, folder):
     )
 
 
-@pytest.mark.parametrize("seed", lanes.slow_but(range(FIRST, FIRST + FEW), range(FIRST, LAST)))
+@random_cases.seeds(200, fast=40)
 def test_random_materials_end_in_maps_or_an_error_message(seed, tmp_path, outcomes):
     source = random.Random(seed)
     (tmp_path / "out").mkdir()
@@ -237,5 +215,5 @@ def test_random_materials_end_in_maps_or_an_error_message(seed, tmp_path, outcom
         low.data.materials.append(highs[0].data.materials[0])
     bpy.context.view_layer.update()
     result = outcome.of_bake(low, highs, settings_of(source, tmp_path), tmp_path)
-    outcomes["sentence" if isinstance(result, str) else "map"] += 1
+    outcomes["message" if isinstance(result, str) else "map"] += 1
     print(result if isinstance(result, str) else result.warnings)

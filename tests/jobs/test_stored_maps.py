@@ -13,7 +13,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_storage, outputs, value_encoding
-from tests.support import layouts, zoo
+from tests.support import scenes, zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
 
@@ -144,8 +144,8 @@ def test_linked_objects_are_refused_before_the_bake(tmp_path, chosen, message):
 def test_a_map_that_was_connected_to_a_material_of_both_objects_is_named(is_shared):
     low, high = planes()
     material = bpy.data.materials.new("Clay")
-    layouts.set_inputs(
-        material, Base_Color=layouts.texture(material, layouts.image("clay", np.ones((4, 4, 3)))).outputs[0]
+    scenes.set_inputs(
+        material, Base_Color=scenes.texture(material, scenes.image("clay", np.ones((4, 4, 3)))).outputs[0]
     )
     high.data.materials.append(material)
     low.data.materials.append(material if is_shared else bpy.data.materials.new("own"))

@@ -9,7 +9,7 @@ import pytest
 from addon.core import udim
 from addon.passes import mesh_upload, target
 from addon.passes.bake import flatten
-from tests.support import layouts, maps, zoo
+from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -113,9 +113,9 @@ def test_normals_that_compute_shaders_change_are_not_in_a_gpuoffscreen(made):
     low, high = zoo.plane("lo"), zoo.plane("hi")
     material = bpy.data.materials.new("bumpy")
     node = material.node_tree.nodes.new("ShaderNodeNormalMap")
-    image = layouts.image("bumps", np.full((4, 4, 3), (0.6, 0.5, 0.9)), space="Non-Color")
-    material.node_tree.links.new(layouts.texture(material, image).outputs["Color"], node.inputs["Color"])
-    layouts.set_inputs(material, Normal=node.outputs["Normal"])
+    image = scenes.image("bumps", np.full((4, 4, 3), (0.6, 0.5, 0.9)), space="Non-Color")
+    material.node_tree.links.new(scenes.texture(material, image).outputs["Color"], node.inputs["Color"])
+    scenes.set_inputs(material, Normal=node.outputs["Normal"])
     high.data.materials.append(material)
     assert np.ptp(maps.bake(low, high, space="OBJECT", size=SIZE)[..., 0]) < 1e-6
     assert made == []

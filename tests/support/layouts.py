@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Flat squares whose UV layers are turned, mirrored and moved, and pictures on them, with the closed form of both."""
+"""Flat squares whose UV layers are turned, mirrored and moved, and checkers on them, with the closed form of both."""
 
 from dataclasses import dataclass
 
@@ -66,49 +66,6 @@ def square(name, layers, *, n=1, z=0.0) -> bpy.types.Object:
     data.uv_layers[list(layers)[-1]].active_render = True
     obj.location.z = z
     return obj
-
-
-def image(name, values, *, space="sRGB", is_float=False, alpha=None) -> bpy.types.Image:
-    """A packed image of stored values (H, W, 3 or less) from 0 to 1. alpha: (H, W), or None for 1."""
-    values = np.asarray(values, np.float32)
-    height, width = values.shape[:2]
-    found = bpy.data.images.new(name, width, height, alpha=True, float_buffer=is_float, is_data=space == "Non-Color")
-    found.colorspace_settings.name = space
-    found.alpha_mode = "CHANNEL_PACKED"
-    texels = np.ones((height, width, 4), np.float32)
-    texels[..., :3] = values if values.ndim == 3 else values[..., None]
-    if alpha is not None:
-        texels[..., 3] = alpha
-    found.pixels.foreach_set(texels.ravel())
-    found.pack()
-    return found
-
-
-def material(name, **sockets) -> bpy.types.Material:
-    """A material whose Principled BSDF has these values or output sockets by the name with _ for spaces."""
-    found = bpy.data.materials.new(name)
-    set_inputs(found, **sockets)
-    return found
-
-
-def set_inputs(changed, **sockets) -> None:
-    """As `material`, of a material that exists."""
-    shader = changed.node_tree.nodes["Principled BSDF"]
-    for socket, value in sockets.items():
-        target = shader.inputs[socket.replace("_", " ")]
-        if isinstance(value, bpy.types.NodeSocket):
-            changed.node_tree.links.new(value, target)
-        else:
-            target.default_value = value
-
-
-def texture(changed, shown, **properties) -> bpy.types.Node:
-    """A new Image Texture node that shows an image."""
-    node = changed.node_tree.nodes.new("ShaderNodeTexImage")
-    node.image = shown
-    for name, value in properties.items():
-        setattr(node, name, value)
-    return node
 
 
 def checker(fields, pixels, *, dark=0.0, bright=1.0) -> np.ndarray:
