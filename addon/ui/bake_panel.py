@@ -20,33 +20,30 @@ from ..output.files import planned_files
 from ..scene import object_checks, scene_lengths, vertex_weights
 from . import bake_results, object_pairs
 from .bake_results import high_objects, results
-from .fixes import draw_button, draw_cured, findings
+from .fixes import draw_button, draw_fixable, findings
 from .live_switch import live
 from .progress_display import display
-from .properties import ImprintSettings
+from .properties import Chosen, ImprintSettings
 from .sidebar import SidebarPanel, draw_paragraphs
 from .translations import label, message
 
 
-def bake_problem(
-    context: bpy.types.Context,
-    low: bpy.types.Object | None,
-    highs: list[bpy.types.Object],
-    settings: ImprintSettings,
-) -> str:
+def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
     """Why the button cannot bake, in a sentence; empty if no problem is visible."""
-    values = settings.settings_for(low, highs)
+    low, highs, values = chosen.low, chosen.highs, chosen.settings
     try:
         values.check()
     except BakeError as error:
         return str(error)
-    missing = settings.missing(context, low, highs)
-    reason = message(object_pairs.MISSING).format(repr(missing[0])) if missing else ""
-    if not reason and low is not None and not highs and (waiting := settings.hidden(context, low, highs)):
+    reason = message(object_pairs.MISSING).format(repr(chosen.missing[0])) if chosen.missing else ""
+    if not reason and low is not None and not highs and (waiting := chosen.hidden(context)):
         reason = describe_hidden(waiting)
-    reason = reason or object_checks.problem(context, low, highs, settings.cage_of(low, highs), values.tracing.method)
+    reason = reason or object_checks.problem(context, low, highs, chosen.cage, values.tracing.method)
     return (
-        reason or _material_problem(low, values) or vertex_weights.problem(low, values.tracing) or _clash(low, settings)
+        reason
+        or _material_problem(low, values)
+        or vertex_weights.problem(low, values.tracing)
+        or _clash(low, chosen.panel)
     )
 
 
@@ -80,13 +77,14 @@ def is_normal_only(settings: ImprintSettings) -> bool:
     return settings.normal and not settings.to_settings().map.drawn_maps
 
 
-def describe_bake(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> str:
+def describe_bake(chosen: Chosen) -> str:
     """What the button will do, in a sentence."""
+    low, highs, settings = chosen.low, chosen.highs, chosen.panel
     action = {
         Method.AUTO: message("Bakes {highs} onto {low}"),
         Method.FLATTEN: message("Flattens {highs} onto {low}"),
         Method.CAST: message("Casts rays from {low} to {highs}"),
-    }[settings.rays_of(low, highs).method]
+    }[chosen.rays.method]
     space = {
         Space.TANGENT: message("tangent space"),
         Space.OBJECT: message("object space"),
@@ -180,24 +178,22 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         column.prop(settings, "low")
         column.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
 
-        low, highs = settings.chosen_objects(context)
-        problem = bake_problem(context, low, highs, settings)
+        chosen = settings.chosen(context)
+        problem = bake_problem(context, chosen)
         following = live.description
         if following:
             problem = ""  # Live does not depend on the selection
         box = layout.box()
         if following or problem:
-            draw_cured(box, context, following or problem, "ERROR" if problem else "INFO")
+            draw_fixable(box, context, following or problem, "ERROR" if problem else "INFO")
             if problem:
-                draw_remedy(box, context, low, highs)
+                draw_remedy(box, context, chosen)
         else:
-            draw_paragraphs(box, context, [describe_bake(low, highs, settings)], "INFO")
-            box.label(text=count_images(low, settings), translate=False)
-            draw_paragraphs(box, context, [swap_warning(low, highs)], "ERROR")
-            draw_hidden(box, context, settings.hidden(context, low, highs))
-            found = findings.of(
-                context, low, highs, settings.settings_for(low, highs), is_exported=bool(settings.export)
-            )
+            draw_paragraphs(box, context, [describe_bake(chosen)], "INFO")
+            box.label(text=count_images(chosen.low, settings), translate=False)
+            draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
+            draw_hidden(box, context, chosen.hidden(context))
+            found = findings.of(context, chosen.low, chosen.highs, chosen.settings, is_exported=bool(settings.export))
             draw_findings(box, context, found)
         # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
@@ -216,24 +212,17 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
         row.prop(settings, "live_every_time")
         if live.is_on and live.message:
-            draw_cured(layout.box(), context, live.message, "ERROR")
+            draw_fixable(layout.box(), context, live.message, "ERROR")
         reports = results.all_of(context)
         if reports:
             draw_result(layout, reports)
 
 
-def draw_remedy(
-    layout: bpy.types.UILayout,
-    context: bpy.types.Context,
-    low: bpy.types.Object | None,
-    highs: Sequence[bpy.types.Object],
-) -> None:
+def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
     """A button for a high object that is missing, else one for those that are hidden."""
-    settings = context.scene.imprint
-    missing = settings.missing(context, low, highs)
-    if missing:
-        layout.operator("imprint.remove_missing", icon="X").high = missing[0]
-    elif settings.hidden(context, low, highs):
+    if chosen.missing:
+        layout.operator("imprint.remove_missing", icon="X").high = chosen.missing[0]
+    elif chosen.hidden(context):
         layout.operator("imprint.show_hidden", icon="HIDE_OFF")
 
 
@@ -327,7 +316,7 @@ class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         reports = results.all_of(context)
         for warning in _warnings(reports):
-            draw_cured(self.layout, context, warning, "ERROR")
+            draw_fixable(self.layout, context, warning, "ERROR")
         for report in reports:
             draw_paragraphs(self.layout, context, report.summary(scene_lengths.of(context.scene)), "DOT")
 

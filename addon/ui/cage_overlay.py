@@ -64,15 +64,15 @@ class Subject:
     def of_panel(cls, context: bpy.types.Context, low: bpy.types.Object, blend_width: float) -> "Subject":
         """The subject for the settings of the panel."""
         panel = context.scene.imprint
-        _, highs = panel.chosen_objects(context, low)
-        cage = panel.cage_of(low, highs)
+        chosen = panel.chosen(context, low)
+        cage = chosen.cage
         is_blended = ray_directions.may_blend(panel.directions, has_cage=cage is not None)
         return cls(
             object_refs.ObjectRef.of(low),
             object_refs.ObjectRef.of(cage) if cage else None,
             Settings(directions=panel.directions, offset_group=panel.offset_group, straight_group=panel.straight_group),
             blend_width if is_blended else 0.0,
-            highs == [low],
+            chosen.highs == [low],
         )
 
     @property
@@ -152,11 +152,12 @@ class CageOverlay:
     def measure(self, context: bpy.types.Context) -> None:
         """Measure what the settings do not set, if neither Live nor a bake has measured it. Raises BakeError."""
         panel = context.scene.imprint
-        low, highs = panel.chosen_objects(context)
-        is_set = not panel.rays_of(low, highs).measure and panel.directions != Directions.BLENDED
+        chosen = panel.chosen(context)
+        low, highs = chosen.low, chosen.highs
+        is_set = not chosen.rays.measure and panel.directions != Directions.BLENDED
         if low is None or not highs or is_set or _figures(context, low) is not None:
             return
-        ray_cast = ray_measuring.measure(context, low, highs, panel.settings_for(low, highs), panel.cage_of(low, highs))
+        ray_cast = ray_measuring.measure(context, low, highs, chosen.settings, chosen.cage)
         if ray_cast is not None:
             self._measured[low.session_uid] = RayFigures.of(ray_cast)
 
@@ -177,8 +178,7 @@ class CageOverlay:
 
     def figures(self, context: bpy.types.Context, low: bpy.types.Object) -> RayFigures:
         """The figures of rays from `low`: as the panel sets them, else as Live, a bake or `measure` found them, else 0."""
-        panel = context.scene.imprint
-        rays = panel.rays_of(*panel.chosen_objects(context, low))
+        rays = context.scene.imprint.chosen(context, low).rays
         found = _figures(context, low) or self._measured.get(low.session_uid, RayFigures())
         return found if rays.measure else RayFigures(rays.extrusion, rays.max_distance, found.blend_width)
 
@@ -198,8 +198,7 @@ class CageOverlay:
 
     def _draw(self) -> None:
         context = bpy.context
-        settings = context.scene.imprint
-        low, _ = settings.chosen_objects(context)
+        low = context.scene.imprint.chosen(context).low
         if low is None or low.type != "MESH" or low.mode not in MODES or not low.data.polygons:
             return
         figures = self.figures(context, low)

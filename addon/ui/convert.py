@@ -26,13 +26,13 @@ class IMPRINT_OT_convert(modal.MapOperator, bpy.types.Operator):
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[ConversionReport]:
         settings = context.scene.imprint
-        low, highs = settings.chosen_objects(context)
-        if low is None:
+        chosen = settings.chosen(context)
+        if chosen.low is None:
             raise BakeError("No low object: select it, or fill the slot.")
         if settings.convert_image is None:
             raise BakeError("No map to convert: choose an image.")
         before = StoredNormals(**{field.name: getattr(settings, field.name) for field in fields(StoredNormals)})
-        conversion = Conversion(low, settings.convert_image, before, is_own_base=low in highs)
+        conversion = Conversion(chosen.low, settings.convert_image, before, is_own_base=chosen.low in chosen.highs)
         return (yield from convert.work(context, conversion, settings.to_settings(), pace))
 
     def finish(self, context: bpy.types.Context, result: ConversionReport) -> None:

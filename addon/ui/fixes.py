@@ -12,6 +12,7 @@ from ..jobs.readiness import Finding
 from ..scene import object_refs
 from .callbacks import Handlers
 from .progress_display import display
+from .properties import Chosen
 from .sidebar import draw_paragraphs
 from .translations import LABEL, label, tooltip
 
@@ -208,30 +209,28 @@ class IMPRINT_OT_cure(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.imprint
         try:
-            low, highs = settings.chosen_objects(context, object_refs.by_name(self.low) if self.low else None)
-            if low is None or low.type != "MESH":
+            chosen = settings.chosen(context, object_refs.by_name(self.low) if self.low else None)
+            if chosen.low is None or chosen.low.type != "MESH":
                 raise BakeError("No low object: select it, or fill the slot.")
-            message = self._cured(context, low, highs)
+            message = self._fixed(context, chosen)
         except BakeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self.report({"INFO"}, message)
         return {"FINISHED"}
 
-    def _cured(self, context: bpy.types.Context, low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:
+    def _fixed(self, context: bpy.types.Context, chosen: Chosen) -> str:
         """Do it. Returns a sentence about what was done. Raises BakeError."""
-        settings = context.scene.imprint
         change = fixes.FIXES.get(self.kind)
         if change is None:
-            return readiness.fix(context, low, highs, settings.settings_for(low, highs), self.kind)
-        rays = settings.rays_of(low, highs)
-        owner = rays if change.setting in rays.bl_rna.properties else settings
+            return readiness.fix(context, chosen.low, chosen.highs, chosen.settings, self.kind)
+        owner = chosen.rays if change.setting in chosen.rays.bl_rna.properties else chosen.panel
         setattr(owner, change.setting, change.value)
         return f"{owner.bl_rna.properties[change.setting].name}: {FIXES[self.kind][0]}"
 
 
-def draw_cured(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
-    """A sentence of a report or an error, without what cures it in a shell, and the button that cures it."""
+def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
+    """A sentence of a report or an error, without what fixes it in a shell, and the button that fixes it."""
     shown, kind = fixes.in_window(text)
     draw_paragraphs(layout, context, [shown], icon)
     if kind:
@@ -239,7 +238,7 @@ def draw_cured(layout: bpy.types.UILayout, context: bpy.types.Context, text: str
 
 
 def draw_button(layout: bpy.types.UILayout, kind: str) -> None:
-    """The button of a kind of CURES."""
+    """The button of a kind of FIXES."""
     name, _, icon = FIXES[kind]
     layout.operator("imprint.cure", text=label(name), translate=False, icon=icon).kind = kind
 

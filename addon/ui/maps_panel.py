@@ -50,9 +50,9 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
             header.label(text=_title(titles[group], settings.maps & set(names)), translate=False)
             if body is not None:
                 _draw_group(body, context, names, drawn)
-        low, highs = settings.chosen_objects(context)
-        if drawn and not bake_panel.bake_problem(context, low, highs, settings):
-            _draw_names(layout.box(), bake_panel.planned_images(low, settings))
+        chosen = settings.chosen(context)
+        if drawn and not bake_panel.bake_problem(context, chosen):
+            _draw_names(layout.box(), bake_panel.planned_images(chosen.low, settings))
 
 
 class IMPRINT_PT_packing(SettingsPanel, bpy.types.Panel):
@@ -150,8 +150,7 @@ def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: st
 def _draw_attribute(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """The name of an attribute, to choose from those of the first high mesh."""
     settings = context.scene.imprint
-    _, highs = settings.chosen_objects(context)
-    mesh = next((high.data for high in highs if high.type == "MESH"), None)
+    mesh = next((high.data for high in settings.chosen(context).highs if high.type == "MESH"), None)
     if mesh is None:
         layout.prop(settings, "attribute")
     else:

@@ -18,14 +18,14 @@ class IMPRINT_OT_show_hidden(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        low, highs = context.scene.imprint.chosen_objects(context)
-        for obj in context.scene.imprint.hidden(context, low, highs):
+        chosen = context.scene.imprint.chosen(context)
+        for obj in chosen.hidden(context):
             try:
                 visibility.show(context, obj)
             except BakeError as error:
                 self.report({"ERROR"}, str(error))
                 return {"CANCELLED"}
-            if not highs:
+            if not chosen.highs:
                 obj.select_set(True)
         return {"FINISHED"}
 
@@ -46,14 +46,13 @@ class IMPRINT_OT_remove_missing(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.imprint
-        low, highs = settings.chosen_objects(context)
-        pair, missing = settings.pair_of(low, highs), settings.missing(context, low, highs)
-        for name in [self.high] if self.high else missing:
+        chosen = settings.chosen(context)
+        for name in [self.high] if self.high else chosen.missing:
             obj = bpy.data.objects.get(name)
             for index in reversed([index for index, slot in enumerate(settings.highs) if slot.title == name]):
                 settings.highs.remove(index)
-            if pair is not None:
-                pair.remove(name)
+            if chosen.pair is not None:
+                chosen.pair.remove(name)
             object_pairs.free(obj)
         return {"FINISHED"}
 

@@ -6,17 +6,16 @@ from bpy.props import CollectionProperty, IntProperty, StringProperty
 
 from ..core import progress
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
-from ..scene import object_checks, object_refs, scene_lengths
+from ..scene import object_refs, scene_lengths
 from . import bake_results, modal, object_pairs
 from .bake_results import results
 from .live_switch import live
 from .progress_display import display
-from .properties import Options
+from .properties import Chosen, Options
 from .translations import LABEL
 
 
@@ -61,20 +60,15 @@ class _OnePair(_Bake, Options):
 
     def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
         """The objects and settings from the arguments, or from the panel where an argument is missing."""
-        scene_settings = context.scene.imprint
-        low, highs = scene_settings.chosen_objects(context, object_refs.by_name(self.low) if self.low else None)
-        missing = scene_settings.missing(context, low, highs)
-        rays = scene_settings.rays_of(low, highs)
+        panel = context.scene.imprint
+        chosen = panel.chosen(context, object_refs.by_name(self.low) if self.low else None)
         if self.high:  # a script that names the high objects makes another pair, with the settings of the scene
-            highs, missing, rays = [object_refs.by_name(item.name) for item in self.high], [], scene_settings
-        if low is None or missing:
-            raise BakeError(object_pairs.problem(missing) or object_checks.problem(context, low, highs))
-        settings = self.to_settings(scene_settings, rays, object_pairs.CHOSEN)
-        cage = object_refs.by_name(self.cage) if self.cage else rays.cage
-        if settings.tracing.method == Method.FLATTEN and not self.cage:
-            cage = None
-        job = Job(low, highs, cage)
-        job.is_exported = bool(scene_settings.export)
+            chosen = Chosen(panel, chosen.low, [object_refs.by_name(item.name) for item in self.high])
+        chosen.check(context)
+        settings = self.to_settings(panel, chosen.rays, object_pairs.CHOSEN)
+        cage = None if settings.tracing.method == Method.FLATTEN else chosen.rays.cage
+        job = Job(chosen.low, chosen.highs, object_refs.by_name(self.cage) if self.cage else cage)
+        job.is_exported = bool(panel.export)
         return job, settings
 
 
@@ -119,14 +113,11 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
     def poll(cls, _context: bpy.types.Context) -> bool:
         return display.current is None
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        return super().invoke(context, event)
-
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[None]:
         if live.is_on:
             yield from live.finishing()
             return
-        job, settings = context.scene.imprint.job(context)
+        job, settings = context.scene.imprint.chosen(context).job(context)
         yield from live.starting(context, job, settings, pace)
 
 

@@ -2,6 +2,7 @@
 """The data that Blender stores for Imprint: the settings of a scene, and the results that panels show."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import bpy
@@ -96,9 +97,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     from_blue: declared("from_blue")
     active_high: IntProperty(name="Active High", description="Index of the selected slot", translation_context=LABEL)
 
-    def chosen_objects(
-        self, context: bpy.types.Context, low: bpy.types.Object | None = None
-    ) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
+    def chosen(self, context: bpy.types.Context, low: bpy.types.Object | None = None) -> "Chosen":
         """The low object and the high ones: from the slots, else the active and the other selected objects.
 
         Without high objects, those of the low object's pair are used, whether they are hidden or not. A low object without a
@@ -106,11 +105,15 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         """
         low = low or self.low or context.active_object
         if any(slot.title for slot in self.highs):
-            return low, [found for slot in self.highs if (found := slot.find()) is not None]
+            highs = [found for slot in self.highs if (found := slot.find()) is not None]
+            missing = [slot.title for slot in self.highs if slot.title and slot.find() is None]
+            return Chosen(self, low, highs, self._pair_of(low, highs), missing)
         pair = object_pairs.of(low)
         if pair is None or not pair.is_kept:
-            return low, self._selected(context, low, None) or object_checks.own_highs(low)
-        return low, self._selected(context, low, pair) or pair.found()
+            return Chosen(self, low, self._selected(context, low, None) or object_checks.own_highs(low))
+        highs = self._selected(context, low, pair) or pair.found()
+        pair = self._pair_of(low, highs)
+        return Chosen(self, low, highs, pair, pair.missing() if pair is not None else [])
 
     def _selected(
         self, context: bpy.types.Context, low: bpy.types.Object | None, pair: ImprintPair | None
@@ -125,63 +128,69 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
             return [obj for obj in found if (other := object_pairs.of(obj)) is None or not other.is_kept]
         return found
 
-    def missing(
-        self, context: bpy.types.Context, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]
-    ) -> list[str]:
-        """The names of the high objects that `chosen_objects` should have found: they were deleted, or did not come along.
-
-        low, highs: what it has found."""
-        if any(slot.title for slot in self.highs):
-            return [slot.title for slot in self.highs if slot.title and slot.find() is None]
-        pair = self.pair_of(low, highs)
-        return pair.missing() if pair is not None else []
-
-    def hidden(
-        self, context: bpy.types.Context, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]
-    ) -> list[bpy.types.Object]:
-        """Those of `highs` that the view layer does not show; without any, the hidden objects that are called as the high
-        objects of `low` are."""
-        if not highs and low is not None:
-            names = _partners(low.name, tuple(context.view_layer.objects.keys()), self.suffixes())
-            highs = [context.view_layer.objects[name] for name in names]
-        return [high for high in highs if high != low and not visibility.is_visible(high)]
-
-    def pair_of(self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> ImprintPair | None:
+    def _pair_of(self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> ImprintPair | None:
         """The pair of `low` if these are its high objects, else None: then the low object gets other ones."""
         pair = object_pairs.of(low)
         return pair if pair is not None and pair.is_kept and set(pair.found()) == set(highs) else None
 
-    def rays_of(
-        self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]
-    ) -> "ImprintSettings | ImprintPair":
-        """What holds the method, the cage and the distances for these objects: their pair, or else the scene's settings."""
-        return self.pair_of(low, highs) or self
-
-    def settings_for(self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> Settings:
-        """The settings of a bake of these objects."""
-        return self.to_settings(own=self.rays_of(low, highs), of_own=object_pairs.CHOSEN)
-
     def settings_of(self, job: Job) -> Settings:
-        """As `settings_for`, for the objects of a job as far as they exist."""
+        """The settings of a bake of the objects of a job, as far as they exist."""
         low, *highs = (ref.find() for ref in (job.low_ref, *job.high_refs))
-        return self.settings_for(low, [high for high in highs if high is not None])
-
-    def cage_of(self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> bpy.types.Object | None:
-        """The cage for these objects, or None for Flatten, which needs no cage."""
-        rays = self.rays_of(low, highs)
-        return None if rays.method == Method.FLATTEN else rays.cage
-
-    def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
-        """What the panel bakes. Raises BakeError without a low object, or if a high object is missing."""
-        low, highs = self.chosen_objects(context)
-        reason = object_pairs.problem(self.missing(context, low, highs))
-        if low is None or reason:
-            raise BakeError(reason or object_checks.problem(context, low, highs))
-        return Job(low, highs, self.cage_of(low, highs)), self.settings_for(low, highs)
+        highs = [high for high in highs if high is not None]
+        return Chosen(self, low, highs, self._pair_of(low, highs)).settings
 
     def suffixes(self) -> Suffixes:
         """The endings of the names of pairs."""
         return Suffixes(self.low_suffix, self.high_suffix, self.cage_suffix)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The objects that the panel bakes.
+
+    panel: the settings of the scene. pair: the pair of `low` if `highs` are its high objects, else None. missing: the names of
+    high objects that should be among them, and were deleted or did not come along.
+    """
+
+    panel: ImprintSettings
+    low: bpy.types.Object | None
+    highs: list[bpy.types.Object]
+    pair: ImprintPair | None = None
+    missing: list[str] = field(default_factory=list)
+
+    @property
+    def rays(self) -> ImprintSettings | ImprintPair:
+        """What holds the method, the cage and the distances for these objects: their pair, or else the scene's settings."""
+        return self.pair or self.panel
+
+    @property
+    def cage(self) -> bpy.types.Object | None:
+        """The cage for these objects, or None for Flatten, which needs no cage."""
+        return None if self.rays.method == Method.FLATTEN else self.rays.cage
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of a bake of these objects."""
+        return self.panel.to_settings(own=self.rays, of_own=object_pairs.CHOSEN)
+
+    def hidden(self, context: bpy.types.Context) -> list[bpy.types.Object]:
+        """The high objects that the view layer does not show; without any high object, the hidden objects that are called as
+        the high objects of `low` are."""
+        highs = self.highs
+        if not highs and self.low is not None:
+            names = _partners(self.low.name, tuple(context.view_layer.objects.keys()), self.panel.suffixes())
+            highs = [context.view_layer.objects[name] for name in names]
+        return [high for high in highs if high != self.low and not visibility.is_visible(high)]
+
+    def check(self, context: bpy.types.Context) -> None:
+        """Raise BakeError without a low object, or if a high object is missing."""
+        if self.low is None or self.missing:
+            raise BakeError(object_pairs.problem(self.missing) or object_checks.problem(context, self.low, self.highs))
+
+    def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
+        """What the panel bakes. Raises BakeError as `check`."""
+        self.check(context)
+        return Job(self.low, self.highs, self.cage), self.settings
 
 
 @lru_cache(maxsize=1)

@@ -92,8 +92,8 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = split_layout(self.layout)
         settings = context.scene.imprint
-        low, highs = settings.chosen_objects(context)
-        rays = settings.rays_of(low, highs)
+        chosen = settings.chosen(context)
+        low, rays = chosen.low, chosen.rays
         layout.prop(rays, "method")
         layout.prop(settings, "space")
         if settings.space == Space.TANGENT:
@@ -196,8 +196,7 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings, found = context.scene.imprint, distances(results.of(context))
-        rays = settings.rays_of(*settings.chosen_objects(context))
+        rays, found = context.scene.imprint.chosen(context).rays, distances(results.of(context))
         rays.extrusion, rays.max_distance = found["extrusion"], found["max_distance"]
         rays.measure = False
         return {"FINISHED"}
@@ -256,14 +255,13 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.imprint
-        return settings.rays_of(*settings.chosen_objects(context)).method != Method.FLATTEN
+        return context.scene.imprint.chosen(context).rays.method != Method.FLATTEN
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = split_layout(self.layout)
         settings = context.scene.imprint
-        low, highs = settings.chosen_objects(context)
-        rays = settings.rays_of(low, highs)
+        chosen = settings.chosen(context)
+        low, rays = chosen.low, chosen.rays
         found = context.window_manager.imprint_found
         layout.prop(settings, "hit")
         layout.prop(rays, "cage")

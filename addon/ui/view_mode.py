@@ -299,7 +299,7 @@ class ViewMode:
 
 def _drawn_map(context: bpy.types.Context, pace: progress.Pace) -> progress.Task[OwnMap]:
     """A map of the current objects and settings."""
-    job, settings = context.scene.imprint.job(context)
+    job, settings = context.scene.imprint.chosen(context).job(context)
     session = live_session.Session(context, job, view_shading.settings_for(settings), pace)
     yield from session.steps(context)
     return OwnMap(session, settings)

@@ -9,6 +9,7 @@ from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
 from addon.scene import object_checks
 from addon.ui import bake_panel
+from addon.ui.properties import Chosen
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -75,7 +76,8 @@ def test_modifiers_without_detail_do_not_overwrite_a_map(low, kind, from_slot):
         bpy.ops.imprint.bake()
     assert ("choose another high object" if from_slot else "select the high object too") in str(refused.value)
     np.testing.assert_array_equal(map_of_low(), before)
-    assert object_checks.problem(bpy.context, *settings.chosen_objects(bpy.context)) in str(refused.value)
+    chosen = settings.chosen(bpy.context)
+    assert object_checks.problem(bpy.context, chosen.low, chosen.highs) in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -211,8 +213,8 @@ def test_replacing_a_painted_image_gives_no_warning():
 
 def test_the_panel_names_the_high_object_of_the_map_to_replace(low):
     settings, other = bpy.context.scene.imprint, zoo.terrain("other")
-    assert "which holds" not in bake_panel.describe_bake(low, [bpy.data.objects["hi"]], settings)
-    line = bake_panel.describe_bake(low, [other], settings)
+    assert "which holds" not in bake_panel.describe_bake(Chosen(settings, low, [bpy.data.objects["hi"]]))
+    line = bake_panel.describe_bake(Chosen(settings, low, [other]))
     assert line.endswith("over the image 'lo_normal', which holds a map of 'hi'.")
     low.modifiers.new("Finer", "SUBSURF")
-    assert "holds a map of 'hi'" in bake_panel.describe_bake(*settings.chosen_objects(bpy.context), settings)
+    assert "holds a map of 'hi'" in bake_panel.describe_bake(settings.chosen(bpy.context))

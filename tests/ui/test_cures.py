@@ -13,6 +13,7 @@ from addon.jobs import bake_jobs
 from addon.ui import bake_panel
 from addon.ui.bake_results import results
 from addon.ui.fixes import FIXES
+from addon.ui.properties import Chosen
 from tests.support import panel_layout, zoo
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -84,7 +85,7 @@ def test_a_warning_of_a_bake_is_a_sentence_and_a_button(gpu_context):
     assert "--" not in text
     assert kinds == [fixes.MEASURE]
     bpy.ops.imprint.cure(kind=kinds[0])
-    assert settings.rays_of(low, [high]).measure
+    assert settings.chosen(bpy.context, low).rays.measure
     bpy.ops.imprint.bake()
     assert results.of(bpy.context, low).warnings == []
 
@@ -98,7 +99,7 @@ def test_a_linked_low_object_is_named_before_the_bake_with_a_button(tmp_path, gp
     bpy.context.scene.collection.objects.link(loaded.objects[0])
     low, high = loaded.objects[0], zoo.terrain("hi", 8)
     settings = set_up(low, high)
-    problem = bake_panel.bake_problem(bpy.context, low, [high], settings)
+    problem = bake_panel.bake_problem(bpy.context, Chosen(settings, low, [high]))
     assert problem.endswith("make it local first; --no-material leaves them as they are.")
     text, kinds = drawn_cures()
     assert "make it local first." in text
@@ -108,10 +109,10 @@ def test_a_linked_low_object_is_named_before_the_bake_with_a_button(tmp_path, gp
         bpy.ops.imprint.bake()
     bpy.ops.imprint.cure(kind=fixes.NO_MATERIAL)
     assert not settings.material
-    assert bake_panel.bake_problem(bpy.context, low, [high], settings) == ""
+    assert bake_panel.bake_problem(bpy.context, Chosen(settings, low, [high])) == ""
     settings.connect_maps = True  # the same is checked for other maps
     # Without the setting Material it would be an error, too.
-    assert bake_panel.bake_problem(bpy.context, low, [high], settings).endswith("make it local first.")
+    assert bake_panel.bake_problem(bpy.context, Chosen(settings, low, [high])).endswith("make it local first.")
 
 
 # Flipped meshes

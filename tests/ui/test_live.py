@@ -61,7 +61,7 @@ def follow():
 def fresh(**changes):
     """The texels of a new bake with the settings of the panel and viewport modifiers."""
     settings = bpy.context.scene.imprint
-    low, highs = settings.chosen_objects(bpy.context)
+    chosen = settings.chosen(bpy.context)
     plain = {
         **vars(settings.to_settings()),
         "image": "fresh",
@@ -69,7 +69,7 @@ def fresh(**changes):
         "material": False,
         "modifiers": "VIEWPORT",
     }
-    bake_pair(bpy.context, low, highs, Settings(**plain | changes), settings.cage)
+    bake_pair(bpy.context, chosen.low, chosen.highs, Settings(**plain | changes), settings.cage)
     return pixels(bpy.data.images["fresh"])
 
 

@@ -51,8 +51,8 @@ def fresh():
     """The texels of a new bake."""
     settings = bpy.context.scene.imprint
     own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
-    low, highs = settings.chosen_objects(bpy.context)
-    bake_pair(bpy.context, low, highs, Settings(**vars(settings.to_settings()) | own))
+    chosen = settings.chosen(bpy.context)
+    bake_pair(bpy.context, chosen.low, chosen.highs, Settings(**vars(settings.to_settings()) | own))
     return pixels(bpy.data.images["fresh"])
 
 

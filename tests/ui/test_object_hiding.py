@@ -224,7 +224,8 @@ def test_the_panel_of_that_viewport_still_uses_the_high_object(pair):
     view().mode = "MAP"
     shown()
     with bpy.context.temp_override(**viewport()):
-        assert bpy.context.scene.imprint.chosen_objects(bpy.context) == (pair[0], [pair[1]])
+        chosen = bpy.context.scene.imprint.chosen(bpy.context)
+        assert (chosen.low, chosen.highs) == (pair[0], [pair[1]])
         assert visibility.is_visible(pair[1])
         assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
         assert bpy.ops.imprint.bake() == {"FINISHED"}

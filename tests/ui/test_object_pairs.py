@@ -54,7 +54,7 @@ def select(active, *others):
 
 def chosen(low=None):
     """The names of the high objects that the panel would bake."""
-    return [high.name for high in bpy.context.scene.imprint.chosen_objects(bpy.context, low)[1]]
+    return [high.name for high in bpy.context.scene.imprint.chosen(bpy.context, low).highs]
 
 
 def pair(name="crate_low"):
@@ -143,7 +143,7 @@ def test_a_low_object_keeps_its_cage_method_and_distances(tmp_path):
     settings = bpy.context.scene.imprint
     for number, name in enumerate(("a", "b"), 1):
         select(bpy.data.objects[name])
-        rays = settings.rays_of(*settings.chosen_objects(bpy.context))
+        rays = settings.chosen(bpy.context).rays
         assert (rays.method, rays.measure, rays.cage.name) == ("CAST", False, f"{name} cage")
         assert (rays.extrusion, rays.max_distance) == (0.5 * number, 2.0 * number)
         assert bpy.ops.imprint.bake() == {"FINISHED"}
@@ -154,7 +154,7 @@ def test_a_low_object_keeps_its_cage_method_and_distances(tmp_path):
 
 def test_a_change_in_the_panel_is_that_of_its_low_object(crate):
     settings = bpy.context.scene.imprint
-    assert settings.rays_of(*settings.chosen_objects(bpy.context)) == pair()
+    assert settings.chosen(bpy.context).rays == pair()
     pair().method = "FLATTEN"
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     assert (results.of(bpy.context).method, settings.method) == ("FLATTEN", "CAST")

@@ -216,7 +216,7 @@ def test_high_objects_of_the_last_bake_are_used_if_none_are_chosen(baked):
     low, high = baked
 
     def chosen():
-        return bpy.context.scene.imprint.chosen_objects(bpy.context)[1]
+        return bpy.context.scene.imprint.chosen(bpy.context).highs
 
     assert chosen() == [high]
     other = zoo.plane("other")
