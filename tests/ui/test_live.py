@@ -63,7 +63,7 @@ def fresh(**changes):
     settings = bpy.context.scene.imprint
     chosen = settings.chosen(bpy.context)
     plain = {
-        **vars(settings.to_settings()),
+        **settings.to_settings().flat(),
         "image": "fresh",
         "storage": "MEMORY",
         "material": False,

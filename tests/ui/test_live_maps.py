@@ -115,7 +115,7 @@ def test_another_bake_while_other_maps_are_drawn_does_not_change_them(pair, monk
     for _ in range(2):
         live.tick()
     assert live.draws_others
-    plain = vars(settings.to_settings())
+    plain = settings.to_settings().flat()
     own = {"image": "other", "storage": "MEMORY", "material": False, "ao_distance": 1e-4}
     bake_pair(bpy.context, low, [high], Settings(**plain | own))
     follow()

@@ -52,7 +52,7 @@ def fresh():
     settings = bpy.context.scene.imprint
     own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
     chosen = settings.chosen(bpy.context)
-    bake_pair(bpy.context, chosen.low, chosen.highs, Settings(**vars(settings.to_settings()) | own))
+    bake_pair(bpy.context, chosen.low, chosen.highs, Settings(**settings.to_settings().flat() | own))
     return pixels(bpy.data.images["fresh"])
 
 

@@ -5,7 +5,6 @@ import json
 import subprocess
 import sys
 import textwrap
-from dataclasses import asdict
 
 import bpy
 import numpy as np
@@ -21,7 +20,7 @@ from tests.support.panel_layout import draw
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
-SETTINGS = asdict(Settings(method="CAST"))
+SETTINGS = Settings(method="CAST").flat()
 
 
 @pytest.fixture

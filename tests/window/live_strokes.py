@@ -182,7 +182,7 @@ def wait():
 
 def fresh(high):
     """The texels of a new bake of the present objects."""
-    plain = vars(bpy.context.scene.imprint.to_settings())
+    plain = bpy.context.scene.imprint.to_settings().flat()
     own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
     method = {"method": live.session.plan.method}
     with window.at_view():
