@@ -4,6 +4,7 @@
 import math
 import time
 from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
@@ -27,21 +28,37 @@ class Progress:
     warnings: tuple[str, ...] = ()
 
 
+Step = TypeVar("Step")
 Result = TypeVar("Result")
 Task: TypeAlias = Generator[Progress, None, Result]
 """A generator that does one slice of the work for each step it yields."""
 
 
-def part(work: Task[Result], start: float, stop: float) -> Task[Result]:
-    """`work` as a part of a larger task: its progress goes from `start` to `stop`."""
+def relay(
+    work: Generator[Step, None, Result],
+    change: Callable[[Step], Step] = lambda step: step,
+    within: Callable[[], AbstractContextManager] = nullcontext,
+) -> Generator[Step, None, Result]:
+    """`work`, with its result, whose steps are changed on their way. It is closed with this task.
+
+    Args:
+        change: returns what to yield in place of a step.
+        within: makes a context manager for each slice, such as a timer. It is left while the caller has the step.
+    """
     try:
         while True:
-            step = next(work)
-            yield replace(step, done=start + (stop - start) * step.done)
+            with within():
+                step = next(work)
+            yield change(step)
     except StopIteration as end:
         return end.value
     finally:
         work.close()
+
+
+def part(work: Task[Result], start: float, stop: float) -> Task[Result]:
+    """`work` as a part of a larger task: its progress goes from `start` to `stop`."""
+    return relay(work, lambda step: replace(step, done=start + (stop - start) * step.done))
 
 
 def finish(work: Task[Result], on_progress: Callable[[Progress], None] | None = None) -> Result:

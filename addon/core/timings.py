@@ -3,12 +3,10 @@
 
 import os
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TypeVar
 
-Yielded = TypeVar("Yielded")
-Result = TypeVar("Result")
+from .progress import Result, Task, relay
 
 STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "pages", "read", "audit", "image")
 """In the order in which a report lists them."""
@@ -40,17 +38,9 @@ class Timings:
             self.seconds[stage] += seconds - self._inside
             self._inside = around + seconds
 
-    def counted(self, work: Generator[Yielded, None, Result]) -> Generator[Yielded, None, Result]:
+    def counted(self, work: Task[Result]) -> Task[Result]:
         """`work`, with its time added to the total. The time between its steps does not count."""
-        try:
-            while True:
-                with self.in_total():
-                    step = next(work)
-                yield step
-        except StopIteration as end:
-            return end.value
-        finally:
-            work.close()
+        return relay(work, within=self.in_total)
 
     @contextmanager
     def in_total(self) -> Iterator[None]:

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import bpy
 
@@ -12,7 +13,7 @@ from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
 from ..core.names import file_names
 from ..core.names.file_names import ATLAS
-from ..core.progress import Pace, Progress, Task, part
+from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
 from ..core.settings import Settings, TracingSettings
 from ..core.timings import Timings
@@ -96,7 +97,7 @@ def work(
     reports = [] if reports is None else reports
     for number, (job, job_settings) in enumerate(zip(jobs, filled, strict=True)):
         steps = part(bake_job(context, job, job_settings, pace), number / len(jobs), (number + 1) / len(jobs))
-        reports.append((yield from _counting(steps, number)))
+        reports.append((yield from relay(steps, partial(replace, finished=number))))
     return reports
 
 
@@ -120,17 +121,6 @@ def _into_one(
         atlas.add(*(yield from part(steps, number / len(jobs), (number + 1) / len(jobs))))
     yield Progress("Storing", 1.0)
     return atlas.store()
-
-
-def _counting(steps: Task[Report], finished: int) -> Task[Report]:
-    """`steps` with the number of finished maps."""
-    try:
-        while True:
-            yield replace(next(steps), finished=finished)
-    except StopIteration as end:
-        return end.value
-    finally:
-        steps.close()
 
 
 def for_low(settings: Settings, name: str, material: str = "") -> Settings:

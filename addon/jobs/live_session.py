@@ -3,6 +3,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 
 import bpy
 import gpu
@@ -222,7 +223,7 @@ class Session:
 
     def other_steps(self) -> Task[None]:
         """Draw the other maps again, with their own textures, so that other bakes can run in between. Raises BakeError."""
-        return _within(self.others.pool, self._draw_others())
+        return progress.relay(self._draw_others(), within=partial(target.using, self.others.pool))
 
     def _draw_others(self) -> Task[None]:
         return self.others.work(self._source, replace(self.plan, meshes=self._meshes), self._uploads, self.pace)
@@ -254,7 +255,7 @@ class Session:
 
     def steps(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Task[None]:
         """As `work`, but with the session's own textures, so that other bakes can run in between."""
-        return _within(self._pool, self.work(context, changed))
+        return progress.relay(self.work(context, changed), within=partial(target.using, self._pool))
 
     def free(self) -> None:
         """Free all GPU memory of the session."""
@@ -357,16 +358,3 @@ class Session:
     @property
     def _high_names(self) -> list[str]:
         return [high.name for high in self._as_read.highs]
-
-
-def _within(pool: target.TargetPool, work: Task[None]) -> Task[None]:
-    """`work` with the textures of `pool`, so that other bakes can run between its steps."""
-    try:
-        while True:
-            with target.using(pool):
-                step = next(work)
-            yield step
-    except StopIteration:
-        return
-    finally:
-        work.close()

@@ -4,13 +4,14 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import PurePath
 
 import bpy
 
 from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import BakeError
-from ..core.progress import Pace, Progress, Task, part
+from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
 from ..core.settings import Settings
 from ..output import datablocks, map_names, materials, output_clashes, outputs
@@ -61,12 +62,7 @@ def work(
                 number / len(frames),
                 (number + 1) / len(frames),
             )
-            try:
-                while True:
-                    step = next(steps)
-                    yield replace(step, what=f"Frame {frame}: {step.what}", finished=number)
-            except StopIteration as end:
-                reports += end.value
+            reports += yield from relay(steps, partial(_of_frame, frame, number))
         yield Progress("Storing", 1.0, finished=len(frames))
     finally:
         if object_refs.scene_by_uid(scene) is not None:
@@ -78,6 +74,11 @@ def work(
         if reports:
             reports[:] = _show(job, settings, frames, reports)
     return reports
+
+
+def _of_frame(frame: float, number: int, step: Progress) -> Progress:
+    """A step of the bake of a frame, after `number` others."""
+    return replace(step, what=f"Frame {frame}: {step.what}", finished=number)
 
 
 def _go_to(uid: int, frame: float) -> None:

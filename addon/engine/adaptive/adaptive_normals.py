@@ -3,10 +3,12 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import gpu
 import numpy as np
 
+from ...core.progress import relay
 from ...mesh import uv_blocks
 from ...passes import target
 from ...passes.adaptive import active, rounds
@@ -27,7 +29,7 @@ class AdaptiveNormals:
 
     def __init__(self, source: Rays, run: Run):
         self.source = source
-        self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
+        self.settings, self._timed = run.settings, partial(run.timings.timed, "draw")
         self.rounds = samples.rounds(self.settings.sampling.samples)
         taken = np.cumsum([len(offsets) for offsets in self.rounds])
         self.limits = [LIMITS[count] for count in taken[:-1].tolist()]
@@ -43,44 +45,36 @@ class AdaptiveNormals:
         self._pair = []
         for slot, offset in enumerate(self.rounds[0]):
             sample = replace(band, offset=offset)
-            drawn = self.source.normals(sample, slot)
-            while True:
-                with self.timings.timed("draw"):
-                    normals, rows = next(drawn, (None, None))
-                if rows is None:
-                    break
+            for normals, rows in relay(self.source.normals(sample, slot), within=self._timed):
                 yield normals, rows, (slot + rows.stop / band.height) / 2.0
             self._pair.append(self.source.drawn(slot).texture)
 
     def rest(self, band: Band) -> Iterator[float]:
         """Draw the other samples, and average them into `mean`. Yields the share of them that is done."""
-        with self.timings.timed("draw"):
+        with self._timed():
             drawn, needed = self._compare(band)
             covered = self._leave_out_empty(needed, band)
         sums = self.mean
         whole, done = sum(map(len, self.rounds[1:])), 0
         several = None
         for number, offsets in enumerate(self.rounds[1:], start=2):
-            with self.timings.timed("draw"):
+            with self._timed():
                 some = active.find(drawn.texture, needed, number, covered)
             if some is None:
                 break
             several = several or some
             for offset in offsets:
-                sample, normals = replace(band, offset=offset), None
-                steps = self.source.normals_of(sample, some)
-                while normals is None:
-                    with self.timings.timed("draw"):
-                        normals = next(steps)
+                sample = replace(band, offset=offset)
+                for normals in relay(self.source.normals_of(sample, some), within=self._timed):
                     if normals is None:
                         yield done / whole
-                with self.timings.timed("draw"):
+                with self._timed():
                     rounds.add(sums, normals, some)
                     drawn.finish()
                 done += 1
                 yield done / whole
         if several is not None:
-            with self.timings.timed("draw"):
+            with self._timed():
                 rounds.average(sums, several)
 
     def _compare(self, band: Band) -> tuple[target.Target, np.ndarray]:

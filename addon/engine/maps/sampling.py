@@ -3,12 +3,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import gpu
 import numpy as np
 
 from ...core.map_types import NORMAL
-from ...core.progress import Progress, Task, finish, part
+from ...core.progress import Progress, Task, finish, part, relay
 from ...passes import target
 from ...passes.bake import flat_hits, preview_picture, samples
 from ...passes.surface import served_blocks
@@ -185,13 +186,7 @@ class SampledMaps:
 
     def _normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """One sample of the normals of a band, in slices."""
-        drawn = self.source.normals(band, slot)
-        while True:
-            with self.timings.timed("draw"):
-                normals, rows = next(drawn, (None, None))
-            if normals is None:
-                return
-            yield normals, rows
+        return relay(self.source.normals(band, slot), within=partial(self.timings.timed, "draw"))
 
     def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Progress:
         size = self.settings.sampling.width, self.settings.sampling.height

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 
 import bpy
 
@@ -12,8 +13,7 @@ from ... import older_blender
 from ...core.declarations.choices import Method
 from ...core.errors import BakeError
 from ...core.levels.level_report import ChainReport, Level, Limit
-from ...core.progress import Pace, Progress, Task, part
-from ...core.report import Report
+from ...core.progress import Pace, Progress, Task, part, relay
 from ...core.settings import Settings
 from ...engine import gpu_memory
 from ...output import map_storage, output_clashes
@@ -54,7 +54,8 @@ def work(
             collection, objects = _objects(context, ref.resolve(), [level[0] for level in found])
             jobs = [Job(level, [ref.resolve()]) for level in objects]
             baking = bake_jobs.work(context, jobs, settings, pace)
-            bakes = yield from _uncounted(part(baking, SEARCHED, 1.0))
+            # Without the number of finished maps: none is kept if the chain is stopped.
+            bakes = yield from relay(part(baking, SEARCHED, 1.0), partial(replace, finished=0))
         for data, _ in found:
             meshes.release(data)
     # A level of triangles may have more faces than an original of quads.
@@ -132,17 +133,6 @@ def _objects(
         objects.append(level)
     context.view_layer.update()
     return collection, objects
-
-
-def _uncounted(baking: Task[list[Report]]) -> Task[list[Report]]:
-    """`baking` without the number of finished maps: none is kept if the chain is stopped."""
-    try:
-        while True:
-            yield replace(next(baking), finished=0)
-    except StopIteration as end:
-        return end.value
-    finally:
-        baking.close()
 
 
 @contextmanager
