@@ -27,7 +27,7 @@ from ..scene import object_refs
 from . import input_checks, interruption, memory_check, read_files, side_files, standard_streams
 from .done.contents import Content, Contents
 from .mesh_files.importers import Space
-from .plan import named_files, run_clashes
+from .plan import named_files, plans, run_clashes
 from .plan.plans import Plan, subject
 from .results import gates, report_file, run_report
 from .results.bake_result import Result
@@ -244,7 +244,7 @@ def _baked(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
         chain = progress.finish(level_chain.work(bpy.context, jobs[0].low, limits, settings, speed), on_step)
         return _Baked([level.bake for level in chain.levels], chain=chain)
     if options.frames:
-        work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)
+        work = sequence.work(bpy.context, jobs[0], settings, plans.frames(options), speed, reports=reports)
     else:
         work = bake_jobs.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
     try:

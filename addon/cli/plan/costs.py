@@ -4,7 +4,7 @@
 import argparse
 
 from ..usage import option_settings
-from . import run_clashes
+from . import plans
 
 
 def cost(options: argparse.Namespace) -> int:
@@ -13,5 +13,5 @@ def cost(options: argparse.Namespace) -> int:
     It depends on the options alone, so that it is the same on every machine, also where a file is missing or was changed.
     """
     maps = options.normal + len(option_settings.settings(options).map.drawn_maps)
-    texels = options.size[0] * options.size[1] * max(1, len(options.tiles)) * max(1, len(run_clashes.frames(options)))
+    texels = options.size[0] * options.size[1] * max(1, len(options.tiles)) * max(1, len(plans.frames(options)))
     return texels if options.convert else texels * options.samples * max(1, maps)

@@ -85,3 +85,8 @@ def stem(path: str) -> str:
     """The name of a file without its ending."""
     name = os.path.basename(path)
     return os.path.splitext(name)[0] if name.strip(".") == name else Path(path).stem
+
+
+def frames(options: argparse.Namespace) -> range:
+    """The frames of a sequence; none for a single map."""
+    return range(options.frames[0], options.frames[1] + 1) if options.frames else range(0)

@@ -128,7 +128,7 @@ class Run:
         found = list(self._maps.get(name, ()))
         low = low_of(options) or file_names.LOW if options.export or not found else ""
         if not found:
-            found = [path for path, _ in map_files.files(options, low, frames(options))]
+            found = [path for path, _ in map_files.files(options, low, plans.frames(options))]
         if options.export:
             found.append(file_names.fill(options.export, low))
         found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
@@ -210,7 +210,7 @@ class Run:
 
     def _write_maps(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
         several = len(lows) > 1
-        files = [(low, list(map_files.files(options, low, frames(options)))) for low in lows]
+        files = [(low, list(map_files.files(options, low, plans.frames(options)))) for low in lows]
         self._maps[name] = [path for _, found in files for path, _ in found]
         for low, found in files:
             for path, what in found:
@@ -225,11 +225,6 @@ def low_of(options: argparse.Namespace) -> str:
         return ""
     low = options.low or (plans.stem(options.low_file) if options.low_file else "")
     return low or ("" if file_names.LOW in options.output else ATLAS)
-
-
-def frames(options: argparse.Namespace) -> range:
-    """The frames of a sequence; none for a single map."""
-    return range(options.frames[0], options.frames[1] + 1) if options.frames else range(0)
 
 
 def _pattern(path: str) -> re.Pattern:
