@@ -11,14 +11,13 @@ import bpy
 
 from ..core.errors import BakeError
 from ..core.file_formats import OPENED
-from ..core.file_structure import whole_files
+from ..core.file_structure import blend_files, whole_files
 from ..jobs.job import Job
 from ..output.files.atomic_file import reason
 from ..scene import dependencies
 from ..scene.visibility import put
 from . import interruption, outside_files, standard_streams
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file
-from .plan import blend_blocks
 
 
 class Stage:
@@ -141,8 +140,8 @@ def _existing(name: str) -> Path:
 
 def _open_blend(name: str) -> None:
     interruption.check()
-    if blend_blocks.object_names(Path(name)) is None:  # Blender may crash
-        raise BakeError(blend_blocks.NOT_WHOLE.format(name))
+    if blend_files.object_names(Path(name)) is None:  # Blender may crash
+        raise BakeError(blend_files.NOT_WHOLE.format(name))
     try:
         with standard_streams.silence():
             bpy.ops.wm.open_mainfile(filepath=name, load_ui=False, use_scripts=False)

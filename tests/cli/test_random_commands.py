@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 
 from addon.cli import command
-from addon.cli.plan import blend_blocks
 from addon.cli.results import exit_codes
-from addon.core.file_structure import mesh_references
+from addon.core.file_structure import blend_files, mesh_references
 from tests.support import random_cases, scenes, zoo
 
 pytestmark = [
@@ -299,13 +298,13 @@ def test_libraries_are_found_without_opening_a_file(place, packed):
     path = place / "in" / "copy.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=packed)
     assert path.read_bytes().startswith(STARTS[".blend"][packed])
-    assert place / "in" / "lib.blend" in blend_blocks.libraries(path)
+    assert place / "in" / "lib.blend" in blend_files.libraries(path)
     content = path.read_bytes()
     for broken in (content[:1000], content[:10], content[:400] + b"no stream" + content[400:], b""):
         path.write_bytes(broken)
-        blend_blocks.libraries(path)  # must not raise
-    assert blend_blocks.libraries(path) == []
-    assert blend_blocks.libraries(place / "in" / "rock_a_low.obj") == []
+        blend_files.libraries(path)  # must not raise
+    assert blend_files.libraries(path) == []
+    assert blend_files.libraries(place / "in" / "rock_a_low.obj") == []
 
 
 def test_a_texture_that_only_the_importer_finds_is_not_overwritten(place, capsys, monkeypatch):

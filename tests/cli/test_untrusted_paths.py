@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from addon.cli import bounds, command
-from addon.cli.plan import blend_blocks
 from addon.cli.results import exit_codes
 from addon.cli.usage.key_values import KEYS
+from addon.core.file_structure import blend_files
 from tests.support import trees
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
@@ -239,7 +239,7 @@ def test_a_wrong_size_in_a_blend_stops_nothing(root, size, capfd):
 
 
 def test_a_blend_that_unpacks_to_very_much_is_not_unpacked(root, monkeypatch, capfd):
-    monkeypatch.setattr(blend_blocks, "MOST_COMPRESSED", 4)
+    monkeypatch.setattr(blend_files, "MOST_COMPRESSED", 4)
     (root / "job/s.blend").write_bytes(gzip.compress(blend((b"DATA", bytes(1 << 23)))))
     code, said = attack(root, "file", "s.blend", "--check", capfd=capfd)
     assert code == exit_codes.FAILED and len(said) == 1

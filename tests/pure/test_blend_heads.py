@@ -5,7 +5,7 @@ import struct
 
 import pytest
 
-from addon.cli.plan import blend_blocks
+from addon.core.file_structure import blend_files
 
 LIBRARY = b"lib.blend\0" + b"//parts/lib.blend\0" + bytes(8)
 HEADS = {
@@ -40,7 +40,7 @@ def test_libraries_are_found_between_other_blocks(tmp_path, start):
         + block(start, b"ENDB", b"")
         + block(start, b"LI\0\0", decoy)
     )
-    assert blend_blocks.libraries(path) == [tmp_path / "parts/lib.blend", tmp_path / "other/lib.blend"]
+    assert blend_files.libraries(path) == [tmp_path / "parts/lib.blend", tmp_path / "other/lib.blend"]
 
 
 @pytest.mark.parametrize(
@@ -49,11 +49,11 @@ def test_libraries_are_found_between_other_blocks(tmp_path, start):
 def test_other_files_have_none(tmp_path, start):
     path = tmp_path / "scene.blend"
     path.write_bytes(start + block(b"BLENDER-v405", b"LI\0\0", LIBRARY))
-    assert blend_blocks.libraries(path) == []
+    assert blend_files.libraries(path) == []
 
 
 @pytest.mark.parametrize("start", HEADS)
 def test_a_file_that_breaks_off_has_none(tmp_path, start):
     path = tmp_path / "scene.blend"
     path.write_bytes(start + block(start, b"LI\0\0", LIBRARY)[: -len(LIBRARY)])
-    assert blend_blocks.libraries(path) == []
+    assert blend_files.libraries(path) == []

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from ...core.errors import BakeError
 from ...core.file_formats import OPENED
-from ...core.file_structure import usd_layers, whole_files
+from ...core.file_structure import blend_files, usd_layers, whole_files
 from ...core.names import file_names, unknown_name
 from ...core.names.name_matching import match
 from ...output.files.atomic_file import check_writable
 from ..usage.options import STDOUT
-from . import blend_blocks, named_files
+from . import named_files
 from .input_files import InputFiles
 from .plans import Plan
 
@@ -68,7 +68,7 @@ class InputProblems:
             return
         names = self._names(options.file[0])
         if names is None:
-            yield blend_blocks.NOT_WHOLE.format(options.file[0])
+            yield blend_files.NOT_WHOLE.format(options.file[0])
         elif options.pairs:
             try:
                 found, problems = match(names, options.suffixes)
@@ -84,7 +84,7 @@ class InputProblems:
 
     def _names(self, path: str) -> set[str] | None:
         if path not in self._objects:
-            self._objects[path] = blend_blocks.object_names(Path(path))
+            self._objects[path] = blend_files.object_names(Path(path))
         return self._objects[path]
 
     def _of_folder(self, path: str) -> str:

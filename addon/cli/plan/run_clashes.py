@@ -10,6 +10,7 @@ from pathlib import Path
 from ...core import udim
 from ...core.errors import WrongPlace
 from ...core.file_formats import OPENED
+from ...core.file_structure import blend_files
 from ...core.names import file_names
 from ...core.names.file_names import ATLAS
 from ...output.files.path_clashes import Places
@@ -17,7 +18,7 @@ from ..bounds import Bounds
 from ..results import own_files
 from ..results.report_file import LINES
 from ..usage.options import STDOUT
-from . import blend_blocks, map_files, named_files, plans
+from . import map_files, named_files, plans
 from .input_files import InputFiles
 
 _UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (file_names.LOW, file_names.MATERIAL, udim.TOKEN)))})")
@@ -257,14 +258,12 @@ def _libraries(
         for path in named_files.scenes(options):
             if path not in seen and path.endswith(".blend"):
                 seen.add(path)
-                yield from ((str(library), name) for library in blend_blocks.libraries(Path(path)))
+                yield from ((str(library), name) for library in blend_files.libraries(Path(path)))
 
 
 def _images_of(blend: str) -> list[str]:
     """The images that a .blend and the libraries that it links name."""
-    return [
-        image for path in (Path(blend), *blend_blocks.libraries(Path(blend))) for image in blend_blocks.images(path)
-    ]
+    return [image for path in (Path(blend), *blend_files.libraries(Path(blend))) for image in blend_files.images(path)]
 
 
 def _is_there(path: str) -> bool:

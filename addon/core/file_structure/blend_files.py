@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from ...core.file_formats import BY_ENDING
-from ...core.map_types import MARK, ORIGIN
+from ..file_formats import BY_ENDING
+from ..map_types import MARK, ORIGIN
 
 _HEAD_OF_4 = re.compile(rb"BLENDER([_-])([vV])(\d{3})")
 _HEAD_OF_5 = re.compile(rb"BLENDER17-01v(\d{4})")
