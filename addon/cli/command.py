@@ -91,9 +91,9 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
 
             return listing.run(options, sets, program)
         inputs = InputFiles()
-        planned, problems, files, clashes = planning.plan(options, sets, inputs)
-        if clashes:
-            raise WrongPlace("\n".join(clashes))
+        planned, problems, files, conflicts = planning.plan(options, sets, inputs)
+        if conflicts:
+            raise WrongPlace("\n".join(conflicts))
         named = shards.named(planned, options.only)
         chosen = shards.part(named, options.shard, lambda plan: costs.cost(plan.options))
     except SystemExit as stop:  # argparse has printed the help
