@@ -27,7 +27,7 @@ from ..scene import object_refs
 from . import input_checks, interruption, memory_check, read_files, side_files, standard_streams
 from .done.contents import Content, Contents
 from .mesh_files.importers import Space
-from .plan import named_files, plans, run_clashes
+from .plan import plans, run_clashes
 from .plan.plans import Plan, subject
 from .results import gates, report_file, run_report
 from .results.bake_result import Result
@@ -130,7 +130,7 @@ def open_files(
     notes += input_checks.rounded_coordinates(options, jobs)
     hashes = hashes or (Contents() if options.report else None)
     reading = hashes.checking(interruption.check) if hashes else None
-    declared = reading.all_of(named_files.inputs(options, bpy.data.filepath)) if reading else []
+    declared = reading.all_of(plans.input_paths(options, bpy.data.filepath)) if reading else []
     found = reading.all_of(read_files.read_by(options, jobs)) if reading else []
     not_followed = read_files.not_followed(options, jobs)
     return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, not_followed, hashes)

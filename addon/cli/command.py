@@ -16,7 +16,7 @@ from ..core.progress import Progress
 from ..core.timings import startup
 from . import bounds, interruption, standard_streams
 from .blender_process import load_blender
-from .plan import costs, planning, shards
+from .plan import planning, plans
 from .plan.input_files import InputFiles
 from .results import events, this_call
 from .results.exit_codes import DONE, FAILED, WRONG_USAGE
@@ -94,8 +94,8 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
         planned, problems, files, conflicts = planning.plan(options, sets, inputs)
         if conflicts:
             raise WrongPlace("\n".join(conflicts))
-        named = shards.named(planned, options.only)
-        chosen = shards.part(named, options.shard, lambda plan: costs.cost(plan.options))
+        named = plans.named_plans(planned, options.only)
+        chosen = plans.shard_part(named, options.shard, lambda plan: plans.cost(plan.options))
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:

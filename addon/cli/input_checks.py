@@ -20,7 +20,7 @@ from ..core.settings import MapSettings
 from ..jobs.job import Job
 from ..scene import complaints, dependencies, object_checks
 from .mesh_files import textures
-from .plan import named_files
+from .plan import plans
 from .usage.option_types import word_for
 
 _IMAGES = {*BY_ENDING, ".jpg", ".jpeg", ".webp", ".hdr", ".bmp"}
@@ -44,7 +44,7 @@ def check_pages(options: argparse.Namespace, settings: MapSettings, jobs: Sequen
         return []
     highs = [high for job in jobs for high in job.highs if high.type == "MESH"]
     libraries = list(_libraries(options))
-    if not any(Path(name).suffix.lower().startswith(".blend") for name in named_files.scenes(options) or (".blend",)):
+    if not any(Path(name).suffix.lower().startswith(".blend") for name in plans.scene_paths(options) or (".blend",)):
         libraries += map(repr, textures.missing_tiles(highs))
     if options.allow_missing_pages:  # the bake reports the images that each material lacks
         return [_not_found(libraries)] if libraries else []

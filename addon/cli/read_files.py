@@ -12,14 +12,14 @@ from ..core.file_structure import usd_layers
 from ..jobs.job import Job
 from ..output import datablocks
 from ..scene import dependencies
-from .plan import named_files
+from .plan import plans
 from .plan.input_files import InputFiles
 
 
 def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[str, str]]:
     """The files that the open scene's bake reads beside those of its options, and what they are. Some may not exist."""
     yield from used(options)
-    for name in named_files.scenes(options):
+    for name in plans.scene_paths(options):
         title = f"what {os.path.basename(name)!r} refers to"
         yield from ((path, title) for path in InputFiles().references(name))
     lows, highs = [job.low for job in jobs], [high for job in jobs for high in job.highs]
@@ -34,7 +34,7 @@ def not_followed(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     """Why the bake may read files that `read_by` does not know, in clauses."""
     objects = [obj for job in jobs for obj in (job.low, *job.highs, job.cage) if obj]
     return [
-        *filter(None, (usd_layers.named(name).unknown for name in named_files.scenes(options))),
+        *filter(None, (usd_layers.named(name).unknown for name in plans.scene_paths(options))),
         *dependencies.not_followed(objects),
     ]
 
@@ -46,7 +46,7 @@ def used(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
         (path, what) for path, what in datablocks.sources() if path != bpy.data.filepath
     )  # it may be saved over
     # The images of a .blend may be maps of an earlier bake, which the next bake replaces.
-    named = named_files.scenes(options)
+    named = plans.scene_paths(options)
     for name in named:
         yield from ((path, f"what {os.path.basename(name)!r} refers to") for path in usd_layers.named(name).layers)
     if named and not any(Path(name).suffix.lower().startswith(".blend") for name in named):

@@ -42,7 +42,7 @@ def make(folder: Path, count: int) -> Path:
     jobs = folder / "jobs.json"
     jobs.write_text(json.dumps({"bake": sets}), encoding="utf-8")
     contents = Contents()
-    for plan in plans.plans(job_file.read(str(jobs)))[0]:
+    for plan in plans.plans_of(job_file.read(str(jobs)))[0]:
         output = plan.options.output
         entry = Entry(plan.number, plan.name, files=[{"path": output, "bytes": OUTPUT, "sha256": "", "what": MAP}])
         draft = bake_record.Draft(bake_record.path_of(plan.options), plan.name, bake_key.of(plan.options, contents))

@@ -11,7 +11,7 @@ from argparse import Namespace
 
 import pytest
 
-from addon.cli.plan import costs, listing, plans, run_clashes, shards
+from addon.cli.plan import listing, plans, run_clashes
 from addon.cli.plan.plans import Plan
 from addon.cli.results.exit_codes import FAILED, WRONG_USAGE
 from addon.cli.usage import arguments, job_file
@@ -156,7 +156,7 @@ def cost(plan):
 def test_parts_are_disjoint_and_complete(seed):
     rng = random.Random(seed)
     planned, count = random_plans(rng), rng.randrange(1, 20)
-    parts = [shards.part(planned, (number, count), cost) for number in range(1, count + 1)]
+    parts = [plans.shard_part(planned, (number, count), cost) for number in range(1, count + 1)]
     assert sorted(plan.number for part in parts for plan in part) == [plan.number for plan in planned]
     assert all(part == sorted(part, key=lambda plan: plan.number) for part in parts)
     assert max(map(len, parts)) - min(map(len, parts)) <= 1
@@ -167,7 +167,7 @@ def test_parts_are_disjoint_and_complete(seed):
 
 def test_equal_costs_go_by_number():
     planned = [Plan("", Namespace(cost=1), number=number) for number in range(1, 8)]
-    assert [[plan.number for plan in shards.part(planned, (k, 3), cost)] for k in (1, 2, 3)] == [
+    assert [[plan.number for plan in plans.shard_part(planned, (k, 3), cost)] for k in (1, 2, 3)] == [
         [1, 4, 7],
         [2, 5],
         [3, 6],
@@ -176,7 +176,7 @@ def test_equal_costs_go_by_number():
 
 def test_the_costliest_come_first_in_turns():
     planned = [Plan("", Namespace(cost=each), number=number) for number, each in enumerate([1, 9, 5, 8, 7, 2], 1)]
-    assert [sorted(map(cost, shards.part(planned, (k, 2), cost))) for k in (1, 2)] == [[2, 7, 9], [1, 5, 8]]
+    assert [sorted(map(cost, plans.shard_part(planned, (k, 2), cost))) for k in (1, 2)] == [[2, 7, 9], [1, 5, 8]]
 
 
 def test_a_chain_stays_together_and_counts_as_one():
@@ -184,7 +184,7 @@ def test_a_chain_stays_together_and_counts_as_one():
         Plan("", Namespace(cost=each), number=number, chain=chain)
         for number, (each, chain) in enumerate([(6, 0), (2, 2), (3, 2), (2, 2), (1, 0)], 1)
     ]
-    assert [[plan.number for plan in shards.part(planned, (k, 2), cost)] for k in (1, 2)] == [[2, 3, 4, 5], [1]]
+    assert [[plan.number for plan in plans.shard_part(planned, (k, 2), cost)] for k in (1, 2)] == [[2, 3, 4, 5], [1]]
 
 
 def set_of(file="s.blend", saved=None, origin=None):
@@ -195,7 +195,7 @@ def set_of(file="s.blend", saved=None, origin=None):
 def test_a_chain_reaches_from_the_first_set_of_a_scene_to_the_last_one_that_saves_it():
     sets = [set_of(), set_of(saved="x.blend"), set_of(), set_of(saved="y.blend"), set_of(), set_of("t.blend")]
     sets += [set_of("t.blend", "z.blend"), set_of("u.blend", "w.blend"), set_of("u.blend"), set_of("")]
-    assert [plan.chain for plan in plans.plans(sets)[0]] == [1, 1, 1, 1, 0, 6, 6, 0, 0, 0]
+    assert [plan.chain for plan in plans.plans_of(sets)[0]] == [1, 1, 1, 1, 0, 6, 6, 0, 0, 0]
 
 
 def test_a_set_can_have_a_name(capsys, here):
@@ -238,7 +238,7 @@ def test_files_do_not_move_bakes(capsys, here):
 
 def test_texels_samples_maps_tiles_and_frames_cost():
     def of(*words):
-        return costs.cost(
+        return plans.cost(
             arguments.parse(["s.blend", "--low", "a", "--output", "m_<UDIM>_#.png", "--size", "64", *words])
         )
 
@@ -314,7 +314,7 @@ def test_what_a_mesh_refers_to_is_read_once(here, monkeypatch):
     (here / "a.mtl").write_text("newmtl a\nmap_Kd 3.png\n")
     sets = [{**SET, "output": f"{number}.png"} for number in range(5)]
     (here / "jobs.json").write_text(json.dumps({"bake": sets}))
-    planned, _ = plans.plans(job_file.read("jobs.json"))
+    planned, _ = plans.plans_of(job_file.read("jobs.json"))
     read = []
     real = mesh_references.of
     monkeypatch.setattr(mesh_references, "of", lambda path: read.append(path) or real(path))

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, is_dataclass
 from typing import Any
 
 from ...core import versions
-from ..plan import named_files
+from ..plan import plans
 from ..usage.options import FILE, JOBS, OPTIONS, STRICT
 from ..usage.run_options import RUN_OPTIONS
 from . import moved_paths
@@ -48,7 +48,7 @@ def canonical(value: Any) -> str:
 
 def of(options: argparse.Namespace, contents: Contents, open_file: str = "") -> Key:
     """The key of a bake. This reads its files. open_file: the path of the open .blend, which a bake without files uses."""
-    found = tuple(contents.of(path, what) for path, what in named_files.inputs(options, open_file))
+    found = tuple(contents.of(path, what) for path, what in plans.input_paths(options, open_file))
     return Key(settings(options), found, versions.imprint(), versions.blender(), versions.code())
 
 

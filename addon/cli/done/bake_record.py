@@ -13,7 +13,7 @@ from typing import Any
 from ...core.errors import BakeError
 from ...core.names import file_names
 from ...output.files.atomic_file import replacing
-from ..plan import named_files
+from ..plan import plans
 from ..usage import arguments
 from . import bake_key, contents, moved_paths
 from .bake_key import Key
@@ -100,7 +100,7 @@ def files(options: argparse.Namespace, records: str | None = None) -> Iterator[t
 
 def _identity(options: argparse.Namespace, folder: str) -> str:
     """A short hash of what is baked: names of files and objects, and frames. folder: of the record."""
-    files = [[what, moved_paths.written(os.path.abspath(path), folder)] for path, what in named_files.inputs(options)]
+    files = [[what, moved_paths.written(os.path.abspath(path), folder)] for path, what in plans.input_paths(options)]
     if arguments.is_folder(options):
         files.append(["", moved_paths.written(os.path.abspath(options.pairs), folder)])
     output = moved_paths.written(os.path.abspath(options.output), folder)

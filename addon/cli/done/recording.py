@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ...core.errors import BakeError
 from ..bounds import Bounds
-from ..plan import named_files
+from ..plan import plans
 from ..plan.plans import Plan
 from ..results import bake_result, run_report
 from ..results.bake_result import Done
@@ -62,7 +62,7 @@ def finish_untrusted(
         return Done.of(
             bake_result.failure(plan.name, BakeError(f"Its process gave a wrong result: {error}")), plan.number
         )
-    named = {os.path.abspath(path) for path, _ in named_files.inputs(plan.options)}
+    named = {os.path.abspath(path) for path, _ in plans.input_paths(plan.options)}
     found = [hashes.of(each["path"], each["what"]) for each in entry.inputs]
     for said, content in zip(entry.inputs, found, strict=True):
         if content.facts() != said:

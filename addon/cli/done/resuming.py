@@ -13,7 +13,7 @@ from typing import Any
 from ...core import versions
 from ...core.errors import shorten_list
 from ..bounds import Bounds
-from ..plan import named_files
+from ..plan import plans
 from ..plan.plans import Plan
 from ..results import gates, report_file
 from ..results.sheets import picture_files
@@ -175,7 +175,7 @@ class Resuming(Turns):
             changed = [name for name in {**old.settings, **now} if _lacks(old.settings, now, name)]
             yield f"Settings have changed: {shorten_list(changed, MOST_NAMED)}."
         yield from self._changes_of_written(options, record)
-        files = list(named_files.inputs(options, self._open_file))
+        files = list(plans.input_paths(options, self._open_file))
         if [(_name(path), what) for path, what in files] != [(_name(each.path), each.what) for each in old.inputs]:
             yield "It was baked from other files."
         pairs = [(before, before.path) for before in record.found]

@@ -13,7 +13,7 @@ from ...core.names import file_names, unknown_name
 from ...core.names.name_matching import match
 from ...output.files.atomic_file import check_writable
 from ..usage.options import STDOUT
-from . import named_files
+from . import plans
 from .input_files import InputFiles
 from .plans import Plan
 
@@ -33,7 +33,7 @@ class InputProblems:
         if plan.problem:
             yield plan.problem
         options, missing = plan.options, False
-        for path in dict.fromkeys(path for path, _ in named_files.inputs(options)):
+        for path in dict.fromkeys(path for path, _ in plans.input_paths(options)):
             if problem := self._files.problem(path):
                 missing = True
                 yield problem

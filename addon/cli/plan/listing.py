@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from ..results import exit_codes
-from . import costs, named_files, planning, plans, shards
+from . import planning, plans
 from .input_files import InputFiles
 from .input_problems import InputProblems
 from .plans import Plan
@@ -40,9 +40,9 @@ class _Listing:
     def __init__(self, options: argparse.Namespace, sets: Sequence[argparse.Namespace]):
         self._options, self._files = options, InputFiles()
         self.planned, self.warnings, self._run, self.problems = planning.plan(options, sets, self._files)
-        self.costs = {plan.number: costs.cost(plan.options) for plan in self.planned}
-        self.chosen = shards.part(
-            shards.named(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]
+        self.costs = {plan.number: plans.cost(plan.options) for plan in self.planned}
+        self.chosen = plans.shard_part(
+            plans.named_plans(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]
         )
         found = InputProblems(self._files, reads=options.check and self._run.bounds is None)
         is_refused = self._run.bounds is not None and bool(self.problems)  # nothing elsewhere is looked at
@@ -92,7 +92,7 @@ class _Listing:
             "number": plan.number,
             "name": plan.name or plans.subject(plan.options, plans.open_file()),
             "cost": self.costs[plan.number],
-            "inputs": list(dict.fromkeys(os.path.abspath(path) for path, _ in named_files.inputs(plan.options))),
+            "inputs": list(dict.fromkeys(os.path.abspath(path) for path, _ in plans.input_paths(plan.options))),
             "outputs": [os.path.abspath(path) for path in self._run.outputs(plan.name, plan.options)],
             "problems": self._of_bakes[plan.number],
         }

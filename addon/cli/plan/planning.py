@@ -41,7 +41,7 @@ def plan(
         within.check_sets(sets)
     warnings: list[str] = []
     if arguments.are_many(options):
-        planned, warnings = plans.plans(sets, open_file)
+        planned, warnings = plans.plans_of(sets, open_file)
     elif are_many(options):
         own = copy(options)
         own.report = None  # it is that of the call

@@ -18,7 +18,7 @@ from ..bounds import Bounds
 from ..results import own_files
 from ..results.report_file import LINES
 from ..usage.options import STDOUT
-from . import map_files, named_files, plans
+from . import map_files, plans
 from .input_files import InputFiles
 
 _UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (file_names.LOW, file_names.MATERIAL, udim.TOKEN)))})")
@@ -106,7 +106,7 @@ class Run:
         """
         by_blend: dict[str, list[str]] = {}
         for name, options in bakes if len(bakes) > 1 else ():
-            for path in named_files.scenes(options):
+            for path in plans.scene_paths(options):
                 if path.lower().endswith(".blend"):
                     by_blend.setdefault(os.path.realpath(path), []).append(name)
         if not by_blend or not any(map(_is_there, self._all_written(bakes))):
@@ -174,9 +174,9 @@ class Run:
 
     def _read_by(self, options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
         """The files that a bake reads: path, what it is, and "scene" if the saved scene may replace it."""
-        for path, what in named_files.inputs(options, self._open_file):
-            yield path, what, "scene" if what == named_files.OPENED else ""
-        for path in named_files.scenes(options, self._open_file):
+        for path, what in plans.input_paths(options, self._open_file):
+            yield path, what, "scene" if what == plans.OPENED_FILE else ""
+        for path in plans.scene_paths(options, self._open_file):
             for other in self._inputs.references(path):
                 yield other, f"what {os.path.basename(path)!r} refers to", ""
 
@@ -255,7 +255,7 @@ def _libraries(
         return
     seen = set()
     for name, options in bakes:
-        for path in named_files.scenes(options):
+        for path in plans.scene_paths(options):
             if path not in seen and path.endswith(".blend"):
                 seen.add(path)
                 yield from ((str(library), name) for library in blend_files.libraries(Path(path)))
