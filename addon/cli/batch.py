@@ -27,7 +27,7 @@ from ..scene import object_refs
 from . import input_checks, interruption, memory_check, read_files, side_files, standard_streams
 from .done.contents import Content, Contents
 from .mesh_files.importers import Space
-from .plan import plans, run_clashes
+from .plan import clashes, plans
 from .plan.plans import Plan, subject
 from .results import gates, report_file, run_report
 from .results.bake_result import Result
@@ -89,7 +89,7 @@ class _Baked:
 def open_files(
     plan: Plan,
     stage: Stage,
-    files: run_clashes.Run,
+    files: clashes.RunFiles,
     meter: Meter,
     hashes: Contents | None = None,
     *,
@@ -136,7 +136,7 @@ def open_files(
     return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, not_followed, hashes)
 
 
-def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> Result:
+def run(opened: Opened, stage: Stage, files: clashes.RunFiles, meter: Meter) -> Result:
     """Bake, and save what the options name. files: must have the plan.
 
     Raises BakeError, or Stopped where nothing was finished.

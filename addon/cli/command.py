@@ -16,8 +16,8 @@ from ..core.progress import Progress
 from ..core.timings import startup
 from . import bounds, interruption, standard_streams
 from .blender_process import load_blender
-from .plan import planning, plans
-from .plan.input_files import InputFiles
+from .plan import clashes, plans
+from .plan.clashes import InputFiles
 from .results import events, this_call
 from .results.exit_codes import DONE, FAILED, WRONG_USAGE
 from .results.only import Only
@@ -91,7 +91,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
 
             return listing.run(options, sets, program)
         inputs = InputFiles()
-        planned, problems, files, conflicts = planning.plan(options, sets, inputs)
+        planned, problems, files, conflicts = clashes.plan_call(options, sets, inputs)
         if conflicts:
             raise WrongPlace("\n".join(conflicts))
         named = plans.named_plans(planned, options.only)
@@ -106,7 +106,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
         print(f"{program}: {sentence(error)}", file=sys.stderr)
         return FAILED
     try:
-        if planning.are_many(options):
+        if clashes.are_many(options):
             for problem in problems:
                 meter.report(f"{program}: warning: {problem}")
             from . import many_bakes

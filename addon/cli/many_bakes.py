@@ -18,7 +18,7 @@ from .done.claims import Claims
 from .done.resuming import Resuming
 from .done.turns import Turns
 from .done.turns_aside import TurnsAside
-from .plan import plans, run_clashes
+from .plan import clashes, plans
 from .plan.plans import Plan
 from .results import exit_codes, kept_files, report_file, run_report, terminal_text
 from .results.bake_result import Done, Wanted
@@ -73,7 +73,7 @@ class Many:
         return TurnsAside(make, lambda: meter.show(name, Progress("Comparing with records", shares[-1])))
 
 
-def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes: bool) -> int:
+def run(many: Many, files: clashes.RunFiles, meter: Meter, *, may_start_processes: bool) -> int:
     """Do the bakes, print a table, and write the report of all. files: must have all plans. Returns the exit code.
 
     Raises WrongPlace if no logs or pictures can be written, and if untrusted files have no sandbox.
@@ -89,7 +89,7 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
 
 
 def _run(
-    many: Many, files: run_clashes.Run, meter: Meter, limits: Limits, sandbox: Sandbox | None, *, has_workers: bool
+    many: Many, files: clashes.RunFiles, meter: Meter, limits: Limits, sandbox: Sandbox | None, *, has_workers: bool
 ) -> int:
     """As `run`, once the folders are made."""
     options = many.options
@@ -125,7 +125,7 @@ def _limits(options: argparse.Namespace) -> Limits:
     return Limits(options.timeout or seconds, options.max_memory or memory, options.log)
 
 
-def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter, wanted: Wanted) -> Iterator[Done]:
+def _bake_here(turns: Turns, files: clashes.RunFiles, meter: Meter, wanted: Wanted) -> Iterator[Done]:
     load_blender()
     with startup.spent("imprint"):
         from .workers import baker  # needs Blender
@@ -136,7 +136,7 @@ def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter, wanted: Wante
 class _Found:
     """The results so far: their lines on the terminal, and their entries in the report."""
 
-    def __init__(self, many: Many, files: run_clashes.Run, meter: Meter):
+    def __init__(self, many: Many, files: clashes.RunFiles, meter: Meter):
         """Raises BakeError if the report cannot be written."""
         self._files = files
         self._meter, self._out = meter, terminal_text.out(many.options)

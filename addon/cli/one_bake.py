@@ -9,7 +9,7 @@ import bpy
 from ..core.errors import BakeError, WrongPlace
 from ..core.names.printable import printable
 from . import batch, blender_process, interruption
-from .plan import plans, run_clashes
+from .plan import clashes, plans
 from .plan.plans import Plan
 from .results import bake_result, exit_codes, report_file, run_report, terminal_text
 from .results.bake_result import Result
@@ -18,7 +18,7 @@ from .terminal_progress import Meter
 from .usage.options import STDOUT
 
 
-def run(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
+def run(plan: Plan, files: clashes.RunFiles, program: str, meter: Meter) -> int:
     """Bake. files: must have the plan. Returns the exit code. Raises WrongPlace if the bake would harm a file."""
     options, stage = plan.options, Stage()
     if batch.need_all([plan]):

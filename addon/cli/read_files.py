@@ -13,7 +13,7 @@ from ..jobs.job import Job
 from ..output import datablocks
 from ..scene import dependencies
 from .plan import plans
-from .plan.input_files import InputFiles
+from .plan.clashes import InputFiles
 
 
 def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[str, str]]:

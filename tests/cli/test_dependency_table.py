@@ -14,8 +14,8 @@ import pytest
 
 from addon.cli import command
 from addon.cli.done.resuming import Resuming
-from addon.cli.plan import planning
-from addon.cli.plan.input_files import InputFiles
+from addon.cli.plan import clashes
+from addon.cli.plan.clashes import InputFiles
 from addon.cli.usage import arguments, job_file
 from scripts.imprint import ROOT
 from tests.support import dependency_kinds, file_kinds, reports, zoo
@@ -55,7 +55,7 @@ def run(folder, *words):
 def left_out(folder):
     """The names of the bakes that are done."""
     sets = job_file.read(str(folder / "j.json"), [], lambda _: None)
-    planned, *_ = planning.plan(arguments.parse(["--jobs", str(folder / "j.json")]), sets, InputFiles())
+    planned, *_ = clashes.plan_call(arguments.parse(["--jobs", str(folder / "j.json")]), sets, InputFiles())
     with Resuming(planned) as turns:
         return {each.plan.name.partition("(")[2][:-1] for each in turns.done}
 

@@ -18,7 +18,7 @@ import pytest
 
 from addon.cli import command, interruption
 from addon.cli.done.turns import Turns
-from addon.cli.plan import plans, run_clashes
+from addon.cli.plan import clashes, plans
 from addon.cli.results import exit_codes
 from addon.cli.results.bake_result import Done, Wanted
 from addon.cli.results.run_report import Entry
@@ -201,7 +201,7 @@ def test_several_workers_make_the_same_files_and_one_report_in_their_order(folde
 def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
     jobs(folder, *"abcd")
     planned, _ = plans.plans_of(job_file.read("j.json"))
-    files, turns = run_clashes.Run(), Turns(planned)
+    files, turns = clashes.RunFiles(), Turns(planned)
     assert files.add([(plan.name, plan.options) for plan in planned], "j.json", None, []) == []
     with Meter(io.StringIO()) as meter, supervisor.Supervisor(1, supervisor.Limits()) as started:
         results = started.bake_all(turns, files, meter, Wanted())

@@ -11,7 +11,7 @@ from argparse import Namespace
 
 import pytest
 
-from addon.cli.plan import listing, plans, run_clashes
+from addon.cli.plan import clashes, listing, plans
 from addon.cli.plan.plans import Plan
 from addon.cli.results.exit_codes import FAILED, WRONG_USAGE
 from addon.cli.usage import arguments, job_file
@@ -318,7 +318,7 @@ def test_what_a_mesh_refers_to_is_read_once(here, monkeypatch):
     read = []
     real = mesh_references.of
     monkeypatch.setattr(mesh_references, "of", lambda path: read.append(path) or real(path))
-    (problem,) = run_clashes.Run().add([(plan.name, plan.options) for plan in planned])
+    (problem,) = clashes.RunFiles().add([(plan.name, plan.options) for plan in planned])
     assert problem.startswith(
         "set 4 (a_low): The normal map of set 4 (a_low) would overwrite what 'a_high.obj' refers to"
     )

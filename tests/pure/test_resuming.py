@@ -22,7 +22,7 @@ from addon.cli.done.claims import Claims
 from addon.cli.done.contents import Contents
 from addon.cli.done.resuming import POLL, Resuming
 from addon.cli.done.turns import Resumed, ToDo, Turns
-from addon.cli.plan import run_clashes
+from addon.cli.plan import clashes
 from addon.cli.plan.plans import Plan
 from addon.cli.results.bake_result import Done
 from addon.cli.results.run_report import Entry, State
@@ -348,7 +348,7 @@ def said(folder, path="", **values):
 def lie(folder, untrusted, *, has_record=True, **values):
     """What comes of a bake whose process says other things of its files."""
     own = plan(folder)
-    files = run_clashes.Run(bounds=untrusted["bounds"])
+    files = clashes.RunFiles(bounds=untrusted["bounds"])
     assert files.add([(own.name, own.options)]) == []
     with Resuming([own], **untrusted) as left:
         turn = left.next()

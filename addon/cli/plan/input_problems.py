@@ -14,7 +14,7 @@ from ...core.names.name_matching import match
 from ...output.files.atomic_file import check_writable
 from ..usage.options import STDOUT
 from . import plans
-from .input_files import InputFiles
+from .clashes import InputFiles
 from .plans import Plan
 
 

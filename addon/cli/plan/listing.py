@@ -9,8 +9,8 @@ import sys
 from collections.abc import Sequence
 
 from ..results import exit_codes
-from . import planning, plans
-from .input_files import InputFiles
+from . import clashes, plans
+from .clashes import InputFiles
 from .input_problems import InputProblems
 from .plans import Plan
 
@@ -39,7 +39,7 @@ class _Listing:
 
     def __init__(self, options: argparse.Namespace, sets: Sequence[argparse.Namespace]):
         self._options, self._files = options, InputFiles()
-        self.planned, self.warnings, self._run, self.problems = planning.plan(options, sets, self._files)
+        self.planned, self.warnings, self._run, self.problems = clashes.plan_call(options, sets, self._files)
         self.costs = {plan.number: plans.cost(plan.options) for plan in self.planned}
         self.chosen = plans.shard_part(
             plans.named_plans(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]

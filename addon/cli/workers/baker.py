@@ -13,7 +13,7 @@ from ..done import recording
 from ..done.bake_record import Draft
 from ..done.contents import Contents
 from ..done.turns import Resumed, Turns
-from ..plan import run_clashes
+from ..plan import clashes
 from ..plan.plans import Plan
 from ..results import bake_result
 from ..results.bake_result import Done, Result, Wanted
@@ -32,7 +32,7 @@ class Baker:
     """Bakes one plan after the other in this process. A bake that fails does not stop the others."""
 
     def __init__(
-        self, files: run_clashes.Run, meter: Meter, wanted: Wanted, *, needs_all: bool, folders: Sequence[str] = ()
+        self, files: clashes.RunFiles, meter: Meter, wanted: Wanted, *, needs_all: bool, folders: Sequence[str] = ()
     ):
         """files: must have all plans. needs_all: as batch.need_all says of all. folders: as in Stage."""
         self._files, self._meter, self._folders, self._stage = files, meter, folders, Stage(folders)
@@ -68,7 +68,7 @@ def _picture(result: Result) -> bytes:
     return png_writer.small(np.concatenate(found)) if found else b""
 
 
-def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter, wanted: Wanted) -> Iterator[Done]:
+def bake_all(turns: Turns, files: clashes.RunFiles, meter: Meter, wanted: Wanted) -> Iterator[Done]:
     """Do all that is left of `turns`. The last result may be of a bake that was stopped. files: as in Baker."""
     count, place, chains = turns.count, 0, Chains()
     baker = Baker(files, meter, wanted, needs_all=batch.need_all([turn.plan for turn in turns.left]))

@@ -18,7 +18,7 @@ from ...output.files.atomic_file import reason
 from .. import interruption
 from ..done import recording
 from ..done.turns import Resumed, Turns
-from ..plan import run_clashes
+from ..plan import clashes
 from ..plan.plans import Plan
 from ..results.bake_result import Done, Wanted
 from ..results.run_report import Cause, Entry, State
@@ -103,7 +103,7 @@ class Supervisor:
         for worker in self._workers:
             worker.process.kill(max(0.0, deadline - time.monotonic()))
 
-    def bake_all(self, turns: Turns, files: run_clashes.Run, meter: Meter, wanted: Wanted) -> Iterator[Done]:
+    def bake_all(self, turns: Turns, files: clashes.RunFiles, meter: Meter, wanted: Wanted) -> Iterator[Done]:
         """Do all that is left of `turns`, in their order as workers are free. files: must have all plans.
 
         After a signal, bakes that have begun are asked to stop, and ended if they do not; the last results may be of such.
@@ -201,7 +201,7 @@ class Supervisor:
             if not self._workers:
                 raise BakeError(f"A process to bake in could not be started: {reason(error)}.") from error
 
-    def _hear(self, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
+    def _hear(self, files: clashes.RunFiles, meter: Meter) -> Iterator[Done]:
         """Take the messages of all workers, waiting a moment for one."""
         workers = list(self._workers)
         channels = [worker.process.channel for worker in workers]
@@ -251,7 +251,7 @@ class Supervisor:
             raise BakeError(f"Its process stopped for {STALLED:g} s in a message.")
         return message
 
-    def _take(self, worker: BusyWorker, done: Done, files: run_clashes.Run) -> Iterator[Done]:
+    def _take(self, worker: BusyWorker, done: Done, files: clashes.RunFiles) -> Iterator[Done]:
         """A bake has ended. Its worker goes on unless it has grown too large."""
         assigned, log, has_failed = worker.assigned, worker.log, done.entry.cause == Cause.MEMORY
         worker.assigned = None
@@ -348,7 +348,7 @@ class Supervisor:
         return done
 
 
-def _problem(files: run_clashes.Run, plan: Plan, found: FilesFound) -> str:
+def _problem(files: clashes.RunFiles, plan: Plan, found: FilesFound) -> str:
     try:
         if found.export:
             files.exported(plan.name, found.export)

@@ -21,7 +21,7 @@ from ...core.progress import Progress
 from ...core.timings import startup
 from ...output.files.atomic_file import make_folder, reason
 from .. import interruption, standard_streams
-from ..plan import run_clashes
+from ..plan import clashes
 from ..plan.plans import Plan
 from ..results import this_call
 from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, packed
@@ -135,7 +135,7 @@ class _Files:
         self, name: str, options: argparse.Namespace, lows: Sequence[str], used: Iterable[tuple[str, str]]
     ) -> None:
         more = list(used)
-        if more or not run_clashes.low_of(options):  # else the parent knows them all, and need not be waited for
+        if more or not clashes.low_of(options):  # else the parent knows them all, and need not be waited for
             self._ask(FilesFound(list(lows), more))
 
     def exported(self, name: str, path: str) -> None:

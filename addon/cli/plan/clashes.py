@@ -1,31 +1,87 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks all files that a call reads and writes before the first bake: none may be overwritten by mistake."""
+"""The files that the bakes of a call read and write, all checked before the first bake: none may be overwritten by mistake."""
 
 import argparse
 import os
 import re
+import stat
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from ...core import udim
 from ...core.errors import WrongPlace
 from ...core.file_formats import OPENED
-from ...core.file_structure import blend_files
+from ...core.file_structure import blend_files, mesh_references
 from ...core.names import file_names
 from ...core.names.file_names import ATLAS
+from ...output.files import frame_files, planned_files
+from ...output.files.atomic_file import reason
 from ...output.files.path_clashes import Places
+from .. import bounds
 from ..bounds import Bounds
 from ..results import own_files
 from ..results.report_file import LINES
+from ..usage import arguments, option_settings, run_options
 from ..usage.options import STDOUT
-from . import map_files, plans
-from .input_files import InputFiles
+from . import plans
+from .plans import Plan
+
+
+class InputFiles:
+    """Files of a run, asked for by their paths."""
+
+    def __init__(self):
+        self._problems: dict[str, str] = {}
+        self._references: dict[str, tuple[str, ...]] = {}
+
+    def problem(self, path: str) -> str:
+        """Why a file cannot be read, as a sentence, or ""."""
+        if path not in self._problems:
+            self._problems[path] = _problem_of_tiles(path) if udim.is_tiled(path) else _problem(path)
+        return self._problems[path]
+
+    def references(self, path: str) -> tuple[str, ...]:
+        """The files that a mesh file refers to, as mesh_references.of finds them."""
+        if path not in self._references:
+            self._references[path] = tuple(map(str, mesh_references.of(path)))
+        return self._references[path]
+
+
+def _problem_of_tiles(path: str) -> str:
+    """As `_problem`, of the files of all tiles."""
+    tiles = list(map(_problem, udim.files(path).values()))
+    return next(filter(None, tiles), "") if tiles else f"There is no file {os.path.abspath(path)!r}."
+
+
+def _problem(path: str) -> str:
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        return f"There is no file {os.path.abspath(path)!r}."
+    except (OSError, ValueError) as error:
+        return f"{path!r} cannot be read: {reason(error)}."
+    if not stat.S_ISREG(found.st_mode):
+        return f"There is no file {os.path.abspath(path)!r}."  # as the bake says
+    return "" if os.access(path, os.R_OK) else f"{path!r} cannot be read: Permission denied."
+
+
+def map_files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = ()) -> Iterator[tuple[str, str]]:
+    """The files that a bake of the object `low` writes, as planned_files.files returns them."""
+    settings = option_settings.settings(options)
+    if not of_frames:
+        yield from planned_files.files(replace(settings, output=file_names.fill(settings.storing.output, low)))
+    for frame in of_frames:
+        yield from planned_files.files(frame_files.of_frame(frame_files.filled(settings, low), frame))
+
 
 _UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (file_names.LOW, file_names.MATERIAL, udim.TOKEN)))})")
 """What stands for a name or number in a planned path. A group, so that splitting keeps it."""
 
 
-class Run:
+class RunFiles:
     """The files of all bakes of one call."""
 
     def __init__(
@@ -129,7 +185,7 @@ class Run:
         found = list(self._maps.get(name, ()))
         low = low_of(options) or file_names.LOW if options.export or not found else ""
         if not found:
-            found = [path for path, _ in map_files.files(options, low, plans.frames(options))]
+            found = [path for path, _ in map_files(options, low, plans.frames(options))]
         if options.export:
             found.append(file_names.fill(options.export, low))
         found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
@@ -211,7 +267,7 @@ class Run:
 
     def _write_maps(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
         several = len(lows) > 1
-        files = [(low, list(map_files.files(options, low, plans.frames(options)))) for low in lows]
+        files = [(low, list(map_files(options, low, plans.frames(options)))) for low in lows]
         self._maps[name] = [path for _, found in files for path, _ in found]
         for low, found in files:
             for path, what in found:
@@ -281,3 +337,52 @@ def _meshes_in(folder: str) -> list[str]:
     except OSError:  # the bake will report it
         return []
     return [os.path.join(folder, name) for name in names if name.lower().endswith(OPENED)]
+
+
+def are_many(options: argparse.Namespace) -> bool:
+    """Whether the bakes of a call are done as those of a job file are: several, or a single one with a record, with a page of
+    results, or in a process of its own."""
+    asks = run_options.has_records, run_options.wants_pictures, run_options.needs_worker
+    return arguments.are_many(options) or any(ask(options) for ask in asks)
+
+
+def _of_record(records: str | None, options: argparse.Namespace) -> Iterator[tuple[str, str]]:
+    from ..done import bake_record  # here, since most calls keep no records
+
+    yield from bake_record.files(options, records)
+
+
+def plan_call(
+    options: argparse.Namespace, sets: Sequence[argparse.Namespace], inputs: InputFiles
+) -> tuple[list[Plan], list[str], RunFiles, list[str]]:
+    """The bakes, sentences about unpaired files, the files of all bakes, and a sentence for each bake that would harm a file.
+
+    options: of the call. sets: those of each set. inputs: as in Run. Raises WrongPlace for folders that an
+    untrusted call cannot use.
+    """
+    open_file, within = plans.open_file(), bounds.of(options)
+    if within is not None:
+        within.check_sets(sets)
+    warnings: list[str] = []
+    if arguments.are_many(options):
+        planned, warnings = plans.plans_of(sets, open_file)
+    elif are_many(options):
+        own = copy(options)
+        own.report = None  # it is that of the call
+        planned = [Plan(plans.subject(options, open_file), own)]
+    else:
+        planned = [Plan("", options)]
+    of_record = partial(_of_record, options.records) if run_options.has_records(options) else None
+    files = RunFiles(open_file, within, inputs, of_record)
+    found = files.add(
+        [(each.name, each.options) for each in planned],
+        options.jobs,
+        options.report if are_many(options) else None,
+        [own.pairs for own in sets if arguments.is_folder(own)],
+        options.sheet,
+    )
+    options_of = {each.name: each.options for each in planned} if files.rivals else {}
+    for place, each in enumerate(planned if files.rivals else ()):
+        rivals = tuple(options_of[name] for name in files.rivals.get(each.name, ()))
+        planned[place] = replace(each, rivals=rivals)
+    return planned, warnings, files, found
