@@ -89,7 +89,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
         if options.list or options.check:
             from .plan import listing
 
-            return listing.run(options, sets, program)
+            return listing.list_bakes(options, sets, program)
         inputs = InputFiles()
         planned, problems, files, conflicts = clashes.plan_call(options, sets, inputs)
         if conflicts:

@@ -51,7 +51,7 @@ def seconds(path: Path, count: int) -> tuple[float, float]:
     sets = job_file.read(str(path), more)
     middle = time.perf_counter()
     with contextlib.redirect_stdout(io.StringIO()) as text:
-        code = listing.run(options, sets, "imprint")
+        code = listing.list_bakes(options, sets, "imprint")
     assert (code, text.getvalue().count("\n")) == (0, count)
     return middle - start, time.perf_counter() - start
 

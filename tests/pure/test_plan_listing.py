@@ -43,7 +43,7 @@ def listed(capsys, sets, *words):
     with open("jobs.json", "w", encoding="utf-8") as file:
         json.dump({"bake": sets}, file)
     options, more = arguments.split_jobs(["--jobs", "jobs.json", *words])
-    code = listing.run(options, job_file.read("jobs.json", more), "imprint")
+    code = listing.list_bakes(options, job_file.read("jobs.json", more), "imprint")
     return code, *(text.splitlines() for text in capsys.readouterr())
 
 
