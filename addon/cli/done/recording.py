@@ -48,7 +48,7 @@ def finish_untrusted(
     """As `finish`, by the parent of the process that did the bake and may lie: what it says of files is compared with them. A
     bake has failed if its process names what it may not have written or read.
 
-    unplanned: returns the paths among others to which the bake may not have written, as run_clashes.Run.unplanned.
+    unplanned: returns the paths among others to which the bake may not have written, as clashes.RunFiles.unplanned.
     check: as in Contents.
     """
     entry = done.entry

@@ -64,8 +64,8 @@ class Begun:
 
 @dataclass(frozen=True)
 class FilesFound:
-    """To the parent, which sends an Answer: a bake found more files, as the arguments of run_clashes.Run.opened, or an export,
-    that of run_clashes.Run.exported."""
+    """To the parent, which sends an Answer: a bake found more files, as the arguments of clashes.RunFiles.opened, or an export,
+    that of clashes.RunFiles.exported."""
 
     lows: list[str] = field(default_factory=list)
     used: list[tuple[str, str]] = field(default_factory=list)

@@ -126,7 +126,7 @@ class _Prints:
 
 
 class _Files:
-    """As run_clashes.Run, which only the parent has: it knows the files of all bakes."""
+    """As clashes.RunFiles, which only the parent has: it knows the files of all bakes."""
 
     def __init__(self, parent: _Parent):
         self._parent = parent
