@@ -5,8 +5,11 @@ import math
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
+
+from .settings import Settings
+from .timings import Timings
 
 if TYPE_CHECKING:
     import gpu
@@ -161,3 +164,12 @@ class Redraws:
             now = self._clock()
             self._next = max(self._next, now + (now - self._asked) * (1.0 / self.SHARE - 1.0))
             self._asked = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """A bake that is under way: what it makes, how its work is sliced, and the seconds of its stages."""
+
+    settings: Settings
+    pace: Pace = field(default_factory=Pace)
+    timings: Timings = field(default_factory=Timings)

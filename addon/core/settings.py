@@ -4,6 +4,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import PurePath
 from typing import Any
 
@@ -58,7 +59,7 @@ class MapSettings:
         """The axes of normals in red, green and blue."""
         return self.red, self.green, self.blue
 
-    @property
+    @cached_property
     def packing(self) -> Packing | None:
         """The layout of the packed image, or None without one."""
         if self.pack == Pack.CUSTOM:
@@ -66,7 +67,7 @@ class MapSettings:
         layout = PRESETS.get(self.pack)
         return layout.of_widened_roughness() if layout and WIDENED_ROUGHNESS.name in self.maps else layout
 
-    @property
+    @cached_property
     def drawn_maps(self) -> tuple[str, ...]:
         """The maps to draw beside the normal map: those in `maps`, and those that only the packed image stores."""
         wanted = {*self.maps, *(self.packing.maps if self.packing else ())}
@@ -225,9 +226,9 @@ class Settings:
         """Whether maps are put into the materials of the low object."""
         return (self.storing.material and self.map.normal) or self.storing.connect_maps
 
-    def for_drawing(self) -> "Settings":
-        """These settings with `drawn_maps` as the maps."""
-        return replace(self, maps=self.map.drawn_maps)
+    def without_other_maps(self) -> "Settings":
+        """These settings for the normal map alone."""
+        return replace(self, maps=(), pack=Pack.NONE)
 
     def check(self) -> None:
         """Raise BakeError for settings that are not valid for any objects."""

@@ -9,9 +9,8 @@ import gpu
 import numpy as np
 
 from ..core import threads, udim
-from ..core.progress import Pace
+from ..core.progress import Run
 from ..core.settings import SamplingSettings, Settings
-from ..core.timings import Timings
 from ..mesh import uv_islands
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
@@ -21,7 +20,6 @@ from ..passes.audit import triangle_ids
 from ..passes.bake import gbuffer
 from . import shared_uvs
 from .bands import Band, bands
-from .maps.family import Run
 from .maps.maps_of_bake import maps_of_bake
 from .maps.sampling import SampledMaps
 from .method_choice import Plan
@@ -69,7 +67,7 @@ class HiddenParts:
 
     def __init__(self, plan: Plan, source: Source, settings: Settings, *, is_shared: bool):
         self._plan, self._source = plan, source
-        self._settings = replace(settings, maps=())
+        self._settings = settings.without_other_maps()
         self._numbered: gpu.types.GPUBatch | None = None
         low = plan.meshes.low
         self._tiles = np.zeros((len(low.triangles), 2), np.float32)
@@ -129,7 +127,7 @@ class HiddenParts:
             meshes = replace(
                 meshes, whole=meshes.whole_low, kept=chosen if meshes.kept is None else meshes.kept[chosen]
             )
-        run = Run(self._settings, Timings(), Pace())
+        run = Run(self._settings)
         return Layer(number, chosen, meshes, maps_of_bake(meshes, self._source_of(meshes, number, run), run))
 
     def _source_of(self, meshes: Meshes, number: int, run: Run) -> Source:
@@ -149,8 +147,8 @@ class HiddenParts:
         ray_cast = replace(ray_cast, ray_mesh=ray_mesh)
         if self._plan.has_rays:
             flat = replace(meshes, whole=self._plan.meshes.whole)
-            return FlatAndRays(flat, ray_cast, run.settings, run.pace, run.timings)
-        return Rays(meshes.low, ray_cast, meshes.highs, run.settings, run.pace)
+            return FlatAndRays(flat, ray_cast, run)
+        return Rays(meshes.low, ray_cast, meshes.highs, run)
 
     def _highs(self, number: int) -> list[Mesh]:
         """The high meshes with their triangles of one layer, without those that have none."""

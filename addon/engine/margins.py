@@ -195,5 +195,5 @@ def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]
         borders = Borders(found, settings.sampling) if len(found.side) else None
     normal = seam_fill.TANGENT if settings.map.space == Space.TANGENT else seam_fill.NORMAL
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: seam_fill.VALUE, Kind.LABEL: seam_fill.LABEL}
-    kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.map.maps)}
+    kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.map.drawn_maps)}
     return {name: PostProcess(settings, kind, borders) for name, kind in kinds.items()}

@@ -9,11 +9,10 @@ import numpy as np
 
 from ..core import texel_state
 from ..core.map_types import NORMAL
-from ..core.progress import Task, part
+from ..core.progress import Run, Task, part
 from ..core.texel_state import Map
 from ..passes import target
 from .bands import Band, bands
-from .maps.family import Run
 from .margins import PostProcess
 
 
@@ -74,7 +73,7 @@ class Renderer:
         settings = self.settings
         maps = {
             name: np.empty((settings.sampling.height, settings.sampling.width, 4), np.float32)
-            for name in (NORMAL.name, *settings.map.maps)
+            for name in (NORMAL.name, *settings.map.drawn_maps)
         }
 
         def keep(name: str, band: Band, drawn: gpu.types.GPUTexture) -> None:

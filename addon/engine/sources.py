@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.map_types import BY_NAME, Family
-from ..core.progress import Pace, Progress, Task
+from ..core.progress import Progress, Run, Task
 from ..core.settings import MapSettings, Settings, TracingSettings
 from ..core.timings import Timings
 from ..mesh.inputs import Meshes
@@ -56,30 +56,28 @@ class Source(Protocol):
         """The hits (RGBA32UI) of the last `normals` with this slot."""
 
 
-def normal_source(
-    plan: Plan, settings: Settings, timings: Timings, pace: Pace, *, uploads: mesh_upload.UploadCache | None = None
-) -> Task[Source]:
+def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | None = None) -> Task[Source]:
     """The source of a bake. uploads: a cache of uploaded meshes. Raises BakeError for more triangles than the GPU takes."""
     meshes = plan.meshes
     if not plan.casts_rays:
         surface = None
-        if settings.map.maps or meshes.has_detail:
+        if run.settings.map.drawn_maps or meshes.has_detail:
             yield Progress("Reading the surface", 0.0)
-            surface = _flat_surface(meshes.highs, settings.map, timings)
+            surface = _flat_surface(meshes.highs, run.settings.map, run.timings)
         return Flat(
             meshes.low,
             meshes.drawn_highs,
-            settings.map,
-            timings,
+            run.settings.map,
+            run.timings,
             surface=surface,
             is_drawn=meshes.is_drawn,
             is_changed_later=meshes.has_detail,
             uploads=uploads,
         )
-    ray_cast = yield from _ray_cast(plan, settings, timings)
+    ray_cast = yield from _ray_cast(plan, run.settings, run.timings)
     if plan.has_rays:
-        return FlatAndRays(meshes, ray_cast, settings, pace, timings)
-    return Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
+        return FlatAndRays(meshes, ray_cast, run)
+    return Rays(meshes.low, ray_cast, meshes.highs, run)
 
 
 def hits_are_chosen(plan: Plan, settings: TracingSettings) -> bool:
@@ -87,17 +85,15 @@ def hits_are_chosen(plan: Plan, settings: TracingSettings) -> bool:
     return plan.casts_rays and settings.hit != Hit.OWN
 
 
-def own_source(
-    plan: Plan, settings: Settings, timings: Timings, pace: Pace, *, uploads: mesh_upload.UploadCache | None = None
-) -> Task[Source]:
+def own_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | None = None) -> Task[Source]:
     """The source of normals alone of a bake with the rule OWN, which no settings choose: what belongs to each texel."""
-    own = replace(settings, hit=Hit.OWN, maps=())
-    return (yield from normal_source(plan, own, timings, pace, uploads=uploads))
+    own = replace(run.settings.without_other_maps(), hit=Hit.OWN)
+    return (yield from normal_source(plan, replace(run, settings=own), uploads=uploads))
 
 
 def _flat_surface(highs: Sequence[Mesh], settings: MapSettings, timings: Timings) -> HighSurface:
     """What hits of Flatten are on, with a tree only if maps cast rays."""
-    if any(BY_NAME[name].family.casts_rays for name in settings.maps):
+    if any(BY_NAME[name].family.casts_rays for name in settings.drawn_maps):
         return HighSurface(highs, tree_cache.trees.ray_scene_of(highs, timings))
     return HighSurface(highs, tree_cache.without_tree(highs, timings))
 
@@ -106,7 +102,9 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     """The rays of a bake. Distances that the settings do not set are measured."""
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
-    takes_parts = not meshes.has_detail and all(BY_NAME[name].family is Family.POINTS for name in settings.map.maps)
+    takes_parts = not meshes.has_detail and all(
+        BY_NAME[name].family is Family.POINTS for name in settings.map.drawn_maps
+    )
     ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, takes_parts=takes_parts)
     low_surface = tree_cache.trees.low_surface_of(
         meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.tracing.hit == Hit.OWN
@@ -218,10 +216,10 @@ class Rays:
     share_of_rays = 1.0
     method = Method.CAST
 
-    def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], settings: Settings, pace: Pace):
-        self.ray_cast, self.settings, self.pace = ray_cast, settings, pace
+    def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], run: Run):
+        self.ray_cast, self.settings, self.pace = ray_cast, run.settings.sampling, run.pace
         self.surface = HighSurface(highs, ray_cast.ray_scene)
-        self.to_space = world_to_space(low, settings.map)
+        self.to_space = world_to_space(low, run.settings.map)
         self.low, self._near = low, NearTriangles(low)
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
@@ -302,12 +300,12 @@ class FlatAndRays(Rays):
     Both number the triangles alike, so that all maps take the hits as they are.
     """
 
-    def __init__(self, meshes: Meshes, ray_cast: ray_casting.RayCast, settings: Settings, pace: Pace, timings: Timings):
-        super().__init__(meshes.low, ray_cast, meshes.highs, settings, pace)
+    def __init__(self, meshes: Meshes, ray_cast: ray_casting.RayCast, run: Run):
+        super().__init__(meshes.low, ray_cast, meshes.highs, run)
         numbers = self.surface.numbers if meshes.is_drawn is None else self.surface.numbers[meshes.is_drawn]
         uv = self.surface.uv
         is_finite = np.isfinite(uv).reshape(-1, 6).all(axis=1)
-        with timings.timed("upload"):
+        with run.timings.timed("upload"):
             self._in_uv = flat_hits.upload(uv, numbers[is_finite[numbers]])
         self._counts: dict[tuple[int, int], np.ndarray] = {}
 
@@ -349,7 +347,7 @@ class FlatAndRays(Rays):
     def _count(self, points: target.Target, rays: target.Target, band: Band) -> None:
         """Note the texels that have rays, and those of the low mesh, for the first sample of a band of the map."""
         key = band.tile, band.start
-        if key in self._counts or band.size != self.settings.sampling.size:
+        if key in self._counts or band.size != self.settings.size:
             return
         found = []
         for drawn in (points, rays):

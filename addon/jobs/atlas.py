@@ -9,12 +9,12 @@ import numpy as np
 from ..audit import severity
 from ..core import progress, texel_state
 from ..core.map_types import BY_NAME, NORMAL, Labeled
+from ..core.progress import Run
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
 from ..engine.maps.drawn_maps import DrawnMaps
-from ..engine.maps.family import Run
 from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..output.outputs import Outputs, into_materials
@@ -63,12 +63,11 @@ class Atlas:
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
         """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
-        drawing = self.settings.for_drawing()
-        post_processes = margins.for_maps([drawn.meshes.low for drawn in self.drawn], drawing)
+        post_processes = margins.for_maps([drawn.meshes.low for drawn in self.drawn], self.settings)
         margin = texels = 0
         with gpu_memory.trimmed():
             for tile, maps in self.tiles.items():
-                run = Run(drawing, timings, progress.Pace())
+                run = Run(self.settings, timings=timings)
                 renderer = Renderer(DrawnMaps(maps), run)
                 finished = progress.finish(renderer.texels(tile, post_processes))
                 state = finished[NORMAL.name][1]

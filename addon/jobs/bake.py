@@ -19,13 +19,11 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.lengths import Length
 from ..core.map_types import NORMAL
-from ..core.progress import Pace, Progress, Task, part
+from ..core.progress import Pace, Progress, Run, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
-from ..core.timings import Timings
 from ..engine import gpu_memory, margins, shared_uvs, sources
 from ..engine.hidden_parts import HiddenParts
-from ..engine.maps.family import Run
 from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.maps.sampling import SampledMaps
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
@@ -49,19 +47,17 @@ def bake_job(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
 
     settings: checked, with names filled in. Raises BakeError, and then nothing has changed.
     """
-    timings = Timings()
-    drawn, stored, warnings = yield from timings.counted(_bake(context, job, settings, pace, timings))
+    run = Run(settings, pace)
+    drawn, stored, warnings = yield from run.timings.counted(_bake(context, job, run))
     return report_of(drawn, stored, warnings)
 
 
-def _bake(
-    context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings
-) -> Task[tuple[DrawnJob, Stored, list[str]]]:
+def _bake(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[DrawnJob, Stored, list[str]]]:
+    settings, timings = run.settings, run.timings
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
-            drawing = settings.for_drawing()
-            ready = yield from part(_prepare(context, job, drawing, pace, timings), 0.0, READY)
-            tally, post_processes = Tally(), margins.for_maps([ready.plan.meshes.low], drawing)
+            ready = yield from part(_prepare(context, job, run), 0.0, READY)
+            tally, post_processes = Tally(), margins.for_maps([ready.plan.meshes.low], settings)
             outputs.sample_onto(job.low, ready.meshes.uv_layer, is_own_base=ready.meshes.is_own_base, slots=job.slots)
             for tile, start, stop in _shares(ready.plan):
                 maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
@@ -70,10 +66,10 @@ def _bake(
                     ready.others.add(tile, maps[NORMAL.name])
                     ready.deviations.add(tile, maps[NORMAL.name])
                     ready.pictures.add(tile, maps)
-                levels = yield from part(mip_levels.of(maps, tile, Run(drawing, timings, pace)), stop, stop)
+                levels = yield from part(mip_levels.of(maps, tile, run), stop, stop)
                 with timings.timed("image"):
                     outputs.add(tile, maps, levels)
-            drawn = _audit(job, settings, ready, tally, timings)
+            drawn = _audit(job, run, ready, tally)
         yield Progress("Storing", 1.0)
         low = job.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
@@ -100,7 +96,8 @@ class _Ready:
     length: Length
 
 
-def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings) -> Task[_Ready]:
+def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
+    settings, timings = run.settings, run.timings
     name, length = job.low.name, scene_lengths.of(context.scene)
     yield Progress(f"Reading {name}", 0.0)
     with timings.timed("extract"):
@@ -126,8 +123,7 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     with timings.timed("method"):
         in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)
         plan = choose_method(in_order, tiles, settings.tracing, length)
-    source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
-    run = Run(settings, timings, pace)
+    source = yield from part(normal_source(plan, run), 0.5, 1.0)
     drawn, others = maps_of_bake(in_order, source, run), OtherReaders(in_order.basis, settings)
     low = in_order.basis or in_order.low
     pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
@@ -135,8 +131,8 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     kept = partial(map_storage.kept, settings=settings)
     truth = drawn
     if is_wanted and sources.hits_are_chosen(plan, settings.tracing):
-        source_of_truth = yield from part(sources.own_source(plan, settings, timings, pace), 1.0, 1.0)
-        truth = maps_of_bake(in_order, source_of_truth, replace(run, settings=replace(settings, maps=())))
+        source_of_truth = yield from part(sources.own_source(plan, run), 1.0, 1.0)
+        truth = maps_of_bake(in_order, source_of_truth, replace(run, settings=settings.without_other_maps()))
     hidden = HiddenParts(plan, truth.source, settings, is_shared=in_order is not meshes)
     deviations = Deviations(plan, truth, settings, pictures, kept=kept, is_wanted=is_wanted, hidden=hidden)
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
@@ -146,8 +142,9 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     return _Ready(meshes, warnings, plan, source, renderer, others, truth, hidden, deviations, pictures, length)
 
 
-def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
+def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> DrawnJob:
     """Raises BakeError if no texel was written."""
+    settings, timings = run.settings, run.timings
     if not tally.written:
         raise BakeError(nothing_drawn(ready.plan, ready.length))
     ray_cast = ready.source.ray_cast
@@ -183,18 +180,16 @@ def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:
         yield tile, READY + number * share, READY + (number + 1) * share
 
 
-def draw_raw(
-    context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings
-) -> Task[tuple[DrawnJob, dict[int, dict[str, np.ndarray]]]]:
+def draw_raw(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[DrawnJob, dict[int, dict[str, np.ndarray]]]]:
     """Draw one job and store nothing. Also returns the maps without a margin, by tile and name, as Renderer.raw has them."""
     with gpu_memory.trimmed():
-        ready = yield from part(_prepare(context, job, settings.for_drawing(), pace, timings), 0.0, READY)
+        ready = yield from part(_prepare(context, job, run), 0.0, READY)
         tally, maps = Tally(), {}
         for tile, start, stop in _shares(ready.plan):
             maps[tile] = yield from part(ready.renderer.raw(tile), start, stop)
-            tally.add_raw(maps[tile][NORMAL.name], settings.map)
-            with timings.timed("audit"):
+            tally.add_raw(maps[tile][NORMAL.name], run.settings.map)
+            with run.timings.timed("audit"):
                 ready.others.add_raw(tile, maps[tile][NORMAL.name])
                 ready.deviations.add_raw(tile, maps[tile][NORMAL.name])
                 ready.pictures.add_raw(tile, maps[tile][NORMAL.name])
-        return _audit(job, settings, ready, tally, timings), maps
+        return _audit(job, run, ready, tally), maps

@@ -13,10 +13,9 @@ from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
 from ..core.names import file_names
 from ..core.names.file_names import ATLAS
-from ..core.progress import Pace, Progress, Task, part, relay
+from ..core.progress import Pace, Progress, Run, Task, part, relay
 from ..core.report import Report
 from ..core.settings import Settings, TracingSettings
-from ..core.timings import Timings
 from ..output import map_names, output_clashes
 from . import readiness, texture_sets
 from .atlas import Atlas
@@ -116,8 +115,8 @@ def _into_one(
     """Bake all jobs into the same images. filled: the settings of each job, with the same names."""
     atlas = Atlas(filled[0])
     for number, (job, settings) in enumerate(zip(jobs, filled, strict=True)):
-        timings = Timings()
-        steps = timings.counted(draw_raw(context, job, settings, pace, timings))
+        run = Run(settings, pace)
+        steps = run.timings.counted(draw_raw(context, job, run))
         atlas.add(*(yield from part(steps, number / len(jobs), (number + 1) / len(jobs))))
     yield Progress("Storing", 1.0)
     return atlas.store()

@@ -13,17 +13,16 @@ from ..core import progress, texel_state
 from ..core.conversion.conversion_report import ConversionReport
 from ..core.conversion.stored_normals import StoredNormals, in_words
 from ..core.declarations import bases
-from ..core.declarations.choices import Method, Pack, Space, Storage, VertexDomain
+from ..core.declarations.choices import Method, Space, Storage, VertexDomain
 from ..core.declarations.map_settings import MAX_SIZE, MIN_SIZE
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL, Labeled
 from ..core.names import file_names
-from ..core.progress import Pace, Progress, Task, part
+from ..core.progress import Pace, Progress, Run, Task, part
 from ..core.settings import SamplingSettings, Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
 from ..engine.converting.converted_map import ConvertedMap
-from ..engine.maps.family import Run
 from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..mesh import uv_layout
@@ -79,20 +78,19 @@ def work(context: bpy.types.Context, conversion: Conversion, settings: Settings,
 
     Raises BakeError, and then nothing has changed.
     """
-    timings = Timings()
-    return (yield from timings.counted(_work(context, conversion, settings, pace, timings)))
+    run = Run(settings, pace)
+    return (yield from run.timings.counted(_work(context, conversion, run)))
 
 
-def _work(
-    context: bpy.types.Context, conversion: Conversion, wanted: Settings, pace: Pace, timings: Timings
-) -> Task[ConversionReport]:
+def _work(context: bpy.types.Context, conversion: Conversion, run: Run) -> Task[ConversionReport]:
+    timings = run.timings
     yield Progress(f"Reading {conversion.image.name}", 0.0)
-    ready = _read(context, conversion, wanted, timings)
+    ready = _read(context, conversion, run.settings, timings)
     settings, mesh, counts = ready.settings, ready.mesh, np.zeros(3, np.int64)
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
             drawn = ConvertedMap(mesh, ready.before, settings.map)
-            run = Run(settings, timings, pace)
+            run = replace(run, settings=settings)
             renderer = Renderer(drawn, run)
             post_processes = margins.for_maps([mesh], settings)
             for number, (tile, values) in enumerate(ready.source.tiles.items()):
@@ -192,12 +190,10 @@ def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) 
         if old == new:
             raise BakeError(f"The new map would replace the file of {image.name!r}: choose another file.")
     return replace(
-        settings,
+        settings.without_other_maps(),
         method=Method.FLATTEN,
         normal=True,
         mask=False,
-        maps=(),
-        pack=Pack.NONE,
         samples=1,
         texture_sets=False,
         vertex_domain=VertexDomain.NONE,

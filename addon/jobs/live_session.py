@@ -10,18 +10,16 @@ import gpu
 import numpy as np
 
 from ..core import progress, udim
-from ..core.declarations.choices import Modifiers, Pack, VertexDomain
+from ..core.declarations.choices import Modifiers, VertexDomain
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Labeled
-from ..core.progress import Pace, Progress, Task, part
+from ..core.progress import Pace, Progress, Run, Task, part
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from ..core.timings import Timings
 from ..engine import margins, rendering, shared_uvs, sources
 from ..engine.bands import Band
 from ..engine.hidden_parts import HiddenParts
 from ..engine.maps import sampling
-from ..engine.maps.family import Run
 from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method, nothing_drawn
 from ..engine.rays.ray_casting import RayCast
@@ -41,35 +39,36 @@ from .job import Job, check_job, files_kept
 class LiveMaps:
     """Draws and stores the maps of a session beside its normal map.
 
-    settings: those of the bake, with names filled in. drawing: with all maps to draw, also those that are only packed. pool:
-    their textures, apart from those of the normal map. drawn: the last maps by name, before they are encoded.
+    settings: those of the bake, with names filled in. pool: their textures, apart from those of the normal map. drawn: the last
+    maps by name, before they are encoded.
     """
 
     def __init__(self, settings: Settings):
-        self.settings, self.drawing = settings, settings.for_drawing()
+        self.settings = settings
         self.pool = target.TargetPool()
         self.drawn: dict[str, Map] = {}
         self._is_stored = False
 
     @property
     def are_any(self) -> bool:
-        return bool(self.drawing.map.maps)
+        return bool(self.settings.map.drawn_maps)
 
     @property
     def show_materials(self) -> bool:
         """Whether a map changes with the materials of the high objects."""
-        return any(BY_NAME[name].family.shows_materials for name in self.drawing.map.maps)
+        return any(BY_NAME[name].family.shows_materials for name in self.settings.map.drawn_maps)
 
     def work(self, source: sources.Source | None, plan: Plan, uploads: UploadCache, pace: Pace) -> Task[None]:
         """Draw the maps. source, plan: of the session's last normal map; the source is None if its memory was freed. Raises
         BakeError."""
-        settings, timings = replace(self.drawing, method=plan.method), Timings()
+        run = Run(replace(self.settings, method=plan.method), pace)
         if source is None or not plan.casts_rays:  # that of Flatten may have no surface, and no tree
-            preparing = sources.normal_source(plan, settings, timings, pace, uploads=uploads)
+            preparing = sources.normal_source(plan, run, uploads=uploads)
             source = yield from part(preparing, 0.0, READY)
-        run = Run(settings, timings, pace)
         renderer = rendering.Renderer(maps_of_bake(plan.meshes, source, run, uploads=uploads), run)
-        maps = yield from part(renderer.texels(udim.FIRST, margins.for_maps([plan.meshes.low], settings)), READY, 1.0)
+        maps = yield from part(
+            renderer.texels(udim.FIRST, margins.for_maps([plan.meshes.low], run.settings)), READY, 1.0
+        )
         del maps[NORMAL.name]
         self.drawn = maps
 
@@ -113,7 +112,7 @@ class Session:
         )
         settings = bake_jobs.for_low(settings, job.low.name)
         self._all_settings = settings
-        self.settings = replace(settings, normal=True, maps=(), pack=Pack.NONE)
+        self.settings = replace(settings.without_other_maps(), normal=True)
         self.others = LiveMaps(settings)
         output_clashes.check(settings.storing, [settings], [job.low.name], files_kept([job], settings.storing))
         check_job(context, job, settings)
@@ -145,11 +144,11 @@ class Session:
 
         Raises BakeError.
         """
-        settings, timings = replace(self.settings, method=self._method), Timings()
+        run = Run(replace(self.settings, method=self._method), self.pace)
         length = scene_lengths.of(context.scene)
         yield Progress(f"Reading {self.job.low.name}", 0.0)
-        meshes = self._read(context, changed, replace(self.others.drawing, method=self._method))
-        plan = choose_method(meshes, [udim.FIRST], settings.tracing, length)
+        meshes = self._read(context, changed, replace(self.others.settings, method=self._method))
+        plan = choose_method(meshes, [udim.FIRST], run.settings.tracing, length)
         if self.plan is not None and self.plan.has_rays:
             plan = replace(plan, method=self.plan.method, has_rays=True)  # the method stays while meshes change
         elif not plan.has_rays:
@@ -157,11 +156,10 @@ class Session:
         if self._kept.redraw(plan, self._post_processes[NORMAL.name], self._uploads):
             self._finish(plan, None, None)
             return
-        preparing = sources.normal_source(plan, settings, timings, self.pace, uploads=self._uploads)
+        preparing = sources.normal_source(plan, run, uploads=self._uploads)
         source = yield from progress.part(preparing, 0.0, READY)
         if source.takes_time and self.pace.has_listener:
-            yield self._draw_coarse(source, settings)
-        run = Run(settings, timings, self.pace)
+            yield self._draw_coarse(source, run.settings)
         drawer = maps_of_bake(meshes, source, run, uploads=self._uploads)
         drawing = self._kept.draw(rendering.Renderer(drawer, run), plan, self._post_processes[NORMAL.name])
         if not (yield from progress.part(drawing, READY, 1.0)):
@@ -214,7 +212,7 @@ class Session:
         )
         # It has its own pool, so that the targets of the whole map keep their size.
         with target.using(self._coarse_pool):
-            run = Run(small, Timings(), Pace())
+            run = Run(small)
             drawer = maps_of_bake(self._meshes, source, run, uploads=self._uploads)
             renderer = rendering.Renderer(drawer, run)
             progress.finish(renderer.texels(udim.FIRST, margins.for_maps([self._meshes.low], small)))
@@ -310,8 +308,8 @@ class Session:
         is_other = sources.hits_are_chosen(self.plan, self.settings.tracing)
         if self._drawer is None or (is_other and self._drawer.source is self._source):
             make = sources.own_source if is_other else sources.normal_source
-            run = Run(self.settings, Timings(), Pace())
-            source = progress.finish(make(self.plan, run.settings, run.timings, run.pace, uploads=self._uploads))
+            run = Run(self.settings)
+            source = progress.finish(make(self.plan, run, uploads=self._uploads))
             if not is_other:
                 self._source = source
             self._drawer = maps_of_bake(self.plan.meshes, source, run, uploads=self._uploads)
@@ -341,7 +339,7 @@ class Session:
         settings = self._all_settings
         others = self.others.drawn
         if not others:
-            settings = replace(settings, maps=(), pack=Pack.NONE)
+            settings = settings.without_other_maps()
         if self.texels is None or low is None or not (settings.map.normal or others):
             return
         with outputs.Outputs(settings) as writers:

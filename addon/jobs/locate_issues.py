@@ -13,12 +13,11 @@ from ..core import progress
 from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
+from ..core.progress import Run
 from ..core.report import Report
 from ..core.settings import Settings
-from ..core.timings import Timings
 from ..engine import gpu_memory, rendering, separation, shared_uvs
 from ..engine.bands import Band
-from ..engine.maps.family import Run
 from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method
 from ..engine.rays.unsure_texels import Explorer
@@ -101,14 +100,14 @@ class _View:
     def source(self) -> Source:
         """A source as the bake used it."""
         settings = replace(self.settings, **self.distances)
-        return progress.finish(normal_source(self.plan, settings, Timings(), progress.Pace()))
+        return progress.finish(normal_source(self.plan, Run(settings)))
 
 
 def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     past = PastBake.of(report)
     # Settings of the map's appearance do not matter, because only the mask is written.
     space = Space.TANGENT if kind == "backwards" else Space.OBJECT
-    settings = replace(past.settings, method=past.method, space=space, maps=(), mask=False, material=False)
+    settings = replace(past.settings.without_other_maps(), method=past.method, space=space, mask=False, material=False)
     settings = replace(settings.without_file(), image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
     meshes = reading.read(
@@ -210,7 +209,7 @@ def _close(view: _View) -> Iterator[np.ndarray]:
 
 def _backwards(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool whose normal points into the low mesh: drawn as in the bake."""
-    run = Run(replace(view.settings, maps=()), Timings(), progress.Pace())
+    run = Run(view.settings.without_other_maps())
     renderer = rendering.Renderer(maps_of_bake(view.meshes, view.source(), run), run)
     for tile in view.plan.tiles:
         normals = progress.finish(renderer.raw(tile))[NORMAL.name]

@@ -7,8 +7,8 @@ from dataclasses import replace
 import bpy
 
 from ..core import progress
+from ..core.progress import Run
 from ..core.settings import Settings
-from ..core.timings import Timings
 from ..engine import gpu_memory, shared_uvs
 from ..engine.method_choice import choose_method, tiles_to_bake
 from ..engine.rays.ray_casting import RayCast
@@ -35,4 +35,4 @@ def measure(
         tiles = tiles_to_bake(meshes, settings.sampling)
         in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)
         plan = choose_method(in_order, tiles, settings.tracing, scene_lengths.of(context.scene))
-        return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
+        return progress.finish(normal_source(plan, Run(settings))).ray_cast

@@ -164,8 +164,8 @@ def slope_notes(settings: Settings) -> list[str]:
 
 def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:
     """`maps` with what values mean that do not depend on the bake's other values, also in packed channels."""
-    settings = drawn.settings.for_drawing()
-    if not any(BY_NAME[name].family in ray_reach.WITH_MEANING for name in settings.map.maps):
+    settings = drawn.settings
+    if not any(BY_NAME[name].family in ray_reach.WITH_MEANING for name in settings.map.drawn_maps):
         return maps
     space = local_space_of(drawn.plan.meshes.highs)
     meanings = {name.lower(): how for name, how in ray_reach.meanings(settings, space).items()}

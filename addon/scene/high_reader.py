@@ -48,7 +48,7 @@ class Reader:
     known: Mapping[int, Mesh] = field(default_factory=dict)
 
     def __post_init__(self):
-        sockets = {BY_NAME[name].socket for name in self.settings.map.maps} - {""}
+        sockets = {BY_NAME[name].socket for name in self.settings.map.drawn_maps} - {""}
         if self.settings.map.detail_maps:
             sockets.add(NORMAL)
         self.materials = MaterialNumbers(ImagePages(), self.low, sockets=sockets, before=self.before)
@@ -112,7 +112,7 @@ class Reader:
             # Use the layer with the name of the low mesh's layer, or else the active one.
             layer = uv_layer(name, data, self.low_layer if self.low_layer in data.uv_layers else "")
         slots = self.materials.of_slots(obj, data)
-        has_labels = bool(self.settings.map.maps) or self.settings.map.texture_sets
+        has_labels = bool(self.settings.map.drawn_maps) or self.settings.map.texture_sets
         if has_labels or self.settings.map.detail_maps:
             shown = [self.materials.read(material) for material in slots]
             has_labels = has_labels or any(material.detail is not None for material in shown)

@@ -65,7 +65,7 @@ def read(
         if not others:
             return meshes
         # Rays only meet them: they need neither UVs nor materials.
-        plain = replace(settings, method=Method.CAST, maps=(), detail_maps=False)
+        plain = replace(settings.without_other_maps(), method=Method.CAST, detail_maps=False)
         return replace(meshes, others=Reader(depsgraph, low, "", plain).read(dict(enumerate(others))))
 
 

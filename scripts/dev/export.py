@@ -14,8 +14,8 @@ sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
 from addon.core import progress, udim  # noqa: E402
+from addon.core.progress import Run  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
-from addon.core.timings import Timings  # noqa: E402
 from addon.engine.method_choice import choose_method  # noqa: E402
 from addon.engine.rays import ray_casting  # noqa: E402
 from addon.engine.sources import normal_source  # noqa: E402
@@ -32,7 +32,7 @@ def export(source: Path, into: Path) -> None:
     settings = Settings(method="CAST", space="WORLD", width=512, height=512)
     meshes = reading.read(bpy.context, low, [high], None, settings)
     plan = choose_method(meshes, [udim.FIRST], settings.tracing)
-    meshes, ray_cast = plan.meshes, progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
+    meshes, ray_cast = plan.meshes, progress.finish(normal_source(plan, Run(settings))).ray_cast
     ray_scene = ray_cast.ray_scene
     low_surface, edges = ray_cast.low, ray_cast.directions.edges
     trees = {"": ray_scene.tables, "low_": low_surface.owners, "edge_": edges}

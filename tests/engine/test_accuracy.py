@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from addon.core import progress
+from addon.core.progress import Run
 from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine import rendering, sources
-from addon.engine.maps.family import Run
 from addon.engine.maps.normal_space import NormalSpace
 from addon.engine.maps.sampling import SampledMaps
 from addon.engine.margins import for_maps
@@ -142,7 +142,7 @@ def folds(low):
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
     timings = Timings()
     source = sources.Flat(painted, [painted], settings.map, timings)
-    run = Run(settings, timings, progress.Pace())
+    run = Run(settings, timings=timings)
     renderer = rendering.Renderer(SampledMaps(source, NormalSpace(None, None, run.settings), [], None, run), run)
     texels, _ = progress.finish(renderer.texels(1001, for_maps([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5

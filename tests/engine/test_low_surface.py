@@ -11,6 +11,7 @@ import pytest
 from addon.core import progress, udim
 from addon.core.declarations.choices import Hit
 from addon.core.errors import BakeError
+from addon.core.progress import Run
 from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine.method_choice import choose_method
@@ -27,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 def ray_cast(low, high, **values):
     settings = Settings(method="CAST", width=32, height=32, **values)
     plan = choose_method(reading.read(bpy.context, low, [high], None, settings), [udim.FIRST], settings.tracing)
-    return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
+    return progress.finish(normal_source(plan, Run(settings))).ray_cast
 
 
 SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]

@@ -9,8 +9,8 @@ import pytest
 
 from addon.core import progress, udim
 from addon.core.declarations.choices import Hit
+from addon.core.progress import Run
 from addon.core.settings import Settings
-from addon.core.timings import Timings
 from addon.engine.method_choice import choose_method
 from addon.engine.sources import normal_source
 from addon.passes import target
@@ -41,7 +41,7 @@ def counts(folder, name, monkeypatch, *, has_packets=False):
     low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
     settings = Settings(method="CAST", space="WORLD", width=SIZE, height=SIZE)
     plan = choose_method(reading.read(bpy.context, low, [high], None, settings), [udim.FIRST], settings.tracing)
-    ray_cast = progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
+    ray_cast = progress.finish(normal_source(plan, Run(settings))).ray_cast
     drawn = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
     ray_cast.draw(drawn, udim.uv_to_clip(udim.FIRST))
     places = np.empty((SIZE, SIZE, 4), np.float32)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from addon.core import progress, udim
+from addon.core.progress import Run
 from addon.core.settings import Settings
-from addon.core.timings import Timings
 from addon.engine.method_choice import choose_method
 from addon.engine.rays import ray_doubts
 from addon.engine.rays.unsure_texels import Doubts, Explorer
@@ -32,7 +32,7 @@ def rays():
     settings = Settings(method="CAST", width=SIZE, height=SIZE, extrusion=0.2, max_distance=0.4)
     meshes = reading.read(bpy.context, low, [high], None, settings)
     plan = choose_method(meshes, [udim.FIRST], settings.tracing)
-    return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast, meshes.low
+    return progress.finish(normal_source(plan, Run(settings))).ray_cast, meshes.low
 
 
 def trace(rays):

@@ -10,8 +10,8 @@ from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
 from addon.core import progress, udim
+from addon.core.progress import Run
 from addon.core.settings import Settings
-from addon.core.timings import Timings
 from addon.engine import separation
 from addon.engine.method_choice import choose_method
 from addon.engine.rays.unsure_texels import Explorer
@@ -76,7 +76,7 @@ def explore(low, high, **changes):
     # With Cast, the UVs of high meshes are not read.
     meshes = reading.read(bpy.context, low, [high], None, replace(settings, method="FLATTEN"))
     plan = choose_method(meshes, [udim.FIRST], settings.tracing)
-    ray_cast = progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
+    ray_cast = progress.finish(normal_source(plan, Run(settings))).ray_cast
     return meshes, ray_cast, Explorer(ray_cast, meshes.low).doubts(SIZE, VIEW)
 
 

@@ -44,7 +44,7 @@ def test_a_layout_of_ones_own():
 def test_maps_that_are_packed_are_drawn_and_not_stored_alone():
     settings = Settings(maps=("HEIGHT", "ROUGHNESS"), pack=Pack.HDRP)
     assert settings.map.drawn_maps == ("HEIGHT", "AO", "ROUGHNESS", "METALLIC")
-    assert settings.for_drawing().map.maps == settings.map.drawn_maps
+    assert settings.without_other_maps().map.drawn_maps == ()
     assert settings.map.maps == ("HEIGHT", "ROUGHNESS")
     assert Settings(maps=("HEIGHT",)).map.drawn_maps == ("HEIGHT",)
 

@@ -4,9 +4,8 @@ import bpy
 import numpy as np
 
 from addon.core import progress
-from addon.core.progress import Pace
+from addon.core.progress import Run
 from addon.core.settings import Settings
-from addon.core.timings import Timings
 from addon.jobs import Job, bake_pair
 from addon.jobs.bake import draw_raw
 from addon.jobs.job import check_job
@@ -35,7 +34,7 @@ def raw_maps(low, *highs, maps, size=64, **settings):
     chosen = Settings(image="map", width=size, height=size, maps=tuple(maps), **values)
     job = Job(low, highs)
     check_job(bpy.context, job, chosen)
-    return progress.finish(draw_raw(bpy.context, job, chosen, Pace(None), Timings()))[1]
+    return progress.finish(draw_raw(bpy.context, job, Run(chosen)))[1]
 
 
 def pixels(image):

@@ -8,13 +8,12 @@ from functools import partial
 import gpu
 import numpy as np
 
-from ...core.progress import relay
+from ...core.progress import Run, relay
 from ...mesh import uv_blocks
 from ...passes import target
 from ...passes.adaptive import active, rounds
 from ...passes.bake import samples
 from ..bands import Band
-from ..maps.family import Run
 from ..sources import Rays
 
 LIMITS = {2: 0.17, 4: 0.3, 8: 0.5, 16: 0.7}

@@ -7,21 +7,10 @@ from typing import Protocol
 
 import gpu
 
-from ...core.progress import Pace, Task
-from ...core.settings import Settings
-from ...core.timings import Timings
+from ...core.progress import Task
 from ...passes import target
 from ...passes.surface.served_blocks import Blocks
 from ..bands import Band
-
-
-@dataclass(frozen=True)
-class Run:
-    """What all maps of one bake share."""
-
-    settings: Settings
-    timings: Timings
-    pace: Pace
 
 
 @dataclass(frozen=True)

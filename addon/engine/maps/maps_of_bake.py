@@ -6,11 +6,12 @@ from collections.abc import Iterator
 import gpu
 
 from ...core.map_types import BY_NAME, Family
+from ...core.progress import Run
 from ...mesh.inputs import Meshes
 from ...passes import mesh_upload
 from ..mips.slope_maps import SlopeMaps
 from ..sources import Source, world_to_space
-from .family import MapFamily, Run
+from .family import MapFamily
 from .material_maps import MaterialMaps
 from .normal_space import NormalSpace
 from .own_normals import OwnNormals
@@ -53,7 +54,7 @@ def _families(
     run: Run,
 ) -> Iterator[MapFamily]:
     def names(family: Family) -> list[str]:
-        return [name for name in run.settings.map.maps if BY_NAME[name].family is family]
+        return [name for name in run.settings.map.drawn_maps if BY_NAME[name].family is family]
 
     surface = source.surface
     if names(Family.POINTS):

@@ -9,13 +9,13 @@ import numpy as np
 
 from ...core.map_types import BY_NAME, MapType
 from ...core.material_feeds import AttributeFeed, Constant, Feed, HighMaterial, ImageFeed
-from ...core.progress import Task
+from ...core.progress import Run, Task
 from ...core.settings import Settings
 from ...mesh.inputs import Meshes
 from ...passes.surface import image_look_up, image_page, material_table, plain_values
 from ..bands import Band
 from ..high_surface import HighSurface
-from .family import Run, Sample
+from .family import Sample
 from .means import Mean
 from .page_uses import PageUse, draw_pages
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ...core.material_feeds import BumpFeed, DetailFeed, HighMaterial, NormalMapFeed
-from ...core.progress import Task
+from ...core.progress import Run, Task
 from ...mesh.inputs import Meshes
 from ...passes.surface import image_page, material_table, turned_normals
 from ..high_surface import HighSurface
-from .family import Run, Sample
+from .family import Sample
 from .page_uses import PageUse, draw_pages
 
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from ...core.declarations.choices import Space
 from ...core.map_types import BY_NAME, Kind
-from ...core.progress import Task
+from ...core.progress import Run, Task
 from ...mesh.triangle_mesh import Mesh
 from ...passes import mesh_upload, target
 from ...passes.bake import cast, gbuffer, other_map_pass
 from ..bands import Band
 from ..high_surface import HighSurface
-from .family import Run, Sample
+from .family import Sample
 from .means import Central, Mean
 
 

@@ -10,7 +10,7 @@ import gpu
 import numpy as np
 
 from ...core.map_types import BY_NAME, Family, Kind
-from ...core.progress import Progress, Task
+from ...core.progress import Progress, Run, Task
 from ...mesh.triangle_mesh import Mesh
 from ...passes import target
 from ...passes.bake import preview_picture
@@ -18,7 +18,7 @@ from ...passes.hemisphere import curvature, lattice, openness, thickness
 from ..bands import Band
 from ..high_surface import HighSurface
 from . import ray_reach
-from .family import Run, Sample
+from .family import Sample
 from .normal_space import NormalSpace
 
 

@@ -47,7 +47,7 @@ def meanings(settings: Settings, space: LocalSpace) -> dict[str, dict[str, float
         Family.CURVATURE: [(0.5, to_curvature), (0.0, 0.5 * to_curvature), (0.0, -0.5 * to_curvature)],
     }
     found = {}
-    for name in settings.map.maps:
+    for name in settings.map.drawn_maps:
         if BY_NAME[name].family in by_family:
             midlevel, scale = by_family[BY_NAME[name].family][BY_NAME[name].index]
             found[name] = {"midlevel": midlevel, "scale": scale}

@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ...core.map_types import NORMAL
-from ...core.progress import Progress, Task, finish, part, relay
+from ...core.progress import Progress, Run, Task, finish, part, relay
 from ...passes import target
 from ...passes.bake import flat_hits, preview_picture, samples
 from ...passes.surface import served_blocks
@@ -17,7 +17,7 @@ from ..adaptive.adaptive_normals import AdaptiveNormals
 from ..bands import Band
 from ..normal_channels import channels
 from ..sources import Source
-from .family import MapFamily, Run, Sample
+from .family import MapFamily, Sample
 from .normal_space import NormalSpace
 from .own_normals import OwnNormals
 

@@ -10,12 +10,11 @@ import numpy as np
 from ...core import texel_state
 from ...core.declarations.choices import MarginType
 from ...core.map_types import BY_NAME, NORMAL, WIDENED_ROUGHNESS, Kind
-from ...core.progress import Progress, Task, finish
+from ...core.progress import Progress, Run, Task, finish
 from ...core.settings import MapSettings
 from ...core.texel_state import Map
 from .. import margins
 from ..maps.drawn_maps import DrawnMaps
-from ..maps.family import Run
 from ..normal_channels import channels
 from ..rendering import Renderer
 from .block_sums import halved, slabs
@@ -46,14 +45,14 @@ def of(maps: Mapping[str, Map], tile: int, run: Run) -> Task[list[dict[str, Map]
                 raw[WIDENED_ROUGHNESS.name] = rough.next(raw[NORMAL.name])
         # Seams between islands are finer than a texel: the nearest texels are enough.
         own = replace(settings, width=width, height=height, maps=tuple(raw)[1:], margin_type=MarginType.EXTEND)
-        renderer = Renderer(DrawnMaps(raw), Run(own, run.timings, run.pace))
+        renderer = Renderer(DrawnMaps(raw), replace(run, settings=own))
         levels.append(finish(renderer.texels(tile, margins.for_maps([], own))))
     return levels
 
 
 def _names(settings: MapSettings) -> list[str]:
     """The normal map, and the other maps that have a mean."""
-    return [NORMAL.name, *(name for name in settings.maps if BY_NAME[name].kind in (Kind.NORMAL, Kind.VALUE))]
+    return [NORMAL.name, *(name for name in settings.drawn_maps if BY_NAME[name].kind in (Kind.NORMAL, Kind.VALUE))]
 
 
 class Mean:

@@ -7,14 +7,14 @@ import gpu
 
 from ...core.declarations.choices import Space
 from ...core.map_types import WIDENED_ROUGHNESS
-from ...core.progress import Task, part
+from ...core.progress import Run, Task, part
 from ...mesh.inputs import Meshes
 from ...passes import mesh_upload, target
 from ...passes.bake import gbuffer, samples
 from ...passes.surface import slope_moments
 from ..bands import Band
 from ..high_surface import HighSurface
-from ..maps.family import Run, Sample
+from ..maps.family import Sample
 from ..maps.material_maps import MaterialMaps
 from ..maps.normal_space import NormalSpace
 

@@ -6,16 +6,14 @@ import numpy as np
 
 from ...core import texel_state, udim
 from ...core.map_types import NORMAL
-from ...core.progress import Pace, Task, finish
+from ...core.progress import Run, Task, finish
 from ...core.settings import Settings
 from ...core.texel_state import Map
-from ...core.timings import Timings
 from ...mesh.inputs import Meshes
 from ...passes import drawn_part, target
 from ...passes.margin import margin_search
 from ...passes.mesh_upload import UploadCache
 from ..bands import Band, bands
-from ..maps.family import Run
 from ..maps.maps_of_bake import maps_of_bake
 from ..margins import PostProcess
 from ..method_choice import Plan
@@ -123,7 +121,7 @@ class KeptMap:
                 self._meshes = None
                 return False
             around.append((part, highs))
-        values, run = None, Run(self.settings, Timings(), Pace())
+        values, run = None, Run(self.settings)
         for part, highs in around:
             with drawn_part.limited_to(part.x, part.y):
                 source = Flat(plan.meshes.low, highs, self.settings.map, run.timings)

@@ -10,12 +10,10 @@ import numpy as np
 from ...core import udim
 from ...core.declarations.choices import Directions, Hit, Method, Space
 from ...core.map_types import NORMAL
-from ...core.progress import Pace, Progress, Task, part
+from ...core.progress import Pace, Progress, Run, Task, part
 from ...core.settings import Settings
-from ...core.timings import Timings
 from ...engine import margins, normal_channels, rendering, separation, sources
 from ...engine.bands import Band
-from ...engine.maps.family import Run
 from ...engine.maps.maps_of_bake import maps_of_bake
 from ...engine.method_choice import Plan
 from ...mesh import stretch
@@ -55,14 +53,13 @@ def settings_for(settings: Settings) -> Settings:
     """Settings for the normal map alone, by Flatten, on a single tile of at most SIDE texels a side, with one sample."""
     shrink = max(1.0, max(settings.sampling.size) / SIDE)
     return replace(
-        settings.without_file(),
+        settings.without_file().without_other_maps(),
         method=Method.FLATTEN,
         width=max(1, round(settings.sampling.width / shrink)),
         height=max(1, round(settings.sampling.height / shrink)),
         samples=1,
         margin=0,
         normal=True,
-        maps=(),
         hit=Hit.OWN,
         directions=Directions.BLENDED,
         extrusion=None,
@@ -87,7 +84,7 @@ def measure(
     normal_map = yield from part(_flattened(meshes, settings, pace), 0.0, FLAT)
     casting = replace(settings, method=Method.CAST)
     plan = Plan(Method.CAST, (udim.FIRST,), meshes)
-    source = yield from part(sources.normal_source(plan, casting, Timings(), pace), FLAT, TREES)
+    source = yield from part(sources.normal_source(plan, Run(casting, pace)), FLAT, TREES)
     size = settings.sampling.width, settings.sampling.height
     for _, rows in source.normals(Band(0, size[1], size, 0)):
         yield Progress("Measuring", TREES + (1.0 - TREES) * rows.stop / size[1])
@@ -113,9 +110,9 @@ def longest_side(mesh: Mesh) -> float:
 
 def _flattened(meshes: Meshes, settings: Settings, pace: Pace) -> Task[gpu.types.GPUTexture]:
     """The normal map of the level as it is stored, but not yet rounded."""
-    run = Run(settings, Timings(), pace)
+    run = Run(settings, pace)
     plan = Plan(Method.FLATTEN, (udim.FIRST,), meshes)
-    source = yield from part(sources.normal_source(plan, settings, run.timings, pace), 0.0, 0.5)
+    source = yield from part(sources.normal_source(plan, run), 0.0, 0.5)
     renderer = rendering.Renderer(maps_of_bake(meshes, source, run), run)
     drawing = renderer.texels(udim.FIRST, margins.for_maps([meshes.low], settings))
     maps = yield from part(drawing, 0.5, 1.0)

@@ -11,8 +11,8 @@ import numpy as np
 
 from ...core import progress, udim
 from ...core.errors import BakeError
+from ...core.progress import Run
 from ...core.report import Report
-from ...core.timings import Timings
 from ...engine import gpu_memory
 from ...engine.method_choice import choose_method
 from ...engine.rays import ray_casting, ray_doubts
@@ -64,7 +64,9 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
     """
     past = PastBake.of(report)
     low = past.job.low
-    settings = vertex_weights.without_missing(low, replace(past.settings, method=past.method, maps=(), **groups))
+    settings = vertex_weights.without_missing(
+        low, replace(past.settings.without_other_maps(), method=past.method, **groups)
+    )
     settings = replace(settings.without_file(), material=False, mask=False, **past.distances)
     check_job(context, past.job, settings)
     meshes = reading.read(context, low, past.job.highs, past.job.cage, settings)
@@ -74,7 +76,7 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
         )
     plan = choose_method(meshes, past.tiles, settings.tracing)
     with gpu_memory.trimmed():
-        ray_cast = progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
+        ray_cast = progress.finish(normal_source(plan, Run(settings))).ray_cast
         views = [udim.uv_to_clip(tile) for tile in past.tiles]
 
         def trace(painted: Meshes, most: int) -> ray_doubts.Traced:

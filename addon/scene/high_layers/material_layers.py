@@ -30,7 +30,7 @@ def read_layers(
 
 def _needed(materials: Iterable[HighMaterial], settings: MapSettings) -> dict[tuple[str, str], None]:
     """The keys of the layers, each once, in order."""
-    wanted = [BY_NAME[name] for name in settings.maps if BY_NAME[name].family.shows_materials]
+    wanted = [BY_NAME[name] for name in settings.drawn_maps if BY_NAME[name].family.shows_materials]
     needed: dict[tuple[str, str], None] = {}
     if any(not map_type.socket for map_type in wanted):
         needed[ATTRIBUTE, settings.attribute] = None
