@@ -5,11 +5,8 @@ import math
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
-
-from .settings import Settings
-from .timings import Timings
 
 if TYPE_CHECKING:
     import gpu
@@ -164,12 +161,3 @@ class Redraws:
             now = self._clock()
             self._next = max(self._next, now + (now - self._asked) * (1.0 / self.SHARE - 1.0))
             self._asked = None
-
-
-@dataclass(frozen=True)
-class Run:
-    """A bake that is under way: what it makes, how its work is sliced, and the seconds of its stages."""
-
-    settings: Settings
-    pace: Pace = field(default_factory=Pace)
-    timings: Timings = field(default_factory=Timings)

@@ -17,6 +17,8 @@ from .declarations.packing import CUSTOM_SUFFIX, PRESETS, WHITE, Packing
 from .errors import BakeError
 from .map_types import BY_NAME, NAMES, WIDENED_ROUGHNESS
 from .names.file_names import LOW, MATERIAL
+from .progress import Pace
+from .timings import Timings
 from .udim import TOKEN
 
 
@@ -290,3 +292,12 @@ PARTS = {"map": MapSettings, "tracing": TracingSettings, "sampling": SamplingSet
 _PART_OF = {each.name: part for part, kind in PARTS.items() for each in fields(kind)}
 PART_OF: dict[str, str] = {name: _PART_OF[name] for name in DECLARED if name in _PART_OF}
 """The part of each setting by its name, in the order of the panels."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A bake that is under way: what it makes, how its work is sliced, and the seconds of its stages."""
+
+    settings: Settings
+    pace: Pace = field(default_factory=Pace)
+    timings: Timings = field(default_factory=Timings)

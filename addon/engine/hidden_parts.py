@@ -9,8 +9,7 @@ import gpu
 import numpy as np
 
 from ..core import threads, udim
-from ..core.progress import Run
-from ..core.settings import SamplingSettings, Settings
+from ..core.settings import Run, SamplingSettings, Settings
 from ..mesh import uv_islands
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of

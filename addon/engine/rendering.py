@@ -9,7 +9,8 @@ import numpy as np
 
 from ..core import texel_state
 from ..core.map_types import NORMAL
-from ..core.progress import Run, Task, part
+from ..core.progress import Task, part
+from ..core.settings import Run
 from ..core.texel_state import Map
 from ..passes import target
 from .bands import Band, bands

@@ -9,9 +9,8 @@ import numpy as np
 from ..audit import severity
 from ..core import progress, texel_state
 from ..core.map_types import BY_NAME, NORMAL, Labeled
-from ..core.progress import Run
 from ..core.report import Report
-from ..core.settings import Settings
+from ..core.settings import Run, Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
 from ..engine.maps.drawn_maps import DrawnMaps

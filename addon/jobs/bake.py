@@ -19,9 +19,9 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.lengths import Length
 from ..core.map_types import NORMAL
-from ..core.progress import Pace, Progress, Run, Task, part
+from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
-from ..core.settings import Settings
+from ..core.settings import Run, Settings
 from ..engine import gpu_memory, margins, shared_uvs, sources
 from ..engine.hidden_parts import HiddenParts
 from ..engine.maps.maps_of_bake import maps_of_bake

@@ -13,9 +13,9 @@ from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
 from ..core.names import file_names
 from ..core.names.file_names import ATLAS
-from ..core.progress import Pace, Progress, Run, Task, part, relay
+from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
-from ..core.settings import Settings, TracingSettings
+from ..core.settings import Run, Settings, TracingSettings
 from ..output import map_names, output_clashes
 from . import readiness, texture_sets
 from .atlas import Atlas

@@ -18,8 +18,8 @@ from ..core.declarations.map_settings import MAX_SIZE, MIN_SIZE
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL, Labeled
 from ..core.names import file_names
-from ..core.progress import Pace, Progress, Run, Task, part
-from ..core.settings import SamplingSettings, Settings
+from ..core.progress import Pace, Progress, Task, part
+from ..core.settings import Run, SamplingSettings, Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
 from ..engine.converting.converted_map import ConvertedMap

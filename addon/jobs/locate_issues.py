@@ -13,9 +13,8 @@ from ..core import progress
 from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
-from ..core.progress import Run
 from ..core.report import Report
-from ..core.settings import Settings
+from ..core.settings import Run, Settings
 from ..engine import gpu_memory, rendering, separation, shared_uvs
 from ..engine.bands import Band
 from ..engine.maps.maps_of_bake import maps_of_bake

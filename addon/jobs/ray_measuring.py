@@ -7,8 +7,7 @@ from dataclasses import replace
 import bpy
 
 from ..core import progress
-from ..core.progress import Run
-from ..core.settings import Settings
+from ..core.settings import Run, Settings
 from ..engine import gpu_memory, shared_uvs
 from ..engine.method_choice import choose_method, tiles_to_bake
 from ..engine.rays.ray_casting import RayCast

@@ -14,8 +14,7 @@ sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
 from addon.core import progress, udim  # noqa: E402
-from addon.core.progress import Run  # noqa: E402
-from addon.core.settings import Settings  # noqa: E402
+from addon.core.settings import Run, Settings  # noqa: E402
 from addon.engine.method_choice import choose_method  # noqa: E402
 from addon.engine.rays import ray_casting  # noqa: E402
 from addon.engine.sources import normal_source  # noqa: E402

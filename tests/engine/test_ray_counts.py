@@ -9,8 +9,7 @@ import pytest
 
 from addon.core import progress, udim
 from addon.core.declarations.choices import Hit
-from addon.core.progress import Run
-from addon.core.settings import Settings
+from addon.core.settings import Run, Settings
 from addon.engine.method_choice import choose_method
 from addon.engine.sources import normal_source
 from addon.passes import target

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core import progress, udim
-from addon.core.progress import Run
-from addon.core.settings import Settings
+from addon.core.settings import Run, Settings
 from addon.engine.method_choice import choose_method
 from addon.engine.rays import ray_doubts
 from addon.engine.rays.unsure_texels import Doubts, Explorer

@@ -10,8 +10,7 @@ from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
 from addon.core import progress, udim
-from addon.core.progress import Run
-from addon.core.settings import Settings
+from addon.core.settings import Run, Settings
 from addon.engine import separation
 from addon.engine.method_choice import choose_method
 from addon.engine.rays.unsure_texels import Explorer

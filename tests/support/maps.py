@@ -4,8 +4,7 @@ import bpy
 import numpy as np
 
 from addon.core import progress
-from addon.core.progress import Run
-from addon.core.settings import Settings
+from addon.core.settings import Run, Settings
 from addon.jobs import Job, bake_pair
 from addon.jobs.bake import draw_raw
 from addon.jobs.job import check_job

@@ -8,7 +8,8 @@ from functools import partial
 import gpu
 import numpy as np
 
-from ...core.progress import Run, relay
+from ...core.progress import relay
+from ...core.settings import Run
 from ...mesh import uv_blocks
 from ...passes import target
 from ...passes.adaptive import active, rounds

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import gpu
 
 from ...core.map_types import BY_NAME, Family
-from ...core.progress import Run
+from ...core.settings import Run
 from ...mesh.inputs import Meshes
 from ...passes import mesh_upload
 from ..mips.slope_maps import SlopeMaps

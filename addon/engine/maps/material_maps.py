@@ -9,8 +9,8 @@ import numpy as np
 
 from ...core.map_types import BY_NAME, MapType
 from ...core.material_feeds import AttributeFeed, Constant, Feed, HighMaterial, ImageFeed
-from ...core.progress import Run, Task
-from ...core.settings import Settings
+from ...core.progress import Task
+from ...core.settings import Run, Settings
 from ...mesh.inputs import Meshes
 from ...passes.surface import image_look_up, image_page, material_table, plain_values
 from ..bands import Band

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ...core.material_feeds import BumpFeed, DetailFeed, HighMaterial, NormalMapFeed
-from ...core.progress import Run, Task
+from ...core.progress import Task
+from ...core.settings import Run
 from ...mesh.inputs import Meshes
 from ...passes.surface import image_page, material_table, turned_normals
 from ..high_surface import HighSurface

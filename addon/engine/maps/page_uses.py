@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from ...core.material_feeds import ImageFeed, ImagePixels
-from ...core.progress import Progress, Run, Task
+from ...core.progress import Progress, Task
+from ...core.settings import Run
 from ...passes.surface import image_page
 from ...passes.surface.material_table import MaterialTable
 from .family import Sample

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...core.declarations.choices import Space
 from ...core.map_types import BY_NAME, Kind
-from ...core.progress import Run, Task
+from ...core.progress import Task
+from ...core.settings import Run
 from ...mesh.triangle_mesh import Mesh
 from ...passes import mesh_upload, target
 from ...passes.bake import cast, gbuffer, other_map_pass

@@ -10,7 +10,8 @@ import gpu
 import numpy as np
 
 from ...core.map_types import BY_NAME, Family, Kind
-from ...core.progress import Progress, Run, Task
+from ...core.progress import Progress, Task
+from ...core.settings import Run
 from ...mesh.triangle_mesh import Mesh
 from ...passes import target
 from ...passes.bake import preview_picture

@@ -9,7 +9,8 @@ import gpu
 import numpy as np
 
 from ...core.map_types import NORMAL
-from ...core.progress import Progress, Run, Task, finish, part, relay
+from ...core.progress import Progress, Task, finish, part, relay
+from ...core.settings import Run
 from ...passes import target
 from ...passes.bake import flat_hits, preview_picture, samples
 from ...passes.surface import served_blocks

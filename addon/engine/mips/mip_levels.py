@@ -10,8 +10,8 @@ import numpy as np
 from ...core import texel_state
 from ...core.declarations.choices import MarginType
 from ...core.map_types import BY_NAME, NORMAL, WIDENED_ROUGHNESS, Kind
-from ...core.progress import Progress, Run, Task, finish
-from ...core.settings import MapSettings
+from ...core.progress import Progress, Task, finish
+from ...core.settings import MapSettings, Run
 from ...core.texel_state import Map
 from .. import margins
 from ..maps.drawn_maps import DrawnMaps

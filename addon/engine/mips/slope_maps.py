@@ -7,7 +7,8 @@ import gpu
 
 from ...core.declarations.choices import Space
 from ...core.map_types import WIDENED_ROUGHNESS
-from ...core.progress import Run, Task, part
+from ...core.progress import Task, part
+from ...core.settings import Run
 from ...mesh.inputs import Meshes
 from ...passes import mesh_upload, target
 from ...passes.bake import gbuffer, samples

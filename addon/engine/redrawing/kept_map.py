@@ -6,8 +6,8 @@ import numpy as np
 
 from ...core import texel_state, udim
 from ...core.map_types import NORMAL
-from ...core.progress import Run, Task, finish
-from ...core.settings import Settings
+from ...core.progress import Task, finish
+from ...core.settings import Run, Settings
 from ...core.texel_state import Map
 from ...mesh.inputs import Meshes
 from ...passes import drawn_part, target

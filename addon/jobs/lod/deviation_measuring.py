@@ -10,8 +10,8 @@ import numpy as np
 from ...core import udim
 from ...core.declarations.choices import Directions, Hit, Method, Space
 from ...core.map_types import NORMAL
-from ...core.progress import Pace, Progress, Run, Task, part
-from ...core.settings import Settings
+from ...core.progress import Pace, Progress, Task, part
+from ...core.settings import Run, Settings
 from ...engine import margins, normal_channels, rendering, separation, sources
 from ...engine.bands import Band
 from ...engine.maps.maps_of_bake import maps_of_bake

@@ -11,8 +11,8 @@ import numpy as np
 
 from ...core import progress, udim
 from ...core.errors import BakeError
-from ...core.progress import Run
 from ...core.report import Report
+from ...core.settings import Run
 from ...engine import gpu_memory
 from ...engine.method_choice import choose_method
 from ...engine.rays import ray_casting, ray_doubts
