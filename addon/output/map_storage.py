@@ -17,9 +17,9 @@ from ..core.udim import TOKEN
 from . import datablocks, image_file, quantize
 from .files import atomic_file
 from .files.atomic_file import Partial, check_writable
-from .files.write_queue import WriteQueue
 from .map_names import name_for, output_for
 from .value_encoding import SRGB
+from .write_queue import WriteQueue
 
 
 def black_and_white(where: np.ndarray) -> np.ndarray:
@@ -35,6 +35,8 @@ def check(low_name: str, settings: Settings) -> None:
     output = output_for(settings)
     if output.startswith("//") and not bpy.data.filepath:
         raise BakeError(f"{output!r} is relative to a .blend file that was never saved: save it first.")
+    for path in filter(None, (output, _packed_tiles(settings))):
+        image_file.check_format(path)
     if output:
         check_writable(_absolute(output))
 
@@ -56,6 +58,13 @@ def kept(texels: np.ndarray, settings: Settings) -> np.ndarray:
         return quantize.rounded(texels, settings.storing.depth)
     is_half = settings.storing.storage == Storage.FILE and settings.storing.depth == 16
     return texels.astype(np.float16).astype(np.float32) if is_half else texels
+
+
+def _packed_tiles(settings: Settings) -> str:
+    """The name of the temporary files of UDIM tiles to pack, which Blender takes only from files, or ""."""
+    if settings.storing.storage != Storage.PACK or not settings.sampling.udim:
+        return ""
+    return f"map.{TOKEN}{file_formats.PACKED[settings.storing.is_float].endings[0]}"
 
 
 def _is_dithered(settings: StorageSettings) -> bool:
@@ -97,13 +106,9 @@ class Writer:
         self._folder: tempfile.TemporaryDirectory | None = None
         self._path = output_for(settings)
         """The path of the files, as Blender spells it. Empty without files."""
-        if (
-            settings.storing.storage == Storage.PACK and settings.sampling.udim
-        ):  # Blender can pack tiles only from files
+        if tiles := _packed_tiles(settings):
             self._folder = tempfile.TemporaryDirectory(prefix="imprint-")
-            self._path = str(
-                Path(self._folder.name, f"map.{TOKEN}{file_formats.PACKED[settings.storing.is_float].endings[0]}")
-            )
+            self._path = str(Path(self._folder.name, tiles))
         self._angles: list[np.ndarray] = []
         self.tiles: list[int] = []
         """The tiles that were added."""

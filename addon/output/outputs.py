@@ -14,12 +14,11 @@ from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from . import color_spaces, datablocks, map_images, map_names, map_storage, materials, value_encoding
+from . import color_spaces, datablocks, map_images, map_names, map_storage, materials, quantize, value_encoding
 from .files import planned_files
 from .files.planned_files import settings_by_map, stored_maps
-from .files.write_queue import WriteQueue
 from .vertex_attributes import VertexMaps
-from .writers import exr_writer
+from .write_queue import WriteQueue
 
 HIDDEN_MISSES = fixes.in_shell(
     "Rays of some texels hit nothing, and files without alpha do not show which.", fixes.MISS_MASK
@@ -212,12 +211,9 @@ class Outputs:
         if BY_NAME[name].kind is not Kind.NORMAL:
             value_encoding.encode(texels, how)
         settings = self._settings_of(name)
-        is_half = (
-            settings.storing.is_float
-            and settings.storing.storage == Storage.FILE
-            and settings.storing.depth == exr_writer.HALF
-        )
-        if is_half and BY_NAME[name].family.shows_materials and np.abs(texels[..., :3]).max() > exr_writer.MOST_HALF:
+        storing = settings.storing
+        is_half = storing.is_float and storing.storage == Storage.FILE and storing.depth == quantize.HALF
+        if is_half and BY_NAME[name].family.shows_materials and np.abs(texels[..., :3]).max() > quantize.MOST_HALF:
             self._cut_off.add(name)
         if name in self._writers:
             self._writer(name, level).add(tile, texels)

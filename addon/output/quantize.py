@@ -3,6 +3,8 @@
 
 import numpy as np
 
+HALF, MOST_HALF = 16, np.float32(65504.0)
+"""The bits of floats that cannot hold all values, and the highest of them, which higher values become."""
 SAMPLES = 1 << 17
 """The error is measured on about this many texels of a tile at most."""
 # Multiples of 1/g, 1/g^2 and 1/g^3, with g^4 = g + 1, spread evenly over rows, columns and channels together

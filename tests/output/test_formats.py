@@ -19,7 +19,6 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, bake_pair
 from addon.output import image_file, map_storage, quantize
-from addon.output.writers.tiff_writer import EXTRA_SAMPLES, UNASSOCIATED
 from scripts.imprint import ROOT
 from tests.support import lanes, pictures, zoo
 from tests.support.maps import pixels
@@ -193,7 +192,7 @@ def test_a_tiff_is_marked_as_not_multiplied_with_alpha(depth, tmp_path):
     texels = some_texels()
     store(texels, storage="FILE", output=str(tmp_path / "map.tif"), depth=depth)
     with (tmp_path / "map.tif").open("rb") as file:
-        assert image_headers.tiff_directory(file)[EXTRA_SAMPLES].values == (UNASSOCIATED,)
+        assert image_headers.tiff_directory(file)[338].values == (2,)  # ExtraSamples: unassociated alpha
     found = pictures.pillow(tmp_path / "map.tif")
     np.testing.assert_allclose(
         found[texels[..., 3] == 0][:, :3], [(127.5, 127.5, 255)] * (texels[..., 3] == 0).sum(), atol=0.5

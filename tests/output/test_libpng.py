@@ -3,12 +3,11 @@
 
 import ctypes
 import ctypes.util
-import io
 
 import numpy as np
 import pytest
 
-from addon.output.writers import png_writer
+from addon.output import png_writer
 
 
 class _Simple(ctypes.Structure):
@@ -23,16 +22,16 @@ class _Simple(ctypes.Structure):
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 7), (300, 1), (17, 33), (700, 500)], ids=str)
-def test_libpng_reads_the_bytes_seed_7(size):
+def test_libpng_reads_the_bytes_seed_7(size, tmp_path):
     name = ctypes.util.find_library("png16")
     if name is None:
         pytest.skip("libpng is not installed")
     library = ctypes.CDLL(name)
     width, height = size
     texels = np.random.default_rng(7).random((height, width, 4), np.float32)
-    file, made = io.BytesIO(), png_writer.content(texels, 8, has_alpha=True)
-    made.write(file, (part() for part in made.parts))
-    data = file.getvalue()
+    made = png_writer.content(texels, 8, has_alpha=True)
+    made.write(tmp_path / "map.png", (part() for part in made.parts))
+    data = (tmp_path / "map.png").read_bytes()
     image = _Simple(version=1)
     assert library.png_image_begin_read_from_memory(ctypes.byref(image), data, ctypes.c_size_t(len(data)))
     image.format = 3  # red, green, blue and alpha of 8 bits

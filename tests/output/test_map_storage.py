@@ -16,7 +16,7 @@ from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from addon.output import image_file, map_storage
 from addon.output.files import atomic_file
-from addon.output.writers.content import Content
+from addon.output.write_queue import Content
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from addon.cli.results.sheets import result_sheet
-from addon.output.writers import png_writer
+from addon.output import png_writer
 from scripts.dev.in_engines.chromium import CHROMIUMS
 from tests.support import reports
 

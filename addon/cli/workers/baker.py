@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ...core.errors import BakeError
-from ...output.writers import png_writer
+from ...output import png_writer
 from .. import batch, blender_process, interruption
 from ..done import recording
 from ..done.bake_record import Draft

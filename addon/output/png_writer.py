@@ -5,21 +5,31 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from ..quantize import steps
-from .content import Content, for_rows, pieces, top_first
-from .deflating import HEADER, Deflated, Search, choose, deflate, joined
+from ..core import threads
+from .quantize import steps
+from .write_queue import Content, for_rows, top_first
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 SUB = 1
 """The filter of small pictures: the byte to the left."""
 PAETH = 4
 """The filter of all rows: the nearest of the bytes to the left, above, and above left to their plane."""
-SEARCHES = {8: Search(level=2, gain=0.96), 16: Search(level=1, gain=0.96)}
-"""By bits. They give files that are at most a tenth larger than those of Blender's writer, on maps of all kinds."""
+HEADER = b"\x78\x01"
+"""Of a zlib stream with the largest window. Behind the data is their checksum."""
+WINDOW, MEMORY = -15, 9
+"""zlib's largest window, without a header, and its largest tables."""
+SAMPLES, SAMPLE_SHARE, LEAST_SAMPLE = 4, 64, 1 << 14
+"""The number of places where rows are tried, the share of them that is tried, and the least bytes at a place: half of zlib's
+window, so that repeats of the row above are found."""
+MODULUS = 65521
+"""Of the checksum Adler-32."""
+LEAST_PIECE, MOST_PIECE = 1 << 18, 1 << 24
+"""The least and the most bytes that a thread deflates at a time."""
 COLOR_SPACE = (
     # Of colors alone: readers that follow these chunks would change data. sRGB is declared with its gamma and its primaries,
     # times 100,000, for readers that do not know it.
@@ -27,6 +37,37 @@ COLOR_SPACE = (
     (b"gAMA", struct.pack(">I", 45455)),
     (b"cHRM", struct.pack(">8I", 31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)),
 )
+
+
+class Method(NamedTuple):
+    """How zlib deflates. strategy: of zlib."""
+
+    level: int
+    strategy: int
+
+
+RUNS = Method(6, zlib.Z_RLE)
+"""Looks only for runs of one byte, which is fastest."""
+
+
+class Search(NamedTuple):
+    """A search for any repeats of bytes. level: of zlib. gain: it is worth its time if it leaves less than this of what RUNS
+    leave."""
+
+    level: int
+    gain: float
+
+
+class Deflated(NamedTuple):
+    """A piece of a stream. adler: the checksum of its `length` bytes before they were deflated."""
+
+    data: bytes
+    adler: int
+    length: int
+
+
+SEARCHES = {8: Search(level=2, gain=0.96), 16: Search(level=1, gain=0.96)}
+"""By bits. They give files that are at most a tenth larger than those of Blender's writer, on maps of all kinds."""
 
 
 class _Piece(NamedTuple):
@@ -50,16 +91,17 @@ def content(texels: np.ndarray, depth: int, *, has_alpha: bool, is_color: bool =
         found = deflate(rows, choose(rows, SEARCHES[depth]), is_last=where.stop == height)
         return _Piece(found, zlib.crc32(found.data, zlib.crc32(b"IDAT")))
 
-    def write(file: BinaryIO, results: Iterator[_Piece]) -> None:
-        file.write(SIGNATURE)
-        for name, data in ((b"IHDR", head), *(COLOR_SPACE if is_color else ()), (b"IDAT", HEADER)):
-            _write_chunk(file, name, data)
-        adler = 1
-        for found in results:
-            _write_chunk(file, b"IDAT", found.deflated.data, found.checksum)
-            adler = joined(adler, found.deflated)
-        _write_chunk(file, b"IDAT", struct.pack(">I", adler))
-        _write_chunk(file, b"IEND", b"")
+    def write(path: Path, results: Iterator[_Piece]) -> None:
+        with path.open("wb") as file:
+            file.write(SIGNATURE)
+            for name, data in ((b"IHDR", head), *(COLOR_SPACE if is_color else ()), (b"IDAT", HEADER)):
+                _write_chunk(file, name, data)
+            adler = 1
+            for found in results:
+                _write_chunk(file, b"IDAT", found.deflated.data, found.checksum)
+                adler = joined(adler, found.deflated)
+            _write_chunk(file, b"IDAT", struct.pack(">I", adler))
+            _write_chunk(file, b"IEND", b"")
 
     return Content([lambda where=where: part(where) for where in slices], write)
 
@@ -150,3 +192,36 @@ def _where_nearer(first: np.ndarray, second: np.ndarray, mask: np.ndarray) -> np
     """`mask` uint8, made 255 where `first` is at most `second`, else 0. Several times as fast as numpy.where."""
     np.less_equal(first, second, out=mask.view(bool))
     return np.negative(mask, out=mask)
+
+
+def pieces(height: int, row_bytes: int) -> list[slice]:
+    """Slices that cover `height` rows: one for each processor, unless they are too small or too large."""
+    wanted = -(-height * row_bytes // threads.processors())
+    return threads.blocks(height, max(1, min(max(wanted, LEAST_PIECE), MOST_PIECE) // row_bytes))
+
+
+def choose(rows: np.ndarray, search: Search) -> Method:
+    """RUNS, or the method of `search`, by what each makes of a sample of `rows` uint8, contiguous."""
+    plain, method = memoryview(rows).cast("B"), Method(search.level, zlib.Z_DEFAULT_STRATEGY)
+    size, step = max(LEAST_SAMPLE, len(plain) // (SAMPLES * SAMPLE_SHARE)), max(1, len(plain) // SAMPLES)
+    sample = b"".join(plain[start : start + min(size, step)] for start in range(0, step * SAMPLES, step))
+    runs, repeats = (len(packer.compress(sample) + packer.flush()) for packer in map(_packer, (RUNS, method)))
+    return method if repeats < runs * search.gain else RUNS
+
+
+def deflate(rows: np.ndarray, method: Method, *, is_last: bool) -> Deflated:
+    """Deflate `rows` uint8, contiguous. Pieces can follow each other in one stream, of which one is the last."""
+    plain, packer = memoryview(rows).cast("B"), _packer(method)
+    data = packer.compress(plain) + packer.flush(zlib.Z_FINISH if is_last else zlib.Z_SYNC_FLUSH)
+    return Deflated(data, zlib.adler32(plain), len(plain))
+
+
+def joined(adler: int, piece: Deflated) -> int:
+    """The checksum of a stream with the checksum `adler` and a piece behind it. That of an empty stream is 1."""
+    first, second = (adler & 0xFFFF) + (piece.adler & 0xFFFF) - 1, (adler >> 16) + (piece.adler >> 16)
+    second += piece.length * ((adler & 0xFFFF) - 1)
+    return first % MODULUS | (second % MODULUS) << 16
+
+
+def _packer(method: Method) -> "zlib._Compress":
+    return zlib.compressobj(method.level, zlib.DEFLATED, WINDOW, MEMORY, method.strategy)

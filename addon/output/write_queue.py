@@ -2,15 +2,35 @@
 """Packs and writes files in threads, while the caller draws the next map."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from ...core import threads
-from ..writers.content import Content
-from .atomic_file import Partial
+import numpy as np
+
+from ..core import threads
+from .files.atomic_file import Partial
 
 MOST_UNFINISHED = 2
 """The files that may be in memory at once, packed or not."""
+BLOCK = 1 << 18
+"""Bytes of the rows that are prepared at a time: few enough for the cache, and enough that threads seldom wait for
+each other."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """A file to write.
+
+    Args:
+        parts: Functions that can run in threads, in any order. Each packs a part of the file.
+        write: Writes the file at a path that exists, from the results of `parts` in their order.
+    """
+
+    parts: Sequence[Callable[[], Any]]
+    write: Callable[[Path, Iterator[Any]], None]
 
 
 class WriteQueue:
@@ -51,11 +71,21 @@ class WriteQueue:
 
 
 def _write(content: Content, parts: deque[Future], partial: Partial) -> None:
-    with partial.writing(), partial.temporary.open("wb") as file:
-        content.write(file, _results(parts))
+    with partial.writing():
+        content.write(partial.temporary, _results(parts))
 
 
-def _results(parts: deque[Future]) -> Iterator[bytes]:
+def _results(parts: deque[Future]) -> Iterator[Any]:
     """The results of `parts` in their order. Each can be freed when the next one is asked for."""
     while parts:
         yield parts.popleft().result()
+
+
+def for_rows(height: int, row_bytes: int, work: Callable[[Iterator[slice]], None]) -> None:
+    """Call `work` with iterators of slices of rows that cover `height`, as threads.for_shares does."""
+    threads.for_shares(height, max(1, BLOCK // row_bytes), work)
+
+
+def top_first(texels: np.ndarray, has_alpha: bool) -> np.ndarray:
+    """`texels` (height, width, 4) with the highest row first, as files have them, with or without alpha. No copy."""
+    return texels[::-1, :, : 4 if has_alpha else 3]
