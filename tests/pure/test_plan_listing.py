@@ -256,7 +256,7 @@ def test_each_process_lists_the_same(here, words):
     program = (
         "import sys; from addon.cli.plan import listing; from addon.cli.usage import arguments, job_file\n"
         "options, more = arguments.split_jobs(sys.argv[1:])\n"
-        "listing.run(options, job_file.read(options.jobs, more), 'imprint')"
+        "listing.list_bakes(options, job_file.read(options.jobs, more), 'imprint')"
     )
     found = {
         subprocess.run(
