@@ -12,11 +12,10 @@ from pathlib import Path
 import bpy
 
 from .. import older_blender
-from ..core import progress
+from ..core import naming, progress
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import level_report
 from ..core.levels.level_report import ChainReport
-from ..core.names import file_names
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import startup
@@ -108,7 +107,7 @@ def open_files(
     settings = arguments.settings(options)
     # Opening a file can take long, so check first that the results can be written.
     for path in (settings.storing.output, options.export, options.save_blend, report_file.path_of(options.report)):
-        if path and file_names.LOW not in str(path):
+        if path and naming.LOW not in str(path):
             check_writable(Path(path).absolute())
     if meter.is_on:
         meter.show(subject(options, bpy.data.filepath), progress.Progress("Opening", 0.0))
@@ -202,7 +201,7 @@ def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
         from ..jobs.lod import level_chain  # here, since a bake does not need it
 
         return level_chain.names(jobs[0].low, len(level_report.limits(*options.levels)))
-    return [file_names.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
+    return [naming.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
 
 
 def _explained(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
@@ -257,7 +256,7 @@ def _baked(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
 
 def _share_image(options: argparse.Namespace) -> bool:
     """Whether all pairs share one map, whose path has no low object's name."""
-    return bool(options.pairs) and file_names.LOW not in options.output
+    return bool(options.pairs) and naming.LOW not in options.output
 
 
 def start_gpu() -> None:

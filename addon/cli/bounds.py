@@ -9,9 +9,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core import udim
+from ..core import naming, udim
 from ..core.errors import WrongPlace
-from ..core.names import file_names
 from ..output.files.atomic_file import make_folder
 from .usage import arguments
 
@@ -23,7 +22,7 @@ MOST_READ = 32 << 30
 """Bytes of a file, which may have holes that take no place on the disk."""
 MOST_FILES = 1_000_000
 """Maps that a run may name: bakes times frames."""
-_PLACEHOLDER = re.compile("|".join(map(re.escape, (file_names.LOW, file_names.MATERIAL, udim.TOKEN))) + "|#+")
+_PLACEHOLDER = re.compile("|".join(map(re.escape, (naming.LOW, naming.MATERIAL, udim.TOKEN))) + "|#+")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from ..core.names.printable import printable
+from ..core.naming import printable
 from ..output.files import atomic_file
 
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")

@@ -5,9 +5,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..core import naming
 from ..core.errors import BakeError
 from ..core.levels import level_report
-from ..core.names import file_names
 from .usage import arguments
 from .usage.arguments import WrongUsage
 
@@ -30,11 +30,11 @@ def read(words: Sequence[str], program: str) -> argparse.Namespace:
         count = len(level_report.limits(*options.levels))
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
-    if count > 1 and file_names.LOW not in options.output:
-        raise WrongUsage(f"each level has a map: put {file_names.LOW} into --output")
-    is_one_file = bool(options.export) and file_names.LOW not in options.export
+    if count > 1 and naming.LOW not in options.output:
+        raise WrongUsage(f"each level has a map: put {naming.LOW} into --output")
+    is_one_file = bool(options.export) and naming.LOW not in options.export
     if count > 1 and is_one_file and Path(options.export).suffix.lower() != ".glb":
-        raise WrongUsage(f"only .glb has levels in one file: put {file_names.LOW} into --export")
+        raise WrongUsage(f"only .glb has levels in one file: put {naming.LOW} into --export")
     return options
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.errors import BakeError, NoGpu, sentence
-from ..core.names.printable import printable
+from ..core.naming import printable
 from ..core.progress import Progress
 from ..core.timings import startup
 from .blender_process import load_blender

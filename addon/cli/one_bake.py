@@ -7,7 +7,7 @@ import time
 import bpy
 
 from ..core.errors import BakeError, WrongPlace
-from ..core.names.printable import printable
+from ..core.naming import printable
 from . import batch, blender_process, interruption
 from .plan import clashes, plans
 from .plan.plans import Plan

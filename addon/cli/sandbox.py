@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..core.errors import WrongPlace
-from ..core.names.printable import printable
+from ..core.naming import printable
 from ..output.files.atomic_file import make_folder
 from .bounds import Bounds, is_below
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core.names import file_names
+from ..core import naming
 from ..core.report import Report
 from ..output.files.atomic_file import replacing
 from . import blender_process, standard_streams
@@ -30,10 +30,10 @@ def export(
     for report in reports:
         by_low.setdefault(report.refs[0].uid, []).append(report)
     lows = list(by_low.values())
-    together = [[low] for low in lows] if file_names.LOW in output else [lows]
+    together = [[low] for low in lows] if naming.LOW in output else [lows]
     found = {}
     for bakes in together:
-        path = Path(file_names.fill(output, bakes[0][0].low)).absolute()
+        path = Path(naming.fill(output, bakes[0][0].low)).absolute()
         with standard_streams.silence():
             are_linked = are_levels and len(bakes) > 1
             done = engine_files.export(bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside)

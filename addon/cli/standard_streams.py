@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
-from ..core.names.printable import printable
+from ..core.naming import printable
 from ..core.quiet import flush, silence
 
 __all__ = ["be_patient", "flush", "ours", "reserve", "silence"]

@@ -5,7 +5,7 @@ import shutil
 import sys
 from typing import TextIO
 
-from ..core.names.printable import printable
+from ..core.naming import printable
 from ..core.progress import Progress
 from .plan.plans import Plan
 from .results.run_report import Entry

@@ -16,7 +16,7 @@ from .declarations.map_settings import ADAPTIVE_FROM
 from .declarations.packing import CUSTOM_SUFFIX, PRESETS, WHITE, Packing
 from .errors import BakeError
 from .map_types import BY_NAME, NAMES, WIDENED_ROUGHNESS
-from .names.file_names import LOW, MATERIAL
+from .naming import LOW, MATERIAL
 from .progress import Pace
 from .timings import Timings
 from .udim import TOKEN

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import bpy
 
-from ..core import file_formats
+from ..core import file_formats, naming
 from ..core.errors import BakeError
-from ..core.names import file_names
 from ..core.report import Report
 from ..output.files.atomic_file import all_or_none
 from . import engine_files
@@ -21,8 +20,8 @@ def check(path: str, count: int) -> None:
         raise BakeError(f"{path!r} is relative to a .blend file that was never saved: save it first.")
     engine_files.check(path)
     one_file = file_formats.MESHES[0]
-    if count > 1 and file_names.LOW not in path and Path(path).suffix.lower() != one_file:
-        raise BakeError(f"Only {one_file} has levels in one file: put {file_names.LOW} into the path of the export.")
+    if count > 1 and naming.LOW not in path and Path(path).suffix.lower() != one_file:
+        raise BakeError(f"Only {one_file} has levels in one file: put {naming.LOW} into the path of the export.")
 
 
 def export(context: bpy.types.Context, reports: Sequence[Report], path: str) -> list[Exported]:
@@ -30,11 +29,11 @@ def export(context: bpy.types.Context, reports: Sequence[Report], path: str) -> 
 
     Raises BakeError, and then no file has changed.
     """
-    groups = [[report] for report in reports] if file_names.LOW in path else [list(reports)]
+    groups = [[report] for report in reports] if naming.LOW in path else [list(reports)]
     done = []
     with all_or_none():
         for group in groups:
-            target = Path(bpy.path.abspath(file_names.fill(path, group[0].low))).absolute()
+            target = Path(bpy.path.abspath(naming.fill(path, group[0].low))).absolute()
             bakes = [[report] for report in group]
             done += engine_files.export(context, bakes, target, are_levels=len(group) > 1)
     return done

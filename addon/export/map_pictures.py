@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core import file_formats
 from ..core.errors import BakeError
-from ..core.names.file_names import file_name
+from ..core.naming import file_name
 from ..core.udim import FIRST
 from ..output import color_spaces, datablocks, image_file, quantize
 from ..output.value_encoding import SRGB

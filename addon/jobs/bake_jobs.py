@@ -8,11 +8,10 @@ from functools import partial
 import bpy
 
 from .. import older_blender
-from ..core import progress
+from ..core import naming, progress
 from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
-from ..core.names import file_names
-from ..core.names.file_names import ATLAS
+from ..core.naming import ATLAS
 from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
 from ..core.settings import Run, Settings, TracingSettings
@@ -127,5 +126,5 @@ def for_low(settings: Settings, name: str, material: str = "") -> Settings:
     return replace(
         settings,
         image=map_names.name_for(name, settings.storing, material),
-        output=file_names.fill(settings.storing.output, name, material),
+        output=naming.fill(settings.storing.output, name, material),
     )

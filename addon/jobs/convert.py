@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from .. import older_blender
-from ..core import progress, texel_state
+from ..core import naming, progress, texel_state
 from ..core.conversion.conversion_report import ConversionReport
 from ..core.conversion.stored_normals import StoredNormals, in_words
 from ..core.declarations import bases
@@ -17,7 +17,6 @@ from ..core.declarations.choices import Method, Space, Storage, VertexDomain
 from ..core.declarations.map_settings import MAX_SIZE, MIN_SIZE
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL, Labeled
-from ..core.names import file_names
 from ..core.progress import Pace, Progress, Task, part
 from ..core.settings import Run, SamplingSettings, Settings
 from ..core.timings import Timings
@@ -180,11 +179,11 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
 
 def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) -> Settings:
     """The settings of the new map alone, with names filled in."""
-    name = settings.storing.image.replace(file_names.LOW, low.name)
+    name = settings.storing.image.replace(naming.LOW, low.name)
     if name in ("", image.name):
         how = bases.of_name(settings.map.basis).name if settings.map.space == Space.TANGENT else settings.map.space
         name = f"{image.name.removesuffix(Path(image.name).suffix)}_{how.lower()}"
-    output = file_names.fill(settings.storing.output, low.name)
+    output = naming.fill(settings.storing.output, low.name)
     if settings.storing.storage == Storage.FILE and output and image.filepath:
         old, new = (os.path.realpath(bpy.path.abspath(path)) for path in (image.filepath, output))
         if old == new:

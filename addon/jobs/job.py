@@ -11,7 +11,7 @@ from .. import older_blender
 from ..core import udim
 from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
-from ..core.names.name_matching import Suffixes, match
+from ..core.naming import Suffixes, match
 from ..core.settings import SamplingSettings, Settings, StorageSettings
 from ..engine.bands import bands
 from ..output import map_storage, materials, vertex_attributes

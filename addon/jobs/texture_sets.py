@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import BakeError
-from ..core.names.file_names import MATERIAL
+from ..core.naming import MATERIAL
 from ..core.settings import StorageSettings
 from ..mesh.inputs import Meshes
 from ..scene.high_layers.material_sets import sets_of

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core import udim
 from ..core.map_types import MARK, ORIGIN
-from ..core.names.file_names import file_name
+from ..core.naming import file_name
 from ..core.udim import TOKEN
 from . import color_spaces
 

@@ -9,7 +9,7 @@ from pathlib import PurePath
 from ..core import file_formats
 from ..core.declarations.choices import Storage
 from ..core.map_types import MapType
-from ..core.names.file_names import LOW, MATERIAL, USUAL, of_texture_sets
+from ..core.naming import LOW, MATERIAL, USUAL, of_texture_sets
 from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
 

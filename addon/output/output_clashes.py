@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 
 import bpy
 
+from ..core import naming
 from ..core.errors import BakeError
-from ..core.names import file_names
 from ..core.settings import Settings, StorageSettings
 from . import datablocks
 from .files.path_clashes import Places
@@ -58,6 +58,6 @@ def _check_images(bakes: Sequence[Settings], objects: Sequence[str], advice: str
 
 def _advice(name: str) -> str:
     """How to avoid two maps with the same `name`, the one in the settings."""
-    if not name or file_names.LOW in name:  # without a name, an image is named after the low object
+    if not name or naming.LOW in name:  # without a name, an image is named after the low object
         return "rename one of the objects"
-    return f"put {file_names.LOW} into the name, or let them share it"
+    return f"put {naming.LOW} into the name, or let them share it"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import bpy
 
+from ..core import naming
 from ..core.errors import BakeError
-from ..core.names import unknown_name
 
 GONE = -1
 """The uid of an object that does not exist."""
@@ -55,7 +55,7 @@ class ObjectRef:
 def by_name(name: str) -> bpy.types.Object:
     """The object with this name. Raises BakeError, with similar names, if there is none."""
     if name not in bpy.data.objects:
-        raise BakeError(unknown_name.sentence(name, bpy.data.objects.keys()))
+        raise BakeError(naming.no_such_object(name, bpy.data.objects.keys()))
     return bpy.data.objects[name]
 
 

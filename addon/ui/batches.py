@@ -8,9 +8,9 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from .. import flamenco
+from ..core import naming
 from ..core.declarations.choices import Storage
 from ..core.errors import BakeError
-from ..core.names import name_matching
 from .sidebar import SettingsPanel, draw_paragraphs
 from .translations import LABEL, label, message, tooltip
 
@@ -145,9 +145,9 @@ class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):
 
 
 @lru_cache(maxsize=1)
-def pairs(names: tuple[str, ...], suffixes: name_matching.Suffixes) -> tuple[list[name_matching.Pair], list[str]]:
-    """As name_matching.match. Cached: a redraw matches names only if a name or a suffix has changed."""
-    return name_matching.match(names, suffixes)
+def pairs(names: tuple[str, ...], suffixes: naming.Suffixes) -> tuple[list[naming.Pair], list[str]]:
+    """As naming.match. Cached: a redraw matches names only if a name or a suffix has changed."""
+    return naming.match(names, suffixes)
 
 
 CLASSES = (IMPRINT_AP_preferences, IMPRINT_OT_send_to_flamenco, IMPRINT_PT_pairs, IMPRINT_PT_sequence)

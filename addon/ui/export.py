@@ -6,9 +6,8 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ..core import file_formats
+from ..core import file_formats, naming
 from ..core.errors import BakeError
-from ..core.names import file_names
 from ..core.progress import Pace, Task
 from ..export import engine_files
 from ..export.engine_files import Exported
@@ -60,7 +59,7 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.filepath or context.scene.imprint.export:
             return super().invoke(context, event)
-        self.filepath = f"{file_names.file_name(results.of(context).low)}{file_formats.MESHES[0]}"
+        self.filepath = f"{naming.file_name(results.of(context).low)}{file_formats.MESHES[0]}"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -78,7 +77,7 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
 
     def task(self, context: bpy.types.Context, _pace: Pace) -> Task[Exported]:
         reports = results.all_of(context)
-        path = file_names.fill(self.filepath or context.scene.imprint.export, reports[0].low)
+        path = naming.fill(self.filepath or context.scene.imprint.export, reports[0].low)
         if not path:
             raise BakeError("No file is set for the export: set one.")
         if path.startswith("//") and not bpy.data.filepath:

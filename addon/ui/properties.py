@@ -8,10 +8,10 @@ from functools import lru_cache
 import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..core import naming
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
-from ..core.names import file_names, name_matching
-from ..core.names.name_matching import Suffixes
+from ..core.naming import Suffixes
 from ..core.settings import Settings
 from ..jobs.job import Job
 from ..scene import object_checks, visibility
@@ -33,16 +33,16 @@ def _make_square(settings: "ImprintSettings", _context: bpy.types.Context) -> No
 
 def _get_names(settings: "ImprintSettings") -> str:
     """How maps are named, for a preset; empty if that fits one object alone."""
-    names = settings.image.replace(file_names.of_texture_sets(file_names.LOW), file_names.LOW)
-    return names if file_names.LOW in names and file_names.MATERIAL not in names else ""
+    names = settings.image.replace(naming.of_texture_sets(naming.LOW), naming.LOW)
+    return names if naming.LOW in names and naming.MATERIAL not in names else ""
 
 
 def _set_names(settings: "ImprintSettings", names: str) -> None:
     """Name the image and the file after a preset. The folder and the ending of the file stay."""
     if names:
-        filled = file_names.of_texture_sets(names) if settings.texture_sets else names
-        settings.image = "" if names == file_names.USUAL else filled
-        settings.output = file_names.renamed(settings.output, filled)
+        filled = naming.of_texture_sets(names) if settings.texture_sets else names
+        settings.image = "" if names == naming.USUAL else filled
+        settings.output = naming.renamed(settings.output, filled)
 
 
 def _choose(name: str):
@@ -197,7 +197,7 @@ class Chosen:
 def _partners(low: str, names: tuple[str, ...], suffixes: Suffixes) -> list[str]:
     """The high objects of `low` by name. Cached: a redraw matches names only if one has changed."""
     try:
-        pairs, _ = name_matching.match(names, suffixes)
+        pairs, _ = naming.match(names, suffixes)
     except BakeError:  # suffixes that are the same; the panel Pairs by Name says so
         return []
     return next((pair.highs for pair in pairs if pair.low == low), [])

@@ -26,7 +26,7 @@ from addon.core.declarations import kinds, packing, readers  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
 from addon.core.declarations.choices import Pack  # noqa: E402
 from addon.core.map_types import Family, Kind  # noqa: E402
-from addon.core.names.file_names import USUAL  # noqa: E402
+from addon.core.naming import USUAL  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PLACE = re.compile(r"^(<!-- (?:table: ([\w-]+)|(options)) -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)

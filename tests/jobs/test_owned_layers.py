@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.names.name_matching import Suffixes
+from addon.core.naming import Suffixes
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import bands

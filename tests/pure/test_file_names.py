@@ -3,7 +3,7 @@
 
 import pytest
 
-from addon.core.names import file_names
+from addon.core import naming
 
 
 @pytest.mark.parametrize(
@@ -16,5 +16,5 @@ from addon.core.names import file_names
     ],
 )
 def test_only_characters_that_file_systems_refuse_are_replaced(name, written):
-    assert file_names.file_name(name) == written
-    assert file_names.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"
+    assert naming.file_name(name) == written
+    assert naming.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"

@@ -11,7 +11,7 @@ from addon.cli.usage import arguments, job_file
 from addon.cli.usage.arguments import WrongUsage
 from addon.core import file_formats, map_types
 from addon.core.declarations.all_settings import DECLARED
-from addon.core.names.name_matching import Suffixes
+from addon.core.naming import Suffixes
 from addon.core.settings import PART_OF, Settings
 
 LOW = ["--low", "lo", "--output", "m.png"]

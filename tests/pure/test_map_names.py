@@ -3,10 +3,10 @@
 
 import pytest
 
+from addon.core import naming
 from addon.core.declarations.readers import READERS
 from addon.core.map_types import BY_NAME
-from addon.core.names import file_names
-from addon.core.names.file_names import LOW
+from addon.core.naming import LOW
 from addon.core.settings import Settings
 from addon.output import map_names
 from addon.output.files.planned_files import settings_by_map
@@ -90,7 +90,7 @@ def test_the_suffix_takes_the_place_of_the_ending_of_each_preset(names):
     ],
 )
 def test_a_path_is_renamed_in_its_folder_with_its_tile_and_its_ending(path, expected):
-    assert file_names.renamed(path, "new") == expected
+    assert naming.renamed(path, "new") == expected
 
 
 def test_without_a_file_there_is_no_path():

@@ -3,9 +3,9 @@
 
 import pytest
 
+from addon.core import naming
 from addon.core.errors import BakeError
-from addon.core.names import name_matching as pairs_module
-from addon.core.names.name_matching import Pair, Suffixes, match
+from addon.core.naming import Pair, Suffixes, match
 
 
 def test_the_suffixes_of_the_manual():
@@ -123,7 +123,7 @@ def test_chosen_suffixes_take_precedence():
 def test_patterns_are_compiled_once(monkeypatch):
     names = [f"rock{number}_low" for number in range(100)]
     expected = match(names, Suffixes())
-    monkeypatch.setattr(pairs_module.re, "compile", None)
+    monkeypatch.setattr(naming.re, "compile", None)
     assert match(names, Suffixes()) == expected
 
 

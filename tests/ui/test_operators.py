@@ -5,8 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core import map_types, progress
-from addon.core.names import name_matching
+from addon.core import map_types, naming, progress
 from addon.ui import batches
 from addon.ui.bake_results import results
 from addon.ui.live_switch import live
@@ -570,8 +569,8 @@ def test_the_bar_shows_the_remaining_time(done, seconds, words):
 
 def test_names_are_matched_again_only_after_a_change(pair, monkeypatch):
     asked = []
-    match = name_matching.match
-    monkeypatch.setattr(name_matching, "match", lambda *names: asked.append(names) or match(*names))
+    match = naming.match
+    monkeypatch.setattr(naming, "match", lambda *names: asked.append(names) or match(*names))
     batches.pairs.cache_clear()
     low, high = pair
     for _ in range(3):

@@ -7,8 +7,8 @@ import bpy
 import pytest
 
 import addon
+from addon.core import naming
 from addon.core.declarations import readers
-from addon.core.names import file_names
 from tests.support import maps, panel_layout, zoo
 
 BUILT_IN = sorted((Path(addon.__file__).parent / "presets" / "imprint").glob("*.py"))
@@ -85,7 +85,7 @@ def test_a_preset_sets_what_its_programs_need(path):
     found = settings.red, settings.green, settings.blue, settings.basis, settings.depth, settings.alpha
     names = readers.presets()[path.stem]["names"]
     # Without a name, an image has the usual one.
-    assert settings.image == ("" if names == file_names.USUAL else names)
+    assert settings.image == ("" if names == naming.USUAL else names)
     assert settings.output == f"//maps/{names}.<UDIM>.tif"
     served = [reader for reader in readers.READERS if reader.preset == path.stem]
     for reader in served:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...core import naming
 from ...core.errors import BakeError
-from ...core.names import file_names
 from ...output.files.atomic_file import replacing
 from ..plan import plans
 from ..usage import arguments
@@ -75,13 +75,13 @@ def path_of(options: argparse.Namespace, records: str | None = None) -> Path:
     """
     output = os.path.abspath(options.output)
     low = "" if options.levels else options.low or (Path(options.low_file).stem if options.low_file else "")
-    folder, name = os.path.split(file_names.fill(output, low) if low else output)
-    plain = file_names.file_name(name)
+    folder, name = os.path.split(naming.fill(output, low) if low else output)
+    plain = naming.file_name(name)
     is_long = len(os.fsencode(plain)) > LONGEST
     if is_long:
         plain = os.fsencode(plain)[:LONGEST].decode(errors="ignore")
     place = os.path.abspath(records) if records else folder
-    if records or is_long or options.frames or file_names.LOW in name or file_names.MATERIAL in name:
+    if records or is_long or options.frames or naming.LOW in name or naming.MATERIAL in name:
         plain = f"{plain}.{_identity(options, place)}"
     return Path(place, plain + ENDING)
 

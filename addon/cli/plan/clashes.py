@@ -11,12 +11,11 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from ...core import udim
+from ...core import naming, udim
 from ...core.errors import WrongPlace
 from ...core.file_formats import OPENED
 from ...core.file_structure import blend_files, mesh_references
-from ...core.names import file_names
-from ...core.names.file_names import ATLAS
+from ...core.naming import ATLAS
 from ...output.files import frame_files, planned_files
 from ...output.files.atomic_file import reason
 from ...output.files.path_clashes import Places
@@ -72,12 +71,12 @@ def map_files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = 
     """The files that a bake of the object `low` writes, as planned_files.files returns them."""
     settings = option_settings.settings(options)
     if not of_frames:
-        yield from planned_files.files(replace(settings, output=file_names.fill(settings.storing.output, low)))
+        yield from planned_files.files(replace(settings, output=naming.fill(settings.storing.output, low)))
     for frame in of_frames:
         yield from planned_files.files(frame_files.of_frame(frame_files.filled(settings, low), frame))
 
 
-_UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (file_names.LOW, file_names.MATERIAL, udim.TOKEN)))})")
+_UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (naming.LOW, naming.MATERIAL, udim.TOKEN)))})")
 """What stands for a name or number in a planned path. A group, so that splitting keeps it."""
 
 
@@ -183,11 +182,11 @@ class RunFiles:
     def outputs(self, name: str, options: argparse.Namespace) -> list[str]:
         """The files that a bake writes. LOW and tokens stand for what is only known once its files are open."""
         found = list(self._maps.get(name, ()))
-        low = low_of(options) or file_names.LOW if options.export or not found else ""
+        low = low_of(options) or naming.LOW if options.export or not found else ""
         if not found:
             found = [path for path, _ in map_files(options, low, plans.frames(options))]
         if options.export:
-            found.append(file_names.fill(options.export, low))
+            found.append(naming.fill(options.export, low))
         found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
         return found
 
@@ -272,16 +271,16 @@ class RunFiles:
         for low, found in files:
             for path, what in found:
                 self._write_file(path, _of(f"{what} of {low!r}" if several else what, name), name)
-        for path in dict.fromkeys(file_names.fill(options.export, low) for low in lows) if options.export else ():
+        for path in dict.fromkeys(naming.fill(options.export, low) for low in lows) if options.export else ():
             self._write_file(path, _of("the file for an engine", name), name)
 
 
 def low_of(options: argparse.Namespace) -> str:
     """The name that replaces LOW in the names of files; "" if it is only known once the files are open, as those of levels."""
-    if options.levels and file_names.LOW in f"{options.output}{options.export}":
+    if options.levels and naming.LOW in f"{options.output}{options.export}":
         return ""
     low = options.low or (plans.stem(options.low_file) if options.low_file else "")
-    return low or ("" if file_names.LOW in options.output else ATLAS)
+    return low or ("" if naming.LOW in options.output else ATLAS)
 
 
 def _pattern(path: str) -> re.Pattern:

@@ -9,11 +9,11 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ...core import naming
 from ...core.errors import BakeError
 from ...core.file_formats import OPENED
 from ...core.file_structure import blend_files, usd_layers, whole_files
-from ...core.names import file_names, unknown_name
-from ...core.names.name_matching import match
+from ...core.naming import match
 from ...output.files.atomic_file import check_writable
 from ..results import exit_codes
 from ..usage.options import STDOUT
@@ -84,7 +84,7 @@ class InputProblems:
         else:
             for name in dict.fromkeys(filter(None, (options.low, *options.high, options.cage))):
                 if name not in names:
-                    yield unknown_name.sentence(name, sorted(names))
+                    yield naming.no_such_object(name, sorted(names))
 
     def _names(self, path: str) -> set[str] | None:
         if path not in self._objects:
@@ -94,7 +94,7 @@ class InputProblems:
     def _of_folder(self, path: str) -> str:
         """Why no file can be written to `path`. Where one can be written to a folder, others can."""
         folder = os.path.dirname(path)
-        if file_names.LOW not in folder and folder not in self._writable:
+        if naming.LOW not in folder and folder not in self._writable:
             try:
                 check_writable(Path(path).absolute())
             except BakeError as error:

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from ...core.errors import BakeError
 from ...core.file_formats import OPENED
-from ...core.names.name_matching import Pair, Suffixes, match
-from ...core.names.printable import printable
+from ...core.naming import Pair, Suffixes, match, printable
 from ...output.files.atomic_file import reason
 from ..usage import arguments, option_settings
 from ..usage.arguments import WrongUsage

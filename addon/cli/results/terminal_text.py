@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TextIO
 
-from ...core.names.printable import printable
+from ...core.naming import printable
 from ..usage.options import STDOUT
 from .bake_result import Result
 from .run_report import Entry, State

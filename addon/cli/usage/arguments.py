@@ -9,15 +9,14 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import PurePath
 from typing import Any
 
-from ...core import file_formats
+from ...core import file_formats, naming
 from ...core.declarations.choices import Space
-from ...core.names import file_names
+from ...core.naming import did_you_mean
 from ..results import gates
 from . import option_settings, run_options
 from .option_settings import settings, stored_normals  # noqa: F401 - callers find them here
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
 from .run_options import RUN_OPTIONS
-from .similar_words import did_you_mean
 
 
 class WrongUsage(Exception):
@@ -198,8 +197,8 @@ def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
         yield "--export is for one map, --frames for many"
     if options.normal and options.space != Space.TANGENT:
         yield "--export needs a normal map in tangent space, which engines read: leave out --space"
-    if is_folder(options) and file_names.LOW not in options.export:
-        yield f"--export needs {file_names.LOW} in its name, as the meshes of a folder are baked one by one"
+    if is_folder(options) and naming.LOW not in options.export:
+        yield f"--export needs {naming.LOW} in its name, as the meshes of a folder are baked one by one"
 
 
 def _unmeasured(options: argparse.Namespace) -> Iterator[str]:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ...core.naming import did_you_mean
 from . import arguments, option_types, run_options
 from .arguments import WrongUsage
 from .options import FILE, OPTIONS, STDOUT, CommandOption
-from .similar_words import did_you_mean
 
 MOST_SHOWN = 80
 """Characters of a wrong value in a message."""

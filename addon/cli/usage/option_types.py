@@ -12,9 +12,8 @@ from typing import Any
 from ...core import udim
 from ...core.declarations import kinds
 from ...core.errors import BakeError
-from ...core.names.name_matching import Suffixes
+from ...core.naming import Suffixes, did_you_mean
 from ..results import gates
-from .similar_words import did_you_mean
 
 LAST_FRAME = 1_048_574
 """The last frame that Blender knows."""

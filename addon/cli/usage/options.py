@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.declarations import kinds
 from ...core.declarations.all_settings import DECLARED, PANELS
-from ...core.names.name_matching import Suffixes
+from ...core.naming import Suffixes
 from ..results import exit_codes
 from . import option_types
 

@@ -5,7 +5,7 @@ import os
 import re
 import stat
 
-from ...core.names.printable import printable
+from ...core.naming import printable
 
 TAIL = 1 << 14
 """Bytes at the end of what was printed that are searched."""

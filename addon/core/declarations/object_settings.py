@@ -2,7 +2,7 @@
 """The settings of the panels Imprint, Pairs by Name and Levels of Detail: which objects to bake."""
 
 from ..levels import level_report
-from ..names.name_matching import Suffixes
+from ..naming import Suffixes
 from .kinds import ObjectSlot, ObjectSlots, Option, Setting, Switch, Text
 
 _USUAL = Suffixes()

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from ..names.file_names import USUAL
+from ..naming import USUAL
 from . import bases
 from .bases import Basis
 

@@ -5,7 +5,7 @@ import re
 from dataclasses import replace
 from pathlib import PurePath
 
-from ...core.names import file_names
+from ...core import naming
 from ...core.settings import Settings
 
 
@@ -21,7 +21,7 @@ def output_for(output: str, frame: int) -> str:
 
 def filled(settings: Settings, low_name: str) -> Settings:
     """The settings with the low object's name in the path. A # in that name is replaced, because it means a frame."""
-    return replace(settings, output=file_names.fill(settings.storing.output, low_name.replace("#", "_")))
+    return replace(settings, output=naming.fill(settings.storing.output, low_name.replace("#", "_")))
 
 
 def of_frame(settings: Settings, frame: int) -> Settings:

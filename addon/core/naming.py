@@ -1,13 +1,53 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Matches low, high and cage objects by their names: x_low, x_high, x_high_2, x_cage, x_LP_01, x_HP_01."""
+"""Names of objects: in paths of files, as they tell which objects belong together, and in messages."""
 
+import difflib
 import functools
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 
-from ..errors import BakeError
+from .errors import BakeError, shorten_list
+from .udim import TOKEN
+
+LOW, MATERIAL = "{low}", "{material}"
+"""The placeholders for the names of the low object and, in texture sets, of its material."""
+
+ATLAS = "atlas"
+"""Replaces the low object's name in the name of a map that several low objects share."""
+
+USUAL = f"{LOW}_normal"
+"""How maps are named where nothing else is set."""
+
+_REFUSED = re.compile(r'[<>:"/\\|?*%\x00-\x1f\x7f\ud800-\udfff]|[. ](?=[. ]*$)')
+"""Characters that some file systems refuse in a name, or remove from its end, and %, which Blender refuses in paths of UDIM."""
+_DEVICE = re.compile(r"^(con|prn|aux|nul|com\d|lpt\d)(?=\.|$)", re.IGNORECASE)
+"""Names of devices on Windows, whatever their ending."""
+_NAME = re.compile(rf"[^/\\]+?(?=[._ -]?{TOKEN}|(?:\.[^./\\]*)?$)")
+"""The name in a path to a file, without what starts with the number of its tile, and without its ending."""
+
+
+def file_name(name: str) -> str:
+    """`name` with an underscore in place of each character that some file system refuses."""
+    return _DEVICE.sub(r"\1_", _REFUSED.sub("_", name))
+
+
+def fill(path: str, low_name: str, material: str = "") -> str:
+    """`path` with the low object's name in place of LOW and, for a texture set, the material's in place of MATERIAL."""
+    filled = path.replace(MATERIAL, file_name(material)) if material else path
+    return filled.replace(LOW, file_name(low_name)) if LOW in filled else filled
+
+
+def renamed(path: str, name: str) -> str:
+    """`path` with another name. Its folder, the number of its tile and its ending stay; an empty path stays empty."""
+    return _NAME.sub(lambda _: name, path, count=1)
+
+
+def of_texture_sets(names: str) -> str:
+    """`names` with the material's name after that of the low object."""
+    return names.replace(LOW, f"{LOW}_{MATERIAL}")
+
 
 _COPY_NUMBER = re.compile(r"\.(\d{3,})$")
 _WORDS = {"low": "low|lo|lp|low[_ -]?poly", "high": "high|hi|hp|high[_ -]?poly", "cage": "cage"}
@@ -133,3 +173,31 @@ def _patterns(suffixes: Suffixes) -> list[tuple[str, re.Pattern]]:
         pattern = re.compile(rf"(.+){ending}(?:[_ .-]?(\d{{1,9}}))?{more}", re.IGNORECASE)
         result.append((not is_chosen, role, pattern))
     return [(role, pattern) for _, role, pattern in sorted(result, key=lambda entry: entry[0])]
+
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+"""Also those that begin lines or turn the direction of text."""
+
+
+def printable(text: str) -> str:
+    """`text` with a question mark in place of each control character."""
+    return _CONTROL.sub("?", text)
+
+
+def no_such_object(name: str, there: Collection[str]) -> str:
+    """Says that no object is called `name`, with similar names. there: the names of all objects."""
+    close = difflib.get_close_matches(name, there, n=3, cutoff=0.4)
+    listed = f"it has {shorten_list(map(repr, there))}." if there else "it has no objects."
+    hint = f"did you mean {' or '.join(map(repr, close))}?" if close else listed
+    return f"There is no object called {name!r} in the file: {hint}"
+
+
+SIMILAR = 0.75
+"""How similar a word must be to be suggested. With less, "preset" would suggest "pairs"."""
+
+
+def did_you_mean(words: Iterable[str], known: Iterable[str]) -> str:
+    """The end of a sentence about unknown words, with a suggestion for each that is similar to a known one."""
+    known = list(known)
+    close = [found for word in words for found in difflib.get_close_matches(word, known, n=1, cutoff=SIMILAR)]
+    return f", did you mean {' and '.join(map(repr, dict.fromkeys(close)))}?" if close else ""
