@@ -11,12 +11,13 @@ import pytest
 import addon
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_pair, live_session
+from addon.jobs import Job, live_session
 from addon.scene import mesh_reader, object_refs
 from addon.ui import live_updates
 from addon.ui.live_switch import LiveState, live
 from tests.support import zoo
-from tests.support.maps import pixels
+from tests.support.following import follow, follows, fresh, is_fresh, move, shown, switch
+from tests.support.panel import instance_of, select, shelve, use
 
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
@@ -27,10 +28,7 @@ HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_pos
 def pair(monkeypatch):
     """A low terrain and a high one, small maps, and no waiting for a pause in editing."""
     low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
-    settings = bpy.context.scene.imprint
-    settings.low = low
-    settings.highs.add().object = high
-    settings.method, settings.width, settings.height = "FLATTEN", 64, 64
+    use(low, high, size=64, method="FLATTEN")
     monkeypatch.setattr(live, "rest", 0.0)
     yield low, high
     live.stop()
@@ -41,54 +39,11 @@ def handlers():
     return {name: len(getattr(bpy.app.handlers, name)) for name in HANDLERS}
 
 
-def switch(on):
-    """Press the button."""
-    assert (live.is_on) != on
-    assert bpy.ops.imprint.live() == {"FINISHED"}
-    assert (live.is_on) == on
-
-
-def follow():
-    """Run the timer until there is nothing to do."""
-    bpy.context.view_layer.update()
-    for _ in range(200):
-        live.tick()
-        if not live.is_on or live.is_resting:
-            return
-    raise AssertionError("Live does not come to rest")
-
-
-def fresh(**changes):
-    """The texels of a new bake with the settings of the panel and viewport modifiers."""
-    settings = bpy.context.scene.imprint
-    chosen = settings.chosen(bpy.context)
-    plain = {
-        **settings.to_settings().flat(),
-        "image": "fresh",
-        "storage": "MEMORY",
-        "material": False,
-        "modifiers": "VIEWPORT",
-    }
-    bake_pair(bpy.context, chosen.low, chosen.highs, Settings(**plain | changes), settings.cage)
-    return pixels(bpy.data.images["fresh"])
-
-
-def move(obj, seed):
-    """Move the vertices, as a sculpt stroke does."""
-    rng = np.random.default_rng(seed)
-    points = np.empty(len(obj.data.vertices) * 3, np.float32)
-    position = obj.data.attributes["position"].data
-    position.foreach_get("vector", points)
-    points[2::3] += rng.normal(0, 0.02, len(points) // 3)
-    position.foreach_set("vector", points)
-    obj.data.update()
-
-
 def test_live_bakes_when_it_is_turned_on(pair):
     low, _ = pair
     switch(True)
     image = bpy.data.images["lo_normal"]
-    assert np.array_equal(pixels(image), fresh())
+    assert is_fresh()
     nodes = low.data.materials[0].node_tree.nodes
     assert image in {node.image for node in nodes if node.bl_idname == "ShaderNodeTexImage"}
 
@@ -99,63 +54,39 @@ def test_live_follows_vertices_and_transforms(pair, method, which):
     bpy.context.scene.imprint.method = method
     switch(True)
     obj = bpy.data.objects[which]
-    before = pixels(bpy.data.images["lo_normal"])
-    for change in (lambda: move(obj, 1), lambda: setattr(obj, "rotation_euler", (0.02, 0.0, 0.01))):
-        change()
-        follow()
-        now = pixels(bpy.data.images["lo_normal"])
-        assert not np.array_equal(now, before)
-        assert np.array_equal(now, fresh(method=live.session.plan.method))
-        before = now
+    turn = (0.02, 0.0, 0.01)
+    follows(lambda: move(obj, 1), lambda: setattr(obj, "rotation_euler", turn), method=live.session.plan.method)
 
 
 @pytest.mark.parametrize("is_hidden", [False, True], ids=["shown", "hidden by the eye"])
 @pytest.mark.parametrize("how", ["collection", "nested", "vertices"])
 def test_live_follows_objects_shown_as_instances(pair, how, is_hidden):
     _, high = pair
-    settings = bpy.context.scene.imprint
-    settings.method, settings.measure = "CAST", False
-    settings.extrusion, settings.max_distance = 0.5, 1.0
-    shown = bpy.data.objects.new("shown", None)
-    bpy.context.scene.collection.objects.link(shown)
+    settings = use(method="CAST", measure=False, extrusion=0.5, max_distance=1.0)
     if how == "vertices":
-        shown = zoo.build("dot", [(0.0, 0.0, 0.0)], np.empty((0, 3), int))
-        high.parent, shown.instance_type = shown, "VERTS"
+        shown_by = zoo.build("dot", [(0.0, 0.0, 0.0)], np.empty((0, 3), int))
+        high.parent, shown_by.instance_type = shown_by, "VERTS"
     else:
-        for level in range(1 + (how == "nested")):
-            shelf = bpy.data.collections.new("Shelf")
-            inner = high if level == 0 else shown
-            bpy.context.scene.collection.objects.unlink(inner)
-            shelf.objects.link(inner)
-            shown = bpy.data.objects.new(f"shown {level}", None)
-            shown.instance_type, shown.instance_collection = "COLLECTION", shelf
-            bpy.context.scene.collection.objects.link(shown)
-    settings.highs[0].object = shown
-    shown.hide_set(is_hidden)
+        shown_by = instance_of(shelve(high, is_linked=False), "shown")
+        if how == "nested":
+            shown_by = instance_of(shelve(shown_by, is_linked=False), "shown again")
+    settings.highs[0].object = shown_by
+    shown_by.hide_set(is_hidden)
     switch(True)
-    before = pixels(bpy.data.images["lo_normal"])
     for change in (
         lambda: move(high, 1),
         lambda: setattr(high.rotation_euler, "z", 0.1),
-        lambda: setattr(shown.rotation_euler, "x", 0.1),
+        lambda: setattr(shown_by.rotation_euler, "x", 0.1),
     ):
-        change()
-        follow()
-        now = pixels(bpy.data.images["lo_normal"])
-        assert not np.array_equal(now, before)
-        assert np.array_equal(now, fresh())
-        assert shown.hide_get() == is_hidden
-        before = now
+        follows(change)
+        assert shown_by.hide_get() == is_hidden
 
 
 @pytest.mark.parametrize("how", ["excluded", "collection", "object"])
 def test_objects_that_blender_does_not_evaluate_are_refused(pair, how):
     """For such objects, Blender returns an old mesh, or one without modifiers."""
     _, high = pair
-    shelf = bpy.data.collections.new("Shelf")
-    bpy.context.scene.collection.objects.unlink(high)
-    bpy.context.scene.collection.children.link(shelf)
-    shelf.objects.link(high)
+    shelf = shelve(high)
     if how == "excluded":
         bpy.context.view_layer.layer_collection.children["Shelf"].exclude = True
     else:
@@ -166,17 +97,14 @@ def test_objects_that_blender_does_not_evaluate_are_refused(pair, how):
 
 def test_live_follows_a_collection_hidden_with_the_eye(pair):
     _, high = pair
-    shelf = bpy.data.collections.new("Shelf")
-    bpy.context.scene.collection.objects.unlink(high)
-    bpy.context.scene.collection.children.link(shelf)
-    shelf.objects.link(high)
+    shelve(high)
     bpy.context.view_layer.layer_collection.children["Shelf"].hide_viewport = True
     modifier = high.modifiers.new("Lift", "DISPLACE")
     modifier.strength = 0.0
     switch(True)
     modifier.texture, modifier.strength = bpy.data.textures.new("Clouds", "CLOUDS"), 0.3
     follow()
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert is_fresh()
 
 
 def test_live_follows_modifiers_shape_keys_and_frames(pair):
@@ -190,23 +118,11 @@ def test_live_follows_modifiers_shape_keys_and_frames(pair):
     points[2::3] *= 3.0
     key.data.foreach_set("co", points)
     switch(True)
-    results = [pixels(bpy.data.images["lo_normal"])]
-
-    def changed():
-        follow()
-        results.append(pixels(bpy.data.images["lo_normal"]))
-        assert not np.array_equal(results[-1], results[-2])
-        assert np.array_equal(results[-1], fresh())
-
-    modifier.strength = 0.3
-    changed()
-    key.value = 0.7
-    changed()
+    follows(lambda: setattr(modifier, "strength", 0.3), lambda: setattr(key, "value", 0.7))
     key.keyframe_insert("value", frame=1)
     key.value = 0.1
     key.keyframe_insert("value", frame=11)
-    bpy.context.scene.frame_set(6)
-    changed()
+    follows(lambda: bpy.context.scene.frame_set(6))
 
 
 def test_live_follows_a_mesh_in_edit_mode(pair):
@@ -214,8 +130,7 @@ def test_live_follows_a_mesh_in_edit_mode(pair):
 
     low, high = pair
     switch(True)
-    bpy.context.view_layer.objects.active = high
-    high.select_set(True)
+    select(high)
     bpy.ops.object.mode_set(mode="EDIT")
     follow()
     edited = bmesh.from_edit_mesh(high.data)
@@ -223,18 +138,18 @@ def test_live_follows_a_mesh_in_edit_mode(pair):
         vertex.co.z *= 2.0
     bmesh.update_edit_mesh(high.data)
     follow()
-    now = pixels(bpy.data.images["lo_normal"])
+    now = shown()
     assert high.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
     follow()
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert is_fresh()
     assert np.array_equal(now, fresh())
     # A new topology.
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
     bpy.ops.mesh.subdivide(smoothness=1.0)
     follow()
-    now = pixels(bpy.data.images["lo_normal"])
+    now = shown()
     bpy.ops.object.mode_set(mode="OBJECT")
     assert np.array_equal(now, fresh())
     assert low.mode == "OBJECT"
@@ -252,7 +167,7 @@ def test_live_follows_modifiers_on_their_own_base_mesh(pair):
     displace.strength = 0.2
     follow()
     # The bake reads a surface that was subdivided again: its normals differ in the last digits.
-    assert np.abs(pixels(bpy.data.images["lo_normal"]) - fresh()).max() < 5e-6
+    assert np.abs(shown() - fresh()).max() < 5e-6
     assert low.modifiers["Subdivision"].uv_smooth == smoothing
     follow()
     assert live.state is LiveState.IDLE  # reading must not count as a change
@@ -262,18 +177,17 @@ def test_live_waits_for_multires_detail(pair):
     """In Sculpt Mode, Blender returns the base mesh instead. Its map would have no detail."""
     low, _ = pair
     bpy.context.scene.imprint.highs.clear()
-    bpy.context.view_layer.objects.active = low
-    low.select_set(True)
+    select(low)
     low.modifiers.new("Multires", "MULTIRES")
     for _ in range(2):
         bpy.ops.object.multires_subdivide(modifier="Multires", mode="CATMULL_CLARK")
     switch(True)
-    before = pixels(bpy.data.images["lo_normal"])
+    before = shown()
     bpy.ops.object.mode_set(mode="SCULPT")
     low.update_tag()
     follow()
     assert "leaves Sculpt Mode" in live.message
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), before)
+    assert np.array_equal(shown(), before)
     bpy.ops.object.mode_set(mode="OBJECT")
     low.update_tag()
     follow()
@@ -286,19 +200,15 @@ def test_live_follows_the_settings(pair):
     for name, value in (("width", 32), ("green", "-Y"), ("space", "OBJECT"), ("samples", "4"), ("method", "CAST")):
         setattr(settings, name, value)
         follow()
-        assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh()), name
-    settings.udim = True
-    follow()
-    assert "turn UDIM Tiles off" in live.message
-    settings.udim = False
-    follow()
-    assert live.message == ""
-    settings.tiles = "x"
-    follow()
-    assert "is not a list of UDIM tiles" in live.message
-    settings.tiles = ""
-    follow()
-    assert live.message == ""
+        assert is_fresh(), name
+    for name, value, problem in (("udim", True, "turn UDIM Tiles off"), ("tiles", "x", "is not a list of UDIM tiles")):
+        before = getattr(settings, name)
+        setattr(settings, name, value)
+        follow()
+        assert problem in live.message
+        setattr(settings, name, before)
+        follow()
+        assert live.message == ""
 
 
 def test_live_names_the_present_problem_of_the_settings(pair):
@@ -313,7 +223,7 @@ def test_live_names_the_present_problem_of_the_settings(pair):
     settings.texture_sets, settings.width = False, 48
     follow()
     assert live.message == ""
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert is_fresh()
 
 
 def test_a_change_that_is_not_stored_yet_is_stored_before_the_settings_change(pair, monkeypatch):
@@ -325,12 +235,12 @@ def test_a_change_that_is_not_stored_yet_is_stored_before_the_settings_change(pa
     while not live.is_resting and live.session.drawn < 2:
         live.tick()
     expected = fresh()
-    assert not np.array_equal(pixels(bpy.data.images["lo_normal"]), expected)
+    assert not np.array_equal(shown(), expected)
     bpy.context.scene.imprint.image = "another"
     monkeypatch.setattr(live, "rest", 0.0)
     follow()
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), expected)
-    assert np.array_equal(pixels(bpy.data.images["another"]), expected)
+    assert np.array_equal(shown(), expected)
+    assert np.array_equal(shown("another"), expected)
 
 
 @pytest.mark.parametrize("margin_type", ["EXTEND", "ADJACENT_FACES"])
@@ -342,30 +252,20 @@ def test_live_follows_uvs_with_their_margin(pair, which, margin_type):
         scale_uvs(obj, 0.5)
     bpy.context.scene.imprint.margin, bpy.context.scene.imprint.margin_type = 3, margin_type
     switch(True)
-    before = pixels(bpy.data.images["lo_normal"])
-    scale_uvs(low if which == "lo" else high, 1.5)
-    follow()
-    now = pixels(bpy.data.images["lo_normal"])
-    assert np.array_equal(now, fresh())
-    assert not np.array_equal(now, before)
+    follows(lambda: scale_uvs(low if which == "lo" else high, 1.5))
 
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 def test_live_follows_parts_that_are_stacked_and_the_choice_of_the_part(pair, method):
     bpy.context.scene.imprint.method = method
     switch(True)
-    seen = [pixels(bpy.data.images["lo_normal"])]
-    for change in (
+    first = shown()
+    follows(
         lambda: [move_right_half(obj, -0.5) for obj in pair],
         lambda: setattr(bpy.context.scene.imprint, "stacked", "LAST"),
         lambda: [move_right_half(obj, 0.5) for obj in pair],
-    ):
-        change()
-        follow()
-        seen.append(pixels(bpy.data.images["lo_normal"]))
-        assert np.array_equal(seen[-1], fresh())
-    assert not any(np.array_equal(*two) for two in zip(seen, seen[1:], strict=False))
-    assert np.array_equal(seen[0], seen[-1])
+    )
+    assert np.array_equal(shown(), first)
 
 
 def move_right_half(obj, by):
@@ -390,17 +290,16 @@ def scale_uvs(obj, factor):
 
 def test_files_are_written_when_live_is_turned_off(pair, tmp_path):
     _, high = pair
-    settings = bpy.context.scene.imprint
-    settings.storage, settings.output, settings.depth = "FILE", str(tmp_path / "map.exr"), "32"
+    use(storage="FILE", output=str(tmp_path / "map.exr"), depth="32")
     switch(True)
     assert list(tmp_path.iterdir()) == []
     move(high, 5)
     follow()
-    expected = pixels(bpy.data.images["lo_normal"])
+    expected = shown()
     switch(False)
     image = bpy.data.images["lo_normal"]
     assert image.source == "FILE"
-    assert np.array_equal(pixels(image), expected)
+    assert np.array_equal(shown(), expected)
     assert [path.name for path in tmp_path.iterdir()] == ["map.exr"]
 
 
@@ -416,11 +315,11 @@ def test_a_file_saved_during_live_has_the_map(pair, tmp_path):
     switch(True)
     move(high, 9)
     follow()
-    expected = pixels(bpy.data.images["lo_normal"])
+    expected = shown()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     assert live.is_on
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert np.allclose(pixels(bpy.data.images["lo_normal"]), expected, atol=1e-6)
+    assert np.allclose(shown(), expected, atol=1e-6)
 
 
 def test_changes_of_an_interrupted_map_are_in_the_next_map(pair, monkeypatch):
@@ -437,7 +336,7 @@ def test_changes_of_an_interrupted_map_are_in_the_next_map(pair, monkeypatch):
         live.tick()  # begins a map and does not finish it
         assert live.state is LiveState.DRAWING
     follow()
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert is_fresh()
 
 
 def test_live_does_not_change_in_another_scene(pair):
@@ -462,8 +361,7 @@ def test_live_waits_for_a_base_mesh_to_leave_edit_mode(pair):
     low, _ = pair
     bpy.context.scene.imprint.highs.clear()
     low.modifiers.new("Subdivision", "SUBSURF").levels = 2
-    bpy.context.view_layer.objects.active = low
-    low.select_set(True)
+    select(low)
     switch(True)
     bpy.ops.object.mode_set(mode="EDIT")
     low.update_tag()
@@ -492,7 +390,7 @@ def test_rays_show_a_coarse_map_first(pair, monkeypatch):
     _, high = pair
     bpy.context.scene.imprint.method = "CAST"
     switch(True)
-    before = pixels(bpy.data.images["lo_normal"])
+    before = shown()
     monkeypatch.setattr(live, "budget", 0.0)
     move(high, 3)
     bpy.context.view_layer.update()
@@ -500,10 +398,10 @@ def test_rays_show_a_coarse_map_first(pair, monkeypatch):
     while not sizes or live.state is LiveState.DRAWING:
         live.tick()
         sizes.append(live.session.map.width)
-        assert np.array_equal(pixels(bpy.data.images["lo_normal"]), before)
+        assert np.array_equal(shown(), before)
     assert 16 in sizes and sizes[-1] == 64
     follow()
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert is_fresh()
 
 
 def test_a_change_that_interrupts_reading_reads_all_objects(pair, monkeypatch):
@@ -518,7 +416,7 @@ def test_a_change_that_interrupts_reading_reads_all_objects(pair, monkeypatch):
     assert live.state is LiveState.DRAWING
     low.location.x = 0.01
     follow()
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert is_fresh()
 
 
 @pytest.mark.parametrize("seed", [7])
@@ -545,7 +443,7 @@ def test_fifty_edits_undos_and_redos(pair, seed):
             follow()
             assert live.is_on
     follow()
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert is_fresh()
 
 
 def test_nothing_remains_when_live_is_off(pair):
@@ -603,7 +501,7 @@ def test_live_waits_for_a_deleted_object(pair, name, way):
     assert live.message == ""
     move(bpy.data.objects[name], 4)
     follow()
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert is_fresh()
 
 
 def test_an_object_that_is_linked_again_is_read_again(pair):
@@ -623,7 +521,7 @@ def test_an_object_that_is_linked_again_is_read_again(pair):
     bpy.context.view_layer.update()
     handlers.extend(kept)
     follow()
-    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert is_fresh()
 
 
 def test_states_of_live_in_order(pair, monkeypatch):
@@ -667,7 +565,7 @@ def test_live_follows_the_render_engine_of_the_scene(pair):
         bpy.context.scene.render.engine = engine
         follow()
         assert live.session.settings.map.basis == basis
-        assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+        assert is_fresh()
 
 
 def test_disabling_the_extension_ends_live(pair):
@@ -752,13 +650,8 @@ def test_live_follows_strokes(pair, method, which):
     switch(True)
     enter_sculpt_mode(obj)
     for seed in (1, 2):
-        before = pixels(bpy.data.images["lo_normal"])
-        sculpt(obj, seed)
-        follow()
-        now = pixels(bpy.data.images["lo_normal"])
-        assert not np.array_equal(now, before)
+        follows(lambda seed=seed: sculpt(obj, seed))
         assert obj.mode == "SCULPT"
-        assert np.array_equal(now, fresh())
 
 
 def test_a_stroke_that_moves_no_vertex_starts_no_bake(pair):
@@ -824,15 +717,7 @@ def test_strokes_are_not_applied_during_a_stroke(pair, monkeypatch):
 
 def test_sculpting_an_instance_does_not_end_live(pair):
     low, inner = pair
-    collection = bpy.data.collections.new("inner")
-    bpy.context.scene.collection.objects.unlink(inner)
-    bpy.context.scene.collection.children.link(collection)
-    collection.objects.link(inner)
-    shows = bpy.data.objects.new("shows", None)
-    shows.instance_type, shows.instance_collection = "COLLECTION", collection
-    bpy.context.scene.collection.objects.link(shows)
-    settings = bpy.context.scene.imprint
-    settings.highs[0].object, settings.method = shows, "CAST"
+    use(method="CAST").highs[0].object = instance_of(shelve(inner), "shows")
     switch(True)
     before = live.session.texels
     enter_sculpt_mode(inner)
@@ -846,8 +731,7 @@ def test_sculpting_an_instance_does_not_end_live(pair):
 
 
 def test_live_writes_the_same_file_as_a_bake(pair, tmp_path):
-    settings = bpy.context.scene.imprint
-    settings.storage, settings.output = "FILE", str(tmp_path / "{low}.png")
+    use(storage="FILE", output=str(tmp_path / "{low}.png"))
     switch(True)
     switch(False)
     assert [path.name for path in tmp_path.iterdir()] == ["lo.png"]
@@ -858,8 +742,7 @@ def test_live_overwrites_no_file_that_the_scene_uses(pair, tmp_path):
     image.filepath_raw, image.file_format = str(tmp_path / "shape.png"), "PNG"
     image.save()
     bpy.data.textures.new("shape", "IMAGE").image = image
-    settings = bpy.context.scene.imprint
-    settings.storage, settings.output = "FILE", str(tmp_path / "shape.png")
+    use(storage="FILE", output=str(tmp_path / "shape.png"))
     with pytest.raises(RuntimeError, match="would overwrite the image 'shape' of a texture"):
         bpy.ops.imprint.live()
     assert not live.is_on

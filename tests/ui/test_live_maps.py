@@ -11,7 +11,9 @@ from addon.jobs import bake_pair
 from addon.ui import live_updates
 from addon.ui.live_switch import LiveState, live
 from tests.support import zoo
+from tests.support.following import follow
 from tests.support.maps import pixels
+from tests.support.panel import use
 
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
@@ -21,34 +23,17 @@ def pair(monkeypatch):
     """A low terrain and a high one with a material, small maps, and no waiting for a pause in editing."""
     low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
     high.data.materials.append(bpy.data.materials.new("paint"))
-    settings = bpy.context.scene.imprint
-    settings.low, settings.material = low, False
-    settings.highs.add().object = high
-    settings.method, settings.width, settings.height, settings.rays = "FLATTEN", 32, 32, 16
+    use(low, high, size=32, method="FLATTEN", material=False, rays=16)
     monkeypatch.setattr(live, "rest", 0.0)
     yield low, high
     live.stop()
-
-
-def switch():
-    assert bpy.ops.imprint.live() == {"FINISHED"}
-
-
-def follow(until=lambda: live.is_resting):
-    """Run the timer until there is nothing to do. Returns the ticks that it took."""
-    bpy.context.view_layer.update()
-    for tick in range(2000):
-        live.tick()
-        if not live.is_on or until():
-            return tick
-    raise AssertionError("Live does not come to rest")
 
 
 def baked():
     """The texels of all images after a new bake, by name."""
     live.stop()
     assert bpy.ops.imprint.bake() == {"FINISHED"}
-    return shown()
+    return images()
 
 
 def raise_middle(high):
@@ -58,7 +43,7 @@ def raise_middle(high):
     high.data.update()
 
 
-def shown():
+def images():
     return {image.name: pixels(image) for image in bpy.data.images if image.name.startswith("lo")}
 
 
@@ -72,14 +57,14 @@ def test_other_maps_equal_those_of_a_bake_after_each_change(pair, method):
     settings = bpy.context.scene.imprint
     settings.method = method
     settings.maps, settings.pack = {"AO", "CURVATURE", "BASE_COLOR", "HEIGHT"}, "GLTF"
-    switch()
+    bpy.ops.imprint.live()
     follow()
     names = {"lo_normal", "lo_ao", "lo_curvature", "lo_base_color", "lo_height", "lo_orm"}
-    before = shown()
+    before = images()
     assert before.keys() == names
     raise_middle(high)
     follow()
-    after = shown()
+    after = images()
     assert not np.array_equal(after["lo_ao"], before["lo_ao"])
     assert not np.array_equal(after["lo_normal"], before["lo_normal"])
     assert same(after, baked())
@@ -89,19 +74,19 @@ def test_the_normal_map_comes_first_and_a_change_drops_the_others(pair, monkeypa
     _, high = pair
     monkeypatch.setattr(live, "budget", -1.0)
     bpy.context.scene.imprint.maps = {"AO"}
-    switch()
+    bpy.ops.imprint.live()
     follow()
-    before = shown()
+    before = images()
     raise_middle(high)
-    follow(lambda: not np.array_equal(shown()["lo_normal"], before["lo_normal"]))
-    assert np.array_equal(shown()["lo_ao"], before["lo_ao"])
+    follow(lambda: not np.array_equal(images()["lo_normal"], before["lo_normal"]))
+    assert np.array_equal(images()["lo_ao"], before["lo_ao"])
     assert not live.is_resting
     follow(lambda: live.draws_others)
     raise_middle(high)
     follow(lambda: live.state is LiveState.DRAWING)
     assert not live.draws_others
     follow()
-    after = shown()
+    after = images()
     assert same(after, baked())
 
 
@@ -109,7 +94,7 @@ def test_another_bake_while_other_maps_are_drawn_does_not_change_them(pair, monk
     low, high = pair
     settings = bpy.context.scene.imprint
     settings.method, settings.maps, settings.rays = "CAST", {"AO"}, 256
-    switch()
+    bpy.ops.imprint.live()
     monkeypatch.setattr(live, "budget", -1.0)
     follow(lambda: live.draws_others)
     for _ in range(2):
@@ -119,7 +104,7 @@ def test_another_bake_while_other_maps_are_drawn_does_not_change_them(pair, monk
     own = {"image": "other", "storage": "MEMORY", "material": False, "ao_distance": 1e-4}
     bake_pair(bpy.context, low, [high], Settings(**plain | own))
     follow()
-    assert same(shown(), baked())
+    assert same(images(), baked())
 
 
 def test_other_maps_wait_for_a_longer_pause(pair, monkeypatch):
@@ -127,12 +112,12 @@ def test_other_maps_wait_for_a_longer_pause(pair, monkeypatch):
     clock = [100.0]
     monkeypatch.setattr(live_updates.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(live, "rest", 1.0)
-    switch()
+    bpy.ops.imprint.live()
 
     def ticks():
         for _ in range(20):
             live.tick()
-        return {*shown()}
+        return {*images()}
 
     clock[0] += 1.5
     assert ticks() == {"lo_normal"}
@@ -143,13 +128,13 @@ def test_other_maps_wait_for_a_longer_pause(pair, monkeypatch):
 def test_colors_follow_the_material(pair):
     _, high = pair
     bpy.context.scene.imprint.maps = {"BASE_COLOR"}
-    switch()
+    bpy.ops.imprint.live()
     follow()
     principled = high.data.materials[0].node_tree.nodes["Principled BSDF"]
-    before = shown()["lo_base_color"]
+    before = images()["lo_base_color"]
     principled.inputs["Base Color"].default_value = (1.0, 0.0, 0.0, 1.0)
     assert follow() > 0
-    after = shown()["lo_base_color"].reshape(-1, 4)
+    after = images()["lo_base_color"].reshape(-1, 4)
     assert not np.array_equal(after, before)
     assert np.allclose(after[after[:, 3] > 0][:, :3], (1.0, 0.0, 0.0), atol=1e-3)
 
@@ -157,7 +142,7 @@ def test_colors_follow_the_material(pair):
 def test_a_material_without_color_maps_draws_nothing(pair):
     _, high = pair
     bpy.context.scene.imprint.maps = {"AO"}
-    switch()
+    bpy.ops.imprint.live()
     follow()
     high.data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (1, 0, 0, 1)
     bpy.context.view_layer.update()
@@ -171,12 +156,12 @@ def test_painting_an_image_of_the_material_is_followed(pair):
     node.image = bpy.data.images.new("paint", 8, 8)
     tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
     bpy.context.scene.imprint.maps = {"BASE_COLOR"}
-    switch()
+    bpy.ops.imprint.live()
     follow()
     node.image.pixels.foreach_set(np.tile(np.float32([0, 1, 0, 1]), 64))
     node.image.update_tag()
     follow()
-    after = shown()["lo_base_color"].reshape(-1, 4)
+    after = images()["lo_base_color"].reshape(-1, 4)
     assert np.allclose(after[after[:, 3] > 0][:, :3], (0.0, 1.0, 0.0), atol=1e-3)
 
 
@@ -185,41 +170,41 @@ def test_switching_off_stores_all_maps_in_files(pair, tmp_path):
     settings = bpy.context.scene.imprint
     settings.maps, settings.storage, settings.output = {"AO", "HEIGHT"}, "FILE", str(tmp_path / "{low}.png")
     settings.depth = "8"  # in which heights are encoded
-    switch()
+    bpy.ops.imprint.live()
     follow()
     assert list(tmp_path.iterdir()) == []
     raise_middle(high)
     bpy.context.view_layer.update()
     follow()
-    switch()
+    bpy.ops.imprint.live()
     assert {path.name for path in tmp_path.iterdir()} == {"lo.png", "lo_ao.png", "lo_height.png"}
-    stored = shown()
+    stored = images()
     assert same(stored, baked())
 
 
 def test_switching_off_before_the_pause_draws_the_other_maps(pair):
     bpy.context.scene.imprint.maps = {"AO"}
-    switch()
-    assert {*shown()} == {"lo_normal"}
-    switch()
+    bpy.ops.imprint.live()
+    assert {*images()} == {"lo_normal"}
+    bpy.ops.imprint.live()
     assert not live.is_on
-    assert same(shown(), baked())
+    assert same(images(), baked())
 
 
 def test_without_the_normal_map_only_the_others_are_stored(pair):
     settings = bpy.context.scene.imprint
     settings.normal, settings.maps = False, {"AO"}
-    switch()
+    bpy.ops.imprint.live()
     follow()
-    assert {*shown()} == {"lo_ao"}
-    switch()
-    assert same(shown(), baked())
+    assert {*images()} == {"lo_ao"}
+    bpy.ops.imprint.live()
+    assert same(images(), baked())
 
 
 def test_what_cannot_be_drawn_is_tried_once(pair, monkeypatch):
     _, high = pair
     bpy.context.scene.imprint.maps = {"AO"}
-    switch()
+    bpy.ops.imprint.live()
     tries = []
 
     def refuse(*_):
@@ -237,15 +222,15 @@ def test_what_cannot_be_drawn_is_tried_once(pair, monkeypatch):
     raise_middle(high)
     follow()
     assert live.message == ""
-    assert same(shown(), baked())
+    assert same(images(), baked())
 
 
 def test_other_maps_are_drawn_after_the_memory_was_freed(pair):
     bpy.context.scene.imprint.method, bpy.context.scene.imprint.maps = "CAST", {"AO"}
-    switch()
+    bpy.ops.imprint.live()
     live.free()
     follow()
-    assert same(shown(), baked())
+    assert same(images(), baked())
 
 
 def test_live_does_not_draw_texture_sets(pair):
@@ -265,9 +250,9 @@ def test_object_and_material_numbers_stay_when_one_object_changes(pair, changed)
     settings = bpy.context.scene.imprint
     settings.highs.add().object = other
     settings.method, settings.maps = "CAST", {"OBJECT_ID", "MATERIAL_ID"}
-    switch()
+    bpy.ops.imprint.live()
     follow()
     raise_middle(bpy.data.objects[changed])
     follow()
-    found = shown()
+    found = images()
     assert same(found, baked())
