@@ -14,22 +14,22 @@ class Layout:
 
     ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
 
-    def __init__(self, drawn=None, is_in_row=False):
+    def __init__(self, drawn=None, is_in_row=False, enabled=True):
         self.drawn = (
             drawn
             if drawn is not None
             else SimpleNamespace(labels=[], in_rows=[], icons=[], buttons=[], given=[], properties=[], files=[], red=[])
         )
-        self.enabled = True
+        self.enabled = enabled
         self.is_in_row = is_in_row
 
     def _part(self, **_):
-        return Layout(self.drawn, self.is_in_row)
+        return Layout(self.drawn, self.is_in_row, self.enabled)
 
     column = box = split = grid_flow = _part
 
     def row(self, **_):
-        return Layout(self.drawn, is_in_row=True)
+        return Layout(self.drawn, is_in_row=True, enabled=self.enabled)
 
     def panel(self, _name, **_):
         return Layout(self.drawn), Layout(self.drawn)
@@ -55,6 +55,8 @@ class Layout:
 
     def label(self, text="", icon="NONE", translate=True):
         assert icon in self.ICONS
+        if not text:
+            return
         self.drawn.labels.append(text)
         self.drawn.icons.append(icon)
         if self.is_in_row:
@@ -102,8 +104,8 @@ PANELS = [
 """The panels in the order in which they are registered, without that of the checks."""
 
 
-def draw(width=240, ui_scale=1.0):
-    """Draw all panels as the sidebar does. Returns what was drawn."""
+def draw(width=240, ui_scale=1.0, panels=PANELS):
+    """Draw panels as the sidebar does. Returns what was drawn."""
     layout = Layout()
     bpy.context.view_layer.update()
     context = SimpleNamespace(
@@ -116,9 +118,12 @@ def draw(width=240, ui_scale=1.0):
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale), addons={}),  # it is 0 in the background
         region=SimpleNamespace(width=width),
     )
-    for panel in PANELS:
+    for panel in panels:
         if hasattr(panel, "poll") and not panel.poll(context):
             continue
         panel.draw(SimpleNamespace(layout=layout), context)
+    for name, given in layout.drawn.given:
+        group, operator = name.split(".")
+        assert vars(given).keys() <= set(getattr(getattr(bpy.ops, group), operator).get_rna_type().properties.keys())
     layout.drawn.text = " ".join(layout.drawn.labels)
     return layout.drawn

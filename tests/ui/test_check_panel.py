@@ -10,7 +10,8 @@ import pytest
 from addon.jobs import locate_issues
 from addon.ui import bake_results, checks
 from addon.ui.bake_results import results
-from tests.support import maps, zoo
+from tests.support import maps, panel_layout, zoo
+from tests.support.panel import area, image_editor, refusal, window
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -62,18 +63,6 @@ def is_right_half(obj):
         and set(vertices) == right
         and edges == [edge.index for edge in obj.data.edges if set(edge.vertices) <= right]
     )
-
-
-def refusal(operator, **arguments):
-    """The message of a button that must fail and change nothing."""
-    before = snapshot()
-    with pytest.raises(RuntimeError) as refused:
-        operator(**arguments)
-    assert difference(before, snapshot()) == {}
-    message = str(refused.value).removeprefix("Error: ").strip()
-    assert "Traceback" not in message
-    assert "\n" not in message
-    return message
 
 
 # Faces
@@ -162,18 +151,6 @@ def test_undo_of_a_selection_in_edit_mode(baked):
     assert selected(bpy.data.objects["lo"])[0] == list(range(16))
 
 
-def hidden(low, high):
-    low.hide_set(True)
-
-
-def hidden_in_viewports(low, high):
-    low.hide_viewport = True
-
-
-def high_gone(low, high):
-    bpy.data.objects.remove(high)
-
-
 def out_of_the_scene(low, high):
     bpy.data.scenes.new("other").collection.objects.link(high)
     bpy.context.scene.collection.objects.unlink(high)
@@ -183,19 +160,22 @@ def fixed(low, high):
     high.data.uv_layers[0].uv.foreach_set("vector", np.ravel([c.vector for c in low.data.uv_layers[0].uv]))
 
 
+OBJECTS_GONE = {
+    "high gone": (lambda low, high: bpy.data.objects.remove(high), "'hi' was deleted"),
+    "out of the scene": (out_of_the_scene, "'hi' is not in scene"),
+}
 REFUSALS = {
-    hidden: "'lo' is hidden",
-    hidden_in_viewports: "'lo' is hidden",
-    high_gone: "'hi' was deleted",
-    out_of_the_scene: "'hi' is not in scene",
-    fixed: "No face of 'lo' has this issue: uncovered",
+    "hidden": (lambda low, high: low.hide_set(True), "'lo' is hidden"),
+    "hidden in viewports": (lambda low, high: setattr(low, "hide_viewport", True), "'lo' is hidden"),
+    **OBJECTS_GONE,
+    "fixed": (fixed, "No face of 'lo' has this issue: uncovered"),
 }
 
 
-@pytest.mark.parametrize("state", REFUSALS, ids=lambda state: state.__name__)
-def test_refusals_to_select_have_a_message(baked, state):
-    state(*baked)
-    assert REFUSALS[state] in refusal(bpy.ops.imprint.select_flaws, kind="UNCOVERED")
+@pytest.mark.parametrize(("make", "reason"), REFUSALS.values(), ids=REFUSALS)
+def test_refusals_to_select_have_a_message(baked, make, reason):
+    make(*baked)
+    assert reason in refusal(bpy.ops.imprint.select_flaws, kind="UNCOVERED")
 
 
 def test_linked_objects_do_not_change(baked, tmp_path):
@@ -245,29 +225,17 @@ def test_an_open_image_editor_shows_the_mask(baked):
     image, other = bpy.data.images["lo_normal"], bpy.data.images.new("other", 4, 4)
     for editors, shows in (
         ([], None),
-        ([editor(other), editor(other)], 0),
-        ([editor(other), editor(image)], 1),  # the other image stays
-        ([editor(other, use_image_pin=True), editor(None)], 1),
-        ([editor(other, use_image_pin=True)], None),
+        ([image_editor(other), image_editor(other)], 0),
+        ([image_editor(other), image_editor(image)], 1),  # the other image stays
+        ([image_editor(other, use_image_pin=True), image_editor(None)], 1),
+        ([image_editor(other, use_image_pin=True)], None),
     ):
         before = [area.spaces.active.image for area in editors]
-        windows = [SimpleNamespace(screen=SimpleNamespace(areas=[area("VIEW_3D")])), window(editors)]
+        windows = [window(area("VIEW_3D")), window(*editors)]
         context = SimpleNamespace(window_manager=SimpleNamespace(windows=windows))
         assert bake_results.show_image(context, image) == (shows is not None)
         after = [image if number == shows else was for number, was in enumerate(before)]
         assert [area.spaces.active.image for area in editors] == after
-
-
-def window(areas):
-    return SimpleNamespace(screen=SimpleNamespace(areas=areas))
-
-
-def area(kind, **space):
-    return SimpleNamespace(type=kind, width=100, height=100, spaces=SimpleNamespace(active=SimpleNamespace(**space)))
-
-
-def editor(image, *, use_image_pin=False):
-    return area("IMAGE_EDITOR", image=image, use_image_pin=use_image_pin)
 
 
 def test_undo_of_a_mask(baked):
@@ -279,10 +247,10 @@ def test_undo_of_a_mask(baked):
     assert difference(before, snapshot()) == {}
 
 
-@pytest.mark.parametrize("state", [high_gone, out_of_the_scene])
-def test_refusals_to_make_a_mask_have_a_message(baked, state):
-    state(*baked)
-    assert REFUSALS[state] in refusal(bpy.ops.imprint.show_mask, kind="UNCOVERED")
+@pytest.mark.parametrize(("make", "reason"), OBJECTS_GONE.values(), ids=OBJECTS_GONE)
+def test_refusals_to_make_a_mask_have_a_message(baked, make, reason):
+    make(*baked)
+    assert reason in refusal(bpy.ops.imprint.show_mask, kind="UNCOVERED")
 
 
 # Triangles
@@ -302,48 +270,15 @@ def test_a_modifier_is_added_once(baked):
 # The panel
 
 
-class Layout:
-    """A layout that records what the panel draws."""
-
-    ICONS = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
-
-    def __init__(self, drawn=None):
-        self.drawn = drawn if drawn is not None else SimpleNamespace(labels=[], icons=[], buttons=[])
-        self.enabled = True
-
-    def _part(self, **_):
-        part = Layout(self.drawn)
-        part.enabled = self.enabled
-        return part
-
-    row = column = _part
-
-    def label(self, text="", icon="NONE", translate=True):
-        assert icon in self.ICONS
-        if text:
-            self.drawn.labels.append(text)
-            self.drawn.icons.append(icon)
-
-    def operator(self, name, text="", icon="NONE"):
-        assert icon in self.ICONS
-        known = getattr(bpy.ops.imprint, name.removeprefix("imprint.")).get_rna_type()
-        button = SimpleNamespace(name=name.removeprefix("imprint."), enabled=self.enabled)
-        self.drawn.buttons.append(button)
-        assert "low" in known.properties
-        return button
-
-
 def draw(active, width=1000):
-    layout = Layout()
-    context = SimpleNamespace(
-        scene=bpy.context.scene,
-        active_object=active,
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
-        region=SimpleNamespace(width=width),
-    )
-    assert checks.IMPRINT_PT_checks.poll(context)
-    checks.IMPRINT_PT_checks.draw(SimpleNamespace(layout=layout), context)
-    return layout.drawn
+    bpy.context.view_layer.objects.active = active
+    return panel_layout.draw(width, panels=[checks.IMPRINT_PT_checks])
+
+
+def enabled(drawn):
+    """The buttons that can be pressed, with their arguments."""
+    both = zip(drawn.buttons, drawn.given, strict=True)
+    return [(name, vars(given)) for (name, is_enabled), (_, given) in both if is_enabled]
 
 
 def test_the_panel_is_hidden_before_a_bake():
@@ -369,17 +304,15 @@ def test_the_panel_shows_an_icon_and_a_number_for_each_check(baked):
         "Quads, n-gons": ("INFO", "16"),
         "Non-planar faces": ("CHECKMARK", "0"),
     }
-    on = [(button.name, getattr(button, "kind", ""), button.low) for button in drawn.buttons if button.enabled]
-    assert on == [
-        ("show_mask", "UNCOVERED", "lo"),
-        ("select_flaws", "UNCOVERED", "lo"),
-        ("select_flaws", "POLYGONS", "lo"),
-        ("add_triangulate", "", "lo"),
+    assert enabled(drawn) == [
+        ("imprint.show_mask", {"kind": "UNCOVERED", "low": "lo"}),
+        ("imprint.select_flaws", {"kind": "UNCOVERED", "low": "lo"}),
+        ("imprint.select_flaws", {"kind": "POLYGONS", "low": "lo"}),
+        ("imprint.add_triangulate", {"low": "lo"}),
     ]
-    assert [b.kind for b in drawn.buttons if b.name == "show_mask"] == [
-        kind.upper() for kind in locate_issues.ON_TEXELS
-    ]
-    assert {b.kind for b in drawn.buttons if b.name == "select_flaws"} == {kind.upper() for kind in locate_issues.KINDS}
+    for button, kinds in (("show_mask", locate_issues.ON_TEXELS), ("select_flaws", locate_issues.KINDS)):
+        given = [given.kind for name, given in drawn.given if name == f"imprint.{button}"]
+        assert sorted(given) == sorted(kind.upper() for kind in kinds)
 
 
 def test_distances_have_their_unit(baked):
@@ -435,10 +368,8 @@ def test_each_button_has_the_tooltip_of_its_check(operator, kinds):
 
 
 def test_every_enabled_button_works(baked):
-    for button in draw(baked[0]).buttons:
-        if button.enabled:
-            arguments = {"kind": button.kind} if hasattr(button, "kind") else {}
-            assert getattr(bpy.ops.imprint, button.name)(low=button.low, **arguments) == {"FINISHED"}
+    for name, arguments in enabled(draw(baked[0])):
+        assert getattr(bpy.ops.imprint, name.removeprefix("imprint."))(**arguments) == {"FINISHED"}
 
 
 def test_the_checks_of_the_active_low_object_are_shown():
@@ -453,7 +384,7 @@ def test_the_checks_of_the_active_low_object_are_shown():
     for active, name, count in ((second, "b_low", 4), (first, "a_low", 1)):
         drawn = draw(active)
         assert drawn.labels[drawn.labels.index("Quads, n-gons") + 1] == str(count)
-        assert {button.low for button in drawn.buttons} == {name}
+        assert {given.low for _, given in drawn.given} == {name}
     other = SimpleNamespace(scene=bpy.context.scene, active_object=bpy.data.objects["a_high"])
     assert not checks.IMPRINT_PT_checks.poll(other)
     select("POLYGONS", low="b_low")

@@ -11,35 +11,23 @@ from addon.ui.bake_results import results
 from addon.ui.live_switch import live
 from addon.ui.progress_display import display, time_left
 from tests.support import maps, zoo
+from tests.support.panel import add, refusal, select, use
 from tests.support.panel_layout import draw
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
 
+NAMES = {"low": "lo", "high": [{"name": "hi"}]}
+"""The objects of `pair`, as arguments of the operators."""
+
+
 @pytest.fixture
 def pair():
     """A low and a high object, neither selected nor active, and small maps."""
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
-    settings = bpy.context.scene.imprint
-    settings.width = settings.height = 16
-    settings.method = "FLATTEN"  # the high object is so steep that Auto would not choose Flatten
+    use(size=16, method="FLATTEN")  # the high object is so steep that Auto would not choose Flatten
     return low, high
-
-
-def select(active, *others):
-    for obj in bpy.context.selected_objects:
-        obj.select_set(False)
-    for obj in (active, *others):
-        obj.select_set(True)
-    bpy.context.view_layer.objects.active = active
-
-
-def fill_slots(low, *highs):
-    settings = bpy.context.scene.imprint
-    settings.low = low
-    for high in highs:
-        settings.highs.add().object = high
 
 
 def bake(**arguments):
@@ -47,18 +35,6 @@ def bake(**arguments):
     assert bpy.ops.imprint.bake(**arguments) == {"FINISHED"}
     summary = bpy.context.window_manager.imprint_summary
     return maps.pixels(bpy.data.images[summary.split("\n")[0].rpartition(": ")[2]])
-
-
-def refusal(**arguments):
-    """The message of a button that must fail and change nothing."""
-    before = snapshot()
-    with pytest.raises(RuntimeError) as refused:
-        bpy.ops.imprint.bake(**arguments)
-    assert difference(before, snapshot()) == {}
-    message = str(refused.value)
-    assert message.startswith("Error: ")
-    assert "Traceback" not in message
-    return message.removeprefix("Error: ").strip()
 
 
 def leans(texels):
@@ -69,51 +45,32 @@ def leans(texels):
 # Which objects
 
 
-def test_selected_to_active(pair):
+def test_the_active_object_is_the_low_one(pair):
     low, high = pair
     select(low, high)
     assert leans(bake())
     assert "lo_normal" in bpy.data.images
-
-
-def test_the_active_object_is_the_low_one(pair):
-    low, high = pair
     select(high, low)
     bake(space="OBJECT")
     assert "hi_normal" in bpy.data.images
 
 
-def test_slots_override_the_selection(pair):
-    low, high = pair
-    other = zoo.cube("other")
-    select(other, zoo.cube("another"))
-    fill_slots(low, high)
-    assert leans(bake())
-
-
-def test_a_low_slot_and_selected_high_objects(pair):
-    low, high = pair
-    select(high)
-    fill_slots(low)
-    assert leans(bake())
-
-
-def test_arguments_override_slots(pair):
-    low, high = pair
-    fill_slots(zoo.cube("other"), zoo.cube("another"))
-    assert leans(bake(low="lo", high=[{"name": "hi"}]))
-
-
-def test_a_low_argument_and_the_slots(pair):
-    low, high = pair
-    fill_slots(zoo.cube("other"), high)
-    assert leans(bake(low="lo"))
-
-
-def test_a_low_argument_and_selected_high_objects(pair):
-    low, high = pair
-    select(high)
-    assert leans(bake(low="lo"))
+@pytest.mark.parametrize(
+    ("in_slots", "selected", "arguments"),
+    [
+        ("lo hi", "other another", {}),
+        ("lo", "hi", {}),
+        ("other another", "", NAMES),
+        ("other hi", "", {"low": "lo"}),
+        ("", "hi", {"low": "lo"}),
+    ],
+)
+def test_arguments_go_before_slots_and_slots_before_the_selection(pair, in_slots, selected, arguments):
+    zoo.cube("other"), zoo.cube("another")
+    use(*(bpy.data.objects[name] for name in in_slots.split()))
+    if selected:
+        select(*(bpy.data.objects[name] for name in selected.split()))
+    assert leans(bake(**arguments))
 
 
 def test_one_object_with_modifiers(pair):
@@ -125,24 +82,26 @@ def test_one_object_with_modifiers(pair):
 
 
 def test_several_high_arguments(pair):
-    assert "'hi' is twice in the high objects" in refusal(low="lo", high=[{"name": "hi"}, {"name": "hi"}])
+    assert "'hi' is twice in the high objects" in refusal(
+        bpy.ops.imprint.bake, low="lo", high=[{"name": "hi"}, {"name": "hi"}]
+    )
     zoo.plane("third", slope=-1.0)
     assert bake(low="lo", high=[{"name": "hi"}, {"name": "third"}])[8, 8, 0] > 0.8  # the last one is on top
 
 
 def test_nothing_to_bake(pair):
-    assert refusal().startswith("No low object")
+    assert refusal(bpy.ops.imprint.bake).startswith("No low object")
 
 
 def test_no_high_object(pair):
     low, _ = pair
     select(low)
-    assert refusal().startswith("No high object for 'lo'")
+    assert refusal(bpy.ops.imprint.bake).startswith("No high object for 'lo'")
 
 
 @pytest.mark.parametrize("arguments", [{"low": "lol"}, {"low": "lo", "high": [{"name": "hih"}]}])
 def test_typos_get_a_hint(pair, arguments):
-    assert "did you mean" in refusal(**arguments)
+    assert "did you mean" in refusal(bpy.ops.imprint.bake, **arguments)
 
 
 # Settings
@@ -151,7 +110,7 @@ def test_typos_get_a_hint(pair, arguments):
 def test_arguments_override_the_settings_of_the_scene(pair):
     settings = bpy.context.scene.imprint
     settings.space, settings.green, settings.image, settings.margin = "OBJECT", "-Y", "Scene", 3
-    texels = bake(low="lo", high=[{"name": "hi"}], width=32, image="Mine")
+    texels = bake(**NAMES, width=32, image="Mine")
     assert texels.shape[:2] == (16, 32)  # the height comes from the scene
     assert "Mine" in bpy.data.images
     assert "object space" in bpy.context.window_manager.imprint_summary
@@ -160,38 +119,37 @@ def test_arguments_override_the_settings_of_the_scene(pair):
 
 def test_a_margin_that_a_script_sets_is_used_though_the_scene_has_no_limit(pair):
     bpy.context.scene.imprint.unlimited = True
-    bake(low="lo", high=[{"name": "hi"}])
+    bake(**NAMES)
     assert results.named(bpy.context, "lo").settings["margin"] is None
-    bake(low="lo", high=[{"name": "hi"}], margin=2)
+    bake(**NAMES, margin=2)
     assert results.named(bpy.context, "lo").settings["margin"] == 2
 
 
 def test_an_argument_may_be_the_default_value(pair):
     bpy.context.scene.imprint.storage = "MEMORY"
-    bake(low="lo", high=[{"name": "hi"}], storage="PACK")
+    bake(**NAMES, storage="PACK")
     assert bpy.data.images["lo_normal"].packed_file is not None
 
 
 def test_settings_that_do_not_fit_together(pair, tmp_path):
     output = str(tmp_path / "map.png")
-    assert "8 or 16 bits" in refusal(low="lo", high=[{"name": "hi"}], storage="FILE", output=output, depth="32")
+    assert "8 or 16 bits" in refusal(bpy.ops.imprint.bake, **NAMES, storage="FILE", output=output, depth="32")
 
 
 def test_a_file_is_written(pair, tmp_path):
-    bake(low="lo", high=[{"name": "hi"}], storage="FILE", output=str(tmp_path / "map.exr"), depth="32")
+    bake(**NAMES, storage="FILE", output=str(tmp_path / "map.exr"), depth="32")
     assert (tmp_path / "map.exr").is_file()
 
 
 def test_a_targa_has_8_bits_unless_more_are_set(pair, tmp_path):
     settings = bpy.context.scene.imprint
     settings.storage, settings.output = "FILE", str(tmp_path / "new" / "panel.tga")
-    names = {"low": "lo", "high": [{"name": "hi"}]}
-    bake(**names)
-    bake(**names, output=str(tmp_path / "script.tga"))
+    bake(**NAMES)
+    bake(**NAMES, output=str(tmp_path / "script.tga"))
     assert sorted(path.name for path in tmp_path.rglob("*.tga")) == ["panel.tga", "script.tga"]
-    assert "8 bits per channel, not 16" in refusal(**names, depth="16")
+    assert "8 bits per channel, not 16" in refusal(bpy.ops.imprint.bake, **NAMES, depth="16")
     settings.depth = "16"
-    assert "8 bits per channel, not 16" in refusal(**names)
+    assert "8 bits per channel, not 16" in refusal(bpy.ops.imprint.bake, **NAMES)
 
 
 def test_the_result_is_reported(pair):
@@ -211,7 +169,7 @@ def test_a_file_beside_the_saved_scene(pair, tmp_path, recwarn):
     settings = bpy.context.scene.imprint
     settings.storage, settings.output = "FILE", "//map.png"
     assert [str(warning.message) for warning in recwarn] == []
-    assert leans(bake(low="lo", high=[{"name": "hi"}]))
+    assert leans(bake(**NAMES))
     assert (tmp_path / "map.png").is_file()
 
 
@@ -226,7 +184,7 @@ def test_undo_is_one_step(pair):
     low, high = pair
     bpy.ops.ed.undo_push(message="before")
     before = snapshot(without=OF_SCULPT_MODE)
-    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, **NAMES)
     assert "lo_normal" in bpy.data.images
     assert bpy.ops.ed.undo() == {"FINISHED"}
     assert difference(before, snapshot(without=OF_SCULPT_MODE)) == {}
@@ -237,7 +195,7 @@ def test_undo_is_one_step(pair):
 def test_undo_restores_the_packed_map(pair):
     zoo.cube("third")
     bpy.ops.ed.undo_push(message="before")  # in the background, Undo needs a first step
-    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, **NAMES)
     first = maps.pixels(bpy.data.images["lo_normal"])
     bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "third"}])
     assert not np.array_equal(maps.pixels(bpy.data.images["lo_normal"]), first)
@@ -252,8 +210,7 @@ def test_slots_are_filled_from_the_selection(pair):
     low, high = pair
     settings = bpy.context.scene.imprint
     settings.highs.add()  # an old slot
-    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
-    bpy.context.scene.collection.objects.link(sun)
+    sun = add("sun", bpy.data.lights.new("sun", "SUN"))
     select(low, high, sun)
     assert bpy.ops.imprint.use_selection() == {"FINISHED"}
     assert settings.low == low
@@ -262,8 +219,7 @@ def test_slots_are_filled_from_the_selection(pair):
 
 @pytest.mark.parametrize("active", [None, "sun"])
 def test_only_a_mesh_can_be_the_low_slot(pair, active):
-    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
-    bpy.context.scene.collection.objects.link(sun)
+    add("sun", bpy.data.lights.new("sun", "SUN"))
     bpy.context.view_layer.objects.active = bpy.data.objects[active] if active else None
     assert not bpy.ops.imprint.use_selection.poll()
 
@@ -387,23 +343,8 @@ def test_the_panel_shows_the_result(pair):
     assert "Flatten, tangent space, 16 x 16" in drawn.text
 
 
-def nothing(low, high):
-    pass
-
-
-def no_high(low, high):
-    select(low)
-
-
 def a_camera(low, high):
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    bpy.context.scene.collection.objects.link(camera)
-    select(camera, high)
-
-
-def a_camera_alone(low, high):
-    a_camera(low, high)
-    high.select_set(False)
+    select(add("Camera", bpy.data.cameras.new("Camera")), high)
 
 
 def no_uvs(low, high):
@@ -417,75 +358,60 @@ def not_finite(low, high):
 
 
 def gone_from_the_scene(low, high):
-    fill_slots(low, high)
+    use(low, high)
     bpy.data.scenes.new("other").collection.objects.link(high)
     bpy.context.scene.collection.objects.unlink(high)
 
 
 def deleted(low, high):
-    fill_slots(low, high)
+    use(low, high)
     bpy.context.scene.collection.objects.unlink(high)
 
 
-def no_file_named(low, high):
-    select(low, high)
-    bpy.context.scene.imprint.storage = "FILE"
-
-
-def does_not_fit_the_format(low, high):
-    select(low, high)
-    settings = bpy.context.scene.imprint
-    settings.storage, settings.output, settings.depth = "FILE", "//map.exr", "8"
-
-
 MISSING = {
-    nothing: "No low object",
-    no_high: "No high object for 'lo'",
-    a_camera: "'Camera' is of the type camera",
-    a_camera_alone: "'Camera' is of the type camera",
-    no_uvs: "'lo' has no UV layer",
-    not_finite: "NaN",
-    gone_from_the_scene: "'hi' is not in scene",
-    deleted: "'hi' was deleted",
-    no_file_named: "No file is set",
-    does_not_fit_the_format: "16 or 32 bits",
+    "nothing": (lambda low, high: None, "No low object"),
+    "no high object": (lambda low, high: select(low), "No high object for 'lo'"),
+    "a camera": (a_camera, "'Camera' is of the type camera"),
+    "a camera alone": (
+        lambda low, high: (a_camera(low, high), high.select_set(False)),
+        "'Camera' is of the type camera",
+    ),
+    "no UVs": (no_uvs, "'lo' has no UV layer"),
+    "not finite": (not_finite, "NaN"),
+    "gone from the scene": (gone_from_the_scene, "'hi' is not in scene"),
+    "deleted": (deleted, "'hi' was deleted"),
+    "no file named": (lambda low, high: (select(low, high), use(storage="FILE")), "No file is set"),
+    "a depth that does not fit the format": (
+        lambda low, high: (select(low, high), use(storage="FILE", output="//map.exr", depth="8")),
+        "16 or 32 bits",
+    ),
 }
 
 
-@pytest.mark.parametrize("state", MISSING, ids=lambda state: state.__name__)
-def test_the_panel_shows_why_the_button_is_disabled(pair, state):
-    state(*pair)
+@pytest.mark.parametrize(("make", "reason"), MISSING.values(), ids=MISSING)
+def test_the_panel_shows_why_the_button_is_disabled(pair, make, reason):
+    make(*pair)
     drawn = draw()
-    assert MISSING[state] in drawn.text
+    assert reason in drawn.text
     assert "ERROR" in drawn.icons
     assert not can_bake(drawn)
 
 
-def edit_mode(low, high):
-    select(low, high)
-    bpy.ops.object.mode_set(mode="EDIT")
-
-
-def own_modifiers(low, high):
-    low.modifiers.new("Rounded", "SUBSURF")
-    select(low)
-
-
-def empty_slots(low, high):
-    bpy.context.scene.imprint.highs.add()
-    select(low, high)
-
-
-def every_setting(low, high):
-    settings = bpy.context.scene.imprint
-    settings.space, settings.storage, settings.output, settings.material = "OBJECT", "FILE", "//map.png", False
-    select(low, high)
+STATES = {
+    "edit mode": lambda low, high: (select(low, high), bpy.ops.object.mode_set(mode="EDIT")),
+    "own modifiers": lambda low, high: (low.modifiers.new("Rounded", "SUBSURF"), select(low)),
+    "empty slots": lambda low, high: (bpy.context.scene.imprint.highs.add(), select(low, high)),
+    "other settings": lambda low, high: (
+        use(space="OBJECT", storage="FILE", output="//map.png", material=False),
+        select(low, high),
+    ),
+}
 
 
 @pytest.mark.parametrize(("width", "ui_scale"), [(1, 1.0), (240, 2.0), (4000, 0.5)])
-@pytest.mark.parametrize("state", [edit_mode, own_modifiers, empty_slots, every_setting])
-def test_the_panel_draws_in_any_state_and_width(pair, state, width, ui_scale):
-    state(*pair)
+@pytest.mark.parametrize("make", STATES.values(), ids=STATES)
+def test_the_panel_draws_in_any_state_and_width(pair, make, width, ui_scale):
+    make(*pair)
     drawn = draw(width, ui_scale)
     assert can_bake(drawn)
     assert "'lo'" in drawn.text

@@ -10,6 +10,8 @@ from addon.scene import object_refs
 from addon.ui import bake_panel, bake_results
 from addon.ui.bake_results import results
 from tests.support import zoo
+from tests.support.panel import area, image_editor, use, window
+from tests.support.panel_layout import Layout
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
@@ -19,9 +21,7 @@ def baked():
     """A low and a high object after a bake that measured distances, the low one in its slot."""
     low, high = zoo.plane("lo"), zoo.plane("hi")
     high.location.z = 0.2
-    settings = bpy.context.scene.imprint
-    settings.width = settings.height = 16
-    settings.method, settings.low = "CAST", low
+    use(low, size=16, method="CAST")
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
     return low, high
 
@@ -34,35 +34,11 @@ def is_known():
     return known
 
 
-class Layout:
-    """A layout that records the texts on it and on its parts."""
-
-    def __init__(self):
-        self.labels = []
-
-    def part(self, **_):
-        return self
-
-    row = column = box = part
-
-    def label(self, text="", **_):
-        self.labels.append(text)
-
-    def operator(self, *_, **__):
-        return SimpleNamespace()
-
-    def icon(self, _image):
-        return 1
-
-    def template_icon(self, *_, **__):
-        pass
-
-
 def panel_lines(report):
     """The lines of the panel about a bake."""
     layout = Layout()
     bake_panel.draw_result(layout, [report])
-    return layout.labels
+    return layout.drawn.labels
 
 
 # Low object and file of a result
@@ -118,9 +94,7 @@ def test_a_deleted_map_is_reported_as_missing(baked):
 def test_a_result_outlives_undo():
     zoo.plane("lo")
     zoo.plane("hi").location.z = 0.2
-    settings = bpy.context.scene.imprint
-    settings.width = settings.height = 16
-    settings.method, settings.low = "CAST", bpy.data.objects["lo"]
+    use(bpy.data.objects["lo"], size=16, method="CAST")
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
     bpy.data.objects["lo"].location.x = 1.0
@@ -132,17 +106,13 @@ def test_a_result_outlives_undo():
 # The viewport after a bake
 
 
-def area(kind, size=100, **space):
-    return SimpleNamespace(type=kind, width=size, height=size, spaces=SimpleNamespace(active=SimpleNamespace(**space)))
-
-
 def view(shading, size=100):
     return area("VIEW_3D", size, shading=SimpleNamespace(type=shading, show_xray=False))
 
 
-def window(*areas, at=None):
+def context(*areas, at=None):
     """A context of a window with these areas. at: the area with the mouse."""
-    opened = SimpleNamespace(screen=SimpleNamespace(areas=areas))
+    opened = window(*areas)
     return SimpleNamespace(
         window=opened,
         window_manager=SimpleNamespace(windows=[opened]),
@@ -158,12 +128,12 @@ def shading(viewport):
 
 def test_a_bake_shows_the_low_mesh_with_its_map(baked):
     low, high = baked
-    views, editor = [view("SOLID"), view("SOLID", 200)], area("IMAGE_EDITOR", image=None, use_image_pin=False)
-    bake_results.show_bake(window(*views, editor), [results.of(bpy.context)])
+    views, editor = [view("SOLID"), view("SOLID", 200)], image_editor(None)
+    bake_results.show_bake(context(*views, editor), [results.of(bpy.context)])
     assert editor.spaces.active.image == bpy.data.images["lo_normal"]
     assert [shading(each) for each in views] == ["SOLID", "MATERIAL"]  # the largest, if the mouse is in none of them
     assert (low.visible_get(), high.visible_get()) == (True, False)
-    bake_results.show_bake(window(*views, at=views[0]), [results.of(bpy.context)])
+    bake_results.show_bake(context(*views, at=views[0]), [results.of(bpy.context)])
     assert shading(views[0]) == "MATERIAL"
 
 
@@ -172,7 +142,7 @@ def test_a_view_that_is_not_solid_stays(baked):
     for kind, sees_high in (("WIREFRAME", True), ("RENDERED", False), ("MATERIAL", False)):
         high.hide_set(False)
         viewport = view(kind)
-        bake_results.show_bake(window(viewport), [results.of(bpy.context)])
+        bake_results.show_bake(context(viewport), [results.of(bpy.context)])
         assert (shading(viewport), high.visible_get()) == (kind, sees_high)
 
 
@@ -180,12 +150,12 @@ def test_a_map_without_a_material_does_not_change_the_viewport(baked):
     _, high = baked
     bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], material=False)
     viewport = view("SOLID")
-    bake_results.show_bake(window(viewport), [results.of(bpy.context)])
+    bake_results.show_bake(context(viewport), [results.of(bpy.context)])
     assert (shading(viewport), high.visible_get()) == ("SOLID", True)
 
 
 def test_without_a_3d_viewport_nothing_is_hidden(baked):
-    bake_results.show_bake(window(), [results.of(bpy.context)])
+    bake_results.show_bake(context(), [results.of(bpy.context)])
     assert baked[1].visible_get()
 
 
@@ -196,7 +166,7 @@ def test_a_low_object_that_is_its_own_high_one_stays():
     settings.width = settings.height = 16
     settings.low = low
     bpy.ops.imprint.bake(low="lo", high=[{"name": "lo"}])
-    bake_results.show_bake(window(view("SOLID")), [results.of(bpy.context)])
+    bake_results.show_bake(context(view("SOLID")), [results.of(bpy.context)])
     assert low.visible_get()
     assert not bpy.ops.imprint.show_high.poll()
 
