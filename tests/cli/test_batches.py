@@ -319,6 +319,7 @@ def test_nasty_files_give_a_map_or_one_sentence(shared_assets, folder, run, name
     assert ("m.png" in files(folder)) == (code == exit_codes.DONE)
 
 
+@pytest.mark.slow
 def test_importers_print_nothing(folder):
     """In a separate process, to see the output of C code as well."""
     export(folder / "low.obj", zoo.plane("lo"))
@@ -732,6 +733,7 @@ BIG = ["in/rock.blend", "--low", "rock_a_low", "--high", "rock_a_high", "--metho
 BIG += ["--output", "m.png"]
 
 
+@pytest.mark.slow
 @posix
 def test_progress_on_a_terminal_is_one_line_that_is_erased(scenes):
     code, _, seen = on_terminal(*BIG, "--size", "128")
@@ -742,6 +744,7 @@ def test_progress_on_a_terminal_is_one_line_that_is_erased(scenes):
     assert screen(seen) == []
 
 
+@pytest.mark.slow
 @posix
 def test_a_terminal_shows_the_memory_that_a_bake_of_mesh_files_needs(folder):
     export(folder / "low.obj", zoo.plane("lo"))
@@ -782,6 +785,7 @@ def test_ctrl_c_leaves_no_files(scenes):
     assert files(scenes) == before
 
 
+@pytest.mark.slow
 @posix
 def test_ctrl_c_stops_a_batch_and_reports_finished_bakes(scenes):
     good = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "1.png"}

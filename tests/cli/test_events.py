@@ -16,7 +16,7 @@ from addon.cli.results import events, exit_codes
 from addon.cli.results.run_report import State
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
-from tests.support import zoo
+from tests.support import lanes, zoo
 from tests.support.manual import names, rows, section
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -70,7 +70,7 @@ def of(found, event):
     return [each for each in found if each["event"] == event]
 
 
-@pytest.mark.parametrize("count", ["0", "1", "3"])
+@pytest.mark.parametrize("count", lanes.slow_but(["0"], ["0", "1", "3"]))
 def test_each_bake_starts_and_ends(folder, count):
     words = [*jobs(folder, "a", "b", "c"), "--workers", count, "--progress", "json"]
     code, out, err = run(*words)
@@ -93,6 +93,7 @@ def test_each_bake_starts_and_ends(folder, count):
     assert "3 done" in out
 
 
+@pytest.mark.slow
 def test_crashes_and_failures_are_events_and_messages(folder):
     words = [*jobs(folder, "a", "crash", "b", "leave"), "--workers", "3", "--progress=json", "--strict", "coverage<1%"]
     code, _, err = run(*words)
@@ -118,6 +119,7 @@ def test_crashes_and_failures_are_events_and_messages(folder):
     }
 
 
+@pytest.mark.slow
 def test_bakes_that_were_done_before_are_events(folder):
     words = [*jobs(folder, "a", "b"), "--resume", "--progress", "json"]
     run(*words)
@@ -147,6 +149,7 @@ def test_wrong_calls_are_events(folder):
         assert found[-1]["exit_code"] == exit_codes.WRONG_USAGE
 
 
+@pytest.mark.slow
 def test_the_launcher_writes_events_of_a_crash(folder):
     words = ["--low-file", "good_low.obj", "--high-file", "good_high.obj", "--output", "a.png", "--size", "4096"]
     program = [sys.executable, str(ROOT / LAUNCHED[0]), *LAUNCHED[1:], *words, "--samples", "64", "--progress", "json"]
@@ -159,6 +162,7 @@ def test_the_launcher_writes_events_of_a_crash(folder):
     assert "Blender crashed with signal 11" in found[-1]["text"]
 
 
+@pytest.mark.slow
 def test_a_stopped_call_has_an_end(folder):
     process = subprocess.Popen(
         [sys.executable, str(ROOT / "scripts" / "bake.py"), *jobs(folder, *"abcdefgh"), "--progress", "json"],
@@ -185,6 +189,7 @@ def test_percentages_come_a_few_times_a_second(monkeypatch, capsys):
     assert found[2]["percent"] == 50.0
 
 
+@pytest.mark.slow
 def test_a_quiet_call_prints_errors_alone(folder):
     words = [*jobs(folder, "a", "b"), "--quiet"]
     assert run(*words) == (exit_codes.DONE, "", "")

@@ -314,6 +314,7 @@ finally:
 """
 
 
+@pytest.mark.slow
 def test_signals_after_the_end_are_ignored(scene):
     program = [sys.executable, "-c", AFTERWARDS, str(imprint.ROOT / "scripts" / "bake.py"), *ONE, "--output", "m.png"]
     done = subprocess.run(program, capture_output=True, text=True, check=False)

@@ -125,6 +125,7 @@ def test_a_chain_is_left_out_if_it_is_done(folder):
     assert entry_of(folder, exit_codes.DONE, "--resume", "--distance", "3,4")["state"] == "done"
 
 
+@pytest.mark.slow
 @untrusted.needs_sandbox
 def test_files_of_others(tmp_path, monkeypatch):
     root = untrusted.folder(tmp_path, monkeypatch)
@@ -142,6 +143,7 @@ def test_files_of_others(tmp_path, monkeypatch):
     assert trees.snapshot(root, root / "job/maps") == before
 
 
+@pytest.mark.slow
 def test_a_chain_that_takes_too_long_is_ended(folder):
     entry = entry_of(folder, exit_codes.FAILED, "--timeout", "0.1", may_start_processes=True)
     assert (entry["cause"], files(folder)) == ("timeout", ["hill.blend", "report.json"])

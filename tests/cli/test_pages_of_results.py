@@ -49,6 +49,7 @@ def images(page):
     return {name: base64.b64decode(data) for data, name in found}
 
 
+@pytest.mark.slow
 def test_each_bake_has_its_picture_also_from_another_process(folder):
     assert run("--jobs", "j.json", "--sheet", "here.html", "--workers", "0") == 1
     assert run("--jobs", "j.json", "--sheet", "apart.html", "--workers", "2", is_apart=True) == 1
@@ -112,6 +113,7 @@ def test_a_single_bake_has_a_page(folder):
     assert reports.bake(folder / "r.json")["picture"] == ""
 
 
+@pytest.mark.slow
 def test_untrusted_bakes_have_pictures(folder):
     assert run("--jobs", "j.json", "--untrusted", "--pictures", "../pictures", "--only", "set 2*") == 2
     words = (

@@ -112,6 +112,7 @@ def test_all_reports_have_the_keys_in_the_manual(whole, tmp_path):
         assert all(each["version"] == 1 for each in entry["reports"])
 
 
+@pytest.mark.slow
 def test_reports_say_when_and_where_they_were_made_and_by_which_call(whole, tmp_path):
     job = {"file": "file.blend", "low": "a_low", "high": "a_high", "output": "map.png", "report": "own.json"}
     (tmp_path / "jobs.json").write_text(json.dumps({"bake": [job]}), encoding="utf-8")

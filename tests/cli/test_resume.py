@@ -139,6 +139,7 @@ def test_a_change_of_the_high_mesh_s_texture_is_seen(folder):
     assert bake("--resume", "--maps", "base-color") == all_are("done")
 
 
+@pytest.mark.slow
 def test_processes_with_the_same_job_do_each_bake_once(folder):
     expected = bake("--resume") and maps(folder)
     for path in (folder / "out").iterdir():
@@ -153,6 +154,7 @@ def test_processes_with_the_same_job_do_each_bake_once(folder):
     assert maps(folder) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize("seed", range(3))
 def test_a_run_after_a_kill_gives_the_same_files(folder, seed):

@@ -88,6 +88,7 @@ def test_a_name_cannot_control_the_terminal():
     assert not [line for line in re.split("[\r\n]+", said) if line.startswith("imprint: fake")]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(pty is None, reason="terminals of POSIX")
 @pytest.mark.usefixtures("gpu_context")
 def test_an_object_s_name_cannot_control_the_terminal(tmp_path):

@@ -93,6 +93,7 @@ def test_a_bake_loads_neither_the_interface_nor_add_ons(scene):
     assert addons == set()
 
 
+@pytest.mark.slow
 def test_all_is_loaded_where_scripts_of_the_user_may_need_it(scene, tmp_path):
     modules, addons = loaded(*BLEND, BLENDER_SYSTEM_SCRIPTS=str(tmp_path))
     assert modules >= LEFT_OUT
@@ -118,6 +119,7 @@ def test_the_functions_of_blenders_libraries_are_found_when_called(monkeypatch):
     assert (sys.getdlopenflags(), sys.meta_path) == (before, [finder])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [FILES, [*BLEND, "--save-blend", "saved.blend"]])
 def test_the_interface_is_loaded_for_files_that_need_it(scene, words):
     modules, addons = loaded(*words)
@@ -126,6 +128,7 @@ def test_the_interface_is_loaded_for_files_that_need_it(scene, words):
     assert (scene / "m.png").is_file()
 
 
+@pytest.mark.slow
 def test_what_was_left_out_is_loaded_once():
     """Blender prints where a class takes the place of another one."""
     text = "from addon.cli.blender_process import load, complete; load(); complete(); complete()"
@@ -133,12 +136,14 @@ def test_what_was_left_out_is_loaded_once():
     assert "registered before" not in done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_saved_scene_keeps_its_settings_of_cycles(scene):
     script(*BLEND, "--save-blend", "saved.blend")
     bpy.ops.wm.open_mainfile(filepath=str(scene / "saved.blend"))
     assert (bpy.context.scene.render.engine, bpy.context.scene.cycles.samples) == ("CYCLES", 77)
 
 
+@pytest.mark.slow
 def test_the_engine_of_the_scene_decides_the_basis(scene):
     """Blender reads the engine of a scene wrongly where no add-on has registered it."""
     script(*BLEND, "--report", "r.json")
@@ -152,6 +157,7 @@ def test_the_report_has_the_seconds_before_the_bake(scene):
     assert {stage for stage, seconds in found.items() if seconds > 0.0} == {*STARTUP} - {"launcher"}
 
 
+@pytest.mark.slow
 def test_each_bake_has_the_seconds_since_the_one_before(scene):
     sets = [
         {"file": name, "low": "a_low", "high": "a_high", "output": f"{name}.png"} for name in ("s.blend", "t.blend")

@@ -62,6 +62,7 @@ def with_material(root, name, picture):
     return f"{name}.obj"
 
 
+@pytest.mark.slow
 def test_in_materials_of_obj_files(root, pictures):
     (root / "job" / "whole.png").write_bytes(bombs.png())
     names = [with_material(root, picture, picture) for picture in [*pictures, "whole.png"]]

@@ -32,6 +32,7 @@ def records(root):
     return sorted(path.name for path in (root / "records").iterdir())
 
 
+@pytest.mark.slow
 def test_what_is_done_is_left_out_and_nothing_lies_beside_the_maps(root):
     assert state(root) == "done"
     (name,) = records(root)
@@ -45,6 +46,7 @@ def test_what_is_done_is_left_out_and_nothing_lies_beside_the_maps(root):
     assert records(root) == [name]
 
 
+@pytest.mark.slow
 def test_a_file_that_only_the_bake_found_counts(root):
     mesh = Path("high.obj").read_text().replace("\no ", "\nmtllib own.mtl\no ").replace("\nf ", "\nusemtl a\nf ", 1)
     Path("shown.obj").write_text(mesh)
@@ -55,6 +57,7 @@ def test_a_file_that_only_the_bake_found_counts(root):
     assert state(root, shown) == "done"
 
 
+@pytest.mark.slow
 def test_a_record_that_came_with_the_files_is_not_believed(root):
     """It is a real one, of the same bake, and says what the planted map contains."""
     words = ["--jobs", "j.json", "--resume", "--size", "16", "--limit", "9", "--method", "flatten"]

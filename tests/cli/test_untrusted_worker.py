@@ -165,6 +165,7 @@ def scene():
     return zoo.plane("hi", slope=0.1)
 
 
+@pytest.mark.slow
 def test_blend_files(root):
     """One worker bakes all, so that one file could spoil the next."""
     marker = f"open({str(root / 'job/out/MARKER')!r}, 'w')"  # where it would be allowed
@@ -258,6 +259,7 @@ TRIANGLE = (
 )
 
 
+@pytest.mark.slow
 def test_files_that_a_usd_refers_to_elsewhere_are_named(root):
     """Only its importer finds them. A mesh from there would be baked, and one of its own alone is not what was meant."""
     job, model = root / "job", root / "outside/model.usda"

@@ -105,6 +105,7 @@ def test_a_crash_ends_one_bake_alone(folder):
     assert "3 done, 2 failed" in out
 
 
+@pytest.mark.slow
 def test_the_error_of_a_crash_has_the_last_words_of_its_log(folder):
     """And not those of the worker's other bakes."""
     run(*jobs(folder, "write", "crash", "leave"), "--log", "logs")
@@ -113,11 +114,13 @@ def test_the_error_of_a_crash_has_the_last_words_of_its_log(folder):
     assert left["error"] == "Blender crashed with exit code 7."
 
 
+@pytest.mark.slow
 def test_the_error_of_a_crash_without_a_log_has_the_last_words_of_its_bake(folder):
     run(*jobs(folder, "write", "leave"))
     assert reports.bakes(folder / "r.json")[1]["error"] == "Blender crashed with exit code 7."
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [[], ["--log", "logs"]], ids=["no log", "log"])
 def test_a_crash_while_blender_is_silenced_has_its_place(folder, more):
     """Most crashes are in importers and in the opening of files, whose messages are discarded."""
@@ -153,6 +156,7 @@ def test_a_bake_that_hangs_is_ended_at_the_limit(folder):
     assert Path(done).is_file()
 
 
+@pytest.mark.slow
 def test_a_message_that_comes_byte_by_byte_delays_no_limit(folder):
     """The next bake goes on in another worker."""
     code, _, err = run(*jobs(folder, "drip", "a"), "--timeout", "4")
@@ -162,6 +166,7 @@ def test_a_message_that_comes_byte_by_byte_delays_no_limit(folder):
     assert reports.bakes(folder / "r.json")[0]["seconds"] < 6.0
 
 
+@pytest.mark.slow
 def test_a_worker_that_sends_no_messages_ends_one_bake_alone(folder):
     run(*jobs(folder, "garble", "a"))
     assert [(each["cause"], each["error"]) for each in reports.bakes(folder / "r.json")] == [
@@ -170,6 +175,7 @@ def test_a_worker_that_sends_no_messages_ends_one_bake_alone(folder):
     ]
 
 
+@pytest.mark.slow
 def test_a_bake_that_takes_too_much_memory_is_ended_at_the_limit(folder):
     code, _, err = run(*jobs(folder, "fill", "a"), "--max-memory", "1G")
     assert code == exit_codes.NO_MACHINE
@@ -342,6 +348,7 @@ def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch
     assert interruption._at_end == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "expected"), [("good", 1), ("crash", 3)])
 def test_after_a_crash_there_is_a_spare_worker(folder, monkeypatch, name, expected):
     monkeypatch.setenv("PYTHONPATH", str(SABOTAGE))
@@ -408,6 +415,7 @@ def scene(folder, count):
     return sets
 
 
+@pytest.mark.slow
 def test_sets_of_a_scene_that_is_saved_stay_in_one_worker(folder):
     sets = [
         *scene(folder, 4),
@@ -432,6 +440,7 @@ def hanging(folder, *more):
     return process, Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
 
 
+@pytest.mark.slow
 def test_a_bake_that_hangs_is_ended_some_time_after_one_signal(folder):
     """The report is whole, the other bake has its record, and no claim is left."""
     process, children = hanging(folder, "--resume")
@@ -451,6 +460,7 @@ def test_a_bake_that_hangs_is_ended_some_time_after_one_signal(folder):
     assert not [number for number in children if Path(f"/proc/{number}").exists()]
 
 
+@pytest.mark.slow
 def test_a_large_file_that_is_compared_delays_neither_limits_nor_signals(folder):
     """The second bake waits for its file, which the first process reads for its record."""
     process = start(*jobs(folder, "hang", "slow"), "--resume", "--timeout", "3", "--workers", "2")
@@ -466,6 +476,7 @@ def test_a_large_file_that_is_compared_delays_neither_limits_nor_signals(folder)
     assert not list(folder.glob("*.imprint.*"))
 
 
+@pytest.mark.slow
 def test_a_large_file_of_an_untrusted_bake_delays_no_signal(folder):
     """What its process says of it is compared."""
     (folder / "out").mkdir()
@@ -484,6 +495,7 @@ def test_a_large_file_of_an_untrusted_bake_delays_no_signal(folder):
     assert [state for _, state, *_ in outcome(folder)] == ["stopped"]
 
 
+@pytest.mark.slow
 def test_a_message_that_comes_byte_by_byte_delays_no_signal(folder):
     process = start(*jobs(folder, "drip"), "--log", "logs")
     while not (folder / "logs").is_dir() or not list((folder / "logs").iterdir()):
@@ -536,6 +548,7 @@ def test_a_worker_that_hangs_ends_with_its_parent(folder):
         time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_before_it_begins_a_bake_leaves_it_to_another(folder):
     assert run(*jobs(folder, "early", "a"))[0] == exit_codes.DONE
     assert (folder / "early").exists()
@@ -550,6 +563,7 @@ def test_a_folder_for_logs_that_cannot_be_written_is_refused(folder):
     )
 
 
+@pytest.mark.slow
 def test_a_log_that_cannot_be_written_stops_no_bake(folder):
     (folder / "logs" / "000001_set_1_write_low.log").mkdir(parents=True)
     (folder / "logs" / "000002_set_2_write2_low.log").symlink_to("/dev/full")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.core.declarations import bases
-from tests.support import angles, lanes, seen_normals, zoo
+from tests.support import angles, seen_normals, zoo
 from tests.support.maps import bake
 from tests.support.seen_frames import frames
 
@@ -68,7 +68,8 @@ def assert_own_basis(found, engine):
     assert min(found.values()) > WRONG
 
 
-@pytest.mark.parametrize("engine", lanes.slow_but(["CYCLES"], seen_normals.ENGINES))
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", seen_normals.ENGINES)
 def test_an_engine_shows_the_map_of_its_basis_and_no_other(engine, tmp_path):
     low, high = triangulated(zoo.terrain("low", n=9, height=0.3)), zoo.terrain("high", n=64, height=0.3)
     assert_own_basis(off(low, high, engine, tmp_path, 1024), engine)

@@ -118,7 +118,8 @@ def width_of(shown, material, folder):
     return np.sqrt(np.log(2.0) / -slope)
 
 
-@pytest.mark.parametrize(("level", "size", "samples"), [(0, 32, 64), pytest.param(3, 256, 4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("level", "size", "samples"), [(0, 32, 64), (3, 256, 4)])
 def test_the_low_mesh_has_the_highlight_of_the_high_one_seed_1(level, size, samples, tmp_path):
     """Where texels are wider than bumps, and on a mip level of a map that shows the bumps."""
     low, high = patch("low", 48), patch("high", 512, bumps(0.2, 64, 1))

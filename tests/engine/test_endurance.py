@@ -198,6 +198,7 @@ FEW, MORE_BAKES = 8, 24
 """The numbers of bakes of many maps after which counts are compared; with IMPRINT_ENDURANCE=1, of 300 bakes."""
 
 
+@pytest.mark.slow
 @needs_proc
 def test_bakes_of_many_maps_leave_nothing_behind():
     """Images of the high mesh change, and so do its shape, the size and the samples."""

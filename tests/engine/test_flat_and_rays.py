@@ -233,6 +233,7 @@ def test_live_draws_what_a_bake_draws():
         one.free()
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 def test_the_helmet_has_no_holes_and_looks_as_by_cast(shared_assets):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "helmet_23358_6117.blend"))

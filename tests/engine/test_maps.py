@@ -103,6 +103,7 @@ def test_a_displace_modifier_with_the_scale_of_the_bake_makes_the_high_surface(d
     assert np.abs(z[inner]).max() > 0.9 * HEIGHT
 
 
+@pytest.mark.slow
 def test_curvature_at_the_corner_of_a_cube_is_beyond_1_in_floats_alone():
     low, high = zoo.cube("lo", gap=0.0), zoo.cube("hi", gap=0.0)
     maps = ["CURVATURE", "CONVEXITY"]

@@ -87,6 +87,7 @@ def test_a_broken_manifest_is_refused(tmp_path):
         build(tmp_path, tmp_path / "dist")
 
 
+@pytest.mark.slow
 def test_the_zip_can_be_installed_and_used(archive, tmp_path):
     """In a separate, isolated process (-I), so that nothing is imported from the checkout."""
     program = [sys.executable, "-I", str(Path(__file__).with_name("install_zip.py")), str(archive)]

@@ -64,6 +64,7 @@ def made(tmp_path_factory):
     return (home / "made").rename(home / "moved"), output
 
 
+@pytest.mark.slow
 def test_the_output_lists_all_files(made):
     folder, output = made
     names = ["low_normal.png", "plane_normal.png", "terrain.blend", "terrain.png"]

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests the lanes of tests: pure ones need no Blender, and each file has fast ones."""
+"""Tests that tests/pure needs no Blender."""
 
-import ast
 import subprocess
 import sys
 
@@ -27,6 +26,7 @@ def run(*arguments):
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_pure_tests_pass_without_blender():
     code, output = run("tests/pure")
     assert code == pytest.ExitCode.OK, output
@@ -39,22 +39,6 @@ def test_pure_tests_skip_nothing_on_any_system():
     texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "tests" / "pure").glob("*.py")}
     assert texts
     assert [name for name, text in texts.items() if "skip" in text] == []
-
-
-def is_slow(test):
-    """Whether all cases of a test are marked."""
-    return any(ast.unparse(mark) == "pytest.mark.slow" for mark in test.decorator_list)
-
-
-@pytest.mark.parametrize("path", sorted((ROOT / "tests").rglob("test_*.py")), ids=lambda path: path.stem)
-def test_each_file_has_fast_tests(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    tests = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")]
-    assert not all(is_slow(test) for test in tests)
-    marks = [
-        node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark"
-    ]
-    assert "slow" not in "".join(map(ast.unparse, marks))
 
 
 def test_no_two_files_have_the_same_name():

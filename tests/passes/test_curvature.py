@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from addon.passes.hemisphere import curvature, thickness
-from tests.support import oracle
+from tests.support import lanes, oracle
 from tests.support.hemisphere import COUNT, Probes, flipped, polygon, rectangle, tables
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -38,7 +38,7 @@ def on_sphere(rng):
 
 
 @pytest.mark.parametrize("is_hollow", [False, True])
-@pytest.mark.parametrize("rho", [0.1, 0.25, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("rho", lanes.slow_but([0.5], [0.1, 0.25, 0.5, 0.8, 1.0]))
 def test_curvature_of_spheres_of_five_radii_with_balls_of_five_sizes_seed_1(rho, is_hollow):
     """A ball of radius R around a point on a sphere of radius rho is inside it by 1/2 - 3 R / (16 rho)."""
     points, triangles, side = on_sphere(np.random.default_rng(1)), sphere() * rho, -1.0 if is_hollow else 1.0
@@ -120,7 +120,7 @@ def test_thickness_of_a_slab_seed_4(farthest):
 
 
 @pytest.mark.parametrize("inner", [0.5, 0.8, 0.95])
-@pytest.mark.parametrize("farthest", [0.1, 0.5, 2.5])
+@pytest.mark.parametrize("farthest", lanes.slow_but([0.5], [0.1, 0.5, 2.5]))
 def test_thickness_of_shells_seed_5(inner, farthest):
     """Rays leave the shell into its hollow, or beside it."""
     points = on_sphere(np.random.default_rng(5))

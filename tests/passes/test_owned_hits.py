@@ -162,6 +162,7 @@ def smooth(corners):
     return corners / np.linalg.norm(corners, axis=2, keepdims=True)
 
 
+@pytest.mark.slow
 def test_own_hits_in_spheres_in_spheres_seed_1():
     """Each layer of the high mesh belongs to the layer of the low one that it is closest to."""
     rng = np.random.default_rng(1)

@@ -278,3 +278,30 @@ def test_the_table_of_exit_codes_has_those_of_the_command():
     cells = [line[0] for line in rows(section(ROOT / "docs" / "command-line.md", "## Exit codes"))]
     assert cells[:-1] == list(map(str, codes))
     assert {int(word) for word in cells[-1].split(", ")} == {128 + number for number in (1, 2, 15)}
+
+
+def test_the_options_of_each_preset_do_the_same_as_the_preset():
+    said = {}
+    for cells in rows(section(ROOT / "docs" / "engines.md", "## Presets")):
+        if len(cells) == 2:
+            (options,) = names(cells[1])
+            parsed = arguments.parse(["x.blend", "--low", "low", "--output", "map.png", *shlex.split(options)])
+            values = (parsed.red, parsed.green, parsed.blue, parsed.basis, str(parsed.depth), parsed.alpha)
+            said |= dict.fromkeys(cells[0].split(", "), values)
+    presets = {}
+    for path in (ROOT / "addon" / "presets").rglob("*.py"):
+        lines = re.findall(r"^settings\.(\w+) = (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+        values = {name: ast.literal_eval(value) for name, value in lines}
+        presets[path.stem] = tuple(values[name] for name in ("red", "green", "blue", "basis", "depth", "alpha"))
+    assert said == presets
+
+
+def test_each_picture_is_shown():
+    folders = [ROOT / "docs" / "images", ROOT / "docs" / "extension"]
+    pictures = {path for folder in folders for path in folder.iterdir() if path.suffix in {".jpg", ".png"}}
+    linked = {
+        (page.parent / target).resolve()
+        for page in PAGES
+        for target in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", prose(page))
+    }
+    assert pictures <= linked

@@ -2,6 +2,7 @@
 """Tests the structure of the code by reading its source: imports run one way."""
 
 import ast
+import functools
 import subprocess
 import sys
 from pathlib import PurePath
@@ -53,10 +54,15 @@ WITHOUT_BLENDER = (
 """Folders and modules that need no Blender, although others of their package do. They import only what needs none."""
 
 
+@functools.cache
+def parsed(path):
+    return ast.parse((ROOT / path).read_text(encoding="utf-8"))
+
+
 def imports(path):
     """The modules that a file imports anywhere, as "addon/core/errors" for Imprint's own, and "bpy" for others."""
     here = path.parent.parts
-    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
+    tree = parsed(path)
     for_types = {node for branch in tree.body if is_for_types(branch) for node in ast.walk(branch)}
     for node in ast.walk(tree):
         if node in for_types:
@@ -101,18 +107,24 @@ def test_the_table_has_no_circle():
             del left[name]
 
 
-@pytest.mark.parametrize("path", MODULES, ids=str)
-def test_imports_run_one_way(path):
-    own = package(path)
-    found = {name: package(name) for name in imports(path)}
-    allowed = MAY_IMPORT[own] | {own, None}
-    assert {name: where for name, where in found.items() if where not in allowed} == {}
+def test_imports_run_one_way():
+    wrong = [
+        (path.as_posix(), name)
+        for path in MODULES
+        for name in imports(path)
+        if package(name) not in MAY_IMPORT[package(path)] | {package(path), None}
+    ]
+    assert wrong == []
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if package(path) in WITHOUT], ids=str)
-def test_packages_do_not_import_forbidden_modules(path):
-    top = {name.split("/")[0] for name in imports(path)}
-    assert not top & WITHOUT[package(path)]
+def test_packages_do_not_import_forbidden_modules():
+    wrong = [
+        (path.as_posix(), name)
+        for path in MODULES
+        for name in imports(path)
+        if name.split("/")[0] in WITHOUT.get(package(path), ())
+    ]
+    assert wrong == []
 
 
 @pytest.mark.parametrize("folder", WITHOUT_BLENDER)
@@ -127,17 +139,24 @@ def test_folders_without_blender_import_none(folder):
     assert done.stdout == "False\n"
 
 
-@pytest.mark.parametrize("path", MODULES, ids=str)
-def test_state_is_in_objects(path):
+def test_state_is_in_objects():
     """No function assigns to a global name."""
-    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
-    assert not [node.names for node in ast.walk(tree) if isinstance(node, ast.Global)]
+    found = [
+        (path.as_posix(), node.names)
+        for path in MODULES
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.Global)
+    ]
+    assert found == []
 
 
-@pytest.mark.parametrize("path", TESTS_IN_THE_WINDOW, ids=str)
-def test_tests_of_the_window_use_public_names(path):
-    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
-    private = [node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and is_private(node)]
+def test_tests_of_the_window_use_public_names():
+    private = [
+        (path.as_posix(), node.attr)
+        for path in TESTS_IN_THE_WINDOW
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.Attribute) and is_private(node)
+    ]
     assert private == []
 
 

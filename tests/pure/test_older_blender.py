@@ -2,6 +2,7 @@
 """Tests that code for older versions of Blender is in one file, and that few lines call it."""
 
 import ast
+import functools
 import tomllib
 from collections import Counter
 
@@ -32,12 +33,14 @@ CALLS = {
 """What to change when older versions are dropped: the docstrings of older_blender.py say into what."""
 
 
+@functools.cache
 def trees():
     """Each module of the add-on but the one for older versions, by its path in addon/, parsed as Python 3.11 does."""
-    for path in sorted(ADDON.rglob("*.py")):
-        if path.name != "older_blender.py":
-            text = path.read_text(encoding="utf-8")
-            yield path.relative_to(ADDON).as_posix(), ast.parse(text, feature_version=(3, 11))
+    return [
+        (path.relative_to(ADDON).as_posix(), ast.parse(path.read_text(encoding="utf-8"), feature_version=(3, 11)))
+        for path in sorted(ADDON.rglob("*.py"))
+        if path.name != "older_blender.py"
+    ]
 
 
 def test_the_calls_are_known():
@@ -77,7 +80,12 @@ def test_new_materials_get_nodes():
 
 
 def test_no_other_module_starts_the_gpu():
-    found = [path for path, tree in trees() for node in ast.walk(tree) if ast.unparse(node) == "gpu.init"]
+    found = [
+        path
+        for path, tree in trees()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and ast.unparse(node) == "gpu.init"
+    ]
     assert found == []
 
 

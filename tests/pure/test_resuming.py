@@ -715,6 +715,7 @@ def workers(folder, count):
     return found
 
 
+@pytest.mark.slow
 def test_processes_with_the_same_run_do_each_bake_once(folder):
     for process in workers(folder, 3):
         process.communicate()

@@ -10,7 +10,7 @@ from addon.core.declarations.all_settings import DECLARED
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from tests.support import angles, maps, outcome, zoo
+from tests.support import angles, lanes, maps, outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -26,6 +26,8 @@ FILES = {  # with the number of their meshes
     "groups.obj": 2,
     "nancolor.obj": 1,
 }
+LARGE = {"cycloidal.ply", "fuze.obj"}
+"""Those of the slow lane."""
 IMPORTERS = {
     ".obj": lambda path: bpy.ops.wm.obj_import(filepath=path),
     ".ply": lambda path: bpy.ops.wm.ply_import(filepath=path),
@@ -38,6 +40,7 @@ AROUND = 1.2
 ROUNDING = 1e-3
 """Degrees: the error of positions in single precision, with quads of 1/64 of their size."""
 SMALL = {"width": 32, "height": 32, "storage": "MEMORY"}
+SCALES = [(1.0, 1.0, 1.0), (-1e-3, 1e3, 1.0), (1.0, 1.0, 0.0), (1e30, 1e30, 1e30)]
 
 
 @pytest.mark.shared
@@ -45,7 +48,7 @@ def test_every_file_is_tested(shared_assets):
     assert sorted(path.name for path in (shared_assets / "nasty").iterdir()) == sorted(FILES)
 
 
-@pytest.fixture(params=FILES)
+@pytest.fixture(params=lanes.slow_but(FILES.keys() - LARGE, FILES))
 def meshes(request, shared_assets):
     """The mesh objects of a file."""
     path = shared_assets / "nasty" / request.param
@@ -100,7 +103,7 @@ def test_a_file_as_high(meshes, make, method, tmp_path):
 
 @pytest.mark.shared
 @pytest.mark.parametrize("method", DECLARED["method"].values)
-@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (-1e-3, 1e3, 1.0), (1.0, 1.0, 0.0), (1e30, 1e30, 1e30)], ids=str)
+@pytest.mark.parametrize("scale", lanes.slow_but(SCALES[:2], SCALES), ids=str)
 def test_a_file_as_instances(meshes, method, scale, tmp_path):
     """All objects of the file, twice in a collection that an empty instances."""
     shelf, twice = bpy.data.collections.new("Shelf"), bpy.data.collections.new("Twice")
@@ -207,6 +210,7 @@ def test_an_island_that_is_a_point_on_another_island(size, tmp_path):
     assert is_map(bake(low, high, "FLATTEN", tmp_path, margin_type="ADJACENT_FACES", depth=32))
 
 
+@pytest.mark.slow
 def test_messages_stay_short_with_many_tiles_and_objects(tmp_path):
     low, highs = zoo.plane("lo"), [zoo.plane(f"high {number:02} {'x' * 40}") for number in range(20)]
     for corner in low.data.uv_layers[0].uv:

@@ -100,6 +100,7 @@ def select_all():
 # Day two
 
 
+@pytest.mark.slow
 def test_another_process_bakes_the_saved_pair(crate, tmp_path):
     """With the low object alone active, and after selecting all, while the high object is still hidden."""
     before = texels("crate_low_normal")
