@@ -3,7 +3,6 @@
 
 from collections.abc import Callable, Iterable
 from functools import cached_property
-from typing import Protocol
 
 import gpu
 import numpy as np
@@ -14,6 +13,7 @@ from ..core.texel_state import Map
 from ..engine import bands, normal_channels, uv_agreement
 from ..engine.bands import Band
 from ..engine.hidden_parts import HiddenParts, Layer
+from ..engine.maps.sampling import SampledMaps
 from ..engine.method_choice import Plan
 from ..mesh.inputs import Meshes
 from ..passes import mesh_upload, target
@@ -22,17 +22,10 @@ from .angle_counts import AngleCounts
 from .pictures.bake_pictures import BakePictures
 
 
-class HighNormals(Protocol):
-    """What draws the normals of the high meshes, as maps.sampling.SampledMaps."""
-
-    def high_normals(self, band: Band) -> gpu.types.GPUTexture:
-        """Those at the centers of a band's texels."""
-
-
 class _Drawn:
     """What is measured together: the low mesh, or a layer of hidden parts. meshes, highs: of these triangles."""
 
-    def __init__(self, meshes: Meshes, highs: HighNormals, layer: Layer | None = None):
+    def __init__(self, meshes: Meshes, highs: SampledMaps, layer: Layer | None = None):
         self.meshes, self.highs, self.layer = meshes, highs, layer
         self.low = meshes.basis or meshes.low
 
@@ -54,7 +47,7 @@ class Deviations:
     def __init__(
         self,
         plan: Plan,
-        highs: HighNormals,
+        highs: SampledMaps,
         settings: Settings,
         pictures: BakePictures | None = None,
         *,

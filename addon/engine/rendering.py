@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs the passes in order, band by band, to arrays of texels."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from typing import Protocol
 
 import gpu
 import numpy as np
@@ -17,18 +17,43 @@ from .bands import Band, bands
 from .margins import PostProcess
 
 
-class BandMaps(Protocol):
-    """Draws all maps of a band. takes_time: whether a coarse picture is worth its time. stopped (rows, width) bool: which
-    texels of the last band, without its halo, took fewer samples than the settings say; None if none did."""
+class BandMaps(ABC):
+    """Draws all maps of a band."""
 
-    takes_time: bool
-    stopped: np.ndarray | None
+    takes_time = False
+    """Whether a coarse picture is worth its time."""
+    stopped: np.ndarray | None = None
+    """Which texels (rows, width) bool of the last band, without its halo, took fewer samples than the settings say; None if
+    none did."""
 
+    @abstractmethod
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
         """The names and textures (RGBA32F) of the maps. Each texture is valid until the next one is asked for."""
 
-    def coarse(self, tile: int) -> Task[None]:
-        """A first, coarse picture of the whole map, if takes_time."""
+    def coarse(self, _tile: int) -> Task[None]:
+        """A first, coarse picture of the whole map, if `takes_time`."""
+        yield from ()
+
+
+class DrawnMaps(BandMaps):
+    """Maps that were drawn before, by name: (height, width, 4) float32, as Renderer.raw returns them."""
+
+    def __init__(self, maps: dict[str, np.ndarray]):
+        self.maps = maps
+
+    def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
+        yield from ()
+        return ((name, upload_band(values, band)) for name, values in self.maps.items())
+
+
+def upload_band(values: np.ndarray, band: Band) -> gpu.types.GPUTexture:
+    """The rows of a map (height, width, 4) float32 that a band shows, with its halo. Rows outside the map are 0."""
+    texels = np.zeros((band.height, band.width, 4), np.float32)
+    first, last = band.start - band.halo, band.stop + band.halo
+    rows = slice(max(0, first), min(last, len(values)))
+    texels[rows.start - first : rows.stop - first] = values[rows]
+    data = gpu.types.Buffer("FLOAT", texels.shape, texels)
+    return gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
 
 
 class Renderer:

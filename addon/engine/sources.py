@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sources of normals and hits: high meshes drawn in UV space, rays, or both."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import gpu
 import numpy as np
@@ -27,22 +27,27 @@ from .rays import ray_casting, ray_directions, ray_distances, tracing, tree_cach
 from .roles import role
 
 
-class Source(Protocol):
+class Source(ABC):
     """Draws samples of a band: normals of the high surface, and hits, as shaders/lib/hit_lib.glsl reads them.
 
-    takes_time: whether it draws normals in slices. is_within_low: whether hits are only where the low mesh is. ray_cast: the
-    rays that it casts, or None. share_of_rays: the share of the low mesh's texels for which they were cast. surface: what the
-    hits are on; None if no map needs them. method: which one it is.
-    slot: the number of a sample whose normals and hits stay beside others.
+    The slot of a sample is a number: its normals and hits stay beside those of other slots.
     """
 
-    takes_time: bool
-    is_within_low: bool
-    ray_cast: ray_casting.RayCast | None
-    share_of_rays: float
+    takes_time = False
+    """Whether it draws normals in slices."""
+    is_within_low = False
+    """Whether hits are only where the low mesh is."""
+    ray_cast: ray_casting.RayCast | None = None
+    """The rays that it casts."""
+    share_of_rays = 0.0
+    """The share of the low mesh's texels for which rays were cast."""
     surface: HighSurface | None
+    """What the hits are on; None if no map needs them."""
     method: Method
+    _size: tuple[int, int]
+    """Of the last band."""
 
+    @abstractmethod
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F with alpha 1 for a hit, 0 outside the mesh, -1 for a miss.
 
@@ -51,9 +56,11 @@ class Source(Protocol):
 
     def drawn(self, slot: int = 0) -> target.Target:
         """The target of the last `normals` with this slot."""
+        return target.get(role("high", slot), *self._size, "RGBA32F")
 
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         """The hits (RGBA32UI) of the last `normals` with this slot."""
+        return target.get(role("hits", slot), band.width, band.height, "RGBA32UI")
 
 
 def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | None = None) -> Task[Source]:
@@ -152,17 +159,13 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     )
 
 
-class Flat:
+class Flat(Source):
     """Draws `highs` in UV space.
 
     surface: the triangles, for hits. is_drawn: which of them (T,) bool, mesh after mesh, `highs` have; None for all. uploads: a
     cache of uploaded meshes.
     """
 
-    takes_time = False
-    is_within_low = False
-    ray_cast = None
-    share_of_rays = 0.0
     method = Method.FLATTEN
 
     def __init__(
@@ -184,7 +187,7 @@ class Flat:
         self._in_uv: gpu.types.GPUBatch | None = None
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
-        """As Source has it, all rows at once; before, no rows while parts of the meshes are drawn."""
+        """All rows at once; before, no rows while parts of the meshes are drawn."""
         self._size = band.width, band.height
         into = self.drawn(slot)
         for done in self.batches.draw(into, band):
@@ -192,13 +195,11 @@ class Flat:
             yield into.texture, range(0 if done == 1.0 else row, row)
 
     def drawn(self, slot: int = 0) -> target.Target:
-        """As Source has it."""
         make = target.get if self.is_changed_later else target.offscreen
         return make(role("high", slot), *self._size, "RGBA32F")
 
     def hits(self, band: Band, slot: int = 0) -> target.Target:
-        """As Source has it."""
-        into = target.get(role("hits", slot), band.width, band.height, "RGBA32UI")
+        into = super().hits(band, slot)
         if self._in_uv is None:
             numbers = self.surface.numbers if self.is_drawn is None else self.surface.numbers[self.is_drawn]
             with self.timings.timed("upload"):
@@ -208,7 +209,7 @@ class Flat:
         return into
 
 
-class Rays:
+class Rays(Source):
     """Casts the rays of `ray_cast` from `low` to `highs`."""
 
     takes_time = True
@@ -223,7 +224,6 @@ class Rays:
         self.low, self._near = low, NearTriangles(low)
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
-        """As Source has it."""
         self._size = size = band.width, band.height
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
         self.ray_cast.draw(rays, band.uv_to_clip)
@@ -284,14 +284,6 @@ class Rays:
         some: Active | None = None,
     ) -> None:
         tracing.look_up(normals, hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows, some=some)
-
-    def drawn(self, slot: int = 0) -> target.Target:
-        """As Source has it."""
-        return target.get(role("high", slot), *self._size, "RGBA32F")
-
-    def hits(self, band: Band, slot: int = 0) -> target.Target:
-        """As Source has it."""
-        return target.get(role("hits", slot), band.width, band.height, "RGBA32UI")
 
 
 class FlatAndRays(Rays):

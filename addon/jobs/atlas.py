@@ -13,9 +13,8 @@ from ..core.report import Report
 from ..core.settings import Run, Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
-from ..engine.maps.drawn_maps import DrawnMaps
 from ..engine.mips import mip_levels
-from ..engine.rendering import Renderer
+from ..engine.rendering import DrawnMaps, Renderer
 from ..output.outputs import Outputs, into_materials
 from .report_making import DrawnJob, report_of
 

@@ -19,8 +19,8 @@ from ...passes import mesh_upload, target
 from ...passes.bake import map_normals, tangent
 from ...passes.view import lit
 from ..bands import Band
-from ..maps.drawn_maps import upload_band
 from ..normal_channels import channels
+from ..rendering import BandMaps, upload_band
 
 NEAR_UNIT = 0.25
 """How much the length of a stored normal may differ from 1. Means of normals are shorter."""
@@ -50,15 +50,12 @@ class Fit:
         self.away += int(np.count_nonzero(lengths < 0.0))
 
 
-class ConvertedMap:
-    """The normals of a stored map, in the space and the basis of the settings. See rendering.BandMaps.
+class ConvertedMap(BandMaps):
+    """The normals of a stored map, in the space and the basis of the settings.
 
     low: with UVs and normals, and with tangents as they were read if one of the spaces is tangent. before: what the stored map
     means.
     """
-
-    takes_time = False
-    stopped = None
 
     def __init__(self, low: Mesh, before: StoredNormals, settings: MapSettings):
         shown = stretch.as_read(low, before.from_basis) if before.from_space == Space.TANGENT else low
@@ -72,13 +69,8 @@ class ConvertedMap:
         self.fit = Fit()
 
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
-        """As BandMaps has it."""
         yield from ()
         return self._drawn(band)
-
-    def coarse(self, _tile: int) -> Task[None]:
-        """As BandMaps has it."""
-        yield from ()
 
     def _drawn(self, band: Band) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         decoded = target.get("map normals", band.width, band.height, "RGBA32F", "R16F")

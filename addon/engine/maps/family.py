@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What draws the maps of one family from the samples of a band."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import gpu
 
@@ -29,19 +29,19 @@ class Sample:
     blocks: Blocks | None = None
 
 
-class MapFamily(Protocol):
-    """Draws some maps of a bake from the hits of its samples.
-
-    effort: the time of a sample, roughly, as a multiple of the time that its hits take. has_pages: whether it loads images,
-    so that many samples at once take less time than one after another.
-    """
+class MapFamily(ABC):
+    """Draws some maps of a bake from the hits of its samples."""
 
     effort: float
-    has_pages: bool
+    """The time of a sample, roughly, as a multiple of the time that its hits take."""
+    has_pages = False
+    """Whether it loads images, so that many samples at once take less time than one after another."""
 
+    @abstractmethod
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
         """Add samples of a band. Their hits and normals stay as they are until the task ends."""
 
+    @abstractmethod
     def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         """The names and textures (RGBA32F; alpha 1 known, 0 empty, -1 missed) of the maps of a band whose samples were added.
 

@@ -15,7 +15,7 @@ from ...mesh.inputs import Meshes
 from ...passes.surface import image_look_up, image_page, material_table, plain_values
 from ..bands import Band
 from ..high_surface import HighSurface
-from .family import Sample
+from .family import MapFamily, Sample
 from .means import Mean
 from .page_uses import PageUse, draw_pages
 
@@ -29,8 +29,8 @@ class _Map:
     feeds: dict[Feed, int]
 
 
-class MaterialMaps:
-    """Draws the maps of Family.MATERIAL with these names, as family.MapFamily has it."""
+class MaterialMaps(MapFamily):
+    """Draws the maps of Family.MATERIAL with these names."""
 
     effort = 0.5
 
@@ -40,7 +40,6 @@ class MaterialMaps:
         self.has_pages = any(isinstance(feed, ImageFeed) for one in self.maps for feed in one.feeds)
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
-        """As MapFamily has it."""
         surface = self.surface
         with self.run.timings.timed("draw"):
             for sample in drawn:
@@ -95,7 +94,6 @@ class MaterialMaps:
         return PageUse(feed, one.table, number, draw)
 
     def finished(self, band: Band, _known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
-        """As MapFamily has it."""
         for one in self.maps:
             with self.run.timings.timed("draw"):
                 drawn = one.mean.texture(band)

@@ -15,15 +15,14 @@ from ...passes import mesh_upload, target
 from ...passes.bake import cast, gbuffer, other_map_pass
 from ..bands import Band
 from ..high_surface import HighSurface
-from .family import Sample
+from .family import MapFamily, Sample
 from .means import Central, Mean
 
 
-class PointMaps:
-    """Draws the maps of Family.POINTS with these names, as family.MapFamily has it."""
+class PointMaps(MapFamily):
+    """Draws the maps of Family.POINTS with these names."""
 
     effort = 0.2
-    has_pages = False
 
     def __init__(self, names: Sequence[str], low: Mesh, surface: HighSurface, run: Run):
         self.surface, self.timings = surface, run.timings
@@ -44,7 +43,6 @@ class PointMaps:
         self.origin = from_world[:3, :3] @ local_space.origin + from_world[:3, 3]
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
-        """As MapFamily has it."""
         for sample in drawn:
             with self.timings.timed("draw"):
                 self._add(sample)
@@ -74,6 +72,5 @@ class PointMaps:
             mean.add(sample, draw)
 
     def finished(self, band: Band, _known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
-        """As MapFamily has it."""
         for mean in self.means:
             yield mean.name, mean.texture(band)

@@ -2,7 +2,7 @@
 """Draws the maps whose rays start at the hits: ambient occlusion and bent normals, thickness, curvature."""
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
@@ -19,14 +19,13 @@ from ...passes.hemisphere import curvature, lattice, openness, thickness
 from ..bands import Band
 from ..high_surface import HighSurface
 from . import ray_reach
-from .family import Sample
+from .family import MapFamily, Sample
 from .normal_space import NormalSpace
 
 
-class RayMaps(ABC):
-    """Draws the maps of one family with these names, as family.MapFamily has it. Its rays go into one texture of sums."""
+class RayMaps(MapFamily):
+    """Draws the maps of one family with these names. Its rays go into one texture of sums."""
 
-    has_pages = False
     family: ClassVar[Family]
     title: ClassVar[str]
 
@@ -40,7 +39,6 @@ class RayMaps(ABC):
         self._picture: gpu.types.GPUTexture | None = None
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
-        """As MapFamily has it."""
         if self.run.pace.has_listener and drawn[0].number == 0:
             target.clear(self._sums(drawn[0].band))  # the picture shows rows that are not drawn yet
             self._picture = None
@@ -79,7 +77,6 @@ class RayMaps(ABC):
         self._picture = preview_picture.draw(into.texture, size, np.eye(3), clear=is_first, is_value=True)
 
     def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
-        """As MapFamily has it."""
         # Where several samples are summed, each has cast its share of the rays.
         rays = self.rays / self.run.settings.sampling.samples
         for name in self.names:

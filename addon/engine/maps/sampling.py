@@ -17,6 +17,7 @@ from ...passes.surface import served_blocks
 from ..adaptive.adaptive_normals import AdaptiveNormals
 from ..bands import Band
 from ..normal_channels import channels
+from ..rendering import BandMaps
 from ..sources import Source
 from .family import MapFamily, Sample
 from .normal_space import NormalSpace
@@ -30,8 +31,8 @@ COARSE = 8
 """How many times smaller than the map the first picture is, if drawing takes long."""
 
 
-class SampledMaps:
-    """The maps of a band, as rendering.BandMaps has them: the normal map and those of `families`.
+class SampledMaps(BandMaps):
+    """The maps of a band from samples: the normal map and those of `families`.
 
     space: of the normals. detail: the high meshes' own normal and bump maps, or None.
 
@@ -106,7 +107,6 @@ class SampledMaps:
 
     @property
     def stopped(self) -> np.ndarray | None:
-        """As BandMaps has it."""
         return self.adaptive.stopped if self.adaptive else None
 
     @property

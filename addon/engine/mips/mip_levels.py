@@ -14,9 +14,8 @@ from ...core.progress import Progress, Task, finish
 from ...core.settings import MapSettings, Run
 from ...core.texel_state import Map
 from .. import margins
-from ..maps.drawn_maps import DrawnMaps
 from ..normal_channels import channels
-from ..rendering import Renderer
+from ..rendering import DrawnMaps, Renderer
 from .block_sums import halved, slabs
 from .rough_levels import RoughLevels
 

@@ -15,13 +15,13 @@ from ...passes.bake import gbuffer, samples
 from ...passes.surface import slope_moments
 from ..bands import Band
 from ..high_surface import HighSurface
-from ..maps.family import Sample
+from ..maps.family import MapFamily, Sample
 from ..maps.material_maps import MaterialMaps
 from ..maps.normal_space import NormalSpace
 
 
-class SlopeMaps:
-    """Draws the map of Family.SLOPES, as family.MapFamily has it. space: of the normals of the bake."""
+class SlopeMaps(MapFamily):
+    """Draws the map of Family.SLOPES. space: of the normals of the bake."""
 
     def __init__(self, meshes: Meshes, surface: HighSurface, run: Run, *, space: NormalSpace):
         self.roughness = MaterialMaps([WIDENED_ROUGHNESS.name], meshes, surface, run)
@@ -36,7 +36,6 @@ class SlopeMaps:
         return mesh_upload.upload(low.triangles, uv=low.uv, position=low.positions[low.vertices], direction=normals)
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
-        """As MapFamily has it."""
         for sample in drawn:
             with self.run.timings.timed("draw"):
                 self._add(sample)
@@ -56,7 +55,6 @@ class SlopeMaps:
         slope_moments.add(self._sums(band), normals, directions, is_first=is_first)
 
     def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
-        """As MapFamily has it."""
         if self.space.basis is not None:
             known = self._normals(band).texture
         into = target.get("widened roughness", band.width, band.height, "RGBA32F")
