@@ -30,8 +30,8 @@ from .plan import clashes, plans
 from .plan.plans import Plan, subject
 from .results import gates, report_file, run_report
 from .results.bake_result import Result
+from .results.terminal import Meter
 from .scene_files import Stage
-from .terminal_progress import Meter
 from .usage import arguments
 
 
@@ -68,7 +68,7 @@ class Opened:
     @property
     def report(self) -> Path | None:
         """The file of its report."""
-        return report_file.path_of(self.options.report)
+        return report_file.report_path(self.options.report)
 
     @property
     def scene(self) -> Path | None:
@@ -106,7 +106,7 @@ def open_files(
     interruption.note(name)
     settings = arguments.settings(options)
     # Opening a file can take long, so check first that the results can be written.
-    for path in (settings.storing.output, options.export, options.save_blend, report_file.path_of(options.report)):
+    for path in (settings.storing.output, options.export, options.save_blend, report_file.report_path(options.report)):
         if path and naming.LOW not in str(path):
             check_writable(Path(path).absolute())
     if meter.is_on:
@@ -166,7 +166,7 @@ def run(opened: Opened, stage: Stage, files: clashes.RunFiles, meter: Meter) -> 
         result.inputs = [each.facts() for each in (*opened.declared, *opened.found)]
         result.seconds = time.perf_counter() - opened.begun
         if opened.report is not None:
-            report_file.write(opened.report, run_report.document([result.entry()], 1))
+            report_file.write_report(opened.report, run_report.document([result.entry()], 1))
     return result
 
 

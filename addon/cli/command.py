@@ -18,11 +18,9 @@ from . import bounds, interruption, standard_streams
 from .blender_process import load_blender
 from .plan import clashes, plans
 from .plan.clashes import InputFiles
-from .results import events, this_call
-from .results.exit_codes import DONE, FAILED, WRONG_USAGE
-from .results.only import Only
-from .results.this_call import ThisCall
-from .terminal_progress import Meter
+from .results import run_report, terminal
+from .results.run_report import DONE, FAILED, WRONG_USAGE, Only, ThisCall
+from .results.terminal import Meter
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
 from .workers import worker_process
@@ -46,11 +44,11 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
     with interruption.listening():
         if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
             return _work()
-        with standard_streams.ours(interruption.said()) as said_by_blender, events.meter(words) as meter:
+        with standard_streams.ours(interruption.said()) as said_by_blender, terminal.meter(words) as meter:
             if VERSION in words:
                 print(versions.line())
                 return DONE
-            this_call.note(ThisCall.of(words))
+            run_report.note(ThisCall.of(words))
             if gone := _has_no_folder():
                 meter.finished(_refuse(program, gone))
                 return WRONG_USAGE
@@ -63,7 +61,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
             elif words[:1] == [REPORT]:
                 from .results import report_command
 
-                done = report_command.run(words[1:], f"{program} {REPORT}")
+                done = report_command.run_report_command(words[1:], f"{program} {REPORT}")
             else:
                 done = _run(words, program, meter, _read, may_start_processes=may_start_processes)
             code = interruption.code() or done
@@ -75,9 +73,10 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
 
 def _work() -> int:
     load_blender()
-    from .workers import worker  # needs Blender
+    with startup.spent("imprint"):
+        from .workers import worker  # needs Blender
 
-    return worker.run()
+    return worker.run_worker()
 
 
 def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, may_start_processes: bool) -> int:

@@ -11,7 +11,7 @@ from pathlib import Path
 from .. import flamenco
 from ..core.errors import BakeError, WrongPlace, sentence
 from . import bounds
-from .results.exit_codes import DONE, FAILED, WRONG_USAGE
+from .results.run_report import DONE, FAILED, WRONG_USAGE
 from .usage import arguments, job_file, option_types
 from .usage.arguments import Parser, WrongUsage
 from .usage.options import CommandOption

@@ -15,23 +15,19 @@ from ..core.timings import startup
 from .blender_process import load_blender
 from .bounds import Bounds
 from .done.claims import Claims
-from .done.resuming import Resuming
-from .done.turns import Turns
-from .done.turns_aside import TurnsAside
+from .done.turns import Resuming, Turns, TurnsAside
 from .plan import clashes, plans
 from .plan.plans import Plan
-from .results import exit_codes, kept_files, report_file, run_report, terminal_text
+from .results import report_file, run_report, sheet, terminal
 from .results.bake_result import Done, Wanted
-from .results.only import Only
 from .results.report_file import ReportFile
-from .results.run_report import Entry, State
-from .results.sheets import picture_files
-from .results.sheets.sheet_file import SheetFile
+from .results.run_report import Entry, Only, State
+from .results.sheet import SheetFile
+from .results.terminal import Meter
 from .sandbox import MOST_SECONDS, Sandbox, most_memory
-from .terminal_progress import Meter
 from .usage import arguments, run_options
 from .usage.options import STDOUT
-from .workers.supervisor import Limits, Supervisor
+from .workers.pool import Limits, Supervisor
 
 
 @dataclass(frozen=True)
@@ -79,8 +75,8 @@ def run(many: Many, files: clashes.RunFiles, meter: Meter, *, may_start_processe
     Raises WrongPlace if no logs or pictures can be written, and if untrusted files have no sandbox.
     """
     options = many.options
-    kept_files.prepare("--log", options.log)
-    kept_files.prepare("--pictures", options.pictures)
+    report_file.prepare_folder("--log", options.log)
+    report_file.prepare_folder("--pictures", options.pictures)
     limits = _limits(options)
     box = closing(Sandbox(files.bounds, limits.memory, options.log)) if files.bounds else nullcontext()
     with box as sandbox:
@@ -117,7 +113,7 @@ def _run(
     except (BakeError, MemoryError) as error:
         meter.clear()
         print(f"{many.program}: {sentence(error)}", file=sys.stderr)
-        return exit_codes.NO_MACHINE if isinstance(error, NoGpu | MemoryError) else exit_codes.FAILED
+        return run_report.NO_MACHINE if isinstance(error, NoGpu | MemoryError) else run_report.FAILED
 
 
 def _limits(options: argparse.Namespace) -> Limits:
@@ -128,9 +124,9 @@ def _limits(options: argparse.Namespace) -> Limits:
 def _bake_here(turns: Turns, files: clashes.RunFiles, meter: Meter, wanted: Wanted) -> Iterator[Done]:
     load_blender()
     with startup.spent("imprint"):
-        from .workers import baker  # needs Blender
+        from .workers import worker  # needs Blender
 
-    yield from baker.bake_all(turns, files, meter, wanted)
+    yield from worker.bake_all(turns, files, meter, wanted)
 
 
 class _Found:
@@ -139,10 +135,10 @@ class _Found:
     def __init__(self, many: Many, files: clashes.RunFiles, meter: Meter):
         """Raises BakeError if the report cannot be written."""
         self._files = files
-        self._meter, self._out = meter, terminal_text.out(many.options)
+        self._meter, self._out = meter, terminal.out(many.options)
         self._many, self._program, self._report = many, many.program, many.options.report
         self._width = max((len(plan.name) for plan in many.chosen), default=0)
-        self._path = report_file.path_of(self._report)
+        self._path = report_file.report_path(self._report)
         self._file = ReportFile(self._path, many.planned, many.shard, many.only) if self._path else None
         self._sheet = None
         if sheet := many.options.sheet:
@@ -153,7 +149,7 @@ class _Found:
         self._lines: list[tuple[int, str]] = []
         """The number of each bake, and its line of the table."""
         self._counted = run_report.summary(())
-        self.tally = exit_codes.Tally()
+        self.tally = run_report.Tally()
 
     def __enter__(self) -> "_Found":
         return self
@@ -172,12 +168,12 @@ class _Found:
                 self._say(entry, f"warning: {warning}")
         for text in entry.gate:
             self._say(entry, text)
-        for line in terminal_text.saved(entry.maps):
+        for line in terminal.saved(entry.maps):
             print(line, file=self._out, flush=True)
         self._meter.ended(entry)
         self.tally.add(entry)
         run_report.count(self._counted, entry)
-        self._lines.append((entry.number, terminal_text.line(entry, self._width)))
+        self._lines.append((entry.number, terminal.line(entry, self._width)))
         picture = self._keep(done) if self._pictures else done.picture
         if self._files.is_harmful:
             return
@@ -190,7 +186,7 @@ class _Found:
 
     def _keep(self, done: Done) -> bytes:
         try:
-            return picture_files.keep(self._pictures, done)
+            return sheet.keep_picture(self._pictures, done)
         except BakeError as error:
             self._say(done.entry, f"warning: {error}")
             return done.picture
@@ -205,7 +201,7 @@ class _Found:
         if finished < wanted:
             print(f"{self._program}: stopped, {finished} of {wanted} were finished.", file=sys.stderr)
         lines = [line for _, line in sorted(self._lines)]
-        print("\n".join([*lines, terminal_text.total(self._counted, wanted)]), file=self._out)
+        print("\n".join([*lines, terminal.total(self._counted, wanted)]), file=self._out)
         if self._files.is_harmful:
             print(f"{self._program}: no report and no page was written over a file that a bake reads.", file=sys.stderr)
             return

@@ -11,10 +11,10 @@ from ..core.naming import printable
 from . import batch, blender_process, interruption
 from .plan import clashes, plans
 from .plan.plans import Plan
-from .results import bake_result, exit_codes, report_file, run_report, terminal_text
+from .results import bake_result, report_file, run_report, terminal
 from .results.bake_result import Result
+from .results.terminal import Meter
 from .scene_files import Stage
-from .terminal_progress import Meter
 from .usage.options import STDOUT
 
 
@@ -33,7 +33,7 @@ def run(plan: Plan, files: clashes.RunFiles, program: str, meter: Meter) -> int:
     except interruption.Stopped:
         meter.clear()
         print(f"{program}: stopped, nothing was finished.", file=sys.stderr)
-        return exit_codes.FAILED
+        return run_report.FAILED
     except (BakeError, MemoryError) as error:
         if isinstance(error, WrongPlace) and not is_begun:
             raise
@@ -42,7 +42,7 @@ def run(plan: Plan, files: clashes.RunFiles, program: str, meter: Meter) -> int:
         result.seconds = time.perf_counter() - start
         return _fail(result, options.report, program, meter)
     meter.clear()
-    out, entry = terminal_text.out(options), result.entry()
+    out, entry = terminal.out(options), result.entry()
     for warning in result.unsaid:
         meter.report(f"{program}: warning: {warning}")
     if result.is_stopped:
@@ -50,15 +50,15 @@ def run(plan: Plan, files: clashes.RunFiles, program: str, meter: Meter) -> int:
     for sentence in entry.gate:
         print(printable(f"{program}: {sentence}"), file=sys.stderr)
     lines = [
-        *terminal_text.saved(result.maps),
-        *terminal_text.summary(result),
-        terminal_text.wrote(result, opened.report),
+        *terminal.saved(result.maps),
+        *terminal.summary(result),
+        terminal.wrote(result, opened.report),
     ]
     print("\n".join(map(printable, lines)), file=out)
     if options.report == STDOUT:
         print(report_file.as_text(run_report.document([entry], 1)))
     meter.ended(entry)
-    return exit_codes.code(entry)
+    return run_report.exit_code(entry)
 
 
 def _fail(result: Result, report: str | None, program: str, meter: Meter) -> int:
@@ -67,8 +67,8 @@ def _fail(result: Result, report: str | None, program: str, meter: Meter) -> int
     entry = result.entry()
     meter.ended(entry)
     document = run_report.document([entry], 1)
-    if path := report_file.path_of(report):
+    if path := report_file.report_path(report):
         report_file.write_failure(path, document)
     elif report:
         print(report_file.as_text(document))
-    return exit_codes.code(entry)
+    return run_report.exit_code(entry)

@@ -16,7 +16,7 @@ from ..jobs.job import Job
 from ..output.files.atomic_file import reason
 from ..scene import dependencies
 from ..scene.visibility import put
-from . import interruption, outside_files, standard_streams
+from . import interruption, read_files, standard_streams
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file
 
 
@@ -56,7 +56,7 @@ class Stage:
 
     def take(self) -> None:
         """Use the open scene, whose simulations write no files then. Raises BakeError for what untrusted files must not do."""
-        self.notes = outside_files.leave_out(self._folders) if self._folders else []
+        self.notes = read_files.leave_out(self._folders) if self._folders else []
         self.notes += _hold_caches(self._held)
 
     @contextmanager
@@ -109,7 +109,7 @@ class Stage:
             return bring(name, space)
         except UnreadReference as error:
             if self._folders:
-                outside_files.check_reference(name, error.path, self._folders)
+                read_files.check_reference(name, error.path, self._folders)
             raise
 
 

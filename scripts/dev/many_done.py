@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))
 
-from addon.cli.done import bake_key, bake_record  # noqa: E402
+from addon.cli.done import records  # noqa: E402
 from addon.cli.done.contents import Contents  # noqa: E402
 from addon.cli.plan import plans  # noqa: E402
 from addon.cli.results.run_report import MAP, Entry  # noqa: E402
@@ -45,8 +45,8 @@ def make(folder: Path, count: int) -> Path:
     for plan in plans.plans_of(job_file.read(str(jobs)))[0]:
         output = plan.options.output
         entry = Entry(plan.number, plan.name, files=[{"path": output, "bytes": OUTPUT, "sha256": "", "what": MAP}])
-        draft = bake_record.Draft(bake_record.path_of(plan.options), plan.name, bake_key.of(plan.options, contents))
-        bake_record.write(draft, entry.to_dict(), [], [output], contents)
+        draft = records.Draft(records.record_path(plan.options), plan.name, records.key_of(plan.options, contents))
+        records.write_record(draft, entry.to_dict(), [], [output], contents)
     return jobs
 
 

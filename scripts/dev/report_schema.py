@@ -19,8 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from addon.cli.results import run_report  # noqa: E402
-from addon.cli.results.run_report import Entry  # noqa: E402
-from addon.cli.results.this_call import ThisCall  # noqa: E402
+from addon.cli.results.run_report import Entry, ThisCall  # noqa: E402
 from addon.core.conversion.conversion_report import ConversionReport  # noqa: E402
 from addon.core.levels.level_report import Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402

@@ -15,7 +15,7 @@ import pytest
 
 from addon.cli import command, scene_files
 from addon.cli.mesh_files import importers
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from addon.core import file_formats
 from scripts import imprint
 from tests.support import angles, maps, reports, zoo
@@ -96,7 +96,7 @@ SAME_PLACE = 0.05
 
 
 def test_all_endings_are_in_the_help_and_tested(capsys):
-    assert command.run(["--help"]) == exit_codes.DONE
+    assert command.run(["--help"]) == run_report.DONE
     text = capsys.readouterr().out.replace("\n", " ")
     assert all(ending in text for ending in file_formats.OPENED)
     assert set(EXPORTERS) == set(file_formats.OPENED)
@@ -164,10 +164,10 @@ def test_files_of_all_formats_have_the_same_transform(bumps, folder, run, number
     low, high = WITH_UVS[number], SHADED[(number + 3) % len(SHADED)]
     numbers = ["--size", "32", "--margin", "0", "--depth", "32", "--method", "cast", "--space", "world"]
     numbers += ["--extrusion", "0.3", "--max-distance", "0.6", "--output"]
-    assert run(bumps / "scene.blend", "--low", "a_low", "--high", "a_high", *numbers, "scene.exr")[0] == exit_codes.DONE
+    assert run(bumps / "scene.blend", "--low", "a_low", "--high", "a_high", *numbers, "scene.exr")[0] == run_report.DONE
     by_file = ["--low-file", bumps / f"a_low{low}", "--high-file", bumps / f"a_high{high}"]
     code, out, _ = run(*by_file, *numbers, "files.exr")
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     assert "a_low_normal" in out
     expected, found = read(folder / "scene.exr"), read(folder / "files.exr")
     assert (expected[..., 3] > 0).mean() > 0.99
@@ -182,10 +182,10 @@ def test_a_mesh_file_is_a_scene_as_well(folder, run):
     export(folder / "low.obj", low)
     export(folder / "high.ply", high)
     by_name = ["--low", "lo", "--high", "hi", *SMALL, "--output"]
-    assert run("both.glb", *by_name, "{low}.png")[0] == exit_codes.DONE
+    assert run("both.glb", *by_name, "{low}.png")[0] == run_report.DONE
     assert np.allclose(read(folder / "lo.png")[8, 8, :3], leaning(0.3), atol=ROUNDING_16)
     code, _, _ = run("low.obj", "high.ply", "--low", "lo", "--high", "high", *SMALL, "--output", "two.png")
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     assert np.allclose(read(folder / "two.png")[8, 8, :3], leaning(0.3), atol=ROUNDING_16)
 
 
@@ -197,12 +197,12 @@ def test_the_high_file_may_have_several_meshes_and_the_low_file_one(folder, run)
     export(folder / "cage.obj", low)
     by_file = ["--high-file", "two.glb", "--cage-file", "cage.obj", *SMALL, "--output", "{low}.png"]
     code, out, _ = run("--low-file", "rock.obj", *by_file, "--report", "r.json", "--save-blend", "s.blend")
-    assert code == exit_codes.DONE, out
+    assert code == run_report.DONE, out
     report = reports.one(folder / "r.json")
     assert (report["low"], len(report["high"])) == ("rock", 2)
     assert {"rock.png", "s.blend"} <= set(files(folder))
     code, _, err = run("--low-file", "two.glb", "--high-file", "rock.obj", *SMALL, "--output", "m.png")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert err.startswith(f"imprint: {str(folder / 'two.glb')!r} holds 2 meshes where one is wanted: ")
 
 
@@ -214,7 +214,7 @@ def test_the_low_mesh_gets_the_name_of_its_file_even_if_others_have_it(folder, r
     parent.name = "other"
     export(folder / "high.glb", zoo.plane("rock", slope=0.2))
     by_file = ["--low-file", "rock.glb", "--high-file", "high.glb", *SMALL]
-    assert run(*by_file, "--output", "{low}.png", "--report", "r.json")[0] == exit_codes.DONE
+    assert run(*by_file, "--output", "{low}.png", "--report", "r.json")[0] == run_report.DONE
     report = reports.one(folder / "r.json")
     assert (report["low"], report["image"]) == ("rock", "rock_normal")
     assert report["high"][0].startswith("rock.")
@@ -236,7 +236,7 @@ def test_shapes_of_bones_are_not_baked(folder, run):
     high.vertex_groups.new(name="Bone").add(range(4), 1.0, "REPLACE")
     export(folder / "high.glb", high, armature)
     by_file = ["--low-file", "low.obj", "--high-file", "high.glb", *SMALL]
-    assert run(*by_file, "--output", "m.png", "--report", "r.json")[0] == exit_codes.DONE
+    assert run(*by_file, "--output", "m.png", "--report", "r.json")[0] == run_report.DONE
     assert reports.one(folder / "r.json")["high"] == ["hi"]
     assert np.allclose(read(folder / "m.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
 
@@ -271,7 +271,7 @@ def test_broken_files_give_one_sentence(folder, run, name, role):
     before = files(folder)
     words = [word for key, value in {**good, role: name}.items() for word in (f"--{key}-file", value)]
     code, _, err = run(*words, *SMALL, "--output", "m.png")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: ")
     assert str(folder / name) in line
@@ -283,7 +283,7 @@ def test_a_missing_file_is_reported_before_others_are_read(folder, run, monkeypa
     export(folder / "low.obj", zoo.plane("lo"))
     monkeypatch.setattr(scene_files, "bring", lambda name, _space: pytest.fail(f"{name} was read"))
     code, _, err = run("--low-file", "low.obj", "--high-file", "none.obj", *SMALL, "--output", "m.png")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert err == f"imprint: There is no file {str(folder / 'none.obj')!r}.\n"
 
 
@@ -309,14 +309,14 @@ def test_nasty_files_give_a_map_or_one_sentence(shared_assets, folder, run, name
     export(folder / "other.obj", zoo.sphere("other", 8))
     nasty = [f"--{role}-file", shared_assets / "nasty" / name, f"--{other}-file", "other.obj"]
     code, _, err = run(*nasty, *SMALL, "--output", "m.png")
-    if code == exit_codes.FAILED:
+    if code == run_report.FAILED:
         (line,) = err.splitlines()
         assert line.startswith("imprint: ")
         assert line.endswith(".")
     else:
-        assert code == exit_codes.DONE
+        assert code == run_report.DONE
         assert np.isfinite(read(folder / "m.png")).all()
-    assert ("m.png" in files(folder)) == (code == exit_codes.DONE)
+    assert ("m.png" in files(folder)) == (code == run_report.DONE)
 
 
 @pytest.mark.slow
@@ -325,7 +325,7 @@ def test_importers_print_nothing(folder):
     export(folder / "low.obj", zoo.plane("lo"))
     export(folder / "high.glb", zoo.plane("hi", slope=0.2))
     done = script("--low-file", "low.obj", "--high-file", "high.glb", *SMALL, "--output", "m.png")
-    assert done.returncode == exit_codes.DONE, done.stderr
+    assert done.returncode == run_report.DONE, done.stderr
     assert "Flatten" in done.stdout
     assert not re.search(r"\bimport\b", done.stdout + done.stderr, re.IGNORECASE)
 
@@ -358,7 +358,7 @@ def rocks(folder):
 
 def test_a_folder_of_pairs(rocks, run):
     code, out, err = run("--pairs", "rocks", *SMALL, "--output", "{low}_n.png", "--report", "r.json")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     warning, failure = err.splitlines()
     assert warning.startswith("imprint: warning: 'd_high' has no low object")
     assert failure == f"imprint: c_low: {str(rocks / 'rocks' / 'c_high.stl')!r} ends too early."
@@ -381,7 +381,7 @@ def test_a_folder_of_pairs(rocks, run):
 
 
 def test_a_cage_in_a_folder_is_used(rocks, run):
-    assert run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--method", "flatten")[0] == exit_codes.FAILED
+    assert run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--method", "flatten")[0] == run_report.FAILED
     assert "a_low.png" not in files(rocks)  # Flatten does not use a cage
     assert "b_low.png" in files(rocks)
 
@@ -418,7 +418,7 @@ def test_two_files_with_the_same_name_are_refused(rocks, run):
 )
 def test_folders_without_pairs(rocks, run, words, message):
     code, _, err = run(*words, *SMALL, "--output", "{low}.png")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     (line,) = err.splitlines()
     assert line.startswith(f"imprint: {(rocks / words[1]).resolve().name}: ")
     assert message in line
@@ -484,7 +484,7 @@ def test_a_job_file(scenes, run, monkeypatch):
     (scenes / "elsewhere").mkdir()
     monkeypatch.chdir(scenes / "elsewhere")
     code, out, err = run("--jobs", "../jobs.toml", "--report", "r.json")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     (line,) = err.splitlines()
     assert line.startswith(
         "imprint: set 3 (hero_a_lo): There is no object called 'hero_a_lo' in the file: did you mean"
@@ -517,7 +517,7 @@ def test_toml_and_json_bake_the_same(scenes, run):
     (scenes / "jobs.json").write_text(json.dumps(tomllib.loads(JOBS)))
     found = []
     for name in ("jobs.toml", "jobs.json"):
-        assert run("--jobs", name)[0] == exit_codes.FAILED
+        assert run("--jobs", name)[0] == run_report.FAILED
         found.append({path: (scenes / path).read_bytes() for path in files(scenes) if path.endswith((".png", ".exr"))})
         for path in found[-1]:
             (scenes / path).unlink()
@@ -544,7 +544,7 @@ def test_a_faulty_job_file_is_wrong_usage_and_nothing_is_baked(scenes, run, name
         (scenes / name).write_text(FAULTY[name])
     before = files(scenes)
     code, out, err = run("--jobs", name)
-    assert (code, out) == (exit_codes.WRONG_USAGE, "")
+    assert (code, out) == (run_report.WRONG_USAGE, "")
     assert files(scenes) == before
     line = err.splitlines()[-1]
     assert line.startswith("imprint: ")
@@ -577,7 +577,7 @@ def test_a_scene_is_opened_once_for_sets_that_follow_each_other(scenes, run, ope
     files_ = {"low-file": "in/c_low.obj", "high-file": "in/c_high.glb", "output": "3.png"}
     last = {**a, "output": "4.png"}
     (scenes / "jobs.json").write_text(jobs(a, b, files_, last))
-    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
+    assert run("--jobs", "jobs.json")[0] == run_report.DONE
     assert opened == ["rock.blend", "c_low.obj", "c_high.glb", "rock.blend"]
 
 
@@ -586,12 +586,12 @@ def test_sets_do_not_see_the_changes_of_others(scenes, run):
     between = {"file": "in/hero.blend", "low": "hero_a_low", "high": "hero_a_high", "output": "2.png"}
     b = {**a, "low": "rock_b_low", "high": "rock_b_high", "output": "3.png", "save-blend": "saved.blend"}
     (scenes / "jobs.json").write_text(jobs(a, between, b))
-    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
+    assert run("--jobs", "jobs.json")[0] == run_report.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scenes / "saved.blend"))
     assert bpy.data.objects["rock_b_low"].active_material is not None
     assert bpy.data.objects["rock_a_low"].active_material is None
     (scenes / "jobs.json").write_text(jobs(a, b))
-    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
+    assert run("--jobs", "jobs.json")[0] == run_report.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scenes / "saved.blend"))
     assert bpy.data.objects["rock_a_low"].active_material is not None  # they share the open file
 
@@ -602,15 +602,15 @@ def test_a_set_bakes_as_if_it_were_alone_although_one_before_changed_its_high_me
     other = {"file": "in/rock.blend", "low": "rock_b_low", "high": "rock_b_high", "output": "2.png"}
     b = {**a, "low": "rock_b_low", "high": "rock_a_low", "output": "3.png", "method": "flatten"}
     (scenes / "jobs.json").write_text(jobs(b))
-    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
+    assert run("--jobs", "jobs.json")[0] == run_report.DONE
     alone = (scenes / "3.png").read_bytes()
     opened.clear()
     (scenes / "jobs.json").write_text(jobs(a, other, b))
-    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
+    assert run("--jobs", "jobs.json")[0] == run_report.DONE
     assert (scenes / "3.png").read_bytes() == alone
     assert opened == ["rock.blend", "rock.blend"]
     (scenes / "jobs.json").write_text(jobs(a, {**b, "save-blend": "saved.blend"}))
-    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
+    assert run("--jobs", "jobs.json")[0] == run_report.DONE
     assert (scenes / "3.png").read_bytes() != alone  # they are one scene
 
 
@@ -620,7 +620,7 @@ def test_a_scene_is_not_saved_without_the_maps_of_bakes_that_failed(scenes, run)
     b = {**a, "low": "rock_b_low", "high": "rock_b_high", "output": "3.png", "save-blend": "saved.blend"}
     (scenes / "jobs.json").write_text(jobs(a, wrong, b))
     code, _, err = run("--jobs", "jobs.json")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert "set 3 (rock_b_low): An earlier bake of the same scene has failed" in err
     assert not {"saved.blend", "3.png"} & set(files(scenes))
 
@@ -630,7 +630,7 @@ def test_a_later_set_does_not_overwrite_a_map(scenes, run):
     b = {"file": "in/rock.blend", "pairs": True, "output": "in/../{low}.png"}
     (scenes / "jobs.json").write_text(jobs(a, b))
     code, _, err = run("--jobs", "jobs.json")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: set 2 (rock.blend): The normal map of 'rock_a_low' of set 2 (rock.blend) and ")
     assert "the normal map of set 1 (rock_a_low) would both be" in line
@@ -643,7 +643,7 @@ def test_clashes_of_sets_are_reported_before_the_first_bake(scenes, run):
     (scenes / "jobs.json").write_text(jobs(a, b, {**a, "mask": True}, {**b, "output": "x.png"}))
     before = files(scenes)
     code, out, err = run("--jobs", "jobs.json")
-    assert (code, out) == (exit_codes.WRONG_USAGE, "")
+    assert (code, out) == (run_report.WRONG_USAGE, "")
     third, fourth = err.splitlines()
     assert "set 3 (rock_a_low): The normal map of set 3 (rock_a_low) and the normal map of set 1 (rock_a_low)" in third
     assert "the report of set 2 (rock_b_low) would both be" in fourth
@@ -663,7 +663,7 @@ def test_a_set_that_fails_does_not_stop_others(scenes, run, fault, message):
     good = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
     (scenes / "jobs.json").write_text(jobs({**good, "output": "bad.png", **fault}, good))
     code, out, err = run("--jobs", "jobs.json")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: set 1 (rock_a_low): ")
     assert message in line
@@ -676,7 +676,7 @@ def test_a_report_that_cannot_be_written_is_reported_before_the_bakes(scenes, ru
     (scenes / "jobs.toml").write_text(JOBS)
     before = files(scenes)
     code, _, err = run("--jobs", "jobs.toml", "--report", "jobs.toml/r.json")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert "Not a directory" in err
     assert files(scenes) == before
 
@@ -737,7 +737,7 @@ BIG += ["--output", "m.png"]
 @posix
 def test_progress_on_a_terminal_is_one_line_that_is_erased(scenes):
     code, _, seen = on_terminal(*BIG, "--size", "128")
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     assert "\rReading rock_a_low, " in seen
     assert "\rrock_a_low: Drawing, " in seen
     assert "%" in seen
@@ -750,7 +750,7 @@ def test_a_terminal_shows_the_memory_that_a_bake_of_mesh_files_needs(folder):
     export(folder / "low.obj", zoo.plane("lo"))
     export(folder / "high.obj", zoo.plane("hi", slope=0.2))
     code, _, seen = on_terminal("--low-file", "low.obj", "--high-file", "high.obj", *SMALL, "--output", "m.png")
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     (line,) = screen(seen)
     assert re.fullmatch(r"imprint: low: The bake needs about 0\.\d GB of memory; \d+\.\d GB are free\.", line)
 
@@ -760,7 +760,7 @@ def test_a_terminal_shows_the_memory_that_a_bake_of_mesh_files_needs(folder):
 def test_progress_of_several_bakes_has_a_number_and_a_name(scenes):
     (scenes / "jobs.toml").write_text(JOBS)
     code, out, seen = on_terminal("--jobs", "jobs.toml")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     for text in ("1/5 rock_a_low: Opening, 0%", "2/5 hero.blend: Opening, 0%", "2/5 Reading hero_b_low, "):
         assert text in seen
     (line,) = screen(seen)
@@ -770,7 +770,7 @@ def test_progress_of_several_bakes_has_a_number_and_a_name(scenes):
 
 def test_no_progress_in_a_pipe(scenes):
     done = script(*BIG, "--size", "128")
-    assert done.returncode == exit_codes.DONE
+    assert done.returncode == run_report.DONE
     assert [line for line in done.stderr.splitlines() if "EGL" not in line] == []
     assert "\r" not in done.stdout
 
@@ -803,7 +803,7 @@ def test_ctrl_c_stops_a_batch_and_reports_finished_bakes(scenes):
 def test_a_bake_restores_the_handler_of_ctrl_c(scenes, run):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        assert run(*BIG, "--size", "16")[0] == exit_codes.DONE
+        assert run(*BIG, "--size", "16")[0] == run_report.DONE
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)

@@ -7,8 +7,8 @@ import struct
 
 import pytest
 
-from addon.cli.workers import channel
-from addon.cli.workers.channel import Channel
+from addon.cli.workers import worker_process
+from addon.cli.workers.worker_process import Channel
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="pipes of Windows have whole messages")
 
@@ -32,7 +32,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch):
     found = Clock()
-    monkeypatch.setattr(channel.time, "monotonic", found)
+    monkeypatch.setattr(worker_process.time, "monotonic", found)
     return found
 
 

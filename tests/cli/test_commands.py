@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from addon.cli import command
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from addon.cli.usage import arguments
 from addon.core import versions
 from addon.core.errors import BakeError
@@ -126,22 +126,22 @@ WRONG = {
 
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_usage(fails, case):
-    line = fails(exit_codes.WRONG_USAGE, *WRONG[case])
+    line = fails(run_report.WRONG_USAGE, *WRONG[case])
     assert "usage:" not in line
 
 
 def test_help(capsys):
-    assert command.run(["--help"]) == exit_codes.DONE
+    assert command.run(["--help"]) == run_report.DONE
     assert "--save-blend" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("words", "code"),
     [
-        (["--low", "low", "--high", "hi"], exit_codes.FAILED),
-        (["--low", "lo", "--high", "high"], exit_codes.FAILED),
-        (["--low", "lo", "--high", "hi", "--save-blend", "m.png"], exit_codes.WRONG_USAGE),
-        (["--low", "lo", "--high", "hi", "--report", "scene/file.blend"], exit_codes.WRONG_USAGE),
+        (["--low", "low", "--high", "hi"], run_report.FAILED),
+        (["--low", "lo", "--high", "high"], run_report.FAILED),
+        (["--low", "lo", "--high", "hi", "--save-blend", "m.png"], run_report.WRONG_USAGE),
+        (["--low", "lo", "--high", "hi", "--report", "scene/file.blend"], run_report.WRONG_USAGE),
     ],
 )
 def test_a_check_ends_with_the_code_of_the_bake(fails, words, code):
@@ -151,7 +151,7 @@ def test_a_check_ends_with_the_code_of_the_bake(fails, words, code):
 
 @pytest.mark.parametrize("words", [[], ["lod"], ["farm"], ["report"], ["--jobs", "none.toml"]])
 def test_all_commands_say_their_version(capsys, words):
-    assert command.run([*words, "--version"]) == exit_codes.DONE
+    assert command.run([*words, "--version"]) == run_report.DONE
     line = f"Imprint {versions.imprint()}, code {versions.code()[:12]}, Blender {versions.blender()}\n"
     assert capsys.readouterr() == (line, "")
 
@@ -208,14 +208,14 @@ INVALID = {
 @pytest.mark.parametrize("case", INVALID)
 def test_invalid_values_are_wrong_usage(fails, case):
     arguments, words = INVALID[case]
-    assert words in fails(exit_codes.WRONG_USAGE, *arguments)
+    assert words in fails(run_report.WRONG_USAGE, *arguments)
 
 
 @pytest.mark.parametrize("case", CANNOT)
 def test_a_bake_that_is_not_possible_gives_one_line(scene, fails, case):
     (scene / "broken.blend").write_bytes((scene / "scene" / "file.blend").read_bytes()[:2000])
     arguments, words = CANNOT[case]
-    assert words in fails(exit_codes.FAILED, *arguments)
+    assert words in fails(run_report.FAILED, *arguments)
 
 
 def test_a_bake_that_fails_at_its_end_replaces_nothing(scene, fails, monkeypatch):
@@ -225,7 +225,7 @@ def test_a_bake_that_fails_at_its_end_replaces_nothing(scene, fails, monkeypatch
     (scene / "m.png").write_bytes(b"an old picture")
     (scene / "s.blend").write_bytes(b"an old scene")
     monkeypatch.setattr(bake_jobs, "work", fail)
-    line = fails(exit_codes.FAILED, *BAKE, "--output", "m.png", "--save-blend", "s.blend")
+    line = fails(run_report.FAILED, *BAKE, "--output", "m.png", "--save-blend", "s.blend")
     assert line == "imprint: The bake went wrong."
     assert (scene / "m.png").read_bytes() == b"an old picture"
     assert (scene / "s.blend").read_bytes() == b"an old scene"
@@ -255,7 +255,7 @@ def test_a_scene_or_report_that_cannot_be_saved_undoes_the_bake(scene, monkeypat
         code = command.run([*BAKE, *more, "--output", "m.png", "--report", "new/r.json", "--save-blend", "s.blend"])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     (line,) = capsys.readouterr().err.splitlines()
     assert ("s.blend' could not be written: Blender could not write all" if end == "scene" else "r.json") in line
     after = {path: path.read_bytes() for path in scene.rglob("*") if path.is_file()}
@@ -269,12 +269,12 @@ def test_a_scene_or_report_that_cannot_be_saved_undoes_the_bake(scene, monkeypat
 def test_missing_folders_are_made(scene):
     """They are removed again if the bake fails: see above, and tests/pure/test_atomic_file.py."""
     words = [*BAKE, "--output", "a/b/m.png", "--report", "r/r.json", "--save-blend", "s/s.blend"]
-    assert command.run(words) == exit_codes.DONE
+    assert command.run(words) == run_report.DONE
     assert {"a/b/m.png", "r/r.json", "s/s.blend"} <= set(files(scene))
 
 
 def test_the_report_can_be_the_only_text_on_standard_output(scene, capsys):
-    assert command.run([*BAKE, "--output", "m.png", "--report", "-"]) == exit_codes.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--report", "-"]) == run_report.DONE
     captured = capsys.readouterr()
     assert json.loads(captured.out[captured.out.index("{") :])["bakes"][0]["files"][0]["path"] == str(scene / "m.png")
     assert "16 x 16: lo_normal" in captured.err
@@ -282,7 +282,7 @@ def test_the_report_can_be_the_only_text_on_standard_output(scene, capsys):
     assert not (scene / "-").exists()
     (scene / "jobs.json").write_text(json.dumps({"bake": [{"file": BAKE[0], "low": "no", "output": "n.png"}]}))
     capsys.readouterr()
-    assert command.run(["--jobs", "jobs.json", "--report", "-"]) == exit_codes.FAILED
+    assert command.run(["--jobs", "jobs.json", "--report", "-"]) == run_report.FAILED
     captured = capsys.readouterr()
     (found,) = json.loads(captured.out[captured.out.index("{\n") :])["bakes"]
     assert found["state"] == "failed"
@@ -297,13 +297,13 @@ def test_a_single_bake_that_fails_writes_its_report(scene, capsys, earlier):
     if earlier:
         (scene / "r.json").write_text(earlier)
     words = [BAKE[0], "--low", "no", "--output", "m.png", "--report"]
-    assert command.run([*words, "r.json"]) == exit_codes.FAILED
+    assert command.run([*words, "r.json"]) == run_report.FAILED
     report = reports.bake(scene / "r.json")
     (line,) = capsys.readouterr().err.splitlines()
     assert line == f"imprint: {report['error']}"
     assert {key: report[key] for key in FAILED_BAKE} == FAILED_BAKE
     assert report["seconds"] >= 0.0
-    assert command.run([*words, "-"]) == exit_codes.FAILED
+    assert command.run([*words, "-"]) == run_report.FAILED
     out = capsys.readouterr().out
     assert json.loads(out[out.index("{") :])["bakes"][0]["error"] == report["error"]
 
@@ -330,7 +330,7 @@ def test_a_single_bake_that_fails_writes_its_report(scene, capsys, earlier):
 def test_a_report_or_a_page_replaces_no_other_files(scene, fails, words, sentence):
     for name in ("m2.png", "m2.html"):
         (scene / name).write_bytes((scene / "scene" / "texture.png").read_bytes())
-    (line,) = [fails(exit_codes.WRONG_USAGE, *BAKE, "--output", "m.png", *words)]
+    (line,) = [fails(run_report.WRONG_USAGE, *BAKE, "--output", "m.png", *words)]
     assert sentence is None or line == f"imprint: {sentence}"
     assert (scene / words[1]).read_bytes()[:4] in (b"\x89PNG", b"BLEN", b"(\xb5/\xfd")
 
@@ -340,7 +340,7 @@ def test_a_report_replaces_what_may_be_one(scene, start):
     (scene / "r.json").write_text(start, encoding="utf-8")
     (scene / "s.html").write_text("<!doctype HTML>")
     words = ["--low", "lo", "--high", "no", "--output", "m.png", "--report", "r.json", "--sheet", "s.html"]
-    assert command.run([BAKE[0], *words]) == exit_codes.FAILED
+    assert command.run([BAKE[0], *words]) == run_report.FAILED
     assert reports.bake(scene / "r.json")["state"] == "failed"
 
 
@@ -349,7 +349,7 @@ def test_merged_reports_and_their_page_replace_no_other_files(scene, capsys):
     for option in ("--merge", "--sheet"):
         path = scene / "a.html"
         path.write_text("text")
-        assert command.run(["report", option, str(path), "r.json"]) == exit_codes.WRONG_USAGE
+        assert command.run(["report", option, str(path), "r.json"]) == run_report.WRONG_USAGE
         assert "choose another path for it" in capsys.readouterr().err
         assert path.read_text() == "text"
 
@@ -363,14 +363,14 @@ def test_a_path_that_becomes_a_folder_during_the_bake_is_a_failure(scene, capsys
         return work(*arguments, **options)
 
     monkeypatch.setattr(bake_jobs, "work", late)
-    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == exit_codes.FAILED
+    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == run_report.FAILED
     (line,) = capsys.readouterr().err.splitlines()
     assert "m.png" in line
     assert reports.bake(scene / "r.json")["error"] in line
 
 
 def test_a_sequence_has_a_summary_of_one_line(scene, capsys):
-    assert command.run([*BAKE, "--frames", "1-3", "--output", "m.#.png"]) == exit_codes.DONE
+    assert command.run([*BAKE, "--frames", "1-3", "--output", "m.#.png"]) == run_report.DONE
     first, second = capsys.readouterr().out.splitlines()[-2:]
     assert first.startswith("3 frames of 'lo', ")
     assert second == f"Wrote 3 maps from {scene / 'm.1.png'} to {scene / 'm.3.png'}"
@@ -382,11 +382,11 @@ def test_a_folder_whose_name_is_not_utf_8(scene, fails, monkeypatch):
     strange.mkdir()
     monkeypatch.chdir(strange)
     words = [str(scene / BAKE[0]), *BAKE[1:]]
-    assert "is not UTF-8" in fails(exit_codes.WRONG_USAGE, *words, "--output", "m.png")
+    assert "is not UTF-8" in fails(run_report.WRONG_USAGE, *words, "--output", "m.png")
     assert "is not UTF-8" in fails(
-        exit_codes.WRONG_USAGE, *words, "--output", str(scene / "m.png"), "--report", "r.json"
+        run_report.WRONG_USAGE, *words, "--output", str(scene / "m.png"), "--report", "r.json"
     )
-    assert "is not UTF-8" in fails(exit_codes.WRONG_USAGE, "--pairs", ".", "--output", str(scene / "{low}.png"))
+    assert "is not UTF-8" in fails(run_report.WRONG_USAGE, "--pairs", ".", "--output", str(scene / "{low}.png"))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
@@ -397,7 +397,7 @@ def test_a_link_is_kept_and_a_pipe_is_refused(scene, capsys, option):
     (scene / "store").mkdir()
     link = scene / names[option]
     link.symlink_to("store/it")
-    assert command.run(words) == exit_codes.DONE
+    assert command.run(words) == run_report.DONE
     assert link.is_symlink()
     assert (scene / "store" / "it").stat().st_size > 0
     link.unlink()
@@ -405,7 +405,7 @@ def test_a_link_is_kept_and_a_pipe_is_refused(scene, capsys, option):
     others = [scene / name for name in names.values() if name != link.name]
     for path in others:
         path.unlink()
-    assert command.run(words) == exit_codes.WRONG_USAGE
+    assert command.run(words) == run_report.WRONG_USAGE
     assert "is a pipe" in capsys.readouterr().err
     assert link.is_fifo()
     assert not any(path.exists() for path in others)
@@ -416,7 +416,7 @@ def test_a_link_is_kept_and_a_pipe_is_refused(scene, capsys, option):
 
 def test_the_map_is_written(scene, capsys):
     before = files(scene)
-    assert command.run([*BAKE, "--output", "m.png", "--margin", "0"]) == exit_codes.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--margin", "0"]) == run_report.DONE
     assert files(scene) == sorted([*before, "m.png"])
     captured = capsys.readouterr()
     assert captured.err == ""
@@ -433,7 +433,7 @@ def test_the_map_is_written(scene, capsys):
 def test_green_points_up_or_down(scene, arguments, is_up):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
     bpy.data.objects["hi"].rotation_euler.z = np.pi / 2  # so that it rises along y, and its normal points to -y
-    assert command.run([*BAKE[1:], "--output", "m.exr", *arguments]) == exit_codes.DONE
+    assert command.run([*BAKE[1:], "--output", "m.exr", *arguments]) == run_report.DONE
     green = maps.pixels(bpy.data.images["lo_normal"])[8, 8, 1]
     assert (green < 0.2) == is_up
     assert (green > 0.8) != is_up
@@ -450,27 +450,27 @@ def test_green_points_up_or_down(scene, arguments, is_up):
 )
 def test_other_maps_and_tiles_are_written_beside_the_map(scene, arguments, written):
     before = files(scene)
-    assert command.run([*BAKE, *arguments]) == exit_codes.DONE
+    assert command.run([*BAKE, *arguments]) == run_report.DONE
     assert sorted(set(files(scene)) - set(before)) == [f"{name}.png" for name in written]
 
 
 def test_a_format_with_only_8_bits_needs_no_depth(scene):
-    assert command.run([*BAKE, "--output", "m.tga"]) == exit_codes.DONE
+    assert command.run([*BAKE, "--output", "m.tga"]) == run_report.DONE
     assert read(scene / "m.tga").shape == (16, 16, 4)
     assert bpy.data.images["lo_normal"].depth == 32
 
 
 def test_tiles_that_the_mesh_does_not_cover(fails):
-    assert "1001, not on 1002" in fails(exit_codes.FAILED, *BAKE, "--tiles", "1002", "--output", "m.png")
+    assert "1001, not on 1002" in fails(run_report.FAILED, *BAKE, "--tiles", "1002", "--output", "m.png")
 
 
 def test_the_open_file_is_the_default(scene):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
-    assert command.run([*BAKE[1:], "--output", "m.png"]) == exit_codes.DONE
+    assert command.run([*BAKE[1:], "--output", "m.png"]) == run_report.DONE
 
 
 def test_the_report(scene):
-    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == exit_codes.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == run_report.DONE
     report = reports.one(scene / "r.json")
     assert report["method"] == "FLATTEN"
     assert report["space"] == "TANGENT"
@@ -492,7 +492,7 @@ def test_the_report(scene):
 def test_warnings_are_printed_and_the_bake_does_not_fail(scene, capsys):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
     bpy.data.objects["hi"].data.uv_layers[0].uv[0].vector = (-1, 0)
-    assert command.run([*BAKE[1:], "--output", "m.png", "--report", "r.json"]) == exit_codes.DONE
+    assert command.run([*BAKE[1:], "--output", "m.png", "--report", "r.json"]) == run_report.DONE
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("imprint: warning: 'hi': 2 of its triangles reach outside")
     assert reports.one(scene / "r.json")["warnings"] == [line.removeprefix("imprint: warning: ")]
@@ -525,7 +525,7 @@ def test_the_saved_scene_shows_the_map(scene, output, blend, filepath):
     for path in (scene / output, scene / blend):
         path.parent.mkdir(parents=True, exist_ok=True)
     before = files(scene)
-    assert command.run([*BAKE, "--output", output, "--save-blend", blend]) == exit_codes.DONE
+    assert command.run([*BAKE, "--output", output, "--save-blend", blend]) == run_report.DONE
     output, blend = os.path.normpath(output), os.path.normpath(blend)
     assert files(scene) == sorted({*before, output, blend})
     image = shown(scene / blend)
@@ -545,7 +545,7 @@ def test_the_saved_scene_shows_the_map(scene, output, blend, filepath):
 def test_maps_beside_the_saved_scene_may_lie_behind_a_link(scene):
     (scene / "out").mkdir()
     (scene / "link").symlink_to("out", target_is_directory=True)
-    assert command.run([*BAKE, "--output", "link/m.png", "--save-blend", "link/s.blend"]) == exit_codes.DONE
+    assert command.run([*BAKE, "--output", "link/m.png", "--save-blend", "link/s.blend"]) == run_report.DONE
     image = shown(scene / "out/s.blend")
     assert image.filepath.startswith("//")
     assert maps.pixels(image).shape == (16, 16, 4)
@@ -553,7 +553,7 @@ def test_maps_beside_the_saved_scene_may_lie_behind_a_link(scene):
 
 def test_the_saved_scene_shows_the_other_maps_too(scene):
     more = ("--no-normal", "--maps", "height", "--connect-maps", "--no-material")
-    assert command.run([*BAKE, *more, "--output", "m.png", "--save-blend", "s.blend"]) == exit_codes.DONE
+    assert command.run([*BAKE, *more, "--output", "m.png", "--save-blend", "s.blend"]) == run_report.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scene / "s.blend"))
     outputs = [material.node_tree.nodes["Material Output"] for material in bpy.data.materials]
     (node,) = (link.from_node for output in outputs for link in output.inputs["Displacement"].links)
@@ -563,12 +563,12 @@ def test_the_saved_scene_shows_the_other_maps_too(scene):
 
 
 def test_the_scene_may_replace_its_own_file(scene):
-    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "scene/file.blend"]) == exit_codes.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "scene/file.blend"]) == run_report.DONE
     assert tuple(shown(scene / "scene" / "file.blend").size) == (16, 16)
 
 
 def test_no_material_leaves_the_material_unchanged(scene):
-    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "s.blend", "--no-material"]) == exit_codes.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "s.blend", "--no-material"]) == run_report.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scene / "s.blend"))
     assert bpy.data.objects["lo"].active_material is None
 
@@ -623,7 +623,7 @@ def read(path):
 
 def test_pairs_may_share_an_atlas(rocks, capsys):
     arguments = [*PAIRS, "--output", "atlas.png", "--report", "r.json", "--save-blend", "out.blend"]
-    assert command.run(arguments) == exit_codes.DONE
+    assert command.run(arguments) == run_report.DONE
     captured = capsys.readouterr()
     assert "'c_high' has no low object" in captured.err
     report = reports.bake(rocks / "r.json")
@@ -649,7 +649,7 @@ def test_pairs_may_share_an_atlas(rocks, capsys):
 
 
 def test_pairs_may_have_their_own_maps(rocks):
-    assert command.run([*PAIRS, "--output", "{low}_n.png"]) == exit_codes.DONE
+    assert command.run([*PAIRS, "--output", "{low}_n.png"]) == run_report.DONE
     assert files(rocks) == ["a_low_n.png", "b_low_n.png", "rocks.blend"]
 
 
@@ -659,7 +659,7 @@ def test_a_pair_that_fails_makes_all_fail(rocks, capsys):
     bpy.ops.wm.save_as_mainfile(filepath=str(rocks / "rocks.blend"))
     (rocks / "b_low.png").write_bytes(b"of yesterday")
     before = files(rocks)
-    assert command.run([*PAIRS, "--output", "{low}.png", "--report", "r.json"]) == exit_codes.FAILED
+    assert command.run([*PAIRS, "--output", "{low}.png", "--report", "r.json"]) == run_report.FAILED
     assert capsys.readouterr().err.splitlines()[-1].startswith("imprint: 'b_low' and 'B_High.001' do not overlap")
     assert files(rocks) == sorted([*before, "r.json"])
     assert (rocks / "b_low.png").read_bytes() == b"of yesterday"
@@ -667,7 +667,7 @@ def test_a_pair_that_fails_makes_all_fail(rocks, capsys):
 
 def test_suffixes_without_pairs(rocks, capsys):
     arguments = ["rocks.blend", "--pairs", "--suffixes", ".lp,.hp,.cg", "--output", "m.png"]
-    assert command.run(arguments) == exit_codes.FAILED
+    assert command.run(arguments) == run_report.FAILED
     assert capsys.readouterr().err == "imprint: No object has a name that ends in '.lp'.\n"
     assert files(rocks) == ["rocks.blend"]
 
@@ -685,17 +685,17 @@ def test_suffixes_without_pairs(rocks, capsys):
     ],
 )
 def test_wrong_usage_of_rays(arguments, capsys):
-    assert command.run([*arguments, "--output", "m.png"]) == exit_codes.WRONG_USAGE
+    assert command.run([*arguments, "--output", "m.png"]) == run_report.WRONG_USAGE
     assert "Traceback" not in capsys.readouterr().err
 
 
 def test_distances_cage_and_mask(scene, fails):
     cast = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "cast", "--size", "16", "--depth", "8"]
-    assert "not a distance" in fails(exit_codes.WRONG_USAGE, *cast, "--extrusion=-1", "--output", "n.png")
-    assert "no object called 'cag'" in fails(exit_codes.FAILED, *cast, "--cage", "cag", "--output", "n.png")
+    assert "not a distance" in fails(run_report.WRONG_USAGE, *cast, "--extrusion=-1", "--output", "n.png")
+    assert "no object called 'cag'" in fails(run_report.FAILED, *cast, "--cage", "cag", "--output", "n.png")
     # The high plane rises from -1 to 1 over the low one: rays of 0.5 reach its middle half.
     numbers = ["--extrusion", "0.5", "--max-distance", "1", "--missed", "1,0,1"]
-    assert command.run([*cast, *numbers, "--mask", "--output", "m.png", "--report", "r.json"]) == exit_codes.DONE
+    assert command.run([*cast, *numbers, "--mask", "--output", "m.png", "--report", "r.json"]) == run_report.DONE
     report = reports.one(scene / "r.json")
     assert report["distances"] == {"extrusion": 0.5, "max_distance": 1.0}
     assert report["missed"] == pytest.approx(0.5, abs=0.01)
@@ -706,7 +706,7 @@ def test_distances_cage_and_mask(scene, fails):
 
 
 def test_the_last_line_lists_the_written_files(scene, capsys):
-    assert command.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == exit_codes.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == run_report.DONE
     assert (
         capsys.readouterr()
         .out.rstrip()
@@ -717,7 +717,7 @@ def test_the_last_line_lists_the_written_files(scene, capsys):
 def test_a_call_without_a_file(fails):
     words = ["--low", "lo", "--high", "hi", "--output", "m.png"]
     assert (
-        fails(exit_codes.FAILED, *words)
+        fails(run_report.FAILED, *words)
         == "imprint: There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file."
     )
 

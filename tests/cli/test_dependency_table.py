@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from addon.cli import command
-from addon.cli.done.resuming import Resuming
+from addon.cli.done.turns import Resuming
 from addon.cli.plan import clashes
 from addon.cli.plan.clashes import InputFiles
 from addon.cli.usage import arguments, job_file

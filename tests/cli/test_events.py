@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from addon.cli.results import events, exit_codes
+from addon.cli.results import run_report, terminal
 from addon.cli.results.run_report import State
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
@@ -75,7 +75,7 @@ def test_each_bake_starts_and_ends(folder, count):
     words = [*jobs(folder, "a", "b", "c"), "--workers", count, "--progress", "json"]
     code, out, err = run(*words)
     found = checked(err)
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     assert found[0] == {"event": "planned", "planned": 3, "chosen": 3, "shard": None}
     assert found[-1]["event"] == "finished"
     assert (found[-1]["exit_code"], found[-1]["done"]) == (0, 3)
@@ -98,7 +98,7 @@ def test_crashes_and_failures_are_events_and_messages(folder):
     words = [*jobs(folder, "a", "crash", "b", "leave"), "--workers", "3", "--progress=json", "--strict", "coverage<1%"]
     code, _, err = run(*words)
     found = checked(err)
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     ends = {each["number"]: each for each in found if each["event"] in set(State)}
     assert [(number, each["event"]) for number, each in sorted(ends.items())] == [
         (1, "gate"),
@@ -132,7 +132,7 @@ def test_a_single_bake_has_events_too(folder):
     words += ["--limit", "0.01"]
     code, out, err = run(*words, "--progress", "json", "--report", "-")
     found = checked(err)
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     assert [each["name"] for each in (*of(found, "started"), *of(found, "done"))] == ["good_low", "good_low"]
     severities = {each["text"]: each["severity"] for each in of(found, "message")}
     assert all(("warning: " in text) == (severity == "warning") for text, severity in severities.items())
@@ -144,9 +144,9 @@ def test_wrong_calls_are_events(folder):
     for words in (["--nothing"], ["--jobs", "missing.json"], jobs(folder, "a", maps="nothing")):
         code, out, err = run(*words, "--progress", "json")
         found = checked(err)
-        assert (code, out) == (exit_codes.WRONG_USAGE, "")
+        assert (code, out) == (run_report.WRONG_USAGE, "")
         assert [(each["event"], each.get("severity")) for each in found] == [("message", "error"), ("finished", None)]
-        assert found[-1]["exit_code"] == exit_codes.WRONG_USAGE
+        assert found[-1]["exit_code"] == run_report.WRONG_USAGE
 
 
 @pytest.mark.slow
@@ -158,7 +158,7 @@ def test_the_launcher_writes_events_of_a_crash(folder):
     (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="utf-8").split()
     os.kill(int(child), signal.SIGSEGV)
     found = checked("".join([first, *process.stderr]))
-    assert process.wait() == exit_codes.FAILED
+    assert process.wait() == run_report.FAILED
     assert "Blender crashed with signal 11" in found[-1]["text"]
 
 
@@ -178,9 +178,9 @@ def test_a_stopped_call_has_an_end(folder):
 
 def test_percentages_come_a_few_times_a_second(monkeypatch, capsys):
     now = [0.0]
-    monkeypatch.setattr(events.time, "monotonic", lambda: now[0])
-    shown = events.Events(sys.stderr)
-    shown.begin(events.Plan("a", None))
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now[0])
+    shown = terminal.Events(sys.stderr)
+    shown.begin(terminal.Plan("a", None))
     for number in range(1000):
         now[0] = number * 0.001
         shown.show("a", Progress("Drawing", number / 1000))
@@ -192,14 +192,14 @@ def test_percentages_come_a_few_times_a_second(monkeypatch, capsys):
 @pytest.mark.slow
 def test_a_quiet_call_prints_errors_alone(folder):
     words = [*jobs(folder, "a", "b"), "--quiet"]
-    assert run(*words) == (exit_codes.DONE, "", "")
+    assert run(*words) == (run_report.DONE, "", "")
     single = ["--low-file", "good_low.obj", "--high-file", "good_high.obj", "--output", "a.png", "--size", "16"]
-    assert run(*single, "--quiet", script=LAUNCHED) == (exit_codes.DONE, "", "")
+    assert run(*single, "--quiet", script=LAUNCHED) == (run_report.DONE, "", "")
     code, out, err = run(*words, "--report", "-")
-    assert (code, err) == (exit_codes.DONE, "")
+    assert (code, err) == (run_report.DONE, "")
     assert len(json.loads(out)["bakes"]) == 2
     (folder / "b_low.obj").write_text("")
     code, out, err = run(*words)
-    assert (code, out) == (exit_codes.FAILED, "")
+    assert (code, out) == (run_report.FAILED, "")
     assert err.startswith("imprint: set 2 (b_low): ")
     assert len(err.splitlines()) == 1

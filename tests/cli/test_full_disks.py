@@ -9,7 +9,7 @@ import pytest
 from addon.cli.results import run_report
 from addon.cli.results.report_file import ReportFile
 from addon.cli.results.run_report import Entry
-from addon.cli.results.sheets.sheet_file import SheetFile
+from addon.cli.results.sheet import SheetFile
 from addon.core.errors import BakeError
 from tests.pure.test_report_merge import entry
 

@@ -10,7 +10,7 @@ import bpy
 import pytest
 
 from addon.cli import command
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from tests.support import zoo
 
 pytestmark = [
@@ -565,7 +565,7 @@ OTHERS = {"the texture of an earlier set of the same scene"}
 def test_what_a_bake_reads_is_not_overwritten(folder, capsys, name):
     words = CASES[name](folder)
     before = files_of(folder)
-    assert command.run(words) in {exit_codes.FAILED, exit_codes.WRONG_USAGE}
+    assert command.run(words) in {run_report.FAILED, run_report.WRONG_USAGE}
     after = files_of(folder)
     assert {path: after.get(path) for path in before} == before
     assert name in OTHERS or set(after) == set(before)

@@ -14,7 +14,7 @@ import pytest
 
 from addon.cli import command, interruption
 from addon.cli.mesh_files import importers
-from addon.cli.results import exit_codes, report_file
+from addon.cli.results import report_file, run_report
 from addon.jobs import bake_jobs
 from scripts import imprint
 from tests.support import reports, zoo
@@ -119,13 +119,13 @@ def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
 
 
 def test_a_signal_after_the_bake_changes_only_the_exit_code(scene, monkeypatch):
-    write = report_file.write
+    write = report_file.write_report
 
     def late(*arguments):
         signal.raise_signal(signal.SIGTERM)
         write(*arguments)
 
-    monkeypatch.setattr(report_file, "write", late)
+    monkeypatch.setattr(report_file, "write_report", late)
     assert command.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + signal.SIGTERM
     assert files(scene) == ["m.png", "r.json", "s.blend"]
 
@@ -184,7 +184,7 @@ def test_too_little_memory_for_one_bake_does_not_stop_others(scene, monkeypatch,
         return work(*arguments, **options)
 
     monkeypatch.setattr(bake_jobs, "work", heavy)
-    assert command.run(batch(scene)) == exit_codes.NO_MACHINE
+    assert command.run(batch(scene)) == run_report.NO_MACHINE
     bakes = reports.bakes(scene / "r.json")
     assert [each["state"] for each in bakes] == ["done", "failed", "done", "done"]
     assert bakes[1]["cause"] == "memory"
@@ -194,7 +194,7 @@ def test_too_little_memory_for_one_bake_does_not_stop_others(scene, monkeypatch,
 
 def test_too_little_memory_gives_one_line(scene, monkeypatch, capfd):
     monkeypatch.setattr(bake_jobs, "work", lambda *_, **__: np.empty(2**59, np.float64))
-    assert command.run([*ONE, "--output", "m.png"]) == exit_codes.NO_MACHINE
+    assert command.run([*ONE, "--output", "m.png"]) == run_report.NO_MACHINE
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("imprint: There is not enough memory (")
 
@@ -209,7 +209,7 @@ def test_each_entry_of_a_batch_is_on_the_disk_before_the_next_bake(scene, monkey
         return work(*arguments, **options)
 
     monkeypatch.setattr(bake_jobs, "work", watched)
-    assert command.run(batch(scene)) == exit_codes.DONE
+    assert command.run(batch(scene)) == run_report.DONE
     names = [f"set {number} (a_low)" for number in (1, 2, 3, 4)]
     assert seen == [names[:count] for count in range(4)]
     assert [entry["name"] for entry in reports.bakes(scene / "r.json")] == names
@@ -221,7 +221,7 @@ def test_a_full_disk_does_not_stop_a_batch_and_is_reported(scene, monkeypatch, c
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", fail)
-    assert command.run(batch(scene)) == exit_codes.FAILED
+    assert command.run(batch(scene)) == run_report.FAILED
     assert files(scene) == ["0.png", "1.png", "2.png", "3.png", "j.json", "r.json.lines", "s.blend"]
     assert "r.json.lines' could not be written: No space left on device." in capfd.readouterr().err
 
@@ -362,7 +362,7 @@ def test_too_little_memory_for_a_job_file_gives_one_line(scene, monkeypatch, cap
         raise MemoryError
 
     monkeypatch.setattr(command, "_read", read)
-    assert command.run(["--jobs", "j.json"]) == exit_codes.FAILED
+    assert command.run(["--jobs", "j.json"]) == run_report.FAILED
     assert capfd.readouterr().err.startswith("imprint: There is not enough memory: ")
 
 

@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 from addon.cli import command
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from scripts.imprint import ROOT
 from tests.support import json_schema, reports, trees, untrusted, zoo
 
@@ -106,14 +106,14 @@ def entry_of(folder, code, *words, **more):
 
 
 def test_a_figure_over_its_limit(folder, capfd):
-    entry = entry_of(folder, exit_codes.GATE, "--strict", "coverage<1%")
+    entry = entry_of(folder, run_report.GATE, "--strict", "coverage<1%")
     assert entry["state"] == "gate"
     assert [text.partition(":")[0] for text in entry["gate"]] == ["Hill_LOD1", "Hill_LOD2"]
     assert "imprint lod: Hill_LOD1: coverage is " in capfd.readouterr().err
 
 
 def test_a_limit_without_a_level_of_its_own_is_a_problem(folder, capfd):
-    entry = entry_of(folder, exit_codes.DONE, "--distance", "2,2.0001,4")
+    entry = entry_of(folder, run_report.DONE, "--distance", "2,2.0001,4")
     (problem,) = entry["problems"]
     assert problem.endswith("they have one level.")
     assert f"imprint lod: warning: {problem}" in capfd.readouterr().err
@@ -121,8 +121,8 @@ def test_a_limit_without_a_level_of_its_own_is_a_problem(folder, capfd):
 
 
 def test_a_chain_is_left_out_if_it_is_done(folder):
-    assert [entry_of(folder, exit_codes.DONE, "--resume")["state"] for _ in range(2)] == ["done", "resumed"]
-    assert entry_of(folder, exit_codes.DONE, "--resume", "--distance", "3,4")["state"] == "done"
+    assert [entry_of(folder, run_report.DONE, "--resume")["state"] for _ in range(2)] == ["done", "resumed"]
+    assert entry_of(folder, run_report.DONE, "--resume", "--distance", "3,4")["state"] == "done"
 
 
 @pytest.mark.slow
@@ -135,23 +135,23 @@ def test_files_of_others(tmp_path, monkeypatch):
     (root / "job/maps").mkdir()
     before = trees.snapshot(root, root / "job/maps")
     entry = entry_of(
-        root / "job/maps", exit_codes.DONE, "--untrusted", "--report", "maps/report.json", may_start_processes=True
+        root / "job/maps", run_report.DONE, "--untrusted", "--report", "maps/report.json", may_start_processes=True
     )
     assert entry["state"] == "done"
     assert files(root / "job/maps") == ["Hill_LOD1.png", "Hill_LOD2.png", "report.json"]
-    assert command.run([*CHAIN, "--untrusted", "--save-blend", "../outside/s.blend"]) == exit_codes.WRONG_USAGE
+    assert command.run([*CHAIN, "--untrusted", "--save-blend", "../outside/s.blend"]) == run_report.WRONG_USAGE
     assert trees.snapshot(root, root / "job/maps") == before
 
 
 @pytest.mark.slow
 def test_a_chain_that_takes_too_long_is_ended(folder):
-    entry = entry_of(folder, exit_codes.FAILED, "--timeout", "0.1", may_start_processes=True)
+    entry = entry_of(folder, run_report.FAILED, "--timeout", "0.1", may_start_processes=True)
     assert (entry["cause"], files(folder)) == ("timeout", ["hill.blend", "report.json"])
 
 
 def test_a_map_of_a_level_must_not_replace_the_scene(folder, capfd):
     (folder / "hill.blend").rename(folder / "Hill_LOD1.png")
-    assert command.run(["lod", "Hill_LOD1.png", *CHAIN[2:-1], "{low}.png"]) == exit_codes.WRONG_USAGE
+    assert command.run(["lod", "Hill_LOD1.png", *CHAIN[2:-1], "{low}.png"]) == run_report.WRONG_USAGE
     assert files(folder) == ["Hill_LOD1.png"]
 
 

@@ -6,9 +6,8 @@ import os
 import pytest
 
 from addon.cli.done.contents import Contents
-from addon.cli.results.exit_codes import FAILED
-from addon.cli.results.run_report import State
-from addon.cli.workers import last_words
+from addon.cli.results.run_report import FAILED, State
+from addon.cli.workers import worker_process
 from tests.pure import test_plan_listing as lists
 from tests.pure import test_resuming as records
 
@@ -48,9 +47,11 @@ def test_only_plain_files_have_last_words(tmp_path):
     secret.write_text("secret")
     os.symlink(secret, tmp_path / "link")
     os.mkfifo(tmp_path / "pipe")
-    assert last_words.of_file(str(secret)) == ", after it printed 'secret'"
-    assert [last_words.of_file(str(tmp_path / name)) for name in ("link", "pipe", "none", "")] == [""] * 4
-    assert last_words.of_file(str(tmp_path)) == ""
+    assert worker_process.crash_output_of_log(str(secret)) == ", after it printed 'secret'"
+    assert [worker_process.crash_output_of_log(str(tmp_path / name)) for name in ("link", "pipe", "none", "")] == [
+        ""
+    ] * 4
+    assert worker_process.crash_output_of_log(str(tmp_path)) == ""
 
 
 def test_a_list_does_not_wait_for_a_pipe(capsys, here):

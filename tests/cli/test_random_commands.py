@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from addon.cli import command
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from addon.core.file_structure import blend_files, mesh_references
 from tests.support import random_cases, scenes, zoo
 
@@ -228,11 +228,11 @@ def test_no_input_is_changed_by_seed(place, outcomes, capsys, seed):
     for path, content in before.items():
         assert not path.is_symlink() or after.get(path) == content, (path, context)
     assert not [path for path in after if ".partial" in path.name], context
-    if code == exit_codes.WRONG_USAGE:
+    if code == run_report.WRONG_USAGE:
         outcomes["refused"] += 1
         assert after == before, context
         assert captured.err.startswith("imprint: ")
-    elif code == exit_codes.DONE:
+    elif code == run_report.DONE:
         outcomes["baked"] += 1
         assert after != before, context
         for path in set(after) - set(before):
@@ -255,7 +255,7 @@ def test_a_library_is_not_overwritten(place, capsys, output, option):
     is_early = option == "report" and (place / output).exists()  # no report replaces a .blend, whatever reads it
     sentence = "which is not JSON" if is_early else "would overwrite a linked library"
     assert (
-        command.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == exit_codes.WRONG_USAGE
+        command.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == run_report.WRONG_USAGE
     )
     assert sentence in capsys.readouterr().err
     assert tree(place) == before
@@ -267,7 +267,7 @@ def test_a_library_is_not_overwritten(place, capsys, output, option):
         option: output,
     }
     (place / "jobs.json").write_text(json.dumps({"bake": [bake]}))
-    code = exit_codes.WRONG_USAGE if is_early else exit_codes.FAILED
+    code = run_report.WRONG_USAGE if is_early else run_report.FAILED
     assert command.run(["--jobs=jobs.json", "--no-material", *SMALL]) == code
     assert sentence in capsys.readouterr().err
     assert {path: content for path, content in tree(place).items() if path.name != "jobs.json"} == before
@@ -287,7 +287,7 @@ def test_a_library_of_a_later_set_is_not_overwritten(place, capsys, option):
     second = {"file": "in/linked.blend", **objects, "output": "out/b.png"}
     (place / "jobs.json").write_text(json.dumps({"bake": [first, second]}))
     before = tree(place)
-    assert command.run(["--jobs=jobs.json", *SMALL]) == exit_codes.WRONG_USAGE
+    assert command.run(["--jobs=jobs.json", *SMALL]) == run_report.WRONG_USAGE
     assert "a linked library of set 2 (rock_a_low)" in capsys.readouterr().err
     assert tree(place) == before
 
@@ -313,7 +313,7 @@ def test_a_texture_that_only_the_importer_finds_is_not_overwritten(place, capsys
     mesh.write_text(mesh.read_text().replace("\nf ", "\nusemtl m0\nf ", 1))
     before = tree(place)
     words = ["--low-file=in/rock_a_low.obj", "--high-file=in/rock_a_high.obj", "--output=in/skin.png", *SMALL]
-    assert command.run(words) == exit_codes.WRONG_USAGE
+    assert command.run(words) == run_report.WRONG_USAGE
     assert "would overwrite a texture of the meshes" in capsys.readouterr().err
     assert tree(place) == before
 
@@ -325,5 +325,5 @@ def test_the_buffer_of_a_gltf_file_is_not_overwritten(place, capsys, name):
     table["buffers"][0]["uri"] = name
     path.write_text(json.dumps(table))
     words = ["--low-file=in/rock_b_low.obj", "--high-file=in/rock_b_high.gltf", "--output=out/m.png", *SMALL]
-    assert command.run([*words, f"--report=in/{name.replace('%20', ' ')}"]) == exit_codes.WRONG_USAGE
+    assert command.run([*words, f"--report=in/{name.replace('%20', ' ')}"]) == run_report.WRONG_USAGE
     assert "what 'rock_b_high.gltf' refers to" in capsys.readouterr().err

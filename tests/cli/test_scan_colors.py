@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.cli import command
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from tests.support import maps, reports, scans
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -36,7 +36,7 @@ def colors(folder, capsys):
     def bake(high, *words, low="low.obj"):
         code = command.run([str(word) for word in ("--low-file", low, "--high-file", high, *WORDS, *words)])
         err = capsys.readouterr().err
-        assert code == exit_codes.DONE, err
+        assert code == run_report.DONE, err
         image = bpy.data.images.load(str(folder / "m_base_color.png"))
         image.colorspace_settings.is_data = True
         return maps.pixels(image)[..., :3], err

@@ -14,7 +14,7 @@ from addon.cli import batch, command, memory_check
 from addon.cli.mesh_files import far_coordinates, ply, textures
 from addon.cli.mesh_files.importers import PLAIN, Space, import_file
 from addon.cli.mesh_files.ply import Texture
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from addon.cli.scene_files import Stage
 from addon.core.errors import BakeError
 from addon.core.preflight import memory_need
@@ -214,7 +214,7 @@ def incomplete(folder):
 def test_missing_pages_are_an_error_if_a_map_shows_materials(incomplete, run, monkeypatch):
     monkeypatch.setattr("addon.cli.batch._baked", lambda *_: pytest.fail("it was baked"))
     code, err = run(*PAIR, "--maps", "ao,base-color")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     paths = ", ".join(repr(str(incomplete / f"page{number}.png")) for number in (2, 3))
     assert err == (
         f"imprint: 2 files of the high meshes' materials cannot be found: {paths}. Put them beside the mesh file, leave "
@@ -225,26 +225,26 @@ def test_missing_pages_are_an_error_if_a_map_shows_materials(incomplete, run, mo
 
 def test_a_packed_map_of_materials_needs_pages_too(incomplete, run):
     code, err = run(*PAIR, "--pack", "gltf")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert "leave roughness, metallic out of the maps" in err
 
 
 def test_a_channel_of_smoothness_needs_the_pages_of_roughness(incomplete, run):
     channels = [word for color in ("red", "green", "blue") for word in (f"--pack-{color}", "one")]
     code, err = run(*PAIR, "--pack", "custom", *channels, "--pack-alpha", "smoothness")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert "leave roughness out of the maps" in err
 
 
 def test_a_missing_library_is_named(incomplete, run):
     (incomplete / "scan.mtl").unlink()
     code, err = run(*PAIR, "--maps", "base-color")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert f"1 file of the high meshes' materials cannot be found: {str(incomplete / 'scan.mtl')!r}." in err
 
 
 def test_missing_pages_do_not_matter_to_a_normal_map(incomplete, run):
-    assert run(*PAIR) == (exit_codes.DONE, "")
+    assert run(*PAIR) == (run_report.DONE, "")
 
 
 # Far from the origin
@@ -254,7 +254,7 @@ def normals(folder, run, low, high, name):
     words = ["--size", "32", "--margin", "0", "--depth", "32", "--method", "cast", "--extrusion", "0.3"]
     words += ["--max-distance", "0.6", "--output", f"{name}.exr", "--report", f"{name}.json"]
     code, err = run("--low-file", low, "--high-file", high, *words)
-    assert (code, err) == (exit_codes.DONE, "")
+    assert (code, err) == (run_report.DONE, "")
     image = bpy.data.images.load(str(folder / f"{name}.exr"))
     image.colorspace_settings.is_data = True
     return maps.pixels(image)
@@ -292,7 +292,7 @@ def test_coordinates_that_the_file_has_rounded_are_named(folder, run):
     points, _, parts = scans.strips(1, FAR, height=0.1, n=20)
     scans.write_ply(folder / "scan.ply", points, parts[0], kind="float")
     code, err = run(*PAIR[:3], "scan.ply", *PAIR[4:], "--method", "cast", "--extrusion", "1", "--max-distance", "2")
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     assert "'scan' lies 5.41e+06 from its origin, where single precision rounds coordinates to 0.5." in err
     assert "'low' lies" not in err
 
@@ -302,18 +302,18 @@ def test_a_scan_can_be_moved_to_where_its_low_mesh_is(folder, run):
     scans.write_obj(folder / "scan.obj", scans.strips(1, FAR, height=0.1, n=60))
     words = [*PAIR, "--method", "cast", "--report", "r.json"]
     code, err = run(*words)
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert "do not overlap" in err
     assert "around (512345, 5.41234e+06, 312): they seem to be exported with different offsets. --origin" in err
     code, err = run(*words, "--origin", f"{FAR[0]},{FAR[2]},{-FAR[1]}")  # in the axes of the file
-    assert (code, err) == (exit_codes.DONE, "")
+    assert (code, err) == (run_report.DONE, "")
     assert reports.one(folder / "r.json")["missed"] == 0.0
 
 
 @pytest.mark.parametrize("value", ["1,2", "a,b,c", "1,2,inf", "-1,2,nan"])
 def test_an_origin_is_three_numbers(run, value):
     code, err = run(*PAIR, "--origin", value)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert "--origin" in err
 
 
@@ -325,10 +325,10 @@ def test_other_units_explain_a_failed_bake(folder, run):
     points, uv, parts = scans.strips(1, height=0.01, n=20)
     scans.write_obj(folder / "scan.obj", (points * 100.0 + [0.0, 0.0, 500.0], uv, parts))
     code, err = run(*PAIR, "--method", "cast")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert err.endswith("they seem to have different units. Export both with the same unit.\n")
     code, err = run(*PAIR, "--method", "flatten")
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     assert "units" not in err
 
 
@@ -345,16 +345,16 @@ def test_other_axes_explain_a_failed_bake_and_can_be_set(folder, run):
     assert "turned by 90 degrees about X" in err
     assert "--high-up names the axis" in err
     code, err = run(*words, "--high-up", "z")
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     assert "turned" not in err
     assert reports.one(folder / "r.json")["missed"] == 0.0
 
 
 def test_an_axis_is_for_a_high_file(folder, run):
     code, err = run(*PAIR[:2], "--output", "m.png", "--high-up", "z")
-    assert (code, err) == (exit_codes.WRONG_USAGE, "imprint: --high-up is for --high-file. See --help.\n")
+    assert (code, err) == (run_report.WRONG_USAGE, "imprint: --high-up is for --high-file. See --help.\n")
     code, err = run(*PAIR, "--high-up", "x")
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert "'x' is not one of y, z" in err
 
 
@@ -444,7 +444,7 @@ def test_uvs_by_face_are_left_out_where_the_faces_are_others(folder):
 
 
 def test_the_report_has_the_memory_that_was_estimated(incomplete, run):
-    assert run(*PAIR, "--report", "r.json") == (exit_codes.DONE, "")
+    assert run(*PAIR, "--report", "r.json") == (run_report.DONE, "")
     memory = reports.one(incomplete / "r.json")["memory"]
     assert set(memory) == {"needed", "on_gpu", "free"}
     assert 4e8 < memory["needed"] < 1e9

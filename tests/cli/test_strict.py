@@ -8,7 +8,7 @@ import pytest
 from mathutils import Matrix
 
 from addon.cli import command
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from tests.support import reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -35,7 +35,7 @@ PAIR = ["file.blend", "--low", "a_low", "--high", "a_high", "--output", "a.png"]
 
 
 def test_a_bake_over_a_limit_keeps_its_map_and_ends_with_4(folder, capsys):
-    assert bake(*PAIR, "--strict", "coverage<10%, missed<0.1%") == exit_codes.GATE
+    assert bake(*PAIR, "--strict", "coverage<10%, missed<0.1%") == run_report.GATE
     entry = reports.bake(folder / "r.json")
     assert (entry["state"], entry["gate"], entry["error"]) == ("gate", [OVER], "")
     assert (folder / "a.png").is_file()
@@ -43,7 +43,7 @@ def test_a_bake_over_a_limit_keeps_its_map_and_ends_with_4(folder, capsys):
 
 
 def test_a_bake_within_its_limits_is_done(folder):
-    assert bake(*PAIR, "--strict", "coverage>90%, missed<0.1%, deviation.p99<1deg, loss.max<1deg") == exit_codes.DONE
+    assert bake(*PAIR, "--strict", "coverage>90%, missed<0.1%, deviation.p99<1deg, loss.max<1deg") == run_report.DONE
     entry = reports.bake(folder / "r.json")
     assert (entry["state"], entry["gate"]) == ("done", [])
     assert entry["reports"][0]["deviation"]["texels"] == 32 * 32
@@ -60,14 +60,14 @@ def test_plates_on_one_uv_square_with_different_detail_are_over_a_limit(folder, 
     bpy.ops.wm.save_mainfile()
     assert bake(
         *PAIR, "--method", "cast", "--max-distance", "1", "--extrusion", "0.5", "--strict", "deviation.p99<2deg"
-    ) == (exit_codes.GATE)
+    ) == (run_report.GATE)
     (gate,) = reports.bake(folder / "r.json")["gate"]
     assert gate.startswith("deviation.p99 is 11.3")
 
 
 def test_pairs_over_a_limit_are_named(folder):
     words = ["file.blend", "--pairs", "--output", "{low}.png", "--strict", "coverage<10%"]
-    assert bake(*words) == exit_codes.GATE
+    assert bake(*words) == run_report.GATE
     assert reports.bake(folder / "r.json")["gate"] == [f"a_low: {OVER}", f"b_low: {OVER}"]
 
 
@@ -78,15 +78,15 @@ def test_each_set_has_limits_of_its_own(folder, capsys):
     ]
     job = {"defaults": {"file": "file.blend", "strict": "coverage>10%"}, "bake": sets}
     (folder / "j.json").write_text(json.dumps(job))
-    assert bake("--jobs", "j.json") == exit_codes.GATE
+    assert bake("--jobs", "j.json") == run_report.GATE
     assert [each["state"] for each in reports.bakes(folder / "r.json")] == ["gate", "done"]
     out, err = capsys.readouterr()
     assert f"imprint: set 1 (a_low): {OVER}" in err.splitlines()
     assert "2 done, 0 failed, 1 over a limit" in out
-    assert bake("--jobs", "j.json", "--strict", "coverage>20%") == exit_codes.DONE
+    assert bake("--jobs", "j.json", "--strict", "coverage>20%") == run_report.DONE
     job["bake"][1]["high"] = "missing"
     (folder / "j.json").write_text(json.dumps(job))
-    assert bake("--jobs", "j.json") == exit_codes.FAILED
+    assert bake("--jobs", "j.json") == run_report.FAILED
     assert [each["state"] for each in reports.bakes(folder / "r.json")] == ["gate", "failed"]
 
 
@@ -100,21 +100,21 @@ def test_limits_count_for_bakes_that_were_done_before(folder):
         entry = reports.bake(folder / "r.json")
         states.append((code, entry["state"], entry["gate"], entry["seconds"] > 0.0))
     assert states == [
-        (exit_codes.GATE, "gate", [OVER], True),
-        (exit_codes.GATE, "gate", [OVER], False),
-        (exit_codes.DONE, "resumed", [], False),
-        (exit_codes.DONE, "done", [], True),  # it is measured
-        (exit_codes.DONE, "resumed", [], False),
+        (run_report.GATE, "gate", [OVER], True),
+        (run_report.GATE, "gate", [OVER], False),
+        (run_report.DONE, "resumed", [], False),
+        (run_report.DONE, "done", [], True),  # it is measured
+        (run_report.DONE, "resumed", [], False),
     ]
 
 
 def test_a_wrong_limit_stops_the_call_before_the_first_bake(folder, capsys):
-    assert bake(*PAIR, "--strict", "mised<1%") == exit_codes.WRONG_USAGE
+    assert bake(*PAIR, "--strict", "mised<1%") == run_report.WRONG_USAGE
     assert "did you mean 'missed'?" in capsys.readouterr().err
     job = {
         "bake": [{"file": "file.blend", "low": "a_low", "high": "a_high", "output": "a.png", "strict": "missed<1deg"}]
     }
     (folder / "j.json").write_text(json.dumps(job))
-    assert bake("--jobs", "j.json") == exit_codes.WRONG_USAGE
+    assert bake("--jobs", "j.json") == run_report.WRONG_USAGE
     assert "set 1: strict: 'missed<1deg': missed takes %, or no unit, and not 'deg'" in capsys.readouterr().err
     assert not (folder / "a.png").exists()

@@ -5,7 +5,7 @@ import bpy
 import pytest
 
 from addon.cli import command
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from tests.support import reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -26,7 +26,7 @@ def baked(folder, *words):
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     before = set(folder.rglob("*"))
-    assert command.run([*BAKE, "--report", "r.json", *words]) == exit_codes.DONE
+    assert command.run([*BAKE, "--report", "r.json", *words]) == run_report.DONE
     warnings = [warning for each in reports.bake(folder / "r.json")["reports"] for warning in each["warnings"]]
     return sorted(path.name for path in set(folder.rglob("*")) - before), warnings
 
@@ -83,6 +83,6 @@ def test_simulations_of_the_open_file_write_no_files(tmp_path, high, capsys):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "s.blend"))
     before = set(tmp_path.rglob("*"))
-    assert command.run([*BAKE[1:], "--output", "m.#.png", "--frames", "1-3"]) == exit_codes.DONE
+    assert command.run([*BAKE[1:], "--output", "m.#.png", "--frames", "1-3"]) == run_report.DONE
     assert sorted(path.name for path in set(tmp_path.rglob("*")) - before) == ["m.1.png", "m.2.png", "m.3.png"]
     assert "The fluid of 'domain' was switched off" in capsys.readouterr().err

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from addon.cli import bounds, command
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from addon.cli.usage.key_values import KEYS
 from addon.core.file_structure import blend_files
 from tests.support import trees
@@ -120,7 +120,7 @@ def is_of_other_systems(line):
 def test_no_file_is_written_elsewhere(root, key, place, capfd):
     path = place.replace("{root}", str(root)) + WRITES[key]
     code, said = attack(root, key, path, capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     (line,) = said
     assert "the only folder that --untrusted writes to" in line or is_of_other_systems(line)
 
@@ -130,7 +130,7 @@ def test_no_link_of_the_output_folder_is_written_to(root, capfd):
     (root / "job/out/other.png").write_text("precious")
     (root / "job/out/map.png").symlink_to("other.png")
     code, (line,) = attack(root, "output", "out/map.png", capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert "is a link, which --untrusted does not follow" in line
     assert (root / "job/out/other.png").read_text() == "precious"
 
@@ -140,7 +140,7 @@ def test_no_link_of_the_output_folder_is_written_to(root, capfd):
 def test_no_file_is_read_elsewhere(root, key, place, capfd):
     path = place.replace("{root}", str(root)) + READS[key]
     code, said = attack(root, key, path, capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     (line,) = said
     assert "the only folder that --untrusted reads" in line or "is no file." in line
 
@@ -158,7 +158,7 @@ def test_no_folder_is_read_elsewhere(root, place, capfd):
     code = command.run(["--jobs", str(root / "job/j.json"), "--untrusted"], may_start_processes=True)
     (line,) = capfd.readouterr().err.splitlines()
     assert outside_of(root) == before
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert "the only folder that --untrusted reads" in line or is_of_other_systems(line)
 
 
@@ -176,7 +176,7 @@ LIBRARIES = {
 def test_no_library_of_materials_is_read_elsewhere(root, library, capfd):
     (root / "job/high.obj").write_text(f"mtllib {library}\n{MESH}")
     code, (line,) = attack(root, "size", 16, capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert "what 'high.obj' refers to" in line.lower()
 
 
@@ -188,7 +188,7 @@ def test_no_texture_is_read_elsewhere(root, word, texture, capfd):
     (root / "job/high.obj").write_text(f"mtllib own.mtl\n{MESH}")
     (root / "job/own.mtl").write_text(f"newmtl a\n{word} {texture}\n")
     code, (line,) = attack(root, "size", 16, capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert "what 'high.obj' refers to" in line.lower()
 
 
@@ -211,7 +211,7 @@ def test_no_part_of_a_gltf_is_read_elsewhere(root, ending, key, uri, capfd):
         content = struct.pack("<4sIIII", b"glTF", 2, 20 + len(content), len(content), 0x4E4F534A) + content
     (root / f"job/high{ending}").write_bytes(content)
     code, (line,) = attack(root, "high-file", f"high{ending}", capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert f"what 'high{ending}' refers to" in line.lower()
 
 
@@ -226,7 +226,7 @@ def blend(*blocks, size=None):
 def test_no_library_of_a_blend_is_read_elsewhere(root, pack, library, capfd):
     (root / "job/s.blend").write_bytes(pack(blend((b"LI", library.encode() + b"\0"))))
     code, (line,) = attack(root, "file", "s.blend", capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert "A linked library of" in line
 
 
@@ -234,7 +234,7 @@ def test_no_library_of_a_blend_is_read_elsewhere(root, pack, library, capfd):
 def test_a_wrong_size_in_a_blend_stops_nothing(root, size, capfd):
     (root / "job/s.blend").write_bytes(blend((b"LI", b"x"), (b"OB", b"y"), size=size))
     code, said = attack(root, "file", "s.blend", "--check", capfd=capfd)
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert said == [f"imprint: a: {str(root / 'job/s.blend')!r} is no .blend, or not a complete one."]
 
 
@@ -242,7 +242,7 @@ def test_a_blend_that_unpacks_to_very_much_is_not_unpacked(root, monkeypatch, ca
     monkeypatch.setattr(blend_files, "MOST_COMPRESSED", 4)
     (root / "job/s.blend").write_bytes(gzip.compress(blend((b"DATA", bytes(1 << 23)))))
     code, said = attack(root, "file", "s.blend", "--check", capfd=capfd)
-    assert code == exit_codes.FAILED and len(said) == 1
+    assert code == run_report.FAILED and len(said) == 1
 
 
 def test_a_file_that_would_be_read_for_days_is_refused(root, capfd):
@@ -253,7 +253,7 @@ def test_a_file_that_would_be_read_for_days_is_refused(root, capfd):
         json.dumps({"bake": [{**MESHES, "high-file": "holes.obj", "output": "out/m.png"}]})
     )
     words = ["--jobs", str(root / "job/j.json"), "--untrusted", "--resume", "--records", str(root / "records")]
-    assert command.run(words, may_start_processes=True) == exit_codes.WRONG_USAGE
+    assert command.run(words, may_start_processes=True) == run_report.WRONG_USAGE
     (line,) = capfd.readouterr().err.splitlines()
     assert "has more than 32 GiB, the most that --untrusted reads" in line
 
@@ -268,7 +268,7 @@ def test_the_job_file_must_be_a_file_of_usual_size(root, capfd):
     ):
         if name.startswith("pipe"):
             os.mkfifo(root / "job" / name)
-        assert command.run(["--jobs", str(root / "job" / name), "--untrusted"]) == exit_codes.WRONG_USAGE
+        assert command.run(["--jobs", str(root / "job" / name), "--untrusted"]) == run_report.WRONG_USAGE
         (line,) = capfd.readouterr().err.splitlines()
         assert words in line
 
@@ -288,14 +288,14 @@ def test_a_job_file_cannot_ask_for_more(root, capfd):
         "records",
     ):
         code, (line,) = attack(root, key, "/", capfd=capfd)
-        assert code == exit_codes.WRONG_USAGE
+        assert code == run_report.WRONG_USAGE
         assert f"unknown key '{key}'" in line
 
 
 def test_too_many_frames_are_refused(root, capfd):
     values = {**MESHES, "output": "out/m.png", "frames": "1-100000"}
     (root / "job/j.json").write_text(json.dumps({"bake": [values] * 11}))
-    assert command.run(["--jobs", str(root / "job/j.json"), "--untrusted"]) == exit_codes.WRONG_USAGE
+    assert command.run(["--jobs", str(root / "job/j.json"), "--untrusted"]) == run_report.WRONG_USAGE
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("imprint: 1,100,000 maps are more than 1,000,000")
 
@@ -322,7 +322,7 @@ def test_links_among_the_files_do_not_move_what_the_caller_names(root, monkeypat
         words = ["--output-folder", name]
     (root / "job" / name).symlink_to(root / "outside" / ("victim.json" if ".json" in name or ".html" in name else ""))
     code, (line,) = attack(root, "size", 16, *words, capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert "is a link out of" in line
 
 
@@ -331,7 +331,7 @@ def test_a_name_cannot_write_to_the_terminal(root, capfd):
     (root / "job/s.blend").write_bytes(blend((b"OB", bytes(8))))
     values = {"file": "s.blend", "low": name, "output": "../m.png"}
     (root / "job/j.json").write_text(json.dumps({"bake": [values, values]}))
-    assert command.run(["--jobs", str(root / "job/j.json"), "--untrusted"]) == exit_codes.WRONG_USAGE
+    assert command.run(["--jobs", str(root / "job/j.json"), "--untrusted"]) == run_report.WRONG_USAGE
     lines = capfd.readouterr().err.splitlines()
     assert len(lines) == 2
     assert all("(a?]0;title??Saved: '/etc/passwd'??2J)" in line and line.isprintable() for line in lines)
@@ -342,7 +342,7 @@ def test_records_are_not_where_untrusted_files_can_be(root, place, capfd):
     (root / "outside/back").symlink_to(root / "job")
     words = ["--resume", "--records", str(root / place), "--log", str(root / "logs")]
     code, (line,) = attack(root, "size", 16, *words, capfd=capfd)
-    assert code == exit_codes.WRONG_USAGE
+    assert code == run_report.WRONG_USAGE
     assert "where untrusted files can be" in line
 
 
@@ -380,7 +380,7 @@ def test_random_paths(root, seed, capfd):
     code, said = attack(root, key, path + ending, "--check", capfd=capfd)
     real = Path(os.path.realpath(root / "job" / (path + ending)))
     folder = root / "job" / ("out" if key in WRITES else "")
-    if code == exit_codes.DONE:
+    if code == run_report.DONE:
         assert real.is_relative_to(folder)
     else:
         assert len(said) >= 1
@@ -399,9 +399,9 @@ def test_the_input_folder_may_be_another_one(root, capfd):
         path = "../outside/secret.obj" if key == "low-file" else "../outside/m.png"
         (root / "job/j.json").write_text(json.dumps({"bake": [{**MESHES, "output": "out/m.png", key: path}]}))
         call = ["--jobs", str(root / "job/j.json"), "--untrusted", "--check"]
-        assert command.run(call) == exit_codes.WRONG_USAGE
-        assert command.run([*call, *words]) == exit_codes.DONE
-    assert command.run([*call, "--input-folder", str(root / "none")]) == exit_codes.WRONG_USAGE
+        assert command.run(call) == run_report.WRONG_USAGE
+        assert command.run([*call, *words]) == run_report.DONE
+    assert command.run([*call, "--input-folder", str(root / "none")]) == run_report.WRONG_USAGE
     assert "There is no folder" in capfd.readouterr().err
 
 
@@ -418,5 +418,5 @@ def test_the_input_folder_may_be_another_one(root, capfd):
     ],
 )
 def test_options_that_contradict_each_other(words, error, capfd):
-    assert command.run(words.split()) == exit_codes.WRONG_USAGE
+    assert command.run(words.split()) == run_report.WRONG_USAGE
     assert error in capfd.readouterr().err

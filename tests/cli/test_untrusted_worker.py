@@ -16,8 +16,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, outside_files
-from addon.cli.results import exit_codes
+from addon.cli import command, read_files
+from addon.cli.results import run_report
 from addon.cli.results.bake_result import Done
 from addon.cli.results.run_report import Entry, State
 from addon.cli.workers import messages, worker_process
@@ -77,7 +77,7 @@ def test_folders_may_be_named_over_links_and_with_a_folder_of_the_log(root):
         text=True,
         check=False,
     )
-    assert (done.returncode, (root / "maps/m.png").exists()) == (exit_codes.DONE, True), done.stderr
+    assert (done.returncode, (root / "maps/m.png").exists()) == (run_report.DONE, True), done.stderr
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_without_a_sandbox_nothing_is_baked(root, monkeypatch, capfd, program, e
         (root / "bin/bwrap").chmod(0o755)
     monkeypatch.setenv("PATH", str(root / "bin"))
     call = ["--low-file", "low.obj", "--high-file", "high.obj", "--output", "m.png", "--untrusted"]
-    assert command.run(call, may_start_processes=True) == exit_codes.WRONG_USAGE
+    assert command.run(call, may_start_processes=True) == run_report.WRONG_USAGE
     assert error in capfd.readouterr().err
     assert not (root / "job/m.png").exists()
 
@@ -108,7 +108,7 @@ def test_without_a_sandbox_nothing_is_baked(root, monkeypatch, capfd, program, e
 def test_another_system_has_no_sandbox(root, monkeypatch, capfd):
     monkeypatch.setattr(sys, "platform", "darwin")
     call = ["--low-file", "low.obj", "--high-file", "high.obj", "--output", "m.png", "--untrusted"]
-    assert command.run(call, may_start_processes=True) == exit_codes.WRONG_USAGE
+    assert command.run(call, may_start_processes=True) == run_report.WRONG_USAGE
     assert "--untrusted needs bubblewrap, which exists on Linux alone" in capfd.readouterr().err
 
 
@@ -234,16 +234,16 @@ def test_paths_of_files_outside_are_emptied(tmp_path):
     outside, inside = (bpy.data.images.new(name, 4, 4) for name in "ab")
     for image, path in ((outside, "/etc/secret.png"), (inside, str(tmp_path / "in.png"))):
         image.source, image.filepath = "FILE", path
-    (note,) = outside_files.leave_out([str(tmp_path)])
+    (note,) = read_files.leave_out([str(tmp_path)])
     assert (outside.filepath, inside.filepath) == ("", str(tmp_path / "in.png"))
     assert "'/etc/secret.png'" in note
-    assert outside_files.leave_out([str(tmp_path)]) == []
+    assert read_files.leave_out([str(tmp_path)]) == []
 
 
 def test_preferences_cannot_allow_scripts(monkeypatch):
     paths = bpy.context.preferences.filepaths
     monkeypatch.setattr(paths, "use_scripts_auto_execute", True)
-    outside_files.forbid_scripts()
+    read_files.forbid_scripts()
     assert not paths.use_scripts_auto_execute
     given = ["blender", "-b", "--command", "imprint", "--jobs", "j"]
     monkeypatch.setitem(

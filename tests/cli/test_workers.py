@@ -19,12 +19,12 @@ import pytest
 from addon.cli import command, interruption
 from addon.cli.done.turns import Turns
 from addon.cli.plan import clashes, plans
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from addon.cli.results.bake_result import Done, Wanted
 from addon.cli.results.run_report import Entry
-from addon.cli.terminal_progress import Meter
+from addon.cli.results.terminal import Meter
 from addon.cli.usage import arguments, job_file
-from addon.cli.workers import channel, supervisor, worker, worker_process
+from addon.cli.workers import pool, worker, worker_process
 from addon.cli.workers.messages import Answer, FilesFound, Percent, packed
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
@@ -88,7 +88,7 @@ def outcome(folder):
 
 def test_a_crash_ends_one_bake_alone(folder):
     code, out, err = run(*jobs(folder, "a", "crash", "b", "leave", "c"))
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert outcome(folder) == [
         ("set 1 (a_low)", "done", "", ""),
         ("set 2 (crash_low)", "failed", "crash", "SIGSEGV"),
@@ -147,7 +147,7 @@ def test_a_blend_that_is_cut_off_is_a_mistake_in_the_input(folder):
 
 def test_a_bake_that_hangs_is_ended_at_the_limit(folder):
     code, _, err = run(*jobs(folder, "hang", "a"), "--timeout", "5", "--log", "logs")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert outcome(folder) == [("set 1 (hang_low)", "failed", "timeout", ""), ("set 2 (a_low)", "done", "", "")]
     assert "It took more than 5 s, the limit." in err
     hung, done = (each["log"] for each in reports.bakes(folder / "r.json"))
@@ -160,7 +160,7 @@ def test_a_bake_that_hangs_is_ended_at_the_limit(folder):
 def test_a_message_that_comes_byte_by_byte_delays_no_limit(folder):
     """The next bake goes on in another worker."""
     code, _, err = run(*jobs(folder, "drip", "a"), "--timeout", "4")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert outcome(folder) == [("set 1 (drip_low)", "failed", "timeout", ""), ("set 2 (a_low)", "done", "", "")]
     assert "It took more than 4 s, the limit." in err
     assert reports.bakes(folder / "r.json")[0]["seconds"] < 6.0
@@ -178,26 +178,26 @@ def test_a_worker_that_sends_no_messages_ends_one_bake_alone(folder):
 @pytest.mark.slow
 def test_a_bake_that_takes_too_much_memory_is_ended_at_the_limit(folder):
     code, _, err = run(*jobs(folder, "fill", "a"), "--max-memory", "1G")
-    assert code == exit_codes.NO_MACHINE
+    assert code == run_report.NO_MACHINE
     assert outcome(folder) == [("set 1 (fill_low)", "failed", "memory", ""), ("set 2 (a_low)", "done", "", "")]
     assert "more than the limit of 1,024 MiB." in err
 
 
 def test_a_worker_that_another_process_kills_has_crashed(folder):
     code, _, _ = run(*jobs(folder, "killed"))
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert outcome(folder) == [("killed_low", "failed", "crash", "SIGKILL")]
 
 
 def test_several_workers_make_the_same_files_and_one_report_in_their_order(folder):
     words = jobs(folder, *"abcdef")
-    assert run(*words, "--workers", "0")[0] == exit_codes.DONE
+    assert run(*words, "--workers", "0")[0] == run_report.DONE
     expected = {path.name: path.read_bytes() for path in folder.glob("?.png")}
     here = reports.bakes(folder / "r.json")
     for count in ("1", "3"):
         for path in folder.glob("?.png"):
             path.unlink()
-        assert run(*words, "--workers", count)[0] == exit_codes.DONE
+        assert run(*words, "--workers", count)[0] == run_report.DONE
         assert {path.name: path.read_bytes() for path in folder.glob("?.png")} == expected
         found = reports.bakes(folder / "r.json")
         assert [each["name"] for each in found] == [each["name"] for each in here]
@@ -209,7 +209,7 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
     planned, _ = plans.plans_of(job_file.read("j.json"))
     files, turns = clashes.RunFiles(), Turns(planned)
     assert files.add([(plan.name, plan.options) for plan in planned], "j.json", None, []) == []
-    with Meter(io.StringIO()) as meter, supervisor.Supervisor(1, supervisor.Limits()) as started:
+    with Meter(io.StringIO()) as meter, pool.Supervisor(1, pool.Limits()) as started:
         results = started.bake_all(turns, files, meter, Wanted())
         assert [(done.entry.state, turns.count) for done in results] == [("done", left) for left in (2, 1, 0, 0)]
 
@@ -227,8 +227,8 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
 )
 def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is_ready, has_lost, left, expected):
     """busy_for: seconds that the only worker has its bake; None if it has none."""
-    monkeypatch.setattr(supervisor, "BusyWorker", lambda _: made(plan=None, is_ready=False))
-    watching = supervisor.Supervisor(1, supervisor.Limits(seconds=10.0))
+    monkeypatch.setattr(pool, "BusyWorker", lambda _: made(plan=None, is_ready=False))
+    watching = pool.Supervisor(1, pool.Limits(seconds=10.0))
     watching._has_lost = has_lost
     plan = None if busy_for is None else object()
     watching._workers.append(made(plan=plan, is_ready=is_ready, begun=time.monotonic() - (busy_for or 0.0)))
@@ -271,8 +271,8 @@ def failing(made_):
 def test_workers_that_do_not_start_end_no_run_while_another_is_well(monkeypatch, start_, count, expected):
     """A spare one is tried once, others three times, and again once the other has ended."""
     made_ = []
-    monkeypatch.setattr(supervisor, "BusyWorker", start_(made_))
-    watching = supervisor.Supervisor(count, supervisor.Limits())
+    monkeypatch.setattr(pool, "BusyWorker", start_(made_))
+    watching = pool.Supervisor(count, pool.Limits())
     watching._has_lost = True
     well = made(plan=object(), is_ready=True)
     watching._workers.append(well)
@@ -294,8 +294,8 @@ def test_workers_that_do_not_start_end_no_run_while_another_is_well(monkeypatch,
 
 def test_without_another_worker_the_third_that_ends_unready_ends_the_run(monkeypatch):
     """Those that ended while another was well do not count."""
-    monkeypatch.setattr(supervisor, "BusyWorker", dying([]))
-    watching = supervisor.Supervisor(2, supervisor.Limits())
+    monkeypatch.setattr(pool, "BusyWorker", dying([]))
+    watching = pool.Supervisor(2, pool.Limits())
     well = made(plan=object(), is_ready=True)
     watching._workers.append(well)
     for _ in range(2):
@@ -313,11 +313,11 @@ def test_without_another_worker_the_third_that_ends_unready_ends_the_run(monkeyp
 def test_a_worker_that_ends_unready_ends_the_run_after_others_could_not_be_started(monkeypatch):
     made_ = []
     first = dying(made_)(None)
-    monkeypatch.setattr(supervisor, "BusyWorker", failing(made_))
-    watching = supervisor.Supervisor(2, supervisor.Limits())
+    monkeypatch.setattr(pool, "BusyWorker", failing(made_))
+    watching = pool.Supervisor(2, pool.Limits())
     watching._workers.append(first)
     watching._fill(9)
-    assert len(made_) == 1 + supervisor.MOST_STARTS
+    assert len(made_) == 1 + pool.MOST_STARTS
     with pytest.raises(NoGpu):
         list(watching._bury(first))
 
@@ -325,26 +325,26 @@ def test_a_worker_that_ends_unready_ends_the_run_after_others_could_not_be_start
 def test_workers_that_end_between_their_start_and_their_first_bake_are_not_started_for_ever(monkeypatch):
     """As where other machines have all bakes that are left."""
     made_ = []
-    monkeypatch.setattr(supervisor, "BusyWorker", dying(made_))
-    watching = supervisor.Supervisor(1, supervisor.Limits())
+    monkeypatch.setattr(pool, "BusyWorker", dying(made_))
+    watching = pool.Supervisor(1, pool.Limits())
 
     def fill():
         watching._fill(1)
         made_[-1].process.is_ready = True
         return list(watching._bury(made_[-1]))
 
-    for _ in range(supervisor.MOST_STARTS - 1):
+    for _ in range(pool.MOST_STARTS - 1):
         assert fill() == []
     with pytest.raises(NoGpu, match=r"^Blender ends here before it bakes: exit code 9\.$"):
         fill()
-    assert len(made_) == supervisor.MOST_STARTS
+    assert len(made_) == pool.MOST_STARTS
 
 
 def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch):
-    monkeypatch.setattr(supervisor, "BusyWorker", failing([]))
+    monkeypatch.setattr(pool, "BusyWorker", failing([]))
     before = list(interruption._at_end)
     with pytest.raises(BakeError, match="A process to bake in could not be started: Resource temporarily"):
-        supervisor.Supervisor(1, supervisor.Limits()).__enter__()
+        pool.Supervisor(1, pool.Limits()).__enter__()
     assert interruption._at_end == before
 
 
@@ -352,14 +352,14 @@ def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch
 @pytest.mark.parametrize(("name", "expected"), [("good", 1), ("crash", 3)])
 def test_after_a_crash_there_is_a_spare_worker(folder, monkeypatch, name, expected):
     monkeypatch.setenv("PYTHONPATH", str(SABOTAGE))
-    made_, make = [], supervisor.BusyWorker
-    monkeypatch.setattr(supervisor, "BusyWorker", lambda rights: made_.append(make(rights)) or made_[-1])
+    made_, make = [], pool.BusyWorker
+    monkeypatch.setattr(pool, "BusyWorker", lambda rights: made_.append(make(rights)) or made_[-1])
     command.run(jobs(folder, name, "a", "b", "c"), may_start_processes=True)
     assert len(made_) == expected
 
 
 def test_a_spare_worker_bakes_when_another_has_ended():
-    watching = supervisor.Supervisor(1, supervisor.Limits())
+    watching = pool.Supervisor(1, pool.Limits())
     first, spare = (made(plan=object(), is_ready=True), made(plan=None, is_ready=True))
     watching._workers += [first, spare]
     assert watching._free() == []
@@ -425,7 +425,7 @@ def test_sets_of_a_scene_that_is_saved_stay_in_one_worker(folder):
         ),
     ]
     (folder / "j.json").write_text(json.dumps({"defaults": {"size": 16, "limit": 9}, "bake": sets}))
-    assert run("--jobs", "j.json", "--report", "r.json", "--workers", "3")[0] == exit_codes.DONE
+    assert run("--jobs", "j.json", "--report", "r.json", "--workers", "3")[0] == run_report.DONE
     bpy.ops.wm.open_mainfile(filepath=str(folder / "saved.blend"))
     assert [bpy.data.objects[f"low{number}"].active_material is not None for number in range(4)] == [True] * 4
 
@@ -470,7 +470,7 @@ def test_a_large_file_that_is_compared_delays_neither_limits_nor_signals(folder)
     process.send_signal(signal.SIGTERM)
     begun = time.monotonic()
     process.communicate(timeout=60)
-    assert time.monotonic() - begun < supervisor.LONGEST_STOP
+    assert time.monotonic() - begun < pool.LONGEST_STOP
     assert process.returncode == 128 + signal.SIGTERM
     assert outcome(folder) == [("set 1 (hang_low)", "failed", "timeout", "")]
     assert not list(folder.glob("*.imprint.*"))
@@ -491,7 +491,7 @@ def test_a_large_file_of_an_untrusted_bake_delays_no_signal(folder):
     process.send_signal(signal.SIGTERM)
     begun = time.monotonic()
     process.communicate(timeout=60)
-    assert time.monotonic() - begun < supervisor.LONGEST_STOP + supervisor.PATIENCE + 1.0
+    assert time.monotonic() - begun < pool.LONGEST_STOP + pool.PATIENCE + 1.0
     assert [state for _, state, *_ in outcome(folder)] == ["stopped"]
 
 
@@ -505,7 +505,7 @@ def test_a_message_that_comes_byte_by_byte_delays_no_signal(folder):
     process.send_signal(signal.SIGTERM)
     begun = time.monotonic()
     process.communicate(timeout=30)
-    assert time.monotonic() - begun < supervisor.LONGEST_STOP + supervisor.PATIENCE + 1.0
+    assert time.monotonic() - begun < pool.LONGEST_STOP + pool.PATIENCE + 1.0
     assert process.returncode == 128 + signal.SIGTERM
 
 
@@ -550,14 +550,14 @@ def test_a_worker_that_hangs_ends_with_its_parent(folder):
 
 @pytest.mark.slow
 def test_a_worker_that_dies_before_it_begins_a_bake_leaves_it_to_another(folder):
-    assert run(*jobs(folder, "early", "a"))[0] == exit_codes.DONE
+    assert run(*jobs(folder, "early", "a"))[0] == run_report.DONE
     assert (folder / "early").exists()
     assert outcome(folder) == [("set 1 (early_low)", "done", "", ""), ("set 2 (a_low)", "done", "", "")]
 
 
 def test_a_folder_for_logs_that_cannot_be_written_is_refused(folder):
     assert run(*jobs(folder, "a"), "--log", "j.json") == (
-        exit_codes.WRONG_USAGE,
+        run_report.WRONG_USAGE,
         "",
         "imprint: --log: no files can be written to 'j.json': Not a directory.\n",
     )
@@ -568,7 +568,7 @@ def test_a_log_that_cannot_be_written_stops_no_bake(folder):
     (folder / "logs" / "000001_set_1_write_low.log").mkdir(parents=True)
     (folder / "logs" / "000002_set_2_write2_low.log").symlink_to("/dev/full")
     code, _, err = run(*jobs(folder, "write", "write2", "a"), "--log", "logs")
-    assert (code, [state for _, state, *_ in outcome(folder)]) == (exit_codes.DONE, ["done"] * 3)
+    assert (code, [state for _, state, *_ in outcome(folder)]) == (run_report.DONE, ["done"] * 3)
     path = folder / "logs" / "000001_set_1_write_low.log"
     assert err == f"imprint: set 1 (write_low): warning: Its log {str(path)!r} could not be written: Is a directory.\n"
 
@@ -576,8 +576,8 @@ def test_a_log_that_cannot_be_written_stops_no_bake(folder):
 def test_a_blender_that_hangs_while_it_starts_is_given_up(folder, monkeypatch, capsys):
     sleep = [sys.executable, "-c", "import time; time.sleep(100)"]
     monkeypatch.setattr(worker_process, "command", lambda: sleep)
-    monkeypatch.setattr(supervisor, "LONGEST_START", 0.2)
-    assert command.run(jobs(folder, "a", "b"), may_start_processes=True) == exit_codes.NO_MACHINE
+    monkeypatch.setattr(pool, "LONGEST_START", 0.2)
+    assert command.run(jobs(folder, "a", "b"), may_start_processes=True) == run_report.NO_MACHINE
     assert capsys.readouterr().err == "imprint: Blender does not start here: it has not begun after 0.2 s.\n"
 
 
@@ -590,15 +590,15 @@ def test_a_blender_that_does_not_start_is_one_sentence(folder, monkeypatch):
         env=dict(os.environ, PYTHONPATH=str(folder)),
         check=False,
     )
-    assert process.returncode == exit_codes.NO_MACHINE
+    assert process.returncode == run_report.NO_MACHINE
     assert process.stderr == "imprint: Blender does not start here: exit code 9.\n"
 
 
 @pytest.mark.parametrize("content", [b"\0\0\1\0half", b""], ids=["half a message", "nothing"])
 def test_a_worker_that_stops_in_a_message_is_ended(content, monkeypatch):
     """In one that it sends, or that it does not read."""
-    monkeypatch.setattr(channel, "STALLED", 0.0)
-    ours, killed = channel.Channel(), []
+    monkeypatch.setattr(worker_process, "STALLED", 0.0)
+    ours, killed = worker_process.Channel(), []
     process = SimpleNamespace(channel=ours, is_ready=True, kill=lambda: killed.append(True), close=ours.close)
     process.end = lambda: worker_process.Ending("signal 9, Killed", "SIGKILL", lacked_memory=False)
     process.last_printed = str
@@ -606,7 +606,7 @@ def test_a_worker_that_stops_in_a_message_is_ended(content, monkeypatch):
     worker_ = SimpleNamespace(
         process=process, plan=plan, begun=0.0, has_begun=True, is_well=True, log="", last_words=str
     )
-    watching = supervisor.Supervisor(1, supervisor.Limits())
+    watching = pool.Supervisor(1, pool.Limits())
     watching._workers.append(worker_)
     os.write(ours.other.fileno(), content)
     if not content:
@@ -618,9 +618,9 @@ def test_a_worker_that_stops_in_a_message_is_ended(content, monkeypatch):
 
 def test_what_a_worker_sends_without_a_bake_is_ignored():
     """As one may that a file has taken over."""
-    ours = channel.Channel()
+    ours = worker_process.Channel()
     worker_ = SimpleNamespace(process=SimpleNamespace(channel=ours), plan=None)
-    watching = supervisor.Supervisor(1, supervisor.Limits())
+    watching = pool.Supervisor(1, pool.Limits())
     watching._workers.append(worker_)
     for message in (Done(Entry(1, "a")), FilesFound()):
         ours.other.send_bytes(packed(message))

@@ -10,7 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from addon.cli.results.sheets import result_sheet
+from addon.cli.results import sheet
 from addon.output import png_writer
 from scripts.dev.in_engines.chromium import CHROMIUMS
 from tests.support import reports
@@ -51,11 +51,9 @@ document.body.textContent = "RESULT" + JSON.stringify(out) + "END";
 def test_a_browser_sorts_and_filters(tmp_path):
     report = reports.of_three()
     pictures = [png_writer.small(np.full((2, width, 3), 99, np.uint8)) for width in (600, 500, 400)]
-    rows = map(result_sheet.row, report["bakes"], pictures)
+    rows = map(sheet.row, report["bakes"], pictures)
     page = tmp_path / "sheet.html"
-    page.write_text(
-        "".join(result_sheet.page(report, "r.json", rows)).replace("</body>", STEPS + "</body>"), encoding="utf-8"
-    )
+    page.write_text("".join(sheet.page(report, "r.json", rows)).replace("</body>", STEPS + "</body>"), encoding="utf-8")
     options = ["--headless", "--no-first-run", "--disable-gpu", "--dump-dom", f"--user-data-dir={tmp_path / 'profile'}"]
     options += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
     done = subprocess.run([CHROMIUM, *options, page.as_uri()], capture_output=True, text=True, timeout=120, check=True)

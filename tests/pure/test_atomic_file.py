@@ -5,10 +5,10 @@ import os
 
 import pytest
 
-from addon.cli.results import kept_files, run_report
+from addon.cli.results import report_file, run_report
 from addon.cli.results.report_file import ReportFile
 from addon.cli.results.run_report import Entry
-from addon.cli.results.sheets.sheet_file import SheetFile
+from addon.cli.results.sheet import SheetFile
 from addon.core.errors import BakeError
 from addon.output.files import atomic_file
 from addon.output.files.atomic_file import Partial, Replaced, all_or_none, check_writable, make_folder, replacing
@@ -60,7 +60,7 @@ def test_many_folders_are_made(tmp_path):
     assert (len(made), made[-1]) == (250, tmp_path / DEEP)
     assert make_folder(tmp_path / DEEP) == []
     with few_calls():
-        kept_files.prepare("--log", str(tmp_path / "log" / DEEP))
+        report_file.prepare_folder("--log", str(tmp_path / "log" / DEEP))
         for path in (tmp_path / "report" / DEEP / "r.json", tmp_path / "page" / DEEP / "s.html"):
             file = ReportFile(path, 1) if path.suffix == ".json" else SheetFile(path, run_report.head(1))
             file.add(Entry(1, "a"), *([b""] if path.suffix == ".html" else []))

@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import pytest
 
 from addon.cli import farm_command
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 
 KIND = {
     "name": "imprint-bake",
@@ -102,7 +102,7 @@ def test_options_become_settings(manager, jobs, tmp_path, capsys, monkeypatch):
 def test_what_the_manager_refuses_is_one_sentence(manager, jobs, capsys, answers, part):
     manager.answers.update(answers)
     code, out, err = run(capsys, "--flamenco", manager.url, jobs)
-    assert (code, out, len(err)) == (exit_codes.FAILED, [], 1)
+    assert (code, out, len(err)) == (run_report.FAILED, [], 1)
     assert part in err[0]
 
 
@@ -111,7 +111,7 @@ def test_answers_of_other_programs_are_one_sentence(manager, jobs, capsys, answe
     manager.answers["jobs/type/imprint-bake"] = 200, answer
     code, _, err = run(capsys, "--flamenco", manager.url, jobs)
     assert (code, err) == (
-        exit_codes.FAILED,
+        run_report.FAILED,
         [f"imprint farm: What answers at {manager.url} is no Flamenco Manager"],
     )
     assert not manager.sent
@@ -119,7 +119,7 @@ def test_answers_of_other_programs_are_one_sentence(manager, jobs, capsys, answe
 
 def test_a_manager_that_is_not_there(jobs, capsys):
     code, _, (line,) = run(capsys, "--flamenco", "127.0.0.1:9", jobs)
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert line.startswith("imprint farm: No Flamenco Manager answers at http://127.0.0.1:9: ")
 
 
@@ -128,7 +128,7 @@ def test_a_manager_that_is_not_there(jobs, capsys):
 )
 def test_what_is_no_address(jobs, capsys, url):
     code, _, (line,) = run(capsys, "--flamenco", url, jobs)
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert "is no address of a Flamenco Manager" in line
 
 
@@ -149,7 +149,7 @@ def test_a_job_file_that_is_not_trusted_is_not_waited_for(manager, tmp_path, cap
     (tmp_path / "jobs.toml").mkdir()
     words = ["--flamenco", manager.url, str(tmp_path / "jobs.toml"), "--untrusted"]
     code, _, (line,) = run(capsys, *words, "--options", "--records /r")
-    assert (code, manager.sent) == (exit_codes.WRONG_USAGE, [])
+    assert (code, manager.sent) == (run_report.WRONG_USAGE, [])
     assert "is no file" in line
     assert "--resume needs --records DIR with --untrusted" in run(capsys, *words)[2][0]  # as the tasks say
 
@@ -167,7 +167,7 @@ def test_a_job_file_that_is_not_trusted_is_not_waited_for(manager, tmp_path, cap
 )
 def test_mistakes_in_the_options_are_found_before_it_is_sent(manager, jobs, capsys, options, part):
     code, _, (line,) = run(capsys, "--flamenco", manager.url, jobs, f"--options={options}")
-    assert (code, manager.sent) == (exit_codes.WRONG_USAGE, [])
+    assert (code, manager.sent) == (run_report.WRONG_USAGE, [])
     assert part in line
 
 
@@ -175,7 +175,7 @@ def test_mistakes_in_the_job_file_are_found_before_it_is_sent(manager, tmp_path,
     path = tmp_path / "props.toml"
     path.write_text('[[bake]]\nlow-file = "low.obj"\noutput = "map.png"\nsamplez = 4\n')
     code, _, (line,) = run(capsys, "--flamenco", manager.url, str(path))
-    assert (code, manager.sent) == (exit_codes.WRONG_USAGE, [])
+    assert (code, manager.sent) == (run_report.WRONG_USAGE, [])
     assert "samplez" in line
 
 
@@ -184,5 +184,5 @@ def test_mistakes_in_the_job_file_are_found_before_it_is_sent(manager, tmp_path,
 )
 def test_wrong_usage(capsys, words):
     code, out, err = run(capsys, *words)
-    assert (code, out) == (exit_codes.WRONG_USAGE, [])
+    assert (code, out) == (run_report.WRONG_USAGE, [])
     assert len(err) == 1

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from addon.cli.workers import last_words
+from addon.cli.workers import worker_process
 
 DUMP = """Fatal Python error: Segmentation fault
 
@@ -42,7 +42,7 @@ PLACE = ", in read, line 7 of mesh/uv.py"
     ],
 )
 def test_the_clause_has_the_place_and_the_last_line(text, expected):
-    assert last_words.clause(text) == expected
+    assert worker_process.crash_output(text) == expected
 
 
 def test_the_dump_of_this_python_is_understood():
@@ -54,7 +54,7 @@ def fall(): os.abort()
 fall()"""
     words = [sys.executable, "-c", program]
     done = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
-    assert last_words.clause(done.stdout) == ", in fall, line 5 of <string>, after it printed 'hi'"
+    assert worker_process.crash_output(done.stdout) == ", in fall, line 5 of <string>, after it printed 'hi'"
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -62,8 +62,8 @@ def test_a_sentence_stays_one_short_line(seed):
     chance = random.Random(seed)
     letters = 'ab "\n\r\t\x00\x1b\u2028\\/'
     text = "".join(chance.choice(letters) for _ in range(chance.randrange(5000)))
-    found = last_words.clause(f'  File "{text}", line 7 in f{text}\n{text}x{"y" * chance.randrange(500)}')
-    assert len(found) < 6 * last_words.LONGEST
+    found = worker_process.crash_output(f'  File "{text}", line 7 in f{text}\n{text}x{"y" * chance.randrange(500)}')
+    assert len(found) < 6 * worker_process.LONGEST
     assert found.isprintable()
 
 
@@ -71,12 +71,12 @@ def test_the_tail_begins_after_what_was_printed_before(tmp_path):
     path = tmp_path / "log"
     path.write_bytes(b"before" + b"x" * 10 + "\xff".encode("latin-1"))
     with path.open("rb") as file:
-        assert last_words.tail(file.fileno(), 6) == "x" * 10 + "\ufffd"
-        assert last_words.tail(file.fileno(), 1000) == ""
-    path.write_bytes(b"y" * 2 * last_words.TAIL)
+        assert worker_process.printed_tail(file.fileno(), 6) == "x" * 10 + "\ufffd"
+        assert worker_process.printed_tail(file.fileno(), 1000) == ""
+    path.write_bytes(b"y" * 2 * worker_process.TAIL)
     with path.open("rb") as file:
-        assert len(last_words.tail(file.fileno())) == last_words.TAIL
+        assert len(worker_process.printed_tail(file.fileno())) == worker_process.TAIL
 
 
 def test_the_last_line_is_short():
-    assert len(last_words.last_line("a\n" + "b" * 20_000 + "\n\n")) == last_words.LONGEST
+    assert len(worker_process.last_line("a\n" + "b" * 20_000 + "\n\n")) == worker_process.LONGEST

@@ -28,7 +28,7 @@ CALLS = {
     ("scene/dependencies.py", "kept_properties"): 1,
     ("scene/dependencies.py", "modifier_input"): 2,
     ("scene/dependencies.py", "visit_file_paths"): 1,
-    ("cli/outside_files.py", "visit_file_paths"): 1,
+    ("cli/read_files.py", "visit_file_paths"): 1,
 }
 """What to change when older versions are dropped: the docstrings of older_blender.py say into what."""
 

@@ -13,7 +13,7 @@ import pytest
 
 from addon.cli.plan import clashes, listing, plans
 from addon.cli.plan.plans import Plan
-from addon.cli.results.exit_codes import FAILED, WRONG_USAGE
+from addon.cli.results.run_report import FAILED, WRONG_USAGE
 from addon.cli.usage import arguments, job_file
 from addon.cli.usage.arguments import WrongUsage
 from addon.core.file_structure import mesh_references

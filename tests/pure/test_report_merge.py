@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from addon.cli import command
-from addon.cli.results import exit_codes, run_report
-from addon.cli.results.only import Only, ranges
+from addon.cli.results import run_report
 from addon.cli.results.report_file import ReportFile
-from addon.cli.results.run_report import Cause, Entry, State
+from addon.cli.results.run_report import Cause, Entry, Only, State, ranges
 
 
 def entry(number, state=State.DONE, **values):
@@ -46,7 +45,7 @@ def test_the_parts_of_a_run_make_the_report_of_the_run(tmp_path, seed):
     ]
     rng.shuffle(parts)
     code, found = merged(tmp_path, *parts)
-    assert code == exit_codes.DONE
+    assert code == run_report.DONE
     same = found.keys() - {"started", "host", "call"}
     expected = json.loads(Path(whole).read_text())
     assert {key: found[key] for key in same} == {key: expected[key] for key in same}
@@ -67,7 +66,7 @@ def test_a_report_is_in_the_order_of_the_job_file(tmp_path, seed):
 def test_missing_bakes_are_named(tmp_path, capsys):
     first = write(tmp_path / "1.json", [1, 2, 5], 9, "1/2")
     code, found = merged(tmp_path, first, tmp_path / "2.json")
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     assert [each["number"] for each in found["bakes"]] == [1, 2, 5]
     out, err = capsys.readouterr()
     assert "missing: 3-4, 6-9" in err
@@ -79,12 +78,12 @@ def test_what_a_cut_off_call_has_left_is_read(tmp_path, capsys):
     first = write(tmp_path / "1.json", [1, 3], 4, "1/2")
     write(tmp_path / "2.json", [2, 4], 4, "2/2", is_cut_off=True)
     assert not (tmp_path / "2.json").exists()
-    assert merged(tmp_path, first, tmp_path / "2.json")[0] == exit_codes.DONE
+    assert merged(tmp_path, first, tmp_path / "2.json")[0] == run_report.DONE
     lines = tmp_path / "2.json.lines"
-    assert merged(tmp_path, first, lines)[0] == exit_codes.DONE
+    assert merged(tmp_path, first, lines)[0] == run_report.DONE
     lines.write_bytes(lines.read_bytes()[:-20])  # cut off in the middle of a line
     code, found = merged(tmp_path, first, lines)
-    assert (code, [each["number"] for each in found["bakes"]]) == (exit_codes.FAILED, [1, 2, 3])
+    assert (code, [each["number"] for each in found["bakes"]]) == (run_report.FAILED, [1, 2, 3])
     assert "missing: 4" in capsys.readouterr().err
 
 
@@ -113,30 +112,30 @@ def test_reports_without_the_keys_that_were_added_are_read(tmp_path):
             del each[key]
     path.write_text(json.dumps(report), encoding="utf-8")
     code, found = merged(tmp_path, path)
-    assert (code, [each["picture"] for each in found["bakes"]]) == (exit_codes.DONE, ["", ""])
+    assert (code, [each["picture"] for each in found["bakes"]]) == (run_report.DONE, ["", ""])
 
 
 def test_a_later_call_for_the_same_report_counts_beside_what_it_left(tmp_path):
     path = write(tmp_path / "1.json", [entry(1), entry(2, State.FAILED)], 2)
     write(tmp_path / "1.json", [entry(2)], 2, is_cut_off=True)
     code, found = merged(tmp_path, path)
-    assert (code, [each["state"] for each in found["bakes"]]) == (exit_codes.DONE, ["done", "done"])
+    assert (code, [each["state"] for each in found["bakes"]]) == (run_report.DONE, ["done", "done"])
 
 
 @pytest.mark.parametrize(
     ("entries", "code"),
     [
-        ([entry(1), entry(2, State.RESUMED)], exit_codes.DONE),
-        ([entry(1), entry(2, State.FAILED, cause=Cause.INPUT)], exit_codes.FAILED),
-        ([entry(1), entry(2, State.FAILED, cause=Cause.GPU)], exit_codes.NO_MACHINE),
-        ([entry(1), entry(2, State.GATE, gate=["missed is 1 %."])], exit_codes.GATE),
-        ([entry(1), entry(2, State.STOPPED)], exit_codes.FAILED),
+        ([entry(1), entry(2, State.RESUMED)], run_report.DONE),
+        ([entry(1), entry(2, State.FAILED, cause=Cause.INPUT)], run_report.FAILED),
+        ([entry(1), entry(2, State.FAILED, cause=Cause.GPU)], run_report.NO_MACHINE),
+        ([entry(1), entry(2, State.GATE, gate=["missed is 1 %."])], run_report.GATE),
+        ([entry(1), entry(2, State.STOPPED)], run_report.FAILED),
     ],
 )
 def test_the_exit_code_is_that_of_a_call_for_all(tmp_path, entries, code, capsys):
     paths = [write(tmp_path / f"{each.number}.json", [each], 2) for each in entries]
     assert merged(tmp_path, *paths)[0] == code
-    if code == exit_codes.GATE:
+    if code == run_report.GATE:
         assert "imprint report: set 2: missed is 1 %." in capsys.readouterr().err
 
 
@@ -157,30 +156,30 @@ def test_the_exit_code_is_that_of_a_call_for_all(tmp_path, entries, code, capsys
 def test_what_is_no_report_is_an_error(tmp_path, content, part, capsys):
     path = tmp_path / "1.json"
     path.write_text(content)
-    assert merged(tmp_path, path) == (exit_codes.WRONG_USAGE, None)
+    assert merged(tmp_path, path) == (run_report.WRONG_USAGE, None)
     assert part in capsys.readouterr().err
 
 
 def test_reports_of_different_job_files_are_an_error(tmp_path, capsys):
     paths = [write(tmp_path / f"{planned}.json", [1], planned) for planned in (1, 2)]
-    assert merged(tmp_path, *paths) == (exit_codes.WRONG_USAGE, None)
+    assert merged(tmp_path, *paths) == (run_report.WRONG_USAGE, None)
     other = write(tmp_path / "other.json", [Entry(1, "another")], 1)
-    assert merged(tmp_path, paths[0], other) == (exit_codes.WRONG_USAGE, None)
+    assert merged(tmp_path, paths[0], other) == (run_report.WRONG_USAGE, None)
     err = capsys.readouterr().err
     assert "is of 2 bakes" in err
     assert "Bake 1 is 'set 1' in one report, and 'another' in another." in err
 
 
 def test_no_report_at_all_is_an_error(tmp_path, capsys):
-    assert merged(tmp_path, tmp_path / "1.json") == (exit_codes.WRONG_USAGE, None)
-    assert command.run(["report", str(tmp_path / "1.json")]) == exit_codes.WRONG_USAGE
-    assert command.run(["report", "--merge", "x.json"]) == exit_codes.WRONG_USAGE
+    assert merged(tmp_path, tmp_path / "1.json") == (run_report.WRONG_USAGE, None)
+    assert command.run(["report", str(tmp_path / "1.json")]) == run_report.WRONG_USAGE
+    assert command.run(["report", "--merge", "x.json"]) == run_report.WRONG_USAGE
 
 
 def test_other_versions_are_a_warning(tmp_path, monkeypatch, capsys):
     first = write(tmp_path / "1.json", [1], 2)
     monkeypatch.setattr(run_report.versions, "imprint", lambda: "9.9.9")
-    assert merged(tmp_path, first, write(tmp_path / "2.json", [2], 2))[0] == exit_codes.DONE
+    assert merged(tmp_path, first, write(tmp_path / "2.json", [2], 2))[0] == run_report.DONE
     assert "warning: " in capsys.readouterr().err
 
 
@@ -192,7 +191,7 @@ def test_other_code_of_one_version_is_a_warning(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(run_report.versions, "code", lambda: "")  # as one that was written before reports had it
     third = write(tmp_path / "3.json", [3], 3)
     code, found = merged(tmp_path, first, second, third)
-    assert (code, found["code"]) == (exit_codes.DONE, before)
+    assert (code, found["code"]) == (run_report.DONE, before)
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"imprint report: warning: {second!r} and {first!r} are by other code of Imprint")
 
@@ -216,13 +215,13 @@ def test_what_no_call_was_for_is_not_missing(tmp_path, capsys, is_cut_off):
         write(tmp_path / "2.json", [7], 9, "2/2", only=only(7, 8, pattern="b?")),
     ]
     code, found = merged(tmp_path, *parts)
-    assert code == exit_codes.FAILED
+    assert code == run_report.FAILED
     out, err = capsys.readouterr()
     assert "missing: 3, 8\n" in err
     assert "3 done, 0 failed, 2 stopped or not begun" in out
     assert (found["planned"], found["only"]) == (9, {"patterns": ["a*", "b?"], "bakes": "2-3, 5, 7-8"})
     rest = write(tmp_path / "3.json", [3, 8], 9, only=only(3, 8))
-    assert merged(tmp_path, tmp_path / "all.json", rest)[0] == exit_codes.DONE  # merged ones can be merged
+    assert merged(tmp_path, tmp_path / "all.json", rest)[0] == run_report.DONE  # merged ones can be merged
 
 
 def test_beside_a_call_for_all_bakes_all_are_wanted(tmp_path, capsys):
@@ -231,7 +230,7 @@ def test_beside_a_call_for_all_bakes_all_are_wanted(tmp_path, capsys):
         write(tmp_path / "2.json", [1], 4, "1/2"),
     ]
     code, found = merged(tmp_path, *parts)
-    assert (code, found["only"]) == (exit_codes.FAILED, None)
+    assert (code, found["only"]) == (run_report.FAILED, None)
     assert "missing: 3-4" in capsys.readouterr().err
 
 
@@ -248,5 +247,5 @@ def test_numbers_that_cannot_be_are_an_error(tmp_path, bakes, capsys):
     values = json.loads(Path(path).read_text())
     values["only"]["bakes"] = bakes
     Path(path).write_text(json.dumps(values))
-    assert merged(tmp_path, path) == (exit_codes.WRONG_USAGE, None)
+    assert merged(tmp_path, path) == (run_report.WRONG_USAGE, None)
     assert "is no report of Imprint" in capsys.readouterr().err

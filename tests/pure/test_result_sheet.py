@@ -12,10 +12,10 @@ import pytest
 
 from addon.cli import command
 from addon.cli.results import run_report
+from addon.cli.results import sheet as sheet_module
 from addon.cli.results.bake_result import Done
 from addon.cli.results.run_report import Entry
-from addon.cli.results.sheets import picture_files, result_sheet, sheet_file
-from addon.cli.results.sheets.sheet_file import SheetFile
+from addon.cli.results.sheet import SheetFile
 from addon.core.errors import BakeError
 from tests.support import reports
 
@@ -52,12 +52,12 @@ def read(text):
 
 
 def whole(report, title="r.json", picture=b""):
-    return "".join(result_sheet.page(report, title, (result_sheet.row(entry, picture) for entry in report["bakes"])))
+    return "".join(sheet_module.page(report, title, (sheet_module.row(entry, picture) for entry in report["bakes"])))
 
 
 def test_a_row_has_the_figures_of_its_bake():
     head, first, second, third = read(whole(reports.of_three())).rows
-    assert tuple(head) == result_sheet.COLUMNS
+    assert tuple(head) == sheet_module.COLUMNS
     assert first[:2] + first[3:9] == ["1", "done", "", "50", "", "0", "2.25", "2.00"]
     assert second[:3] == ["2", "failed", "a"]
     assert second[3:8] == ["", "", "", "", ""]
@@ -108,7 +108,7 @@ def test_a_name_with_bytes_that_are_no_text_has_question_marks(tmp_path):
     sheet.add(named, b"")
     sheet.finish()
     merged = {**head, "summary": run_report.summary([named])}
-    sheet_file.write(tmp_path / "b.html", merged, iter([result_sheet.row(named.to_dict(), b"")]))
+    sheet_module.write(tmp_path / "b.html", merged, iter([sheet_module.row(named.to_dict(), b"")]))
     for name in ("a.html", "b.html"):
         assert "<td>crate ?</td>" in (tmp_path / name).read_text(encoding="utf-8")
 
@@ -146,17 +146,17 @@ def done(picture=b"", sha256="0" * 64, *, number=1, of="2" * 64):
 
 def test_a_picture_is_found_again_for_the_same_map(tmp_path):
     first, again, other = done(b"picture"), done(number=2), done(sha256="1" * 64)
-    assert picture_files.keep(str(tmp_path), first) == b"picture"
-    assert picture_files.keep(str(tmp_path), again) == b"picture"
-    assert picture_files.keep(str(tmp_path), other) == b""
-    assert picture_files.keep(str(tmp_path), done(of="3" * 64)) == b""  # another mesh with the same map
+    assert sheet_module.keep_picture(str(tmp_path), first) == b"picture"
+    assert sheet_module.keep_picture(str(tmp_path), again) == b"picture"
+    assert sheet_module.keep_picture(str(tmp_path), other) == b""
+    assert sheet_module.keep_picture(str(tmp_path), done(of="3" * 64)) == b""  # another mesh with the same map
     (path,) = tmp_path.iterdir()
     assert path.name.startswith("m_")
     assert [each.entry.picture for each in (first, again, other)] == [str(path), str(path), ""]
 
 
 def test_a_bake_that_wrote_nothing_has_no_picture(tmp_path):
-    assert picture_files.keep(str(tmp_path), Done(Entry(1, "a"))) == b""
+    assert sheet_module.keep_picture(str(tmp_path), Done(Entry(1, "a"))) == b""
 
 
 def test_the_command_takes_the_pictures_that_a_run_kept(tmp_path):
@@ -172,4 +172,4 @@ def test_the_command_takes_the_pictures_that_a_run_kept(tmp_path):
 def test_what_is_no_path_is_no_link():
     entry = reports.of_three()["bakes"][0]
     entry["files"][0]["path"] = "javascript:alert(1)"
-    assert "<td>javascript:alert(1)</td>" in result_sheet.row(entry, b"")
+    assert "<td>javascript:alert(1)</td>" in sheet_module.row(entry, b"")

@@ -17,11 +17,11 @@ from pathlib import Path
 import pytest
 
 from addon.cli.bounds import Bounds
-from addon.cli.done import bake_key, bake_record, contents, recording, resuming
+from addon.cli.done import contents, records
+from addon.cli.done import turns as turns_module
 from addon.cli.done.claims import Claims
 from addon.cli.done.contents import Contents
-from addon.cli.done.resuming import POLL, Resuming
-from addon.cli.done.turns import Resumed, ToDo, Turns
+from addon.cli.done.turns import POLL, Resumed, Resuming, ToDo, Turns
 from addon.cli.plan import clashes
 from addon.cli.plan.plans import Plan
 from addon.cli.results.bake_result import Done
@@ -76,7 +76,7 @@ def bake(turn, found=(), text="map"):
     path = Path(str(turn.plan.options.output).replace("{low}", turn.plan.name))
     with all_or_none(), replacing(path) as partial:
         partial.write_text(f"{text} of {turn.plan.name}")
-    bake_record.write(turn.draft, {"name": turn.plan.name}, Contents().all_of(found), [str(path)], Contents())
+    records.write_record(turn.draft, {"name": turn.plan.name}, Contents().all_of(found), [str(path)], Contents())
     return path
 
 
@@ -302,7 +302,7 @@ def test_levels_have_another_record_than_a_bake_of_their_mesh(folder):
     """Their maps have other names."""
     options = plan(folder).options
     levels = arguments.argparse.Namespace(**{**vars(options), "levels": ("1,2", "1")})
-    assert bake_record.path_of(levels) != bake_record.path_of(options)
+    assert records.record_path(levels) != records.record_path(options)
 
 
 def test_records_in_a_folder_are_found_there_alone(folder, untrusted):
@@ -360,7 +360,7 @@ def lie(folder, untrusted, *, has_record=True, **values):
             setattr(done.entry, name, [said(folder, **value)] if isinstance(value, dict) else value)
         unplanned = partial(files.unplanned, own.name, own.options)
         draft = turn.draft if has_record else None
-        done = recording.finish_untrusted(draft, own, done, untrusted["bounds"], unplanned)
+        done = records.finish_untrusted(draft, own, done, untrusted["bounds"], unplanned)
     assert (done.entry.number, done.entry.name, done.entry.picture) == (own.number, own.name, "")
     return done
 
@@ -412,14 +412,14 @@ def test_a_map_of_a_process_that_lies_is_a_file(folder, untrusted, monkeypatch, 
 
 def lie_of_map(folder, untrusted, monkeypatch, make):
     """As `lie`, with something else in the place of the map. make: makes that at its path. On Linux the process cannot."""
-    path, check = folder / "out/a_low.png", recording._check_written
+    path, check = folder / "out/a_low.png", records._check_written
 
     def replaced(entry):
         path.unlink()
         make(path)
         entry.files[:] = [Contents().of(str(path), "map").facts()]
 
-    monkeypatch.setattr(recording, "_check_written", lambda entry, *given: (replaced(entry), check(entry, *given)))
+    monkeypatch.setattr(records, "_check_written", lambda entry, *given: (replaced(entry), check(entry, *given)))
     return lie(folder, untrusted, picture="/etc/passwd")
 
 
@@ -443,7 +443,7 @@ def test_a_process_that_says_what_is_true_gets_a_record(folder, untrusted):
 
 
 def key(planned):
-    return bake_key.of(planned.options, Contents()).value
+    return records.key_of(planned.options, Contents()).value
 
 
 def test_each_setting_counts(folder):
@@ -464,7 +464,7 @@ def test_each_setting_counts(folder):
         ):
             continue
         other = arguments.argparse.Namespace(**{**vars(usual), dest: "other"})
-        changed[name] = bake_key.of(other, Contents()).value
+        changed[name] = records.key_of(other, Contents()).value
     assert len(changed) > 60
     assert len({key(plan(folder)), *changed.values()}) == len(changed) + 1
 
@@ -513,7 +513,7 @@ def test_a_file_is_read_once(folder, monkeypatch):
 
 
 def record_of(planned):
-    return bake_record.path_of(planned.options).name
+    return records.record_path(planned.options).name
 
 
 def test_a_record_is_named_after_its_map(folder):
@@ -576,7 +576,7 @@ def test_a_bake_that_saves_over_its_file_has_a_record_and_is_done_again(folder):
     with Resuming([planned]) as left:
         turn = left.next()
         Path(scene).write_text("saved")
-        bake_record.write(turn.draft, {}, [], [scene], Contents())
+        records.write_record(turn.draft, {}, [], [scene], Contents())
     assert why(planned) == "The file to open has changed: 'scene.blend'."
 
 
@@ -610,7 +610,7 @@ def test_records_with_parts_missing_or_of_another_kind_are_no_error(folder):
 
 
 def test_who_finds_a_claim_does_its_other_bakes_first_and_then_takes_the_result(folder, monkeypatch):
-    monkeypatch.setattr(resuming, "POLL", 0.0)
+    monkeypatch.setattr(turns_module, "POLL", 0.0)
     planned = [plan(folder, "a"), plan(folder, "b")]
     with Resuming(planned) as first, Resuming(planned) as second:
         mine, its = first.next(), second.next()
@@ -629,7 +629,7 @@ def test_who_finds_a_claim_does_its_other_bakes_first_and_then_takes_the_result(
 
 
 def test_what_fails_elsewhere_is_tried_here(folder, monkeypatch):
-    monkeypatch.setattr(resuming, "POLL", 0.0)
+    monkeypatch.setattr(turns_module, "POLL", 0.0)
     with Resuming([plan(folder)]) as first, Resuming([plan(folder)]) as second:
         turn = first.next()
         assert second.next() is None
@@ -681,7 +681,7 @@ import json, random, sys, time
 sys.path.insert(0, {root!r})
 from tests.pure import test_resuming as own
 own.versions.blender = lambda: "5.2.3"
-own.resuming.POLL = 0.01
+own.turns_module.POLL = 0.01
 from pathlib import Path
 folder, seed = Path(sys.argv[1]), random.Random(sys.argv[2])
 planned = [own.plan(folder, f"n{{number}}") for number in range(25)]
@@ -746,7 +746,7 @@ def test_a_run_after_a_kill_does_what_is_left_and_what_was_cut_off(folder, seed)
 
 def test_the_claim_of_a_process_that_was_killed_after_its_record_is_removed(folder):
     run([plan(folder)])
-    lock = folder / "out" / f"a_low.png.imprint.json{bake_record.CLAIM}"
+    lock = folder / "out" / f"a_low.png.imprint.json{records.CLAIM}"
     lock.write_text(json.dumps({"machine": temporary_paths.machine()}))
     assert why(plan(folder)) == ""
     assert not lock.exists()
@@ -755,7 +755,7 @@ def test_the_claim_of_a_process_that_was_killed_after_its_record_is_removed(fold
 def test_claims_are_given_up_at_the_end(folder):
     with Resuming([plan(folder)], claims=Claims()) as left:
         left.next()
-        assert list((folder / "out").iterdir()) == [folder / "out" / f"a_low.png.imprint.json{bake_record.CLAIM}"]
+        assert list((folder / "out").iterdir()) == [folder / "out" / f"a_low.png.imprint.json{records.CLAIM}"]
     assert not (folder / "out").exists()
 
 

@@ -8,10 +8,9 @@ from types import SimpleNamespace
 import pytest
 
 from addon.cli import interruption
-from addon.cli.done import turns_aside
+from addon.cli.done import turns
 from addon.cli.done.contents import BLOCK, Contents
-from addon.cli.done.turns import Turns
-from addon.cli.done.turns_aside import TurnsAside
+from addon.cli.done.turns import Turns, TurnsAside
 
 
 def plans(*chains):
@@ -37,7 +36,7 @@ class Slow(Turns):
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
-    monkeypatch.setattr(turns_aside, "WAIT", 0.02)
+    monkeypatch.setattr(turns, "ASIDE_WAIT", 0.02)
 
 
 def aside(*chains):

@@ -10,7 +10,7 @@ import sys
 import bpy
 import pytest
 
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from scripts.imprint import ROOT
 from tests.support import reports, trees, zoo
 
@@ -53,5 +53,5 @@ def bake(root, sets, *words):
         check=False,
     )
     assert trees.snapshot(root, *of_call) == before
-    assert done.returncode in {exit_codes.DONE, exit_codes.FAILED, exit_codes.NO_MACHINE}, done.stderr
+    assert done.returncode in {run_report.DONE, run_report.FAILED, run_report.NO_MACHINE}, done.stderr
     return {each["number"]: each for each in reports.bakes(report)}

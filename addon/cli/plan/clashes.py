@@ -21,7 +21,7 @@ from ...output.files.atomic_file import reason
 from ...output.files.path_clashes import Places
 from .. import bounds
 from ..bounds import Bounds
-from ..results import own_files
+from ..results import report_file
 from ..results.report_file import LINES
 from ..usage import arguments, option_settings, run_options
 from ..usage.options import STDOUT
@@ -144,10 +144,10 @@ class RunFiles:
             over = WrongPlace(f"{title[:1].upper()}{title[1:]} would overwrite {image!r}, which {blend!r} shows.")
             check(name, _raise, over)
         if report and report != STDOUT:
-            check("", self._write_over, own_files.check_report, report, "the report of all")
+            check("", self._write_over, report_file.check_report, report, "the report of all")
             check("", self.places.write, report + LINES, "the report of all while they go on")
         if sheet:
-            check("", self._write_over, own_files.check_page, sheet, "the page of results")
+            check("", self._write_over, report_file.check_page, sheet, "the page of results")
         return problems
 
     def _images_to_replace(
@@ -259,7 +259,7 @@ class RunFiles:
             self._write_maps(name, options, [low])
         if options.report and options.report != STDOUT:
             self._write_file(options.report, _of("the report", name), name)
-            own_files.check_report(options.report, _of("the report", name))
+            report_file.check_report(options.report, _of("the report", name))
         if options.save_blend:
             own = (name, "scene") if len(options.file) < 2 else None
             self._write_file(options.save_blend, _of("the scene to save", name), name, may_replace=own)
@@ -346,9 +346,9 @@ def are_many(options: argparse.Namespace) -> bool:
 
 
 def _of_record(records: str | None, options: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    from ..done import bake_record  # here, since most calls keep no records
+    from ..done import records as records_module  # here, since most calls keep no records
 
-    yield from bake_record.files(options, records)
+    yield from records_module.record_files(options, records)
 
 
 def plan_call(

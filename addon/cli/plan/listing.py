@@ -15,7 +15,7 @@ from ...core.file_formats import OPENED
 from ...core.file_structure import blend_files, usd_layers, whole_files
 from ...core.naming import match
 from ...output.files.atomic_file import check_writable
-from ..results import exit_codes
+from ..results import run_report
 from ..usage.options import STDOUT
 from . import clashes, plans
 from .clashes import InputFiles
@@ -156,8 +156,8 @@ class _Listing:
         """The exit code that the bakes would end with, as far as that is known: only what is wrong with all of them together
         keeps those that are right from being done."""
         if self.problems:
-            return exit_codes.WRONG_USAGE
-        return exit_codes.FAILED if any(self._of_bakes.values()) else exit_codes.DONE
+            return run_report.WRONG_USAGE
+        return run_report.FAILED if any(self._of_bakes.values()) else run_report.DONE
 
     def line(self, plan: Plan) -> str:
         """A bake in one line: its number, cost, name and files, between tabs."""

@@ -1,30 +1,82 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes the report of a call. Of many bakes, each result is on the disk before the next bake ends."""
+"""The files that a call writes about its bakes: its report, and folders of logs and pictures."""
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
-from ...core.errors import BakeError
+from ...core.errors import BakeError, WrongPlace
 from ...output.files.atomic_file import check_writable, make_folder, reason, replacing
+from ...output.files.temporary_paths import check_folder
 from ..usage.options import STDOUT
 from . import run_report
-from .only import Only
-from .run_report import Entry, State
+from .run_report import Entry, Only, State
+
+READ = 1024
+"""Bytes of the beginning of a file, which may have blanks."""
+_BLANK = b" \t\r\n\0"
+"""Bytes that are nothing. File systems leave zeros of a file that was written when the power failed."""
+
+
+def check_report(path: str, title: str) -> None:
+    """Raise WrongPlace if `path` is a file that is not JSON. title: of the report, for the message."""
+    _check(path, title, (b"{", b"["), "JSON")
+
+
+def check_page(path: str, title: str) -> None:
+    """Raise WrongPlace if `path` is a file that is not HTML. title: of the page, for the message."""
+    _check(path, title, (b"<!doctype html", b"<html"), "HTML")
+
+
+def _check(path: str, title: str, starts: tuple[bytes, ...], kind: str) -> None:
+    if not os.path.isfile(path):  # a pipe would wait for a writer
+        return
+    try:
+        with open(path, "rb") as file:
+            start = file.read(READ)
+    except OSError:  # the bake reports it
+        return
+    start = start.removeprefix(b"\xef\xbb\xbf").lstrip(_BLANK).lower()
+    if start and not start.startswith(starts):
+        raise WrongPlace(
+            f"{title[:1].upper()}{title[1:]} would overwrite {path!r}, which is not {kind}: choose another path for it."
+        )
+
+
+LONGEST = 80
+"""Characters of a bake's name in the name of its file."""
+
+
+def prepare_folder(option: str, folder: str | None) -> None:
+    """Make the folder that `option` names, if it does. Raises WrongPlace unless files can be written there."""
+    if not folder:
+        return
+    try:
+        make_folder(Path(folder).absolute())
+        check_folder(Path(folder))
+    except OSError as error:
+        raise WrongPlace(f"{option}: no files can be written to {folder!r}: {reason(error)}.") from error
+
+
+def plain_name(name: str) -> str:
+    """The name of a bake for the name of a file."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("_")[:LONGEST]
+
 
 LINES = ".lines"
 """Added to the path of a report for the file that holds it while the bakes go on: its head, then an entry a line."""
 
 
-def path_of(report: str | None) -> Path | None:
+def report_path(report: str | None) -> Path | None:
     """The absolute path of a report, or None where it goes to standard output, or nowhere."""
     return Path(report).absolute() if report not in (None, STDOUT) else None
 
 
-def write(path: Path, report: dict[str, Any]) -> None:
+def write_report(path: Path, report: dict[str, Any]) -> None:
     """Write a report to a file. Raises BakeError."""
     with replacing(path) as partial:
         partial.write_text(as_text(report) + "\n", encoding="utf-8")
@@ -43,7 +95,7 @@ def write_failure(path: Path, report: dict[str, Any]) -> None:
     with suppress(BakeError, OSError, ValueError):
         if path.exists():
             json.loads(path.read_bytes())
-        write(path, report)
+        write_report(path, report)
 
 
 class ReportFile:

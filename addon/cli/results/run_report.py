@@ -1,15 +1,98 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The report of a call as plain data: one shape, whether it made one bake, many, pairs or frames."""
+"""The report of a call as plain data, one shape for one bake, many, pairs or frames, and the exit code that follows from it."""
 
 import json
+import platform
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
 from ...core import versions
-from . import this_call
-from .only import Only
+
+
+@dataclass(frozen=True)
+class ThisCall:
+    """A call. Worker processes have that of their parent."""
+
+    started: str
+    """The time in UTC, as 2026-01-31T23:59:59Z."""
+    host: str
+    """The name of the machine in its network."""
+    call: tuple[str, ...]
+    """The arguments."""
+
+    @classmethod
+    def of(cls, words: Sequence[str]) -> "ThisCall":
+        """The call that begins now. words: the arguments."""
+        now = datetime.now(UTC).replace(microsecond=0, tzinfo=None)
+        return cls(f"{now.isoformat()}Z", platform.node(), tuple(words))
+
+
+_noted: list[ThisCall] = []
+"""The call that is going on. A process does one at a time."""
+
+
+def note(call: ThisCall) -> None:
+    """Reports are of this call from now on."""
+    _noted[:] = [call]
+
+
+def noted() -> ThisCall:
+    """The call that is going on."""
+    return _noted[0] if _noted else ThisCall.of(())
+
+
+@dataclass(frozen=True)
+class Only:
+    """The patterns of --only, and the numbers of the bakes whose names match, in all parts of the job."""
+
+    patterns: tuple[str, ...]
+    numbers: frozenset[int]
+
+    @classmethod
+    def of(cls, patterns: Sequence[str], numbers: Iterable[int]) -> "Only | None":
+        """None without patterns, where all bakes are meant."""
+        return cls(tuple(patterns), frozenset(numbers)) if patterns else None
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any] | None, planned: int) -> "Only | None":
+        """From a report of so many planned bakes. Raises KeyError, TypeError or ValueError."""
+        return values and cls.of(list(map(str, values["patterns"])), _numbers(str(values["bakes"]), planned))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for json.dump."""
+        return {"patterns": list(self.patterns), "bakes": ranges(sorted(self.numbers))}
+
+    @staticmethod
+    def union(parts: Sequence["Only | None"]) -> "Only | None":
+        """What several calls chose together; None if one of them meant all."""
+        if None in parts:
+            return None
+        patterns = dict.fromkeys(pattern for part in parts for pattern in part.patterns)
+        return Only.of(tuple(patterns), (number for part in parts for number in part.numbers))
+
+
+def ranges(numbers: Iterable[int]) -> str:
+    """Increasing numbers in words: "1, 3-7"."""
+    found: list[list[int]] = []
+    for number in numbers:
+        if found and found[-1][1] == number - 1:
+            found[-1][1] = number
+        else:
+            found.append([number, number])
+    return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in found)
+
+
+def _numbers(text: str, most: int) -> Iterable[int]:
+    """The numbers up to `most` that `ranges` has put into words. Raises ValueError."""
+    for part in text.split(", "):
+        first, _, last = part.partition("-")
+        if int(last or first) > most:
+            raise ValueError(text)
+        yield from range(int(first), int(last or first) + 1)
+
 
 VERSION = 2
 """The version of the report's keys. It increases when a key is removed or changes its meaning, not for new keys."""
@@ -148,8 +231,47 @@ def head(planned: int, shard: str = "", only: Only | None = None) -> dict[str, A
         "imprint": versions.imprint(),
         "blender": versions.blender(),
         "code": versions.code(),
-        **asdict(this_call.noted()),
+        **asdict(noted()),
         "planned": planned,
         "shard": shard or None,
         "only": only and only.to_dict(),
     }
+
+
+DONE = 0
+FAILED = 1
+"""A bake failed. The report has the reason."""
+WRONG_USAGE = 2
+"""The call or its input is wrong, so that nothing was baked. Another try does not help."""
+NO_MACHINE = 3
+"""This machine has no GPU for Blender, or too little memory. Another machine may do it."""
+GATE = 4
+"""All bakes are done, but a figure is over its limit."""
+
+
+class Tally:
+    """Counts results for the exit code of a call."""
+
+    def __init__(self):
+        self._causes: set[Cause] = set()
+        self._is_over = False
+
+    def add(self, entry: Entry) -> None:
+        """Count a result."""
+        if entry.state == State.FAILED:
+            self._causes.add(entry.cause)
+        self._is_over |= entry.state == State.GATE
+
+    @property
+    def code(self) -> int:
+        """The exit code, if no signal stopped the call."""
+        if self._causes:
+            return NO_MACHINE if self._causes <= {Cause.GPU, Cause.MEMORY} else FAILED
+        return GATE if self._is_over else DONE
+
+
+def exit_code(entry: Entry) -> int:
+    """The exit code of a call that made one bake."""
+    tally = Tally()
+    tally.add(entry)
+    return tally.code

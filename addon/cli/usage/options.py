@@ -9,7 +9,7 @@ from typing import Any
 from ...core.declarations import kinds
 from ...core.declarations.all_settings import DECLARED, PANELS
 from ...core.naming import Suffixes
-from ..results import exit_codes
+from ..results import run_report
 from . import option_types
 
 STDOUT = "-"
@@ -244,7 +244,7 @@ OBJECTS = {
 """What to bake."""
 STRICT = CommandOption(
     "Limits for figures, as in missed<0.1%,overlap=0,deviation.p99<2deg. A bake over a limit keeps its files; "
-    f"the exit code is then {exit_codes.GATE}",
+    f"the exit code is then {run_report.GATE}",
     {"type": option_types.limits, "default": (), "metavar": "LIMIT,LIMIT..."},
     "none",
 )

@@ -11,12 +11,11 @@ from dataclasses import dataclass, field, is_dataclass
 from enum import StrEnum
 from typing import Any, get_args, get_origin, get_type_hints
 
-from ..done.bake_record import Draft
+from ..done.records import Draft
 from ..plan.plans import Plan
-from ..results import run_report, this_call
+from ..results import run_report, sheet
 from ..results.bake_result import Done, Wanted
-from ..results.sheets import result_sheet
-from ..results.this_call import ThisCall
+from ..results.run_report import ThisCall
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,7 @@ class Call:
     """Whether the parent shows how far bakes are."""
     folders: tuple[str, ...] = ()
     """Those that bakes of untrusted files read; none for others."""
-    noted: ThisCall = field(default_factory=this_call.noted)
+    noted: ThisCall = field(default_factory=run_report.noted)
     """For the reports."""
 
 
@@ -149,4 +148,4 @@ def _check_figures(done: Done) -> None:
             raise TypeError("a file without a path")
     if not all(isinstance(path, str) for each in done.entry.reports for path in run_report.paths(each)):
         raise TypeError("a path that is no text")
-    result_sheet.row(done.entry.to_dict(), b"")
+    sheet.row(done.entry.to_dict(), b"")

@@ -1,23 +1,230 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A worker as its parent sees it: a process that runs scripts/bake.py, or a further Blender."""
+"""A worker as its parent sees it: its process, the connection to it, its memory, and what it printed before a crash."""
 
+import ctypes
+import math
 import os
+import pickle
+import re
 import signal
+import socket
+import stat
+import struct
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
 
+from ...core.naming import printable
 from ...core.timings import BEGUN
 from .. import interruption
 from ..sandbox import Sandbox, processes_in
-from . import last_words, process_memory
-from .channel import Channel
+
+STALLED = 20.0
+"""Seconds that a message may take, in either direction, before its worker counts as gone."""
+_MOST_AT_ONCE = 1 << 20
+"""Bytes that are read or written in one call of the system."""
+_LENGTH, _LONG = struct.Struct("!i"), struct.Struct("!Q")
+"""What comes before a message of multiprocessing.connection: its bytes, or -1 and its bytes."""
+
+
+class Channel:
+    """A connection whose messages are those of multiprocessing.connection."""
+
+    def __init__(self):
+        self.connection, self.other = Pipe()
+        """`connection` is for multiprocessing.connection.wait, and `other` the worker's end."""
+        self._end = None if os.name == "nt" else socket.socket(fileno=os.dup(self.connection.fileno()))
+        self._found, self._needed = bytearray(), _LENGTH.size
+        """What has arrived of a message or of its length, and how many bytes that will have."""
+        self._has_length = False
+        self._unsent = bytearray()
+        self._reading_since = self._writing_since = math.inf
+
+    def close(self) -> None:
+        """Close both ends, as far as this process has them. Can be called more than once."""
+        for each in filter(None, (self.connection, self.other, self._end)):
+            each.close()
+
+    @property
+    def has_unsent(self) -> bool:
+        """Whether `flush` has something to do."""
+        return bool(self._unsent)
+
+    @property
+    def is_stalled(self) -> bool:
+        """Whether a message takes too long."""
+        return time.monotonic() - min(self._reading_since, self._writing_since) > STALLED
+
+    def receive(self, most: int | None = None) -> bytes | None:
+        """The next message, or None as long as some of it has not arrived. most: the bytes that it may have.
+
+        Raises EOFError if the worker is gone, and OSError for a message with more bytes.
+        """
+        if self._end is None:  # a pipe of Windows, which has whole messages
+            return self.connection.recv_bytes(most)
+        while len(self._found) < self._needed:
+            try:
+                part = self._end.recv(min(self._needed - len(self._found), _MOST_AT_ONCE), socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return None
+            if not part:
+                raise EOFError
+            self._reading_since = min(self._reading_since, time.monotonic())
+            self._found += part
+            if len(self._found) == self._needed and not self._has_length:
+                self._begin(most)
+        message, self._found, self._needed = bytes(self._found), bytearray(), _LENGTH.size
+        self._has_length, self._reading_since = False, math.inf
+        return message
+
+    def _begin(self, most: int | None) -> None:
+        """The length of a message has arrived."""
+        if self._needed == _LONG.size:
+            (length,) = _LONG.unpack(self._found)
+        else:
+            (length,) = _LENGTH.unpack(self._found)
+        self._found.clear()
+        if length == -1 and self._needed == _LENGTH.size:
+            self._needed = _LONG.size
+            return
+        if length < 0 or (most is not None and length > most):
+            raise OSError("the message is too long")
+        self._needed, self._has_length = length, True
+
+    def send(self, message: Any) -> None:
+        """Send a message as a pickle. What the worker does not take at once is left to `flush`."""
+        content = pickle.dumps(message)
+        if self._end is None:
+            self.connection.send_bytes(content)
+            return
+        is_long = len(content) > 0x7FFFFFFF
+        self._unsent += _LENGTH.pack(-1) + _LONG.pack(len(content)) if is_long else _LENGTH.pack(len(content))
+        self._unsent += content
+        self._writing_since = min(self._writing_since, time.monotonic())
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what the worker takes now. Raises OSError if it is gone."""
+        while self._unsent:
+            try:
+                sent = self._end.send(self._unsent[:_MOST_AT_ONCE], socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return
+            del self._unsent[:sent]
+        self._writing_since = math.inf
+
+
+def memory_of(number: int) -> int:
+    """The bytes of memory that a process has in use; 0 if it has ended, or where the system does not say."""
+    with suppress(OSError, ValueError, IndexError, AttributeError):
+        if sys.platform == "linux":
+            pages = int(Path(f"/proc/{number}/statm").read_text(encoding="ascii").split()[1])
+            return pages * os.sysconf("SC_PAGE_SIZE")
+        if os.name == "nt":
+            return _on_windows(number)
+        found = subprocess.run(["ps", "-o", "rss=", "-p", str(number)], capture_output=True, text=True, check=False)
+        return int(found.stdout) * 1024
+    return 0
+
+
+def kills() -> int:
+    """How many processes the system has ended since memory ran out; 0 where it does not say."""
+    for path, word in (("/sys/fs/cgroup/memory.events", "oom_kill"), ("/proc/vmstat", "oom_kill")):
+        with suppress(OSError, ValueError):
+            fields = dict(line.split() for line in Path(path).read_text(encoding="ascii").splitlines())
+            if word in fields:
+                return int(fields[word])
+    return 0
+
+
+class _Counters(ctypes.Structure):
+    """PROCESS_MEMORY_COUNTERS of Windows."""
+
+    _fields_ = (
+        ("length", ctypes.c_uint32),
+        ("faults", ctypes.c_uint32),
+        ("peak", ctypes.c_size_t),
+        ("working_set", ctypes.c_size_t),
+        *((name, ctypes.c_size_t) for name in ("a", "b", "c", "d", "page_file", "page_file_peak")),
+    )
+
+
+def _on_windows(number: int) -> int:
+    query_and_read = 0x0410
+    handle = ctypes.windll.kernel32.OpenProcess(query_and_read, False, number)
+    if not handle:
+        return 0
+    try:
+        counters = _Counters(length=ctypes.sizeof(_Counters))
+        found = ctypes.windll.psapi.GetProcessMemoryInfo(handle, ctypes.byref(counters), counters.length)
+        return counters.working_set if found else 0
+    finally:
+        ctypes.windll.kernel32.CloseHandle(handle)
+
+
+TAIL = 1 << 14
+"""Bytes at the end of what was printed that are searched."""
+LONGEST = 160
+"""Characters of a printed line in a sentence."""
+_PLACE = re.compile(r'  File "(?P<path>.*)", line (?P<line>\d+) in (?P<name>.*)')
+_CRASH = re.compile(
+    r"Fatal Python error: |Windows fatal exception: |(Current thread|Thread) 0x|Stack \(most recent call first\):"
+    r"|Current thread's C stack trace|Extension modules: |  ((Binary file|File) \"|<|\.\.\.)"
+)
+"""The starts of lines that Python prints at a crash: the error, threads and their calls, the last one first."""
+
+
+def crash_output_of_log(path: str) -> str:
+    """As `clause`, for a log. Empty if there is none: one that is no plain file is not read."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+    except OSError:
+        return ""
+    try:
+        return crash_output(printed_tail(descriptor)) if stat.S_ISREG(os.fstat(descriptor).st_mode) else ""
+    finally:
+        os.close(descriptor)
+
+
+def printed_tail(descriptor: int, start: int = 0) -> str:
+    """The end of an open file, without its first `start` bytes. Its position stays."""
+    if not hasattr(os, "pread"):  # Windows: the position is shared with the process that prints
+        return ""
+    size = os.fstat(descriptor).st_size
+    begin = max(start, size - TAIL)
+    return os.pread(descriptor, max(0, size - begin), begin).decode(errors="replace")
+
+
+def crash_output(text: str) -> str:
+    """Where Python was and what was printed before, as the rest of a sentence: ", in read, line 7 of mesh/uv.py, after it
+    printed 'Opening'". Empty if the text has neither. text: what a process printed.
+    """
+    lines = text.splitlines()
+    place = next(filter(None, map(_PLACE.fullmatch, lines)), None)
+    printed = last_line("\n".join(line for line in lines if not _CRASH.match(line)))
+    said = ""
+    if place:
+        file = "/".join(re.split(r"[/\\]", place["path"])[-2:])
+        said = f", in {_short(place['name'])}, line {place['line'][:9]} of {_short(file)}"
+    return f"{said}, after it printed {printed!r}" if printed else said
+
+
+def last_line(text: str) -> str:
+    """The last line that is not empty, shortened; "" if there is none."""
+    return _short(next((line.strip() for line in reversed(text.splitlines()) if line.strip()), ""))
+
+
+def _short(text: str) -> str:
+    text = printable(text)
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
 
 WORD = "worker"
 """The only argument of a worker."""
@@ -72,7 +279,7 @@ class WorkerProcess:
         """Whether Blender has started."""
         self.log = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
         """What it prints while no bake has a log of its own."""
-        self._out_of_memory = process_memory.kills()
+        self._out_of_memory = kills()
         self.channel = Channel()
         try:
             self._process = self._start(self.channel.other)
@@ -108,7 +315,7 @@ class WorkerProcess:
     def memory(self) -> int:
         """The bytes of memory that it has now, with all that it has started; 0 where the system does not say."""
         numbers = processes_in(self._process.pid) if self._sandbox else [self._process.pid]
-        return sum(map(process_memory.of, numbers))
+        return sum(map(memory_of, numbers))
 
     def send(self, message: Any) -> bool:
         """Send a message. Returns whether the worker takes messages: one that has died does not."""
@@ -162,8 +369,8 @@ class WorkerProcess:
             code = -signal.SIGABRT
         if self._sandbox is not None and code > 128:  # as shells, bwrap adds 128 to the number of a signal
             code = 128 - code
-        lacked = code == -getattr(signal, "SIGKILL", 0) and process_memory.kills() > self._out_of_memory
-        return Ending(_words(code), signal.Signals(-code).name if code < 0 else "", lacked)
+        lacked = code == -getattr(signal, "SIGKILL", 0) and kills() > self._out_of_memory
+        return Ending(_ending_text(code), signal.Signals(-code).name if code < 0 else "", lacked)
 
     @property
     def printed(self) -> int:
@@ -172,10 +379,10 @@ class WorkerProcess:
 
     def last_printed(self, start: int = 0) -> str:
         """The end of what it printed to its own log after the first `start` bytes."""
-        return last_words.tail(self.log.fileno(), start)
+        return printed_tail(self.log.fileno(), start)
 
 
-def _words(code: int) -> str:
+def _ending_text(code: int) -> str:
     if code < 0:
         return f"signal {-code}, {signal.strsignal(-code)}"
     return f"exception {code:#x}" if code >= 0x80000000 else f"exit code {code}"  # the first is Windows

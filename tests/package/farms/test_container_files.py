@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from scripts import imprint
 from tests.package.farms.farm_words import FARM, JOBS, add_program, check_merge, check_shard
 
@@ -70,10 +70,10 @@ def test_kubernetes_decides_by_exit_codes():
     found = re.findall(r"action: (\w+)\n +onExitCodes: .* values: \[([\d, ]+)\]", MANIFEST)
     actions = sorted((int(code), action) for action, codes in found for code in codes.split(","))
     assert actions == [
-        (exit_codes.FAILED, "Count"),
-        (exit_codes.WRONG_USAGE, "FailJob"),
-        (exit_codes.NO_MACHINE, "Count"),
-        (exit_codes.GATE, "FailIndex"),
+        (run_report.FAILED, "Count"),
+        (run_report.WRONG_USAGE, "FailJob"),
+        (run_report.NO_MACHINE, "Count"),
+        (run_report.GATE, "FailIndex"),
     ]
 
 

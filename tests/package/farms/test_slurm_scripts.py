@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from addon.cli.results import exit_codes
+from addon.cli.results import run_report
 from tests.package.farms.farm_words import FARM, JOBS, add_program, check_merge, check_shard
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the scripts are for Linux and macOS")
@@ -40,18 +40,18 @@ def test_slurm_bakes_a_part(slurm, monkeypatch):
     check_shard(of_sixteen, 2, 16, is_forced=True)
 
 
-@pytest.mark.parametrize("code", [exit_codes.FAILED, exit_codes.WRONG_USAGE, exit_codes.NO_MACHINE, exit_codes.GATE])
+@pytest.mark.parametrize("code", [run_report.FAILED, run_report.WRONG_USAGE, run_report.NO_MACHINE, run_report.GATE])
 def test_slurm_requeues_where_another_machine_may_help(slurm, monkeypatch, code):
     monkeypatch.setenv("CODE", str(code))
     assert run_slurm("bake_array.sh", JOBS) == code
-    requeued = [["scontrol", "requeue", "7_2"]] if code == exit_codes.NO_MACHINE else []
+    requeued = [["scontrol", "requeue", "7_2"]] if code == run_report.NO_MACHINE else []
     assert slurm()[1:] == requeued
 
 
 def test_slurm_gives_up_after_three_machines(slurm, monkeypatch):
-    monkeypatch.setenv("CODE", str(exit_codes.NO_MACHINE))
+    monkeypatch.setenv("CODE", str(run_report.NO_MACHINE))
     monkeypatch.setenv("SLURM_RESTART_COUNT", "3")
-    assert run_slurm("bake_array.sh", JOBS) == exit_codes.NO_MACHINE
+    assert run_slurm("bake_array.sh", JOBS) == run_report.NO_MACHINE
     assert len(slurm()) == 1
 
 

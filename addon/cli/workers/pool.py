@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bakes in workers, which are kept while they are well and replaced when they are not."""
+"""Runs bakes in a pool of worker processes, and replaces workers that fail."""
 
 import math
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -10,25 +11,74 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import wait
+from pathlib import Path
 from typing import Any
 
 from ...core.errors import BakeError, NoGpu, WrongPlace
 from ...core.progress import Progress
 from ...output.files.atomic_file import reason
 from .. import interruption
-from ..done import recording
-from ..done.turns import Resumed, Turns
+from ..done import records
+from ..done.turns import Chains, Resumed, Turns
 from ..plan import clashes
 from ..plan.plans import Plan
+from ..results import report_file
 from ..results.bake_result import Done, Wanted
 from ..results.run_report import Cause, Entry, State
+from ..results.terminal import Meter
 from ..sandbox import Sandbox
-from ..terminal_progress import Meter
-from . import last_words, logs
-from .busy_worker import BusyWorker
-from .chains import Chains
-from .channel import STALLED
+from . import worker_process
 from .messages import MOST_BYTES, Answer, Assignment, Begun, Call, FilesFound, Line, Percent, Ready, unpacked
+from .worker_process import STALLED, WorkerProcess
+
+
+class BusyWorker:
+    """A worker process, and the bake that it has. Raises OSError if the process cannot be started."""
+
+    def __init__(self, sandbox: Sandbox | None = None):
+        """sandbox: as in WorkerProcess."""
+        self.process = WorkerProcess(sandbox)
+        self.started = time.monotonic()
+        self.assigned: Assignment | None = None
+        """Its bake."""
+        self.has_begun = False
+        """Whether it has received that."""
+        self.is_well = False
+        """Whether it has received any bake: one may end after Blender has started, and before that."""
+        self.chain = 0
+        """The chain of its last bake, whose scene is open in it."""
+        self.begun = 0.0
+        """When its bake began, by time.monotonic."""
+        self._printed = 0
+        """The bytes that it had printed by then."""
+
+    @property
+    def plan(self) -> Plan | None:
+        return self.assigned and self.assigned.plan
+
+    @property
+    def log(self) -> str:
+        """The file that has what its bake prints, or ""."""
+        return self.assigned.log if self.assigned and os.path.exists(self.assigned.log) else ""
+
+    def begin(self, assigned: Assignment) -> None:
+        """Send it a bake. One whose files are not trusted writes no record."""
+        self.assigned, self.has_begun, self.chain = assigned, False, assigned.plan.chain
+        self._printed = self.process.printed
+        self.begun = time.monotonic()
+        self.process.send(replace(assigned, draft=None) if assigned.call.folders else assigned)
+
+    def last_words(self) -> str:
+        """The clause of last_words about its bake."""
+        if self.log:
+            return worker_process.crash_output_of_log(self.log)
+        return worker_process.crash_output(self.process.last_printed(self._printed))
+
+
+def log_path(folder: str | None, plan: Plan) -> str:
+    """The absolute path of a bake's log; empty without a folder."""
+    return str(Path(folder).absolute() / f"{plan.number:06}_{report_file.plain_name(plan.name)}.log") if folder else ""
+
 
 LOOK_EVERY = 0.1
 """Seconds between two checks of signals and limits."""
@@ -150,7 +200,7 @@ class Supervisor:
                     ended.append(Done.of(refusal, turn.plan.number))
                     continue
                 meter.begin(turn.plan, f"{begun}/{count} ")
-                worker.begin(Assignment(turn.plan, call, logs.path_of(self._limits.log, turn.plan), turn.draft))
+                worker.begin(Assignment(turn.plan, call, log_path(self._limits.log, turn.plan), turn.draft))
             while ended:
                 yield ended.pop(0)
             try:
@@ -263,7 +313,7 @@ class Supervisor:
             return
         plan, bounds = assigned.plan, self._sandbox.bounds
         unplanned = partial(files.unplanned, plan.name, plan.options)
-        compare = partial(recording.finish_untrusted, assigned.draft, plan, done, bounds, unplanned)
+        compare = partial(records.finish_untrusted, assigned.draft, plan, done, bounds, unplanned)
         self._compared.append((plan, log, self._thread.submit(compare, check=self._check_reading)))
 
     def _check_reading(self) -> None:
@@ -291,7 +341,7 @@ class Supervisor:
         self._remove(worker)
         if worker.plan is None:
             if not worker.is_well:
-                line = last_words.last_line(printed)
+                line = worker_process.last_line(printed)
                 what = "ends here before it bakes" if worker.process.is_ready else "does not start here"
                 self._count_start(f"{why or ending.text}{f', {line!r}' if line else ''}", what)
             return
