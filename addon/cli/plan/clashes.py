@@ -23,7 +23,7 @@ from .. import bounds
 from ..bounds import Bounds
 from ..results import report_file
 from ..results.report_file import LINES
-from ..usage import arguments, option_settings, run_options
+from ..usage import arguments, run_options
 from ..usage.options import STDOUT
 from . import plans
 from .plans import Plan
@@ -69,7 +69,7 @@ def _problem(path: str) -> str:
 
 def map_files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = ()) -> Iterator[tuple[str, str]]:
     """The files that a bake of the object `low` writes, as planned_files.files returns them."""
-    settings = option_settings.settings(options)
+    settings = arguments.settings(options)
     if not of_frames:
         yield from planned_files.files(replace(settings, output=naming.fill(settings.storing.output, low)))
     for frame in of_frames:

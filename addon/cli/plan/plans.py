@@ -15,7 +15,7 @@ from ...core.errors import BakeError
 from ...core.file_formats import OPENED
 from ...core.naming import Pair, Suffixes, match, printable
 from ...output.files.atomic_file import reason
-from ..usage import arguments, option_settings
+from ..usage import arguments
 from ..usage.arguments import WrongUsage
 
 
@@ -150,7 +150,7 @@ def cost(options: argparse.Namespace) -> int:
 
     It depends on the options alone, so that it is the same on every machine, also where a file is missing or was changed.
     """
-    maps = options.normal + len(option_settings.settings(options).map.drawn_maps)
+    maps = options.normal + len(arguments.settings(options).map.drawn_maps)
     texels = options.size[0] * options.size[1] * max(1, len(options.tiles)) * max(1, len(frames(options)))
     return texels if options.convert else texels * options.samples * max(1, maps)
 

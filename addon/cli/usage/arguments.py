@@ -1,22 +1,55 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parses the command line, checks its options together, and makes settings from them."""
+"""Makes settings from options."""
 
 import argparse
 import functools
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import fields
 from pathlib import PurePath
 from typing import Any
 
-from ...core import file_formats, naming
-from ...core.declarations.choices import Space
+from ...core import file_formats, naming, udim
+from ...core.conversion.stored_normals import StoredNormals
+from ...core.declarations.choices import Space, Storage
+from ...core.errors import BakeError
 from ...core.naming import did_you_mean
+from ...core.settings import PART_OF, Settings
 from ..results import gates
-from . import option_settings, run_options
-from .option_settings import settings, stored_normals  # noqa: F401 - callers find them here
+from . import run_options
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
 from .run_options import RUN_OPTIONS
+
+
+def settings(options: argparse.Namespace) -> Settings:
+    """The settings of the bake. The map goes to a file, of the format's usual depth if no depth is given."""
+    given = vars(options)
+    values = {name: given[name] for name in PART_OF if name in given}
+    values["width"], values["height"] = options.size
+    values["storage"], values["output"] = Storage.FILE, os.path.abspath(options.output)
+    values["udim"] = options.udim or bool(options.tiles) or udim.TOKEN in options.output
+    if options.depth is None:
+        values["depth"] = file_formats.usual_depth(options.output)
+    return Settings(**values)
+
+
+def stored_normals(options: argparse.Namespace) -> StoredNormals:
+    """What the map to convert means."""
+    return StoredNormals(**{field.name: vars(options)[field.name] for field in fields(StoredNormals)})
+
+
+def settings_fault(options: argparse.Namespace) -> str:
+    """What is wrong with the settings, without a full stop, or ""."""
+    try:
+        settings(options).check()
+        stored_normals(options).check()
+    except BakeError as error:
+        return str(error).rstrip(".")
+    return ""
+
+
+# noqa: F401 - callers find them here
 
 
 class WrongUsage(Exception):
@@ -138,7 +171,7 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
             *files,
         ]
     )
-    if options.output and (fault := option_settings.fault(options)):
+    if options.output and (fault := settings_fault(options)):
         # What else is a folder, or no file, is found with the other files of a call.
         yield f"{options.output!r} is a folder: name a file" if os.path.isdir(options.output) else fault
 
