@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT))
 
 from addon.cli.farm_command import FARM_OPTIONS  # noqa: E402
 from addon.cli.results.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
-from addon.cli.usage.key_values import KEYS  # noqa: E402
+from addon.cli.usage.job_file import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402
 from addon.cli.usage.options import FILE, JOBS, OBJECTS, OPTIONS, CommandOption, option_word  # noqa: E402
 from addon.cli.usage.run_options import RUN_OPTIONS, TITLE  # noqa: E402

@@ -13,7 +13,7 @@ import pytest
 
 from addon.cli import bounds, command
 from addon.cli.results import run_report
-from addon.cli.usage.key_values import KEYS
+from addon.cli.usage.job_file import KEYS
 from addon.core.file_structure import blend_files
 from tests.support import trees
 

@@ -7,7 +7,7 @@ from dataclasses import fields
 import pytest
 
 from addon.cli.usage import arguments
-from addon.cli.usage.key_values import KEYS
+from addon.cli.usage.job_file import KEYS
 from addon.cli.usage.options import FILES, OBJECTS, OPTIONS
 from addon.core.declarations import kinds
 from addon.core.declarations.all_settings import DECLARED, PANELS

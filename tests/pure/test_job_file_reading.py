@@ -14,7 +14,7 @@ import pytest
 
 from addon.cli.usage import arguments, job_file
 from addon.cli.usage.arguments import WrongUsage
-from addon.cli.usage.key_values import KEYS
+from addon.cli.usage.job_file import KEYS
 
 FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:12").split(":"))
 SETS = 250
