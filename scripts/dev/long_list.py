@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from addon.cli.plan import listing  # noqa: E402
-from addon.cli.usage import arguments, job_file
+from addon.cli.usage import arguments, job_file  # noqa: E402
 
 MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
