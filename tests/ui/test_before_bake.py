@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panel says before a bake for another program, and the buttons that cure it."""
+"""What the panel says before a bake for another program, and the buttons that fix it."""
 
 import bpy
 import numpy as np
@@ -10,17 +10,14 @@ from addon.jobs import bake_jobs, readiness
 from addon.ui.bake_results import results
 from addon.ui.fixes import findings
 from tests.support import panel_layout, zoo
+from tests.support.panel import use
 
 pytestmark = pytest.mark.usefixtures("registered")
 
 
 def set_up(low, *, green="-Y"):
     """`low` in the slot with a high object, for a program that is not Blender."""
-    settings = bpy.context.scene.imprint
-    settings.low, settings.green = low, green
-    settings.highs.add().object = zoo.terrain("high", 12)
-    settings.width = settings.height = 32
-    return settings
+    return use(low, zoo.terrain("high", 12), size=32, green=green)
 
 
 def found(low, **settings):
@@ -29,7 +26,7 @@ def found(low, **settings):
     return {one.kind: one for one in readiness.viewport_findings(bpy.context, low, given, is_own_base=False)}
 
 
-def cure(kind):
+def fix(kind):
     assert bpy.ops.imprint.cure(kind=kind) == {"FINISHED"}
 
 
@@ -155,7 +152,7 @@ def test_a_mesh_is_looked_at_once_until_it_changes():
     assert "quads" not in panel_layout.draw(width=2000).text
 
 
-# The cures
+# The fixes
 
 
 @pytest.mark.parametrize("make", [curved, zoo.disc, zoo.sphere])
@@ -164,7 +161,7 @@ def test_triangulated_faces_are_as_blender_draws_them(make):
     set_up(low)
     low.data.calc_loop_triangles()
     drawn = {frozenset(triangle.vertices) for triangle in low.data.loop_triangles}
-    cure("POLYGONS")
+    fix("POLYGONS")
     assert "POLYGONS" not in found(low)
     data = low.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     assert {frozenset(polygon.vertices) for polygon in data.polygons} == drawn
@@ -176,7 +173,7 @@ def test_the_layer_of_the_map_becomes_the_active_one():
     with_second_layer(low)
     assert set(found(low, uv_layer=zoo.LAYER)) == {"LAYER"}
     assert found(low) == {}  # without a name, the map is for the active one
-    cure("LAYER")
+    fix("LAYER")
     assert low.data.uv_layers.active.name == zoo.LAYER
     assert found(low, uv_layer=zoo.LAYER) == {}
 
@@ -185,7 +182,7 @@ def test_the_layer_of_the_map_becomes_the_active_one():
 def test_edges_inside_islands_become_smooth(make):
     low = make()
     set_up(low)
-    cure("HARD_EDGES")
+    fix("HARD_EDGES")
     assert "HARD_EDGES" not in found(low)
 
 
@@ -199,7 +196,7 @@ def test_hard_edges_at_borders_of_islands_and_other_normals_stay():
     low.data.update()
     before = np.array([tuple(one.vector) for one in low.data.corner_normals])
     assert found(low)["HARD_EDGES"].values["count"] == 1
-    cure("HARD_EDGES")
+    fix("HARD_EDGES")
     after = np.array([tuple(one.vector) for one in low.data.corner_normals])
     np.testing.assert_allclose(after[[0, 3, 5, 6, 8, 9, 10, 11]], before[[0, 3, 5, 6, 8, 9, 10, 11]], atol=1e-6)
     np.testing.assert_allclose(after[1], after[4], atol=1e-6)
@@ -209,7 +206,7 @@ def test_mirrored_copies_read_the_same_texels_after_they_are_moved():
     low = zoo.mirrored()
     set_up(low)
     before = np.array([tuple(corner.vector) for corner in low.data.uv_layers[0].uv])
-    cure("MIRRORED")
+    fix("MIRRORED")
     after = np.array([tuple(corner.vector) for corner in low.data.uv_layers[0].uv])
     np.testing.assert_array_equal(after[:256], before[:256])
     np.testing.assert_allclose(after[256:], before[256:] + (1, 0), atol=1e-6)
@@ -223,7 +220,7 @@ def test_a_mirror_modifier_moves_its_own_copies():
     low.modifiers.new("Mirror", "MIRROR")
     set_up(low)
     assert found(low)["MIRRORED"].values["count"] == 8
-    cure("MIRRORED")
+    fix("MIRRORED")
     assert "MIRRORED" not in found(low)
 
 
@@ -231,7 +228,7 @@ def test_a_mirror_modifier_moves_its_own_copies():
     ("make", "kind"),
     [(curved, "POLYGONS"), (faceted, "HARD_EDGES"), (own_normals, "HARD_EDGES"), (zoo.mirrored, "MIRRORED")],
 )
-def test_undo_takes_a_cure_back(make, kind):
+def test_undo_takes_a_fix_back(make, kind):
     low = make()
     name = low.name
     set_up(low)
@@ -255,13 +252,13 @@ def test_the_panel_follows_undo():
     assert findings.looks == before + 2
 
 
-def test_a_cure_that_is_not_possible_says_why():
+def test_a_fix_that_is_not_possible_says_why():
     low = faceted()
     set_up(low)
     bpy.context.view_layer.objects.active = low
     bpy.ops.object.mode_set(mode="EDIT")
     with pytest.raises(RuntimeError, match="is not in Object Mode"):
-        cure("HARD_EDGES")
+        fix("HARD_EDGES")
 
 
 # Bakes

@@ -6,6 +6,7 @@ import pytest
 
 from addon.ui.bake_results import results
 from tests.support import zoo
+from tests.support.panel import use
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -16,9 +17,7 @@ def low():
     """A low object in its slot, with a high one."""
     low, high = zoo.plane("lo"), zoo.plane("hi")
     high.location.z = 0.2
-    settings = bpy.context.scene.imprint
-    settings.width = settings.height = 16
-    settings.method, settings.low, settings.material = "CAST", low, False
+    use(low, size=16, method="CAST", material=False)
     return low
 
 

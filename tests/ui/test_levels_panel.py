@@ -5,6 +5,7 @@ import bpy
 import pytest
 
 from tests.support import zoo
+from tests.support.panel import use
 from tests.support.panel_layout import draw
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -13,12 +14,8 @@ pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 @pytest.fixture
 def settings():
     """The settings of the scene, for small maps of an active terrain."""
-    obj = zoo.terrain("Hill", 12)
-    bpy.context.view_layer.objects.active = obj
-    settings = bpy.context.scene.imprint
-    settings.width = settings.height = 64
-    settings.storage = "MEMORY"
-    return settings
+    bpy.context.view_layer.objects.active = zoo.terrain("Hill", 12)
+    return use(size=64, storage="MEMORY")
 
 
 def test_the_panel_shows_the_limits_and_the_button(settings):

@@ -8,6 +8,7 @@ from addon.core import map_types
 from addon.core.map_types import BY_NAME, Family
 from addon.ui import bake_results, declared_properties
 from tests.support import zoo
+from tests.support.panel import use
 from tests.support.panel_layout import draw
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -30,11 +31,7 @@ def settings():
     """The settings of the scene, with a low and a high object in the slots, and small maps."""
     low, high = zoo.plane("lo", 2), zoo.plane("hi", 2)
     high.location.z = 0.2
-    settings = bpy.context.scene.imprint
-    settings.low, settings.method, settings.material = low, "CAST", False
-    settings.highs.add().object = high
-    settings.width = settings.height = 16
-    return settings
+    return use(low, high, size=16, method="CAST", material=False)
 
 
 @pytest.mark.parametrize("name", map_types.NAMES)

@@ -16,6 +16,7 @@ from addon.ui.bake_results import results
 from addon.ui.live_switch import live
 from scripts.imprint import ROOT
 from tests.support import maps, zoo
+from tests.support.panel import select, use
 from tests.support.panel_layout import draw
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -27,28 +28,12 @@ SETTINGS = Settings(method="CAST").flat()
 def crate():
     """A baked low object, active, and its high object, which Imprint has hidden."""
     low, high = zoo.plane("crate_low"), zoo.plane("crate_high", slope=1.0)
-    small()
+    use(size=16, method="CAST")
     select(low, high)
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     high.hide_set(True)
     select(low)
     return low, high
-
-
-def small(**changes):
-    settings = bpy.context.scene.imprint
-    settings.width = settings.height = 16
-    for name, value in ({"method": "CAST"} | changes).items():
-        setattr(settings, name, value)
-    return settings
-
-
-def select(active, *others):
-    for obj in bpy.context.selected_objects:
-        obj.select_set(False)
-    for obj in (active, *others):
-        obj.select_set(True)
-    bpy.context.view_layer.objects.active = active
 
 
 def chosen(low=None):
@@ -127,7 +112,7 @@ def test_another_process_bakes_the_saved_pair(crate, tmp_path):
 
 def test_a_low_object_keeps_its_cage_method_and_distances(tmp_path):
     """Two low objects with other settings than the scene: the panel shows those of the active one, and a bake takes them."""
-    settings = small()
+    settings = use(size=16, method="CAST")
     for number, name in enumerate(("a", "b"), 1):
         select(zoo.plane(name), zoo.plane(f"{name} hi", slope=1.0))
         settings.cage, settings.measure = zoo.plane(f"{name} cage"), False
@@ -204,7 +189,7 @@ def test_pairs_by_name_are_remembered():
     for name in ("a", "b"):
         zoo.plane(f"{name}_low")
         zoo.plane(f"{name}_high")
-    small()
+    use(size=16, method="CAST")
     assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
     for name in ("a", "b"):
         select(bpy.data.objects[f"{name}_low"])
@@ -213,7 +198,7 @@ def test_pairs_by_name_are_remembered():
 
 def test_live_leaves_a_pair(tmp_path):
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
-    small(material=False)
+    use(size=16, method="CAST", material=False)
     select(low, high)
     assert bpy.ops.imprint.live() == {"FINISHED"}
     select(low)
@@ -258,7 +243,7 @@ def test_both_copied_are_a_pair_of_their_own(crate):
 def test_appended_and_linked_low_objects_bring_their_pair(crate, tmp_path, link):
     save(tmp_path / "crate.blend")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    small()
+    use(size=16, method="CAST")
     call = bpy.ops.wm.link if link else bpy.ops.wm.append
     call(directory=f"{tmp_path / 'crate.blend'}/Object/", filename="crate_low")
     low = bpy.data.objects["crate_low"]
@@ -278,7 +263,7 @@ def test_an_override_keeps_a_pair_of_its_own(tmp_path, before, after):
     """before, after: the number of high objects in the library and in the override; 0 for the object's own modifiers."""
     low = zoo.plane("lo")
     low.modifiers.new("Rounded", "SUBSURF")
-    small()
+    use(size=16, method="CAST")
     if before:
         object_pairs.remember_objects(low, [zoo.plane(f"hi{n}") for n in range(before)], None, SETTINGS, {})
     save(tmp_path / "library.blend")
@@ -300,7 +285,7 @@ def test_an_override_keeps_a_pair_of_its_own(tmp_path, before, after):
 def test_undo_and_redo_of_a_bake():
     zoo.plane("lo")
     zoo.plane("hi")
-    small()
+    use(size=16, method="CAST")
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
     assert pair("lo").is_kept
@@ -399,7 +384,7 @@ def test_a_library_that_is_missing_is_named_and_the_pair_stays(tmp_path):
     with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, here):
         here.objects = ["hi"]
     bpy.context.scene.collection.objects.link(here.objects[0])
-    small()
+    use(size=16, method="CAST")
     select(zoo.plane("lo"), here.objects[0])
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     select(bpy.data.objects["lo"])
@@ -417,7 +402,7 @@ def test_a_library_that_is_missing_is_named_and_the_pair_stays(tmp_path):
 
 
 def test_deleted_objects_in_the_slots_for_low_and_cage_do_not_stay(tmp_path):
-    settings = small()
+    settings = use(size=16, method="CAST")
     settings.low, settings.cage = zoo.plane("lo"), zoo.plane("cage")
     delete(settings.low)
     delete(settings.cage)
@@ -430,7 +415,7 @@ def test_deleted_objects_in_the_slots_for_low_and_cage_do_not_stay(tmp_path):
 def test_slots_of_older_files_have_their_names_after_saving(tmp_path):
     """Version 0.2 stored pointers alone."""
     low, high = zoo.plane("lo"), zoo.plane("hi")
-    settings = small()
+    settings = use(size=16, method="CAST")
     settings.low = low
     settings.highs.add().object = high
     settings.highs[0].property_unset("called")

@@ -11,16 +11,18 @@ from addon.ui import object_pairs
 from addon.ui.cage_overlay import CageState, RayFigures, Subject, overlay
 from addon.ui.live_switch import live
 from tests.support import maps, zoo
+from tests.support.panel import use
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
 
+NAMES = {"low": "lo", "high": [{"name": "hi"}]}
+"""A low and a high object, as arguments of the operators."""
+
+
 @pytest.fixture(autouse=True)
 def small():
-    settings = bpy.context.scene.imprint
-    settings.width = settings.height = 16
-    settings.method, settings.storage = "CAST", "MEMORY"
-    return settings
+    return use(size=16, method="CAST", storage="MEMORY")
 
 
 def test_measured_distances_are_shown_and_can_be_frozen(small):
@@ -28,7 +30,7 @@ def test_measured_distances_are_shown_and_can_be_frozen(small):
     high = zoo.plane("hi")
     high.location.z = 0.2
     assert not bpy.ops.imprint.freeze_distances.poll()
-    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
+    assert bpy.ops.imprint.bake(**NAMES) == {"FINISHED"}
     found = bpy.context.window_manager.imprint_found
     assert 0.2 < found.extrusion < 0.5
     bpy.ops.imprint.freeze_distances()
@@ -42,7 +44,7 @@ def test_measured_distances_are_shown_and_can_be_frozen(small):
 def test_distances_set_by_a_script_need_no_switch(small):
     zoo.plane("lo")
     zoo.plane("hi").location.z = 0.2
-    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], extrusion=0.5, max_distance=0.75) == {"FINISHED"}
+    assert bpy.ops.imprint.bake(**NAMES, extrusion=0.5, max_distance=0.75) == {"FINISHED"}
     assert "extrusion 50 cm and max distance 75 cm" in bpy.context.window_manager.imprint_summary
 
 
@@ -50,11 +52,11 @@ def test_a_cage_by_name(small):
     zoo.plane("lo", n=2)
     zoo.plane("cage", n=2).location.z = 0.5
     zoo.plane("hi").location.z = 0.4
-    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], cage="cage") == {"FINISHED"}
+    assert bpy.ops.imprint.bake(**NAMES, cage="cage") == {"FINISHED"}
     with pytest.raises(RuntimeError, match="The cage 'cage' is for rays"):
-        bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], cage="cage", method="FLATTEN")
+        bpy.ops.imprint.bake(**NAMES, cage="cage", method="FLATTEN")
     small.cage = bpy.data.objects["cage"]  # in the slot, which is hidden then, it does no harm
-    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], method="FLATTEN") == {"FINISHED"}
+    assert bpy.ops.imprint.bake(**NAMES, method="FLATTEN") == {"FINISHED"}
 
 
 def test_pairs_by_name(small):
@@ -100,7 +102,7 @@ def test_the_shells_leave_nothing_when_hidden():
 def test_trees_are_freed_when_another_file_is_opened():
     zoo.plane("lo")
     zoo.plane("hi")
-    bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}])
+    bpy.ops.imprint.bake(**NAMES)
     assert len(tree_cache.trees)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert not len(tree_cache.trees)
@@ -110,19 +112,18 @@ def test_trees_are_freed_when_another_file_is_opened():
 def test_the_switch_may_be_set_by_a_script(small):
     zoo.plane("lo")
     zoo.plane("hi").location.z = 0.2
-    names = {"low": "lo", "high": [{"name": "hi"}]}
     small.extrusion, small.max_distance = 0.5, 0.75
-    assert bpy.ops.imprint.bake(measure=False, **names) == {"FINISHED"}
+    assert bpy.ops.imprint.bake(measure=False, **NAMES) == {"FINISHED"}
     assert "extrusion 50 cm and max distance 75 cm" in bpy.context.window_manager.imprint_summary
     small.measure = False
-    assert bpy.ops.imprint.bake(measure=True, **names) == {"FINISHED"}
+    assert bpy.ops.imprint.bake(measure=True, **NAMES) == {"FINISHED"}
     assert "extrusion 50 cm" not in bpy.context.window_manager.imprint_summary
 
 
 def test_set_distances_are_not_shown_as_measured(small):
     small.low = zoo.plane("lo")
     zoo.plane("hi").location.z = 0.2
-    bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], extrusion=0.7, max_distance=1.4)
+    bpy.ops.imprint.bake(**NAMES, extrusion=0.7, max_distance=1.4)
     assert bpy.context.window_manager.imprint_found.extrusion == 0.0
     assert not bpy.ops.imprint.freeze_distances.poll()
 
@@ -142,7 +143,7 @@ def test_distances_are_those_of_the_current_low_object(small):
 def test_names_are_not_remembered_by_operators(small):
     for name in ("lo", "hi", "lo2"):
         zoo.plane(name)
-    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, **NAMES)
     small.low, small.highs.add().object = bpy.data.objects["lo2"], bpy.data.objects["hi"]
     bpy.ops.imprint.bake("INVOKE_DEFAULT", True)
     assert "lo2_normal" in bpy.data.images
@@ -152,7 +153,7 @@ def test_a_file_set_by_a_script_is_written(small, tmp_path):
     zoo.plane("lo")
     zoo.plane("hi")
     path = tmp_path / "map.png"
-    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], output=str(path)) == {"FINISHED"}
+    assert bpy.ops.imprint.bake(**NAMES, output=str(path)) == {"FINISHED"}
     assert path.is_file()
 
 
@@ -196,9 +197,7 @@ def test_shells_without_high_objects_are_not_measured(small):
         overlay.hide()
 
 
-def subject(low, **values):
-    for name, value in values.items():
-        setattr(bpy.context.scene.imprint, name, value)
+def subject(low):
     return Subject.of_panel(bpy.context, low, 0.0)
 
 

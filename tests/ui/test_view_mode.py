@@ -17,6 +17,7 @@ from addon.ui.live_switch import live
 from addon.ui.view_mode import viewer
 from addon.views.view_shading import SHOWN, Mode
 from tests.support import panel_layout, raster, zoo
+from tests.support.panel import add
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
@@ -285,8 +286,7 @@ def test_a_view_outlives_undo_and_modes(pair):
 def test_a_light_of_the_scene_lights_the_view(kind, pair):
     view().mode = "MAP"
     by_the_view = drawn_pixels()
-    light = bpy.data.objects.new("light", bpy.data.lights.new("light", kind))
-    bpy.context.scene.collection.objects.link(light)
+    light = add("light", bpy.data.lights.new("light", kind))
     light.matrix_world = Matrix(raster.look_at((-2.0, 0.0, 0.5), (0.0, 0.0, 0.0))).inverted()
     bpy.context.view_layer.update()
     view().light = light

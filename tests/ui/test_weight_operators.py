@@ -8,6 +8,7 @@ import pytest
 from addon.scene import vertex_weights
 from addon.ui.bake_results import results
 from tests.support import zoo
+from tests.support.panel import use
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
@@ -15,17 +16,12 @@ pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 @pytest.fixture
 def settings():
     """A low plane whose rays reach only half of the high surface."""
-    low = zoo.plane("lo", n=4)
-    settings = bpy.context.scene.imprint
-    settings.low = low
+    settings = use(zoo.plane("lo", n=4), size=32, method="CAST", storage="MEMORY", show_result=False)
     for side, height in ((-1.0, 0.1), (1.0, 0.5)):
         high = zoo.plane("hi")
         high.scale.x, high.location.x, high.location.z = 0.5, 0.5 * side, height
         settings.highs.add().object = high
-    settings.width = settings.height = 32
-    settings.method, settings.storage, settings.show_result = "CAST", "MEMORY", False
-    settings.measure, settings.extrusion, settings.max_distance = False, 0.3, 0.6
-    return settings
+    return use(measure=False, extrusion=0.3, max_distance=0.6)
 
 
 def weights(name):

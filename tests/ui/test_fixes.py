@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What warnings and errors say in the window, and the buttons that cure them."""
+"""What warnings and errors say in the window, and the buttons that fix them."""
 
 import re
 
@@ -15,18 +15,14 @@ from addon.ui.bake_results import results
 from addon.ui.fixes import FIXES
 from addon.ui.properties import Chosen
 from tests.support import panel_layout, zoo
+from tests.support.panel import use
 
 pytestmark = pytest.mark.usefixtures("registered")
 
 
 def set_up(low, *highs, **values):
     """`low` in the slot with high objects, and a small map."""
-    settings = bpy.context.scene.imprint
-    settings.low, settings.width, settings.height = low, 64, 64
-    for high in highs:
-        settings.highs.add().object = high
-    for name, value in values.items():
-        setattr(settings, name, value)
+    settings = use(low, *highs, size=64, **values)
     bpy.context.view_layer.update()
     return settings
 
@@ -36,7 +32,7 @@ def flipped(obj):
     return obj
 
 
-def drawn_cures():
+def drawn_fixes():
     """The text of the main panel, and the kinds of its buttons."""
     drawn = panel_layout.draw(width=3000)
     return drawn.text, [given.kind for name, given in drawn.given if name == "imprint.cure"]
@@ -46,20 +42,20 @@ def drawn_cures():
 
 
 @pytest.mark.parametrize("kind", fixes.FIXES)
-def test_each_cure_is_an_option_of_the_shell_and_a_button(kind):
-    cure, settings = fixes.FIXES[kind], bpy.context.scene.imprint
-    words = re.findall(r"--([a-z-]+)", cure.in_shell)
+def test_each_fix_is_an_option_of_the_shell_and_a_button(kind):
+    fix, settings = fixes.FIXES[kind], bpy.context.scene.imprint
+    words = re.findall(r"--([a-z-]+)", fix.in_shell)
     known = set(re.findall(r"^ +(?:-\w, )?--([a-z-]+)", parser("imprint").format_help(), re.MULTILINE))
     assert words
     assert set(words) <= known
     assert kind in FIXES
-    assert settings.bl_rna.properties[cure.setting]
+    assert settings.bl_rna.properties[fix.setting]
     assert fixes.in_window(fixes.in_shell("Something is wrong.", kind)) == ("Something is wrong.", kind)
 
 
 @pytest.mark.parametrize("kind", fixes.FIXES)
 def test_a_button_sets_its_setting(kind):
-    cure = fixes.FIXES[kind]
+    fix = fixes.FIXES[kind]
     others = {
         "method": "FLATTEN",
         "hit": "OUTERMOST",
@@ -69,9 +65,9 @@ def test_a_button_sets_its_setting(kind):
         "material": True,
     }
     settings = set_up(zoo.plane("lo"), zoo.terrain("hi", 8))
-    setattr(settings, cure.setting, others.get(cure.setting, False))
+    setattr(settings, fix.setting, others.get(fix.setting, False))
     assert bpy.ops.imprint.cure(kind=kind) == {"FINISHED"}
-    assert getattr(settings, cure.setting) == cure.value
+    assert getattr(settings, fix.setting) == fix.value
 
 
 def test_a_warning_of_a_bake_is_a_sentence_and_a_button(gpu_context):
@@ -80,7 +76,7 @@ def test_a_warning_of_a_bake_is_a_sentence_and_a_button(gpu_context):
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     (warning,) = results.of(bpy.context, low).warnings
     assert "--extrusion" in warning
-    text, kinds = drawn_cures()
+    text, kinds = drawn_fixes()
     assert "hit nothing within the extrusion" in text
     assert "--" not in text
     assert kinds == [fixes.MEASURE]
@@ -101,7 +97,7 @@ def test_a_linked_low_object_is_named_before_the_bake_with_a_button(tmp_path, gp
     settings = set_up(low, high)
     problem = bake_panel.bake_problem(bpy.context, Chosen(settings, low, [high]))
     assert problem.endswith("make it local first; --no-material leaves them as they are.")
-    text, kinds = drawn_cures()
+    text, kinds = drawn_fixes()
     assert "make it local first." in text
     assert "--" not in text
     assert kinds == [fixes.NO_MATERIAL]
@@ -144,14 +140,14 @@ def mirrored(*objects):
 def test_faces_to_the_same_side_are_no_finding(name):
     low, high = PAIRS[name]()
     set_up(low, high)
-    assert "FLIPPED" not in drawn_cures()[1]
+    assert "FLIPPED" not in drawn_fixes()[1]
 
 
 @pytest.mark.parametrize("name", [name for name in PAIRS if "without" not in name])
-def test_a_flipped_low_object_is_found_before_the_bake_and_cured_by_a_button(name):
+def test_a_flipped_low_object_is_found_before_the_bake_and_fixed_by_a_button(name):
     low, high = PAIRS[name]()
     set_up(flipped(low), high)
-    text, kinds = drawn_cures()
+    text, kinds = drawn_fixes()
     assert "The faces of 'lo' point to the other side than those of 'hi'" in text
     assert kinds == ["FLIPPED"]
     normals = np.array([polygon.normal[:] for polygon in low.data.polygons])
@@ -161,18 +157,18 @@ def test_a_flipped_low_object_is_found_before_the_bake_and_cured_by_a_button(nam
     after = np.array([corner.vector[:] for corner in low.data.corner_normals])
     assert np.sort(after, axis=0) + np.sort(corners, axis=0)[::-1] == pytest.approx(0.0, abs=1e-5)
     bpy.context.view_layer.update()
-    assert drawn_cures()[1] == []
+    assert drawn_fixes()[1] == []
 
 
 def test_a_flipped_closed_high_object_is_the_one_that_is_flipped():
     low, high = zoo.cube("lo"), flipped(zoo.cube("hi"))
     set_up(low, high)
-    assert "The faces of 'hi' point to the other side than those of 'lo'" in drawn_cures()[0]
+    assert "The faces of 'hi' point to the other side than those of 'lo'" in drawn_fixes()[0]
     before = [polygon.normal[:] for polygon in low.data.polygons]
     bpy.ops.imprint.cure(kind="FLIPPED")
     assert [polygon.normal[:] for polygon in low.data.polygons] == before
     bpy.context.view_layer.update()
-    assert drawn_cures()[1] == []
+    assert drawn_fixes()[1] == []
     with pytest.raises(RuntimeError, match="point to the same sides"):
         bpy.ops.imprint.cure(kind="FLIPPED")
 
@@ -180,15 +176,15 @@ def test_a_flipped_closed_high_object_is_the_one_that_is_flipped():
 def test_the_panel_looks_again_when_an_object_turns():
     low, high = zoo.plane("lo"), zoo.terrain("hi", 12)
     set_up(low, high)
-    assert drawn_cures()[1] == []
+    assert drawn_fixes()[1] == []
     low.rotation_euler.y = np.pi
     bpy.context.view_layer.update()
-    assert drawn_cures()[1] == ["FLIPPED"]
+    assert drawn_fixes()[1] == ["FLIPPED"]
     low.rotation_euler.y = 0.0
     high.data.flip_normals()
     high.data.update()
     bpy.context.view_layer.update()
-    assert drawn_cures()[1] == ["FLIPPED"]
+    assert drawn_fixes()[1] == ["FLIPPED"]
 
 
 def test_sheets_with_two_sides_are_no_finding():
@@ -196,7 +192,7 @@ def test_sheets_with_two_sides_are_no_finding():
     with bpy.context.temp_override(active_object=up, selected_editable_objects=[up, down]):
         bpy.ops.object.join()
     set_up(up, zoo.terrain("hi", 12))
-    assert drawn_cures()[1] == []
+    assert drawn_fixes()[1] == []
 
 
 def test_a_shell_says_it_before_the_bake(gpu_context):
