@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The triangles of the high meshes in the order in which hits number them, and what is read at the hits."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import gpu
 import numpy as np
 
+from ..core import threads
 from ..mesh.local_space import LocalSpace
+from ..mesh.spatial import shared_values
 from ..mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER, Mesh
-from ..passes import data_texture, target
+from ..passes import data_texture
 from ..passes.bake import cast
-from ..passes.parts import part_hits
 from ..passes.surface import corner_tables
-from .rays.part_tables import PartTables
+from ..passes.surface.corner_tables import CornerValues
 from .rays.tree_cache import RayScene
 
 
@@ -24,7 +25,7 @@ class HighSurface:
 
     highs: Sequence[Mesh]
     ray_scene: RayScene
-    _textures: dict[tuple[str, str], gpu.types.GPUTexture] = field(default_factory=dict, repr=False)
+    _layers: dict[tuple[str, str], CornerValues] = field(default_factory=dict, repr=False)
 
     @property
     def local_space(self) -> LocalSpace:
@@ -32,20 +33,7 @@ class HighSurface:
 
     @property
     def tables(self) -> cast.Tables:
-        """The tables; not of a surface in parts."""
         return self.ray_scene.tables
-
-    def parts(self, hits: target.Target) -> Iterator[tuple["HighSurface", target.Target]]:
-        """Each part of the surface, with those of `hits` that are on it. The hits are valid until the next part."""
-        scene = self.ray_scene
-        if not isinstance(scene.tables, PartTables):
-            yield self, hits
-            return
-        of_part = target.get("hits of a part", hits.width, hits.height, "RGBA32UI")
-        for part in scene.tables.parts():
-            part_hits.of_part(of_part, hits, part.first, part.count)
-            order = scene.order[part.first : part.first + part.count]
-            yield HighSurface(self.highs, replace(scene, tables=part.tables, order=order)), of_part
 
     @cached_property
     def corners(self) -> np.ndarray:
@@ -81,26 +69,46 @@ class HighSurface:
         labels = np.concatenate([high.labels for high in self.highs])[self.ray_scene.order]
         return data_texture.upload(np.pad(labels, ((0, 0), (0, 1))))
 
-    def uvs(self, layer: str) -> gpu.types.GPUTexture:
+    def uvs(self, layer: str) -> CornerValues:
         """A UV map of the high meshes, as corner_tables.upload_uvs arranges it. Meshes without it have zeros."""
-        return self._cached(UV_LAYER, layer, 2, lambda uv: corner_tables.upload_uvs(uv, self.corners, self._materials))
+        return self._cached(
+            UV_LAYER, layer, 2, lambda uv, corners: corner_tables.upload_uvs(uv, corners, self._materials)
+        )
 
-    def attribute(self, name: str) -> gpu.types.GPUTexture:
+    def attribute(self, name: str) -> CornerValues:
         """An attribute of the high meshes, as corner_tables.upload_values arranges it. Meshes without it have zeros."""
-        return self._cached(ATTRIBUTE, name, 4, lambda values: corner_tables.upload_values(values, self.corners))
+        return self._cached(ATTRIBUTE, name, 4, corner_tables.upload_values)
 
-    def tangents(self, layer: str) -> gpu.types.GPUTexture:
+    def tangents(self, layer: str) -> CornerValues:
         """The tangents of a UV map in world space, as corner_tables.upload_tangents arranges them."""
-        return self._cached(TANGENTS, layer, 4, lambda values: corner_tables.upload_tangents(values, self.corners))
+        return self._cached(TANGENTS, layer, 4, corner_tables.upload_tangents)
 
     def _cached(
-        self, kind: str, name: str, channels: int, upload: Callable[[np.ndarray], gpu.types.GPUTexture]
-    ) -> gpu.types.GPUTexture:
-        """The texture of a layer of all meshes; it is uploaded once."""
+        self, kind: str, name: str, channels: int, upload: Callable[[np.ndarray, np.ndarray], CornerValues]
+    ) -> CornerValues:
+        """A layer of all meshes; it is uploaded once. upload: takes the values and their places by triangle, (T, 3) int."""
         key = kind, name
-        if key not in self._textures:
-            self._textures[key] = upload(np.concatenate([_layer(high, key, channels) for high in self.highs]))
-        return self._textures[key]
+        if key not in self._layers:
+            counts = [len(high.positions) for high in self.highs]
+            shared = [
+                shared_values.share(count, high.vertices, _layer(high, key, channels), high.front_triangles)
+                for count, high in zip(counts, self.highs, strict=True)
+            ]
+            values, own = shared_values.joined(shared, counts)
+            order = self.ray_scene.order
+            self._layers[key] = upload(values, shared_values.places(own[order], self._vertices[order]))
+        return self._layers[key]
+
+    @property
+    def _vertices(self) -> np.ndarray:
+        """The vertices of each triangle (T, 3) int32, counted and in order mesh after mesh."""
+        firsts = np.cumsum([0, *(len(high.positions) for high in self.highs[:-1])]).tolist()
+        return np.concatenate(
+            [
+                first + threads.take(high.vertices, high.front_triangles)
+                for first, high in zip(firsts, self.highs, strict=True)
+            ]
+        )
 
     @property
     def _materials(self) -> np.ndarray:
@@ -117,4 +125,5 @@ def _layer(high: Mesh, key: tuple[str, str], channels: int) -> np.ndarray:
         return values
     linear = high.to_world[:3, :3]
     # A mirror turns the bitangent around.
-    return np.concatenate([values[:, :3] @ linear.T, np.sign(np.linalg.det(linear)) * values[:, 3:]], axis=1)
+    turned = np.concatenate([values[:, :3] @ linear.T, np.sign(np.linalg.det(linear)) * values[:, 3:]], axis=1)
+    return turned.astype(np.float32)

@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import Hit, Method, Space
-from ..core.map_types import BY_NAME, Family
+from ..core.map_types import BY_NAME
 from ..core.progress import Progress, Task
 from ..core.settings import MapSettings, Run, Settings, TracingSettings
 from ..core.timings import Timings
@@ -17,13 +17,13 @@ from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.adaptive.active import Active
-from ..passes.bake import flat_hits, joined_hits
+from ..passes.bake import cast, flat_hits, joined_hits
 from .bands import Band
 from .dense.high_batches import HighBatches
 from .dense.near_triangles import NearTriangles
 from .high_surface import HighSurface
 from .method_choice import Plan
-from .rays import ray_casting, ray_directions, ray_distances, tracing, tree_cache
+from .rays import ray_casting, ray_directions, ray_distances, tree_cache
 from .roles import role
 
 
@@ -109,10 +109,7 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     """The rays of a bake. Distances that the settings do not set are measured."""
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
-    takes_parts = not meshes.has_detail and all(
-        BY_NAME[name].family is Family.POINTS for name in settings.map.drawn_maps
-    )
-    ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, takes_parts=takes_parts)
+    ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
     low_surface = tree_cache.trees.low_surface_of(
         meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.tracing.hit == Hit.OWN
     )
@@ -283,7 +280,7 @@ class Rays(Source):
         rows: range | None = None,
         some: Active | None = None,
     ) -> None:
-        tracing.look_up(normals, hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows, some=some)
+        cast.look_up(normals, hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows, some=some)
 
 
 class FlatAndRays(Rays):
@@ -316,7 +313,7 @@ class FlatAndRays(Rays):
         flat_hits.draw(hits, self._in_uv, band.uv_to_clip)
         normals, points = target.get("flat normals", *size, "RGBA32F"), target.get("rays left", *size, "RGBA32F")
         tables = self.ray_cast.ray_scene.tables
-        tracing.look_up(normals, hits, rays, tables, np.eye(3))
+        cast.look_up(normals, hits, rays, tables, np.eye(3))
         # All rows at once with `some`, which are few texels.
         for rows in [None] if some else self.pace.slices(band.height, "rays left"):
             joined_hits.left(
@@ -324,7 +321,7 @@ class FlatAndRays(Rays):
                 rays,
                 hits,
                 normals,
-                corners=tables.corners,
+                tables=tables,
                 owners=self.ray_cast.low.owners,
                 rows=rows,
                 some=some,

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..core import threads
+from ..core.errors import BakeError
 from . import blender_gpu as gpu
 
 WIDTH = 4096
@@ -38,27 +39,27 @@ def upload(values: np.ndarray) -> gpu.types.GPUTexture:
     return upload_padded(padded)
 
 
-def upload_gathered(values: np.ndarray, indices: np.ndarray, numbers: np.ndarray | None = None) -> gpu.types.GPUTexture:
-    """Upload values[indices], with values (N, 3) float32 and indices (M,) int.
+def upload_numbers(*columns: np.ndarray) -> gpu.types.GPUTexture:
+    """Upload whole numbers from 0 below 2^30, (N,) or (N, k) int, side by side: at most four for each texel.
 
-    numbers (M,) int from 0 below 2^30: the bits of the fourth components, plus FIRST_NUMBER; None for 0.
+    shaders/lib/triangle_lib.glsl reads them: the bits of a texel are the numbers plus FIRST_NUMBER.
     """
-    texels = empty(len(indices))
+    texels = empty(len(columns[0]))
     bits = texels.view(np.int32)
+    channels = [column for each in columns for column in np.atleast_2d(each.T)]
 
-    def gather(part: slice) -> None:
-        rows = np.take(values, indices[part], axis=0, mode="clip")
-        for axis in range(3):  # faster than all at once, into rows that are longer
-            texels[part, axis] = rows[:, axis]
-        if numbers is not None:
-            bits[part, 3] = numbers[part] + FIRST_NUMBER
+    def copy(part: slice) -> None:
+        for axis, values in enumerate(channels):
+            np.add(values[part], FIRST_NUMBER, out=bits[part, axis], casting="unsafe")
 
-    threads.for_blocks(len(indices), gather, BLOCK)
+    threads.for_blocks(len(columns[0]), copy, BLOCK)
     return upload_padded(texels)
 
 
 def empty(count: int) -> np.ndarray:
-    """A zeroed array (rows * WIDTH, 4) float32 with space for `count` texels."""
+    """A zeroed array (rows * WIDTH, 4) float32 with space for `count` texels. Raises BakeError for more than `limit`."""
+    if count > limit():
+        raise BakeError(f"The meshes have {count:,} different values in a table; this GPU's textures hold {limit():,}.")
     return np.zeros((max(1, -(-count // WIDTH)) * WIDTH, 4), np.float32)
 
 

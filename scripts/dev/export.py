@@ -49,8 +49,7 @@ def export(source: Path, into: Path) -> None:
         high_uv=laid_flat.uv,
         high_normal=laid_flat.normals @ triangle_mesh.normal_matrix(laid_flat.to_world).T,
         **{f"low_{name}": values for name, values in low_vertices.items()},
-        corners=table(ray_scene.tables.corners),
-        normals=table(ray_scene.tables.normals),
+        **{name: table(getattr(ray_scene.tables, name)) for name in ("triangles", "points", "normals")},
         low_corners=table(low_surface.owners.corners),
         edge_ends=table(edges.ends),
         **{

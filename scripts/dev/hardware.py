@@ -28,7 +28,7 @@ from addon.passes.bake import cast, flatten, rays  # noqa: E402
 from addon.passes.program import Program, in_software, prelude, source  # noqa: E402
 
 REPEATS = 9
-TABLES = "nodes", "corners", "normals", "low_nodes", "low_corners", "edge_nodes", "edge_ends"
+TABLES = "nodes", "triangles", "points", "normals", "low_nodes", "low_corners", "edge_nodes", "edge_ends"
 """The arrays of a file that shaders read as data textures."""
 TYPES = {
     "VEC2": "vec2",
@@ -172,7 +172,10 @@ class Scene:
         values = {
             "positions": self.positions,
             "directions": self.directions,
-            **{name: self.tables[name] for name in ("nodes", "corners", "normals", "low_nodes", "low_corners")},
+            **{
+                name: self.tables[name]
+                for name in ("nodes", "triangles", "points", "normals", "low_nodes", "low_corners")
+            },
             "packets": self.packets,
             "hits": self.hits,
             "grid_origin": self._place("origin"),
@@ -205,7 +208,7 @@ class Scene:
             cast.LOOKUP,
             hits=self.hits,
             positions=self.positions,
-            corners=self.tables["corners"],
+            triangles=self.tables["triangles"],
             normals=self.tables["normals"],
             normal_matrix=self.identity,
         )

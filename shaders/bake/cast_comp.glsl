@@ -12,14 +12,14 @@ const float CAST_BEYOND = 1e-8;
 
 void main()
 {
-  ivec2 texel = active_texel(first_row, texel_size(positions).x);
-  if (any(greaterThanEqual(texel, texel_size(positions)))) {
+  ivec2 texel = active_texel(first_row, textureSize(positions, 0).x);
+  if (any(greaterThanEqual(texel, textureSize(positions, 0)))) {
     return;
   }
-  vec4 below = texel_at(positions, texel);
+  vec4 below = texelFetch(positions, texel, 0);
   uvec4 chosen = uvec4(0u);
   if (below.a > 0.0) {
-    vec4 away = texel_at(directions, texel);
+    vec4 away = texelFetch(directions, texel, 0);
     float start = away.w;  // how far outside the low surface
     vec3 direction = -away.xyz;
     vec3 origin = below.xyz + away.xyz * start;
@@ -51,7 +51,8 @@ void main()
         continue;
       }
       float t = uintBitsToFloat(hit.w);
-      vec3 normal = TRIANGLE_NORMAL(corners, normals, hit_triangle(hit), hit_weights(hit));
+      ivec3 numbers = triangle_normals(texel_at(triangles, texture_place(hit_triangle(hit))));
+      vec3 normal = TRIANGLE_MIXED(normals, numbers, hit_weights(hit)).xyz;
       if (owner_has_hit(origin + direction * t, normal, below.xyz, int(below.a) - 1, start - t > near)) {
         chosen = hit;
         break;

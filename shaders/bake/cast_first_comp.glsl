@@ -4,14 +4,14 @@
 
 void main()
 {
-  ivec2 texel = active_texel(first_row, texel_size(positions).x);
-  if (any(greaterThanEqual(texel, texel_size(positions)))) {
+  ivec2 texel = active_texel(first_row, textureSize(positions, 0).x);
+  if (any(greaterThanEqual(texel, textureSize(positions, 0)))) {
     return;
   }
-  vec4 below = texel_at(positions, texel);
+  vec4 below = texelFetch(positions, texel, 0);
   uvec4 hit = uvec4(0u);
   if (below.a > 0.0) {
-    vec4 away = texel_at(directions, texel);
+    vec4 away = texelFetch(directions, texel, 0);
     float start = away.w;  // how far outside the low surface
     hit = search_hit(texel, below.xyz + away.xyz * start, -away.xyz, 0.0, is_nearest != 0 ? start : 0.0,
                      min(max_t, start + inside), facing_only != 0);

@@ -10,7 +10,8 @@ void main()
     normal_out = vec4(0.0, 0.0, 0.0, texel_at(positions, texel).a > 0.0 ? -1.0 : 0.0);
   }
   else {
-    vec3 normal = mat3(normal_matrix) * TRIANGLE_NORMAL(corners, normals, hit_triangle(hit), hit_weights(hit));
+    ivec3 numbers = triangle_normals(texel_at(triangles, texture_place(hit_triangle(hit))));
+    vec3 normal = mat3(normal_matrix) * TRIANGLE_MIXED(normals, numbers, hit_weights(hit)).xyz;
     float length_squared = dot(normal, normal);
     normal_out = length_squared > 0.0 ? vec4(normal / sqrt(length_squared), 1.0) : vec4(0.0, 0.0, 0.0, -1.0);
   }

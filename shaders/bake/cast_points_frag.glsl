@@ -4,11 +4,9 @@
 void main()
 {
   uvec4 hit = texel_at(hits, ivec2(gl_FragCoord.xy));
-  if (!hit_missed(hit)) {
-    point_out = vec4(surface_point(hit), 1.0);
-    labels_out = vec4(texel_at(labels, texture_place(hit_triangle(hit))).xy, 0.0, 1.0);
+  if (hit_missed(hit)) {
+    discard;
   }
-  else {
-    discard;  // what is there stays: nothing, or a point on another part
-  }
+  point_out = vec4(surface_point(hit), 1.0);
+  labels_out = vec4(texel_at(labels, texture_place(hit_triangle(hit))).xy, 0.0, 1.0);
 }

@@ -72,7 +72,8 @@ bool left_is_own(ivec2 texel, vec4 below)
   if (hit_missed(hit) || !(normal.a > 0.0) || !(dot(normal.xyz, away.xyz) > 0.0)) {
     return false;
   }
-  vec3 point = TRIANGLE_MIXED(corners, hit_triangle(hit), hit_weights(hit)).xyz;
+  ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(hit_triangle(hit))));
+  vec3 point = TRIANGLE_MIXED(points, vertices, hit_weights(hit)).xyz;
   vec3 offset = point - below.xyz;
   float height = dot(offset, away.xyz);
   vec3 beside = offset - away.xyz * height;

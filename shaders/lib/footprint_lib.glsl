@@ -1,5 +1,5 @@
-// Where a hit lies in a page, and how much of the page one texel covers there. Two texels of `uvs` have each triangle: three
-// pairs of UVs, and in the third component of the second the number of its material. row_u and row_v map UVs to the page.
+// Where a hit lies in a page, and how much of the page one texel covers there. `uv_triangles` has the numbers of each triangle's
+// UVs in `uvs`, and the number of its material. row_u and row_v map UVs to the page.
 #include "lib/hit_lib.glsl"
 #include "lib/triangle_lib.glsl"
 
@@ -8,10 +8,27 @@ const float FOOTPRINT_JUMP = 1.0;
 // A step that is this many times as long as the one along the triangle's own plane leads across a seam.
 const float FOOTPRINT_UNEVEN = 2.0;
 
-vec2 footprint_uv(uvec4 hit, vec4 first, vec4 last)
+struct FootprintUvs {
+  vec2 a, b, c;
+  int material;
+};
+
+FootprintUvs footprint_uvs(int triangle)
+{
+  vec4 texel = texel_at(uv_triangles, texture_place(triangle));
+  ivec3 numbers = triangle_numbers(texel);
+  FootprintUvs result;  // no constructor: Metal has none
+  result.a = texel_at(uvs, texture_place(numbers.x)).xy;
+  result.b = texel_at(uvs, texture_place(numbers.y)).xy;
+  result.c = texel_at(uvs, texture_place(numbers.z)).xy;
+  result.material = triangle_fourth(texel);
+  return result;
+}
+
+vec2 footprint_uv(uvec4 hit, FootprintUvs corners)
 {
   vec2 weights = hit_weights(hit);
-  return first.xy * (1.0 - weights.x - weights.y) + first.zw * weights.x + last.xy * weights.y;
+  return corners.a * (1.0 - weights.x - weights.y) + corners.b * weights.x + corners.c * weights.y;
 }
 
 // UVs as coordinates of the page, 0 to 1 across it.
@@ -45,7 +62,7 @@ bool footprint_has(ivec2 place)
 
 // The step in UVs from a texel to the next one along `axis`, by the plane of the hit's own triangle and the shorter one of the
 // steps in space to both neighbors, forth or back. z is 1, or -1 if there is no neighbor.
-vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
+vec3 footprint_in_plane(ivec2 texel, ivec2 axis, FootprintUvs corners)
 {
   vec3 point = vec3(0.0);
   TriangleEdges edges = triangle_edges(vec4(0.0), vec4(0.0), vec4(0.0));
@@ -56,7 +73,8 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
     int side = i == 2 ? -1 : i;
     ivec2 place = texel + axis * side;
     uvec4 other = texel_at(hits, clamp(place, ivec2(0), texel_size(hits) - 1));
-    TriangleEdges its_edges = TRIANGLE_EDGES(corners, max(hit_triangle(other), 0));
+    ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(max(hit_triangle(other), 0))));
+    TriangleEdges its_edges = TRIANGLE_EDGES(points, vertices);
     vec3 its_point = triangle_point(its_edges, hit_weights(other));
     vec3 apart = its_point - point;
     if (side == 0) {
@@ -76,14 +94,14 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
   if (!(square > 0.0) || least == 1e30) {
     return vec3(0.0, 0.0, -1.0);
   }
-  vec2 along = (first.zw - first.xy) * (dot(cross(offset, edge2), normal) / square) +
-               (last.xy - first.xy) * (dot(cross(edge1, offset), normal) / square);
+  vec2 along = (corners.b - corners.a) * (dot(cross(offset, edge2), normal) / square) +
+               (corners.c - corners.a) * (dot(cross(edge1, offset), normal) / square);
   return vec3(along, 1.0);
 }
 
 // The steps in pixels to the next texel to the right and to the one above, in columns. Across a seam, UVs jump, and to another
 // material, they tell nothing: then the plane of the hit's triangle does.
-mat2 footprint_of(ivec2 texel, uvec4 hit, vec2 uv, vec4 first, vec4 last, mat2 to_pixels)
+mat2 footprint_of(ivec2 texel, uvec4 hit, vec2 uv, FootprintUvs corners, mat2 to_pixels)
 {
   // z is the length; 0 on the same triangle, where there is no seam, and 1e30 without a neighbor.
   vec3 right = vec3(0.0, 0.0, 1e30);
@@ -92,10 +110,9 @@ mat2 footprint_of(ivec2 texel, uvec4 hit, vec2 uv, vec4 first, vec4 last, mat2 t
     ivec2 place = texel + ivec2(1 - axis, axis);
     uvec4 other = texel_at(hits, min(place, texel_size(hits) - 1));
     int triangle = max(hit_triangle(other), 0);
-    vec4 its_first = texel_at(uvs, texture_place(triangle * 2));
-    vec4 its_last = texel_at(uvs, texture_place(triangle * 2 + 1));
-    vec2 apart = to_pixels * (footprint_uv(other, its_first, its_last) - uv);
-    bool counts = footprint_has(place) && !hit_missed(other) && int(its_last.z) == int(last.z);
+    FootprintUvs its_corners = footprint_uvs(triangle);
+    vec2 apart = to_pixels * (footprint_uv(other, its_corners) - uv);
+    bool counts = footprint_has(place) && !hit_missed(other) && its_corners.material == corners.material;
     float size = triangle == hit_triangle(hit) ? 0.0 : length(apart);
     vec3 found = counts ? vec3(apart, size) : vec3(0.0, 0.0, 1e30);
     right = axis == 0 ? found : right;
@@ -104,7 +121,7 @@ mat2 footprint_of(ivec2 texel, uvec4 hit, vec2 uv, vec4 first, vec4 last, mat2 t
   for (int axis = 0; axis < 2; axis++) {
     // Steps that are short do not show, even if they are wrong.
     if ((axis == 0 ? right.z : above.z) > FOOTPRINT_JUMP) {
-      vec3 in_plane = footprint_in_plane(texel, ivec2(1 - axis, axis), first, last);
+      vec3 in_plane = footprint_in_plane(texel, ivec2(1 - axis, axis), corners);
       vec2 apart = to_pixels * in_plane.xy;
       float most = in_plane.z > 0.0 ? length(apart) * FOOTPRINT_UNEVEN : 1e30;
       right = axis == 0 && right.z > most ? vec3(apart, 0.0) : right;

@@ -1,4 +1,4 @@
-// How far rays reach through the tree in the textures `nodes` and `corners` before they meet a triangle.
+// How far rays reach through the tree in the textures `nodes`, `triangles` and `points` before they meet a triangle.
 // mesh/spatial/bvh.py builds the tree; `grid_origin`, `grid_scale` and `first_leaf` belong to it.
 //
 // Four rays from one point go together: most nodes and triangles that they visit are the same, and are read once for all four.
@@ -68,10 +68,10 @@ vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own
   uvec2 trail = uvec2(0u);
   int node = 0;
   while (node >= 0) {
-    uint triangles = 0u;
+    uint found = 0u;
     int leaf = 0;
     // Triangles are tested outside this loop: inside it, lanes that have found triangles would wait for the others.
-    while (node >= 0 && triangles == 0u) {
+    while (node >= 0 && found == 0u) {
       TreeBoxes boxes = TREE_BOXES(nodes, node);
       boxes.x_low -= start.x;
       boxes.y_low -= start.y;
@@ -82,12 +82,13 @@ vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own
       // No loop: drivers that do not unroll it select components at each turn.
       uint mask = reach_crossed(boxes, inverse0, to.x) | reach_crossed(boxes, inverse1, to.y) |
                   reach_crossed(boxes, inverse2, to.z) | reach_crossed(boxes, inverse3, to.w);
-      triangles = tree_step(mask, first_leaf, node, trail, leaf);
+      found = tree_step(mask, first_leaf, node, trail, leaf);
     }
-    while (triangles != 0u) {
-      int triangle = leaf + findLSB(triangles);
-      triangles &= triangles - 1u;
-      TriangleEdges edges = TRIANGLE_EDGES(corners, triangle);
+    while (found != 0u) {
+      int triangle = leaf + findLSB(found);
+      found &= found - 1u;
+      ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(triangle)));
+      TriangleEdges edges = TRIANGLE_EDGES(points, vertices);
       vec3 edge1 = edges.edge1, edge2 = edges.edge2;
       // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997), in the order that leaves most
       // of the work to all four rays together.

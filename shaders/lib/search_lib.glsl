@@ -1,4 +1,4 @@
-// Searches the tree in the textures `nodes` and `corners` for a hit of one ray. mesh/spatial/bvh.py builds the tree; `grid_origin`,
+// Searches the tree in the textures `nodes`, `triangles` and `points` for a hit of one ray. mesh/spatial/bvh.py builds the tree; `grid_origin`,
 // `grid_scale` and `first_leaf` belong to it.
 #include "lib/overlap_lib.glsl"
 #include "lib/packet_lib.glsl"
@@ -28,8 +28,8 @@ uvec4 search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wa
     listed = texelFetch(packets, place, 0);
     later = texelFetch(packets, place + ivec2(1, 0), 0);
   }
-  uint triangles = packet_triangles(listed.x);
-  bool is_list = triangles != 0u;
+  uint found = packet_triangles(listed.x);
+  bool is_list = found != 0u;
   int node = is_list ? -1 : packet_node(listed.x);
   int leaf = search_leaf(listed.x);
 
@@ -38,10 +38,10 @@ uvec4 search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wa
   float from = first;
   float to = end;
   uvec2 trail = uvec2(0u);
-  while (node >= 0 || triangles != 0u) {
+  while (node >= 0 || found != 0u) {
     // Walk the tree until the ray hits a node of triangles. Triangles are tested outside this loop: inside it, lanes
     // that have found triangles would wait for the others at every step.
-    while (node >= 0 && triangles == 0u) {
+    while (node >= 0 && found == 0u) {
       TreeBoxes boxes = TREE_BOXES(nodes, node);
       vec4 x_low = (boxes.x_low - grid_start.x) * inverse.x;
       vec4 y_low = (boxes.y_low - grid_start.y) * inverse.y;
@@ -54,18 +54,19 @@ uvec4 search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wa
                        max(forward.z ? z_low : z_high, vec4(from)));
       vec4 leave = min(min(forward.x ? x_high : x_low, forward.y ? y_high : y_low),
                        min(forward.z ? z_high : z_low, vec4(to)));
-      triangles = tree_step(tree_mask(lessThanEqual(enter, leave)), first_leaf, node, trail, leaf);
+      found = tree_step(tree_mask(lessThanEqual(enter, leave)), first_leaf, node, trail, leaf);
     }
-    while (triangles != 0u) {
-      int triangle = leaf + findLSB(triangles);
-      triangles &= triangles - 1u;
-      if (is_list && triangles == 0u) {
+    while (found != 0u) {
+      int triangle = leaf + findLSB(found);
+      found &= found - 1u;
+      if (is_list && found == 0u) {
         listed = uvec4(listed.yzw, later.x);
         later = uvec4(later.yzw, 0u);
-        triangles = packet_triangles(listed.x);
+        found = packet_triangles(listed.x);
         leaf = search_leaf(listed.x);
       }
-      TriangleEdges edges = TRIANGLE_EDGES(corners, triangle);
+      ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(triangle)));
+      TriangleEdges edges = TRIANGLE_EDGES(points, vertices);
       vec3 edge1 = edges.edge1, edge2 = edges.edge2;
       // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997).
       vec3 p = cross(direction, edge2);

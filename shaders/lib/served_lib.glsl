@@ -6,6 +6,6 @@ const int SERVED_BLOCK = 32;
 ivec2 served_texel()
 {
   ivec2 group = ivec2(gl_WorkGroupID.xy);
-  ivec2 block = ivec2(texel_at(blocks, texture_place(group.y)).xy);
+  ivec2 block = ivec2(texelFetch(blocks, texture_place(group.y), 0).xy);
   return block * SERVED_BLOCK + ivec2(group.x % 4, group.x / 4) * 8 + ivec2(gl_LocalInvocationID.xy);
 }

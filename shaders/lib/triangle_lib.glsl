@@ -1,9 +1,29 @@
-// The triangles of the high meshes: three texels each in a texture `corners`, with their positions and the numbers of their
-// normals. cast.upload arranges it. Macros, since functions cannot take images.
+// Triangles by index. A texel of `triangles` has the numbers of a triangle's three vertices, whose places are in `points`, and in w
+// where its normals are. cast.upload arranges both. Layers of UVs and other values have such texels of their own. What reads
+// textures is a macro: functions cannot take images.
 #include "lib/texture_lib.glsl"
 
 // The first number. The bits of smaller ones would be denormals, which a driver may flush to zero.
 const int TRIANGLE_FIRST = 1 << 23;
+
+// The numbers of the three vertices, or of a layer's values at the corners.
+ivec3 triangle_numbers(vec4 texel)
+{
+  return floatBitsToInt(texel.xyz) - TRIANGLE_FIRST;
+}
+
+// The fourth number of a texel.
+int triangle_fourth(vec4 texel)
+{
+  return floatBitsToInt(texel.w) - TRIANGLE_FIRST;
+}
+
+// The places of the normals of the three corners: those of the vertices, or the triangle's own, one for all or three in a row.
+ivec3 triangle_normals(vec4 texel)
+{
+  int own = triangle_fourth(texel) - 1;
+  return own < 0 ? triangle_numbers(texel) : ivec3(own >> 1) + (own & 1) * ivec3(0, 1, 2);
+}
 
 struct TriangleEdges {
   vec3 corner;
@@ -20,10 +40,11 @@ TriangleEdges triangle_edges(vec4 a, vec4 b, vec4 c)
   return result;
 }
 
-#define TRIANGLE_EDGES(corners, triangle) \
-  triangle_edges(texel_at(corners, texture_place((triangle)*3)), \
-                 texel_at(corners, texture_place((triangle)*3 + 1)), \
-                 texel_at(corners, texture_place((triangle)*3 + 2)))
+// The edges of a triangle with these vertices.
+#define TRIANGLE_EDGES(points, vertices) \
+  triangle_edges(texel_at(points, texture_place(vertices.x)), \
+                 texel_at(points, texture_place(vertices.y)), \
+                 texel_at(points, texture_place(vertices.z)))
 
 // The point with these barycentric coordinates.
 vec3 triangle_point(TriangleEdges triangle, vec2 weights)
@@ -44,23 +65,9 @@ vec4 triangle_mixed(vec4 a, vec4 b, vec4 c, vec2 weights)
   return a * (1.0 - weights.x - weights.y) + b * weights.x + c * weights.y;
 }
 
-// The same from three texels of a triangle in the texture `values`.
-#define TRIANGLE_MIXED(values, triangle, weights) \
-  triangle_mixed(texel_at(values, texture_place((triangle)*3)), \
-                 texel_at(values, texture_place((triangle)*3 + 1)), \
-                 texel_at(values, texture_place((triangle)*3 + 2)), \
+// The same from the texels of `values` with three numbers.
+#define TRIANGLE_MIXED(values, numbers, weights) \
+  triangle_mixed(texel_at(values, texture_place(numbers.x)), \
+                 texel_at(values, texture_place(numbers.y)), \
+                 texel_at(values, texture_place(numbers.z)), \
                  weights)
-
-// The place in `normals` of a corner's normal. texel: of the corner.
-ivec2 triangle_normal_place(vec4 texel)
-{
-  return texture_place(floatBitsToInt(texel.w) - TRIANGLE_FIRST);
-}
-
-// The interpolated normal, of any length.
-#define TRIANGLE_NORMAL(corners, normals, triangle, weights) \
-  triangle_mixed(texel_at(normals, triangle_normal_place(texel_at(corners, texture_place((triangle)*3)))), \
-                 texel_at(normals, triangle_normal_place(texel_at(corners, texture_place((triangle)*3 + 1)))), \
-                 texel_at(normals, triangle_normal_place(texel_at(corners, texture_place((triangle)*3 + 2)))), \
-                 weights) \
-      .xyz

@@ -18,6 +18,7 @@ void main()
   if (int(texel_at(materials, texture_place(material)).a) != feed) {
     return;
   }
-  vec4 value = TRIANGLE_MIXED(values, triangle, hit_weights(hit));
+  ivec3 numbers = triangle_numbers(texel_at(value_triangles, texture_place(triangle)));
+  vec4 value = TRIANGLE_MIXED(values, numbers, hit_weights(hit));
   imageStore(sums, texel, imageLoad(sums, texel) + vec4(fed_value_of(value), 1.0));
 }

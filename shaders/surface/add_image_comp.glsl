@@ -12,14 +12,13 @@ void main()
     return;
   }
   uvec4 hit = texel_at(hits, texel);
-  vec4 last = texel_at(uvs, texture_place(max(hit_triangle(hit), 0) * 2 + 1));
-  bool is_fed = !hit_missed(hit) && int(texel_at(materials, texture_place(int(last.z))).a) == feed;
-  vec4 first = texel_at(uvs, texture_place(max(hit_triangle(hit), 0) * 2));
-  vec2 uv = footprint_uv(hit, first, last);
+  FootprintUvs corners = footprint_uvs(max(hit_triangle(hit), 0));
+  bool is_fed = !hit_missed(hit) && int(texelFetch(materials, texture_place(corners.material), 0).a) == feed;
+  vec2 uv = footprint_uv(hit, corners);
   vec2 place = footprint_in_tile(footprint_mapped(uv), tile);
   is_fed = is_fed && (tile == 0 || !footprint_is_outside(place));
   if (is_fed) {
-    mat2 footprint = footprint_of(texel, hit, uv, first, last, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
+    mat2 footprint = footprint_of(texel, hit, uv, corners, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
     vec3 value = fed_value_of(page_mean(place, page_axes(footprint)));
     imageStore(sums, texel, imageLoad(sums, texel) + vec4(value, 1.0));
   }

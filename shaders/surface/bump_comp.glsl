@@ -15,17 +15,16 @@ void main()
   }
   uvec4 hit = texel_at(hits, texel);
   int triangle = max(hit_triangle(hit), 0);
-  vec4 first = texel_at(uvs, texture_place(triangle * 2));
-  vec4 last = texel_at(uvs, texture_place(triangle * 2 + 1));
-  vec2 uv = footprint_uv(hit, first, last);
+  FootprintUvs corners = footprint_uvs(triangle);
+  vec2 uv = footprint_uv(hit, corners);
   vec2 place = footprint_in_tile(footprint_mapped(uv), tile);
   vec4 drawn = imageLoad(normals, texel);
-  bool is_fed = !hit_missed(hit) && int(texel_at(materials, texture_place(int(last.z))).a) == feed &&
+  bool is_fed = !hit_missed(hit) && int(texelFetch(materials, texture_place(corners.material), 0).a) == feed &&
                 (tile == 0 || !footprint_is_outside(place));
   if (is_fed) {
     ivec2 size = textureSize(page, 0);
     mat2 to_pixels = footprint_to_pixels(size);
-    vec3 axes = page_axes(footprint_of(texel, hit, uv, first, last, to_pixels) * row_u.w);
+    vec3 axes = page_axes(footprint_of(texel, hit, uv, corners, to_pixels) * row_u.w);
     // The change of the height for one pixel along u and along v, from half a pixel of the averaged page on both sides.
     float width = page_width(axes);
     vec2 slope = vec2(0.0);
@@ -35,8 +34,10 @@ void main()
       slope += along * clamp(channel_of(color, channel).r, lowest, highest) / width;
     }
     // J. Blinn, "Simulation of wrinkled surfaces" (1978), by the gradient along two edges of the triangle.
-    TriangleEdges edges = TRIANGLE_EDGES(corners, triangle);
-    vec2 rises = vec2(dot(slope, to_pixels * (first.zw - first.xy)), dot(slope, to_pixels * (last.xy - first.xy)));
+    ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(triangle)));
+    TriangleEdges edges = TRIANGLE_EDGES(points, vertices);
+    vec2 rises = vec2(dot(slope, to_pixels * (corners.b - corners.a)),
+                      dot(slope, to_pixels * (corners.c - corners.a)));
     float scale = triangle_scale(edges);
     vec3 edge1 = edges.edge1 * scale, edge2 = edges.edge2 * scale;
     vec3 normal = normal_space_to_world(drawn.xyz);

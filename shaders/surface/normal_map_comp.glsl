@@ -18,18 +18,22 @@ void main()
   }
   uvec4 hit = texel_at(hits, texel);
   int triangle = max(hit_triangle(hit), 0);
-  vec4 first = texel_at(uvs, texture_place(triangle * 2));
-  vec4 last = texel_at(uvs, texture_place(triangle * 2 + 1));
-  vec2 uv = footprint_uv(hit, first, last);
+  FootprintUvs corners = footprint_uvs(triangle);
+  vec2 uv = footprint_uv(hit, corners);
   vec2 place = footprint_in_tile(footprint_mapped(uv), tile);
   vec4 drawn = imageLoad(normals, texel);
   bool is_fed = !hit_missed(hit) && drawn.a > 0.0 &&
-                int(texel_at(materials, texture_place(int(last.z))).a) == feed &&
+                int(texelFetch(materials, texture_place(corners.material), 0).a) == feed &&
                 (tile == 0 || !footprint_is_outside(place));
   if (is_fed) {
-    vec4 tangent = texel_at(tangents, texture_place(triangle * 3));
-    tangent.xyz = TRIANGLE_MIXED(tangents, triangle, hit_weights(hit)).xyz;
-    mat2 footprint = footprint_of(texel, hit, uv, first, last, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
+    ivec3 numbers = triangle_numbers(texelFetch(tangent_triangles, texture_place(triangle), 0));
+    vec4 tangent = texelFetch(tangents, texture_place(numbers.x), 0);
+    tangent.xyz = triangle_mixed(tangent,
+                                 texelFetch(tangents, texture_place(numbers.y), 0),
+                                 texelFetch(tangents, texture_place(numbers.z), 0),
+                                 hit_weights(hit))
+                      .xyz;
+    mat2 footprint = footprint_of(texel, hit, uv, corners, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
     vec3 stored = clamp(channel_of(page_mean(place, page_axes(footprint)), channel), vec3(lowest), vec3(highest));
     vec3 scale = vec3(to_space[0].w, to_space[1].w, to_space[2].w);
     vec3 mapped = (stored * scale + to_space[3].xyz) * 2.0 - 1.0;

@@ -26,7 +26,7 @@ def counts(monkeypatch):
     """How often each program ran, and how many bytes were uploaded and read back, since the test began."""
     seen = Counter()
     bind, vertices, read = target.bind, mesh_upload._vertices, target.Target.read
-    upload, gathered = data_texture.upload, data_texture.upload_gathered
+    upload, numbers = data_texture.upload, data_texture.upload_numbers
 
     def counting_bind(compiled, program, **bindings):
         seen[program.compute or program.fragment] += 1
@@ -40,9 +40,9 @@ def counts(monkeypatch):
         seen["bytes of tables"] += len(values) * 16
         return upload(values)
 
-    def counting_gathered(values, places, numbers=None):
-        seen["bytes of tables"] += len(places) * 16
-        return gathered(values, places, numbers)
+    def counting_numbers(*columns):
+        seen["bytes of tables"] += len(columns[0]) * 16
+        return numbers(*columns)
 
     def counting_read(self, out, *place, **options):
         seen["bytes read"] += out.nbytes
@@ -51,7 +51,7 @@ def counts(monkeypatch):
     monkeypatch.setattr(target, "bind", counting_bind)
     monkeypatch.setattr(mesh_upload, "_vertices", counting_vertices)
     monkeypatch.setattr(data_texture, "upload", counting_upload)
-    monkeypatch.setattr(data_texture, "upload_gathered", counting_gathered)
+    monkeypatch.setattr(data_texture, "upload_numbers", counting_numbers)
     monkeypatch.setattr(target.Target, "read", counting_read)
     tree_cache.trees.free()
     return seen
@@ -138,9 +138,10 @@ def test_a_tree_is_uploaded_once(counts):
     )
     edges = 1  # an empty texture: the low mesh has no hard ones
     # The low triangles once more with their clearances, and once in each audit, whose rays hit them.
-    triangles = 3 * high + 4 * 2 * low + 3 * 3 * low
+    triangles = high + 4 * 2 * low + 3 * low
+    points = 65 * 65 + 3 * 9 * 9
     normals = 65 * 65  # one for each vertex of the high mesh
-    assert counts["bytes of tables"] == 16 * (3 * (high_nodes + low_nodes) + triangles + normals + edges)
+    assert counts["bytes of tables"] == 16 * (3 * (high_nodes + low_nodes) + triangles + points + normals + edges)
 
 
 @pytest.mark.parametrize("share_image", [False, True])

@@ -32,7 +32,7 @@ def tables(corners, normals=None):
         points,
         sorted_numbers,
         normals,
-        sorted_numbers,
+        np.zeros(len(numbers), int),
         first_leaf=tree.first_leaf,
         origin=tree.origin,
         scale=tree.scale,

@@ -95,7 +95,7 @@ def normals_of(seen, shown, feed, tangent, bump=None):
     """World normals after a normal map, and a bump map (page, feed) over it."""
     drawn = seen.drawn_normals
     options = {
-        "corners": seen.tables.corners,
+        "tables": seen.tables,
         "uvs": seen.uvs,
         "materials": material_table.upload(np.ones(2)),
         "to_space": np.eye(3),

@@ -45,7 +45,7 @@ def mapped(seen, shown, feed, tangents, *, matrix=None, materials=None, **option
         shown,
         feed,
         1,
-        corners=seen.tables.corners,
+        tables=seen.tables,
         uvs=seen.uvs,
         tangents=tangent_table(seen, tangents),
         materials=materials or material_table.upload(np.ones(3)),
@@ -65,7 +65,7 @@ def bumped(seen, shown, feed, *, matrix=None, unit=1.0, drawn=None, **options):
         shown,
         feed,
         1,
-        corners=seen.tables.corners,
+        tables=seen.tables,
         uvs=seen.uvs,
         materials=material_table.upload(np.ones(3)),
         to_space=matrix,
@@ -296,7 +296,7 @@ def test_strength_mixes_with_the_normal_below_it(strength):
         page(np.broadcast_to(below * 0.5 + 0.5, (4, 4, 3))),
         NormalMapFeed(IMAGE),
         1,
-        corners=seen.tables.corners,
+        tables=seen.tables,
         uvs=seen.uvs,
         tangents=tangent_table(seen, (1, 0, 0, 1)),
         materials=material_table.upload(np.ones(3)),
@@ -334,11 +334,9 @@ def test_small_triangles_bump_as_large_ones():
     triangles = grid(2, 2)
     seen = SeenSurface(triangles, (32, 32))
     small = SeenSurface(triangles, (32, 32))
-    tiny, numbers = np.float32(1e-12), small.corners.reshape(-1)
-    small.tables = type(small.tables)(
-        small.tables.nodes,
-        data_texture.upload_gathered((triangles * tiny).reshape(-1, 3), numbers, numbers),
-        *[getattr(small.tables, name) for name in ("normals", "first_leaf", "origin", "scale", "bytes")],
+    tiny = np.float32(1e-12)
+    small.tables = replace(
+        small.tables, points=data_texture.upload((triangles * tiny).reshape(-1, 3).astype(np.float32))
     )
     shown = page(sine(64))
     expected = bumped(seen, shown, BumpFeed(ImageFeed("a"), distance=0.05))

@@ -29,7 +29,7 @@ def tables(corners, normals=None):
         corners.reshape(-1, 3),
         ordered,
         np.asarray(normals, np.float32).reshape(-1, 3),
-        ordered,
+        np.zeros(len(ordered), int),
         first_leaf=tree.first_leaf,
         origin=tree.origin,
         scale=tree.scale,

@@ -14,11 +14,6 @@ TRIANGLE, TRIANGLE_ON_GPU, TRIANGLE_IN_TREE = 250, 112, 190
 is built."""
 LARGE, TRIANGLE_OF_LARGE = 2**24, 120
 """From so many triangles on, meshes are read array by array, and take so many bytes for each triangle, with Blender's mesh."""
-IN_PARTS, TRIANGLE_OF_PARTS = 4096 * 16384 // 3, 140
-"""With more triangles, Cast takes them in parts, on GPUs with textures of 16384 texels a side. Each then takes so many bytes
-for what parts are built from, with Blender's mesh."""
-PARTS_ON_GPU, PART_IN_TREE = 3 * 2**30, 1300 * 10**6
-"""Bytes of the parts that stay on the GPU, and while one is built."""
 FLAT_TRIANGLE_ON_GPU, FLAT_PART = 60, 250 * 10**6
 """Bytes for each triangle that Flatten uploads for a normal map alone, and for a part of a mesh that is as LARGE."""
 TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS, TEXEL_STORED = 17, 108, 16, 17
@@ -26,8 +21,6 @@ TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS, TEXEL_STORED = 17, 108, 16, 17
 one map is stored: the file is written in parts, so that this is little more than its texels."""
 FLAT_TEXEL_ON_GPU = 70
 """As TEXEL_ON_GPU, where Flatten draws a normal map alone."""
-TEXEL_OF_PARTS = 32
-"""As TEXEL_OF_SUMS, where Cast takes triangles in parts: the hits on one, and the best normals."""
 TEXEL_OF_ADAPTIVE = 70
 """As TEXEL_OF_SUMS, with adaptive samples: the first two stay beside those that are added to the sums."""
 OTHER_TEXEL, OTHER_TEXEL_ON_GPU = 36, 32
@@ -51,11 +44,6 @@ class Amounts:
     page_pixels: int = 0
     is_flat: bool = False
     is_adaptive: bool = False
-
-    @property
-    def is_in_parts(self) -> bool:
-        """Whether rays are cast at parts of the triangles, one after another."""
-        return not self.is_flat and self.triangles > IN_PARTS
 
 
 @dataclass(frozen=True)
@@ -81,14 +69,13 @@ class Need:
             (FLAT_TEXEL_ON_GPU if amounts.is_flat else TEXEL_ON_GPU)
             + (TEXEL_OF_ADAPTIVE if amounts.is_adaptive else sums)
             + amounts.other_maps * (OTHER_TEXEL_ON_GPU + sums)
-            + (TEXEL_OF_PARTS if amounts.is_in_parts else 0)
         )
         maps_on_gpu = amounts.band_texels * drawn
         meshes_on_gpu, page_on_gpu = _meshes_on_gpu(amounts), amounts.page_pixels * PAGE_PIXEL_ON_GPU
         return cls(
             program=PROGRAM,
             meshes=_meshes(amounts) + meshes_on_gpu,
-            tree=0 if amounts.is_flat or amounts.is_in_parts else amounts.triangles * TRIANGLE_IN_TREE,
+            tree=0 if amounts.is_flat else amounts.triangles * TRIANGLE_IN_TREE,
             maps=amounts.texels * (TEXEL + amounts.other_maps * OTHER_TEXEL) + maps_on_gpu,
             storing=amounts.texels * TEXEL_STORED,
             page=amounts.page_pixels * PAGE_PIXEL + page_on_gpu,
@@ -108,15 +95,11 @@ class Need:
 
 
 def _meshes(amounts: Amounts) -> int:
-    """The bytes of meshes outside the GPU. Parts are built while maps are drawn."""
-    if amounts.is_in_parts:
-        return amounts.triangles * TRIANGLE_OF_PARTS + PART_IN_TREE
+    """The bytes of meshes outside the GPU."""
     return amounts.triangles * (TRIANGLE if amounts.triangles < LARGE else TRIANGLE_OF_LARGE)
 
 
 def _meshes_on_gpu(amounts: Amounts) -> int:
-    if amounts.is_in_parts:
-        return min(amounts.triangles * TRIANGLE_ON_GPU, PARTS_ON_GPU)
     if not amounts.is_flat:
         return amounts.triangles * TRIANGLE_ON_GPU
     return FLAT_PART if amounts.triangles >= LARGE else amounts.triangles * FLAT_TRIANGLE_ON_GPU

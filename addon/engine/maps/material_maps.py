@@ -83,7 +83,7 @@ class MaterialMaps(MapFamily):
                 page,
                 feed,
                 number,
-                corners=self.surface.tables.corners,
+                tables=self.surface.tables,
                 uvs=self.surface.uvs(feed.uv_layer),
                 materials=one.table,
                 tile=tile,

@@ -51,8 +51,7 @@ class PointMaps(MapFamily):
     def _add(self, sample: Sample) -> None:
         band = sample.band
         points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
-        for number, (surface, hits) in enumerate(self.surface.parts(sample.hits)):
-            cast.points(points, hits, surface.tables, surface.labels, clear=number == 0)
+        cast.points(points, sample.hits, self.surface.tables, self.surface.labels)
         low_points = target.get("low points", band.width, band.height, "RGBA32F", "RGBA32F")
         gbuffer.draw(low_points, self.low, band.uv_to_clip)
         for mean in self.means:

@@ -5,10 +5,9 @@ import numpy as np
 
 from ...core.declarations.choices import Directions, Hit
 from ...mesh.inputs import Meshes
-from ...passes.bake import rays
+from ...passes.bake import cast, rays
 from .low_surface import LowSurface, SharpPoints
 from .ray_distances import WHOLE_WORLD, rounded, traced
-from .tracing import AnyTables
 
 BEVELS = 2.0
 """The width of the blend, in widths of the high mesh's bevels."""
@@ -22,7 +21,7 @@ MOST_POINTS = 2**14
 """The most points on hard edges that are measured."""
 
 
-def choose(which: str, meshes: Meshes, low_surface: LowSurface, tables: AnyTables) -> rays.Directions:
+def choose(which: str, meshes: Meshes, low_surface: LowSurface, tables: cast.Tables) -> rays.Directions:
     """The directions for the setting `which`. BLENDED is SMOOTH for a low mesh without hard edges, and with a cage."""
     blends = may_blend(which, has_cage=meshes.cage is not None) and low_surface.sharp is not None
     return of_width(which, low_surface.edges, _blend_width(meshes, low_surface.sharp, tables) if blends else 0.0)
@@ -38,7 +37,7 @@ def of_width(which: str, edges: rays.Edges, blend_width: float) -> rays.Directio
     return rays.Directions(edges, straight_share=float(which == Directions.SPLIT), blend_width=blend_width)
 
 
-def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: AnyTables) -> float:
+def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: cast.Tables) -> float:
     """How wide the blend along hard edges is, in local space.
 
     The high mesh's bevels show in how far its surface is from the low mesh's sharp edges, along their smooth normals.
@@ -58,7 +57,7 @@ def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: AnyTables) -> float
     return rounded(float(width))
 
 
-def _heights(places: np.ndarray, normals: np.ndarray, tables: AnyTables) -> tuple[np.ndarray, np.ndarray]:
+def _heights(places: np.ndarray, normals: np.ndarray, tables: cast.Tables) -> tuple[np.ndarray, np.ndarray]:
     """How far the nearest high surface lies along normals (N, 3) from places (N, 3).
 
     Returns heights (N,), and which rays hit, (N,) bool.

@@ -15,7 +15,6 @@ from ...passes import target
 from ...passes.bake import cast, rays
 from ...passes.bake.owners import Owners
 from . import tracing
-from .tracing import AnyTables
 
 PROBE_SIZE = 256
 """The most rays a side that are cast."""
@@ -44,7 +43,7 @@ class Probe:
     size: width and height of the map. tiles: its UDIM tiles. The others are as rays.draw and cast.trace take them.
     """
 
-    tables: AnyTables
+    tables: cast.Tables
     ray_mesh: gpu.types.GPUBatch
     directions: rays.Directions
     size: tuple[int, int]
@@ -121,7 +120,7 @@ def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: floa
     return highest if covered <= MOST_PARTS * texels_of_low else 0.0
 
 
-def _heights(tables: AnyTables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
+def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
     """The heights (N,) float32 of the hits above the low surface, or above the cage for OUTERMOST."""
     texels = traced(
         tables, None, drawn, rule=rule, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=facing_only
@@ -134,7 +133,7 @@ def _heights(tables: AnyTables, drawn: target.Target, rule: Hit, facing_only: bo
     return heights[texels[..., 3] > 0.0]
 
 
-def traced(tables: AnyTables, owners: Owners | None, drawn: target.Target, **options) -> np.ndarray:
+def traced(tables: cast.Tables, owners: Owners | None, drawn: target.Target, **options) -> np.ndarray:
     """What cast.heights writes, (height, width, 4) float32. options: of cast.trace."""
     hits = target.get("hits", drawn.width, drawn.height, "RGBA32UI")
     found = target.get("high", drawn.width, drawn.height, "RGBA32F")

@@ -12,14 +12,12 @@ from ...core import threads
 from ...core.errors import BakeError
 from ...core.timings import Timings
 from ...mesh.local_space import LocalSpace, local_space_of
-from ...mesh.spatial import bvh, shared_normals
+from ...mesh.spatial import bvh, shared_values
 from ...mesh.triangle_mesh import Mesh
 from ...passes import data_texture
 from ...passes.bake import cast
 from . import low_surface
 from .low_surface import LowSurface
-from .part_tables import MOST_TRIANGLES, PartTables
-from .tracing import AnyTables
 
 CACHE_BYTES = 1024 * 2**20
 """The most GPU memory for cached trees."""
@@ -31,12 +29,12 @@ CACHED_TREES = 4
 class RayScene:
     """What rays can hit: all high meshes.
 
-    local_space: of the tree. tables: the tree on the GPU, maybe in parts. order (T,) int: the triangles, numbered mesh after
+    local_space: of the tree. tables: the tree on the GPU. order (T,) int: the triangles, numbered mesh after
     mesh, in the order of the tree.
     """
 
     local_space: LocalSpace
-    tables: AnyTables
+    tables: cast.Tables
     order: np.ndarray
 
 
@@ -68,13 +66,14 @@ class TreeCache:
         scenes, lows = self._scenes.values(), self._lows.values()
         return sum(scene.tables.bytes for scene in scenes) + sum(low.bytes for low in lows)
 
-    def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings, *, takes_parts: bool = False) -> RayScene:
+    def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings) -> RayScene:
         """The tree over `highs`, built and uploaded unless it is cached.
 
-        The key is the content, not the name: Blender does not report every change of a mesh. takes_parts: whether the tables
-        may be in parts. Raises BakeError for more triangles than the tables take.
+        The key is the content, not the name: Blender does not report every change of a mesh. Raises BakeError for more
+        triangles than the tables take.
         """
-        _check(highs, takes_parts=takes_parts)
+        if not fits(highs):
+            raise BakeError(f"The high meshes have {_count(highs):,} triangles together; {_most('Cast')}.")
         with timings.timed("tree"):
             arrays = [
                 array
@@ -86,10 +85,8 @@ class TreeCache:
             )
             found = self._scenes.pop(key, None)
             if found is None:
-                found = _build(highs, timings) if fits(highs) else _build_parts(highs, timings)
+                found = _build(highs, timings)
                 self.built += 1
-            elif isinstance(found.tables, PartTables):
-                found.tables.timings = timings  # parts may be built again
             self._scenes[key] = found
             while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
                 self._scenes.popitem(last=False)
@@ -136,18 +133,16 @@ trees = TreeCache()
 def without_tree(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     """The triangles of `highs` in their own order, to read what is at hits. No ray can be cast at them."""
     if not fits(highs):
-        raise BakeError(
-            f"The high meshes have {_count(highs):,} triangles together; by Flatten, other maps than the normal map, and"
-            f" materials with normal or bump maps take {most_in_one_part():,} on this GPU."
-        )
-    local_space, points, vertices, normals, corners = _arrays(highs)
+        others = "Flatten, for other maps than the normal map, and materials with normal or bump maps,"
+        raise BakeError(f"The high meshes have {_count(highs):,} triangles together; {_most(others)}.")
+    local_space, points, vertices, normals, own_normals = _arrays(highs)
     with timings.timed("upload"):
         tables = cast.upload(
             np.zeros((1, 3, 4), np.float32),
             points,
             vertices,
             normals,
-            corners,
+            own_normals,
             first_leaf=0,
             origin=np.zeros(3),
             scale=np.ones(3),
@@ -156,39 +151,25 @@ def without_tree(highs: Sequence[Mesh], timings: Timings) -> RayScene:
 
 
 def fits(highs: Sequence[Mesh]) -> bool:
-    """Whether the triangles of `highs` together fit in the tables of one part."""
-    return _count(highs) <= most_in_one_part()
+    """Whether the triangles of `highs` together, and their vertices, fit in the GPU's textures."""
+    return max(_count(highs), sum(len(high.positions) for high in highs)) <= most_triangles()
+
+
+def most_triangles() -> int:
+    """The most triangles of all high meshes together, and the most vertices, that rays take on this GPU."""
+    return data_texture.limit()
 
 
 def _count(highs: Sequence[Mesh]) -> int:
     return sum(len(high.triangles) for high in highs)
 
 
-def most_in_one_part() -> int:
-    """The most triangles of one part's tables on this GPU."""
-    return data_texture.limit() // 3
-
-
-def _check(highs: Sequence[Mesh], *, takes_parts: bool) -> None:
-    """Raise BakeError for too many triangles."""
-    count = _count(highs)
-    if count > MOST_TRIANGLES:
-        raise BakeError(f"The high meshes have {count:,} triangles together; rays take {MOST_TRIANGLES:,}.")
-    if not (takes_parts or fits(highs)):
-        raise BakeError(
-            f"The high meshes have {count:,} triangles together; maps of materials, maps that cast rays from the high"
-            f" surface, and materials with normal or bump maps take {most_in_one_part():,} on this GPU."
-        )
-
-
-def _build_parts(highs: Sequence[Mesh], timings: Timings) -> RayScene:
-    local_space = local_space_of(highs)
-    tables = PartTables(highs, local_space, timings, most=most_in_one_part())
-    return RayScene(local_space, tables, tables.order)
+def _most(who: str) -> str:
+    return f"{who} takes at most {most_triangles():,} triangles, and as many vertices, on this GPU"
 
 
 def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
-    local_space, points, vertices, normals, corners = _arrays(highs)
+    local_space, points, vertices, normals, own_normals = _arrays(highs)
     tree = bvh.build(points, vertices)
     with timings.timed("upload"):
         tables = cast.upload(
@@ -196,7 +177,7 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
             points,
             threads.take(vertices, tree.order),
             normals,
-            threads.take(corners, tree.order),
+            own_normals[tree.order],
             first_leaf=tree.first_leaf,
             origin=tree.origin,
             scale=tree.scale,
@@ -205,27 +186,21 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
 
 
 def _arrays(highs: Sequence[Mesh]) -> tuple[LocalSpace, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """All meshes as one, in a local space: points (V, 3), vertices of the triangles (T, 3), normals (N, 3), and which of them
-    the corners have (T, 3)."""
+    """All meshes as one, in a local space: points (V, 3), vertices of the triangles (T, 3), and normals (N, 3) with the places
+    of the triangles' own (T,), as shared_values.joined has them."""
     local_space = local_space_of(highs)
-    points, normals, vertices, corners = [], [], [], []
-    points_before = corners_before = 0
+    points, vertices, shared, before = [], [], [], 0
     for high in highs:
         triangles = high.front_triangles  # the winding decides whether a ray hits the front or the back
         points.append(local_space.points(high))
-        shared, numbers = shared_normals.share(
+        of_vertices, others, own = shared_values.share(
             len(high.positions), high.vertices, high.normals, triangles, high.normals_domain
         )
-        normals.append(high.to_world_normals(shared))
-        vertices.append(_shifted(points_before, threads.take(high.vertices, triangles)))
-        corners.append(_shifted(corners_before, numbers))
-        points_before, corners_before = points_before + len(high.positions), corners_before + len(shared)
-    points, normals, vertices, corners = (
-        parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, normals, vertices, corners)
-    )
-    return local_space, points, vertices, normals, corners
-
-
-def _shifted(count: int, numbers: np.ndarray) -> np.ndarray:
-    """`numbers` plus `count`, without a copy if `count` is 0: the arrays are large."""
-    return numbers + count if count else numbers
+        of_vertices = None if of_vertices is None else high.to_world_normals(of_vertices)
+        shared.append((of_vertices, high.to_world_normals(others), own))
+        numbers = threads.take(high.vertices, triangles)
+        vertices.append(numbers + before if before else numbers)
+        before += len(high.positions)
+    normals, own_normals = shared_values.joined(shared, [len(high.positions) for high in highs])
+    points, vertices = (parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, vertices))
+    return local_space, points, vertices, normals, own_normals

@@ -84,8 +84,17 @@ class Explorer:
         self._ray_cast = ray_cast
         self._unit = ray_cast.ray_scene.local_space.size
         self._gap = GAP * local_space_of([low]).size / self._unit
-        owners, corners = ray_cast.low.owners, _corners(ray_cast, low)
-        tables = cast.Tables(owners.nodes, corners, corners, owners.first_leaf, owners.origin, owners.scale, bytes=0)
+        owners, points = ray_cast.low.owners, data_texture.upload(ray_cast.ray_scene.local_space.points(low))
+        tables = cast.Tables(
+            owners.nodes,
+            _triangles(ray_cast, low),
+            points,
+            points,
+            owners.first_leaf,
+            owners.origin,
+            owners.scale,
+            bytes=0,
+        )
         self._at_low = replace(
             ray_cast,
             ray_scene=replace(ray_cast.ray_scene, tables=tables),
@@ -234,10 +243,9 @@ def _read(drawn: target.Target, slot: int) -> np.ndarray:
     return texels
 
 
-def _corners(ray_cast: RayCast, low: Mesh) -> gpu.types.GPUTexture:
-    """The corners of the low mesh's triangles, three texels each, in the order of its tree."""
+def _triangles(ray_cast: RayCast, low: Mesh) -> gpu.types.GPUTexture:
+    """The vertices of the low mesh's triangles, as cast.Tables has them, in the order of its tree."""
     ordered = np.empty_like(low.triangles)
     # The winding decides whether a ray hits the front or the back.
     ordered[ray_cast.low.numbers - 1] = low.front_triangles
-    corners = low.vertices[ordered.reshape(-1)]
-    return data_texture.upload_gathered(ray_cast.ray_scene.local_space.points(low), corners)
+    return data_texture.upload_numbers(low.vertices[ordered])

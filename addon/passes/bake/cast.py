@@ -18,22 +18,23 @@ from .owners import Owners
 if TYPE_CHECKING:
     import gpu
 
-_RAYS = ("RGBA32F", "FLOAT_2D", "positions"), ("RGBA32F", "FLOAT_2D", "directions")
+_RAYS = ("FLOAT_2D", "positions"), ("FLOAT_2D", "directions")
 _NODES = ("RGBA32F", "FLOAT_2D", "nodes")
-_SEARCHED = _NODES, ("RGBA32F", "FLOAT_2D", "corners")
+_TRIANGLES = ("RGBA32F", "FLOAT_2D", "triangles")
+_SEARCHED = _NODES, _TRIANGLES, ("RGBA32F", "FLOAT_2D", "points")
 _PACKETS = ("UINT_2D", "packets")
 _GRID = ("VEC4", "grid_origin"), ("VEC4", "grid_scale"), ("INT", "first_leaf")
 _LIMITS = ("INT", "first_row"), ("FLOAT", "max_t"), ("FLOAT", "inside")
 PACKETS = Program(
     compute="bake/packets_comp.glsl",
-    texels=(*_RAYS, _NODES),
+    texels=(*(("RGBA32F", *each) for each in _RAYS), _NODES),
     images=(("RGBA32UI", "UINT_2D", "packets", "WRITE"),),
     constants=(*_GRID, *_LIMITS),
 )
 TRACE_FIRST = Program(
     compute="bake/cast_first_comp.glsl",
-    texels=(*_RAYS, *_SEARCHED),
-    samplers=(_PACKETS, *active.SAMPLERS),
+    texels=_SEARCHED,
+    samplers=(*_RAYS, _PACKETS, *active.SAMPLERS),
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         *_GRID,
@@ -48,13 +49,12 @@ TRACE_FIRST = Program(
 TRACE = Program(
     compute="bake/cast_comp.glsl",
     texels=(
-        *_RAYS,
         *_SEARCHED,
         ("RGBA32F", "FLOAT_2D", "normals"),
         ("RGBA32F", "FLOAT_2D", "low_nodes"),
         ("RGBA32F", "FLOAT_2D", "low_corners"),
     ),
-    samplers=(_PACKETS, *active.SAMPLERS),
+    samplers=(*_RAYS, _PACKETS, *active.SAMPLERS),
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         *_GRID,
@@ -75,7 +75,7 @@ LOOKUP = Program(
     texels=(
         ("RGBA32UI", "UINT_2D", "hits"),
         ("RGBA32F", "FLOAT_2D", "positions"),
-        ("RGBA32F", "FLOAT_2D", "corners"),
+        _TRIANGLES,
         ("RGBA32F", "FLOAT_2D", "normals"),
     ),
     constants=(("MAT4", "normal_matrix"),),
@@ -94,7 +94,8 @@ POINTS = Program(
     inputs=(("VEC2", "position"),),
     texels=(
         ("RGBA32UI", "UINT_2D", "hits"),
-        ("RGBA32F", "FLOAT_2D", "surface_corners"),
+        ("RGBA32F", "FLOAT_2D", "surface_triangles"),
+        ("RGBA32F", "FLOAT_2D", "surface_points"),
         ("RGBA32F", "FLOAT_2D", "labels"),
     ),
     outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
@@ -109,12 +110,13 @@ LEAST_PACKETS = 2**15
 class Tables:
     """The triangles of the high meshes and their tree on the GPU.
 
-    Triangle i has three texels in `corners`: their positions, and the numbers of their texels in `normals`, as
-    shaders/lib/triangle_lib.glsl reads them. Corners with the same normal can share it.
+    Triangle i has one texel in `triangles`: the numbers of its vertices in `points`, and where its normals are in `normals`, as
+    shaders/lib/triangle_lib.glsl reads them.
     """
 
     nodes: gpu.types.GPUTexture
-    corners: gpu.types.GPUTexture
+    triangles: gpu.types.GPUTexture
+    points: gpu.types.GPUTexture
     normals: gpu.types.GPUTexture
     first_leaf: int
     origin: np.ndarray
@@ -127,7 +129,7 @@ def upload(
     points: np.ndarray,
     vertices: np.ndarray,
     normals: np.ndarray,
-    corners: np.ndarray,
+    own_normals: np.ndarray,
     *,
     first_leaf: int,
     origin: np.ndarray,
@@ -135,12 +137,15 @@ def upload(
 ) -> Tables:
     """Upload a tree (bvh.Tree: nodes (N, 3, 4), first_leaf, origin, scale) and its triangles.
 
-    vertices (T, 3), indices into points (P, 3) float32, and corners (T, 3), indices into normals (C, 3) float32, are in
-    the tree's order. Normals can have any length.
+    Args:
+        vertices: (T, 3) int, indices into points (P, 3) float32, in the tree's order.
+        normals: (N, 3) float32, of any length.
+        own_normals: (T,) int, where the normals of each triangle are, in the tree's order: as shared_values.joined has it.
     """
     textures = [
         data_texture.upload(nodes.reshape(-1, 4)),
-        data_texture.upload_gathered(points, vertices.reshape(-1), corners.reshape(-1)),
+        data_texture.upload_numbers(vertices, own_normals),
+        data_texture.upload(points),
         data_texture.upload(normals),
     ]
     return Tables(*textures, first_leaf, origin, scale, data_texture.size_of(*textures))
@@ -181,7 +186,8 @@ def trace(
         blocks = range(rows.start // PACKET_SIDE, -(-rows.stop // PACKET_SIDE))
         target.dispatch(PACKETS, across, blocks, packets=packets.texture, **grid, **limits)
     searched = {
-        "corners": tables.corners,
+        "triangles": tables.triangles,
+        "points": tables.points,
         "packets": packets.texture,
         "hits": into.texture,
         "has_packets": int(has_packets),
@@ -230,7 +236,7 @@ def look_up(
         stopped=some and some.stopped,
         hits=hits.texture,
         positions=rays.textures[0],
-        corners=tables.corners,
+        triangles=tables.triangles,
         normals=tables.normals,
         normal_matrix=shader.mat4(normal_matrix),
     )
@@ -244,12 +250,17 @@ def heights(into: target.Target, hits: target.Target, rays: target.Target) -> No
     target.fill(into, HEIGHT, hits=hits.texture, positions=rays.textures[0])
 
 
-def points(
-    into: target.Target, hits: target.Target, tables: Tables, labels: gpu.types.GPUTexture, *, clear: bool = True
-) -> None:
+def points(into: target.Target, hits: target.Target, tables: Tables, labels: gpu.types.GPUTexture) -> None:
     """Write the hit points and their labels into `into` (two RGBA32F). Alpha is 1 for a hit, 0 for a miss.
 
-    clear: otherwise texels without a hit stay as they are. labels: a data texture with the object and material number of each
-    triangle, in the tree's order.
+    labels: a data texture with the object and material number of each triangle, in the tree's order.
     """
-    target.fill(into, POINTS, clear=clear, hits=hits.texture, surface_corners=tables.corners, labels=labels)
+    target.fill(
+        into,
+        POINTS,
+        clear=True,
+        hits=hits.texture,
+        surface_triangles=tables.triangles,
+        surface_points=tables.points,
+        labels=labels,
+    )

@@ -12,7 +12,7 @@ from ..program import Program
 from .owners import Owners
 
 if TYPE_CHECKING:
-    import gpu
+    from . import cast
 
 _FLOATS = "RGBA32F", "FLOAT_2D"
 _FLAT_HITS = ("RGBA32UI", "UINT_2D", "flat_hits")
@@ -25,7 +25,8 @@ LEFT = Program(
         (*_FLOATS, "directions"),
         _FLAT_HITS,
         (*_FLOATS, "flat_normals"),
-        (*_FLOATS, "corners"),
+        (*_FLOATS, "triangles"),
+        (*_FLOATS, "points"),
         (*_FLOATS, "low_nodes"),
         (*_FLOATS, "low_corners"),
     ),
@@ -52,7 +53,7 @@ def left(
     flat_hits: target.Target,
     flat_normals: target.Target,
     *,
-    corners: gpu.types.GPUTexture,
+    tables: cast.Tables,
     owners: Owners,
     rows: range | None = None,
     some: Active | None = None,
@@ -61,8 +62,8 @@ def left(
 
     These are the texels whose hit by Flatten is at their own place: it faces their ray, belongs to them by the rule of owners,
     and what the ray would hit is on a texel close by, with about the same normals on all texels between. flat_hits: as
-    flat_hits.draw writes them. flat_normals: at all of them, as cast.look_up writes them, in world space. corners: of the high
-    triangles, as cast.Tables has them. rows, some: as in cast.look_up.
+    flat_hits.draw writes them. flat_normals: at all of them, as cast.look_up writes them, in world space. tables: of the
+    high triangles. rows, some: as in cast.look_up.
     """
     target.fill(
         into,
@@ -73,7 +74,8 @@ def left(
         directions=rays.textures[1],
         flat_hits=flat_hits.texture,
         flat_normals=flat_normals.texture,
-        corners=corners,
+        triangles=tables.triangles,
+        points=tables.points,
         low_nodes=owners.nodes,
         low_corners=owners.corners,
         low_origin=(*owners.origin, 0.0),

@@ -16,9 +16,11 @@ if TYPE_CHECKING:
 
 TEXELS = (
     ("RGBA32UI", "UINT_2D", "hits"),
-    ("RGBA32F", "FLOAT_2D", "surface_corners"),
+    ("RGBA32F", "FLOAT_2D", "surface_triangles"),
+    ("RGBA32F", "FLOAT_2D", "surface_points"),
     ("RGBA32F", "FLOAT_2D", "nodes"),
-    ("RGBA32F", "FLOAT_2D", "corners"),
+    ("RGBA32F", "FLOAT_2D", "triangles"),
+    ("RGBA32F", "FLOAT_2D", "points"),
 )
 NORMALS = (("RGBA32F", "FLOAT_2D", "surface_normals"),)
 SUMS = (("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),)
@@ -71,9 +73,11 @@ def add(
         sums.width,
         rows,
         hits=hits,
-        surface_corners=surface.corners,
+        surface_triangles=surface.triangles,
+        surface_points=surface.points,
         nodes=occluders.nodes,
-        corners=occluders.corners,
+        triangles=occluders.triangles,
+        points=occluders.points,
         sums=sums.texture,
         grid_origin=(*occluders.origin, free),
         grid_scale=(*occluders.scale, farthest),

@@ -15,18 +15,19 @@ from .material_table import MaterialTable
 from .served_blocks import Blocks
 
 if TYPE_CHECKING:
-    import gpu
+    from ..bake import cast
+    from .corner_tables import CornerValues
 
 TEXELS = (
     ("RGBA32UI", "UINT_2D", "hits"),
+    ("RGBA32F", "FLOAT_2D", "uv_triangles"),
     ("RGBA32F", "FLOAT_2D", "uvs"),
-    ("RGBA32F", "FLOAT_2D", "corners"),
-    ("RGBA32F", "FLOAT_2D", "materials"),
-    ("RGBA32F", "FLOAT_2D", "blocks"),
+    ("RGBA32F", "FLOAT_2D", "triangles"),
+    ("RGBA32F", "FLOAT_2D", "points"),
     ("RGBA32F", "FLOAT_2D", "levels"),
 )
 """What all programs that look up images read, beside `PAGE`."""
-PAGE = (("FLOAT_2D", "page"),)
+PAGE = ("FLOAT_2D", "page"), ("FLOAT_2D", "materials"), ("FLOAT_2D", "blocks")
 LEVELS = (("VEC4", "scale"), ("VEC4", "offset"), ("VEC4", "low"), ("VEC4", "high"), ("INT", "channel"))
 """What shaders/lib/fed_value_lib.glsl takes, from `levels`."""
 ADD_IMAGE = Program(
@@ -60,8 +61,8 @@ def add_image(
     feed: ImageFeed,
     number: int,
     *,
-    corners: gpu.types.GPUTexture,
-    uvs: gpu.types.GPUTexture,
+    tables: cast.Tables,
+    uvs: CornerValues,
     materials: MaterialTable,
     tile: int | None = None,
     samples: int = 1,
@@ -69,8 +70,8 @@ def add_image(
 ) -> None:
     """Add what `page` shows to `sums` (RGBA32F), and 1 to its alpha, where the hit's material has this feed's `number`.
 
-    hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it. corners: of cast.Tables. uvs: from corner_tables.upload_uvs, of the
-    feed's layer. materials: from material_table.upload. tile: the UDIM tile that the page is; only hits in it count. Pixels
+    hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it. tables: of the high triangles. uvs: from corner_tables.upload_uvs, of
+    the feed's layer. materials: from material_table.upload. tile: the UDIM tile that the page is; only hits in it count. Pixels
     are averaged over the footprint of a texel, from the hits beside it, divided by the square root of `samples`.
     blocks: from served_blocks.find, for the same hits: without, the pass runs on the whole map.
     """
@@ -82,11 +83,20 @@ def add_image(
         number,
         sums=sums.texture,
         hits=hits.texture,
-        corners=corners,
-        uvs=uvs,
+        **surface_bindings(tables, uvs),
         **levels(feed),
         **bindings(page, feed, tile, 1.0 / math.sqrt(samples)),
     )
+
+
+def surface_bindings(tables: cast.Tables, uvs: CornerValues) -> dict:
+    """The high triangles and their UVs, as all programs that look up pages take them."""
+    return {
+        "triangles": tables.triangles,
+        "points": tables.points,
+        "uv_triangles": uvs.triangles,
+        "uvs": uvs.values,
+    }
 
 
 def bindings(page: Page, feed: ImageFeed, tile: int | None, width: float, other: float = 0.0) -> dict:

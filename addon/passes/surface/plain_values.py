@@ -14,6 +14,8 @@ from .material_table import MaterialTable
 if TYPE_CHECKING:
     import gpu
 
+    from .corner_tables import CornerValues
+
 ADD_CONSTANTS = Program(
     compute="surface/add_constants_comp.glsl",
     texels=(
@@ -31,6 +33,7 @@ ADD_ATTRIBUTE = Program(
         ("RGBA32UI", "UINT_2D", "hits"),
         ("RGBA32F", "FLOAT_2D", "labels"),
         ("RGBA32F", "FLOAT_2D", "materials"),
+        ("RGBA32F", "FLOAT_2D", "value_triangles"),
         ("RGBA32F", "FLOAT_2D", "values"),
     ),
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
@@ -69,7 +72,7 @@ def add_constants(
 def add_attribute(
     sums: target.Target,
     hits: target.Target,
-    values: gpu.types.GPUTexture,
+    values: CornerValues,
     feed: AttributeFeed,
     number: int,
     *,
@@ -88,7 +91,8 @@ def add_attribute(
         sums=sums.texture,
         hits=hits.texture,
         labels=labels,
-        values=values,
+        value_triangles=values.triangles,
+        values=values.values,
         materials=materials.texture,
         feed=number,
         **levels(feed),

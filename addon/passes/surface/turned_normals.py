@@ -12,18 +12,19 @@ from ...core.material_feeds import LUMINANCE, BumpFeed, ImageFeed, NormalMapFeed
 from .. import shader, target
 from ..program import Program
 from . import served_blocks
-from .image_look_up import PAGE, TEXELS, bindings, channel_number, shader_number
+from .image_look_up import PAGE, TEXELS, bindings, channel_number, shader_number, surface_bindings
 from .image_page import Page
 from .material_table import MaterialTable
 from .served_blocks import Blocks
 
 if TYPE_CHECKING:
-    import gpu
+    from ..bake import cast
+    from .corner_tables import CornerValues
 
 NORMAL_MAP = Program(
     compute="surface/normal_map_comp.glsl",
-    texels=(*TEXELS, ("RGBA32F", "FLOAT_2D", "tangents")),
-    samplers=PAGE,
+    texels=TEXELS,
+    samplers=(*PAGE, ("FLOAT_2D", "tangent_triangles"), ("FLOAT_2D", "tangents")),
     images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
     constants=(
         ("MAT4", "to_space"),
@@ -68,9 +69,9 @@ def apply_normal_map(
     feed: NormalMapFeed,
     number: int,
     *,
-    corners: gpu.types.GPUTexture,
-    uvs: gpu.types.GPUTexture,
-    tangents: gpu.types.GPUTexture,
+    tables: cast.Tables,
+    uvs: CornerValues,
+    tangents: CornerValues,
     materials: MaterialTable,
     to_space: np.ndarray,
     tile: int | None = None,
@@ -94,11 +95,11 @@ def apply_normal_map(
         number,
         normals=normals.texture,
         hits=hits.texture,
-        corners=corners,
-        uvs=uvs,
-        tangents=tangents,
+        tangent_triangles=tangents.triangles,
+        tangents=tangents.values,
         to_space=shader.mat4(matrix),
         channel=channel_number(feed.image.channel),
+        **surface_bindings(tables, uvs),
         **_limits(feed.image),
         **bound,
     )
@@ -111,8 +112,8 @@ def apply_bump(
     feed: BumpFeed,
     number: int,
     *,
-    corners: gpu.types.GPUTexture,
-    uvs: gpu.types.GPUTexture,
+    tables: cast.Tables,
+    uvs: CornerValues,
     materials: MaterialTable,
     to_space: np.ndarray,
     unit: float,
@@ -122,7 +123,7 @@ def apply_bump(
 ) -> None:
     """Turn `normals` in place by heights, after the normal map `below`.
 
-    unit: how many scene units one unit of `corners` is: the size of their local space. Other arguments as in
+    unit: how many scene units one unit of the points is: the size of their local space. Other arguments as in
     `apply_normal_map`.
     """
     channel = LUMINANCE if feed.image.channel is None else feed.image.channel
@@ -134,10 +135,9 @@ def apply_bump(
         number,
         normals=normals.texture,
         hits=hits.texture,
-        corners=corners,
-        uvs=uvs,
         to_space=shader.mat4(to_space),
         rise=feed.distance * feed.image.scale[0] / unit,
+        **surface_bindings(tables, uvs),
         **_limits(feed.image),
         channel=channel_number(channel),
         **bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), max(feed.strength, 0.0)),
