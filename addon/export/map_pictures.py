@@ -13,7 +13,7 @@ from ..core import file_formats
 from ..core.errors import BakeError
 from ..core.naming import file_name
 from ..core.udim import FIRST
-from ..output import color_spaces, datablocks, image_file, quantize
+from ..output import color_spaces, datablocks, image_file, value_encoding
 from ..output.value_encoding import SRGB
 
 CHANNELS = ("+X", "+Y", "+Z")
@@ -105,7 +105,7 @@ class PictureFiles:
                 texels = turned(pixels(part), stored, wanted)
                 is_fine = part.is_float
             if dither and is_fine:
-                texels = quantize.dithered(texels)
+                texels = value_encoding.dithered(texels)
             self._images[key] = self._written(texels, self._name(image, tile), "", has_alpha=False)
         return self._images[key]
 

@@ -16,7 +16,7 @@ import numpy as np
 from ..core import file_formats, threads
 from ..core.errors import BakeError
 from ..core.file_formats import FileFormat
-from . import png_writer, quantize
+from . import png_writer, value_encoding
 from .files.atomic_file import Partial
 from .write_queue import Content, WriteQueue, for_rows, top_first
 
@@ -117,9 +117,11 @@ def _numbers(texels: np.ndarray, depth: int, *, is_float: bool) -> np.ndarray:
         for rows in blocks:
             values = texels[rows]
             if not is_float:
-                result[rows] = quantize.steps(values, depth)
-            elif depth == quantize.HALF:
-                np.clip(values, -quantize.MOST_HALF, quantize.MOST_HALF, out=result[rows], casting="same_kind")
+                result[rows] = value_encoding.steps(values, depth)
+            elif depth == value_encoding.HALF:
+                np.clip(
+                    values, -value_encoding.MOST_HALF, value_encoding.MOST_HALF, out=result[rows], casting="same_kind"
+                )
             else:
                 result[rows] = values
 

@@ -14,7 +14,7 @@ from ..core.declarations.choices import Storage
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
-from . import datablocks, image_file, quantize
+from . import datablocks, image_file, value_encoding
 from .files import atomic_file
 from .files.atomic_file import Partial, check_writable
 from .map_names import name_for, output_for
@@ -53,9 +53,9 @@ def replaced(name: str, highs: Iterable[str]) -> str:
 def kept(texels: np.ndarray, settings: Settings) -> np.ndarray:
     """What an image or a file of these settings keeps of the normals in `texels` (height, width, 4) float32."""
     if _is_dithered(settings.storing):
-        return quantize.dithered(texels)
+        return value_encoding.dithered(texels)
     if not settings.storing.is_float:
-        return quantize.rounded(texels, settings.storing.depth)
+        return value_encoding.rounded(texels, settings.storing.depth)
     is_half = settings.storing.storage == Storage.FILE and settings.storing.depth == 16
     return texels.astype(np.float16).astype(np.float32) if is_half else texels
 
@@ -129,7 +129,7 @@ class Writer:
         self.tiles.append(tile)
         stored = texels  # Blender rounds
         if _is_dithered(settings.storing):
-            stored = quantize.dithered(texels, with_alpha=self.is_packed)
+            stored = value_encoding.dithered(texels, with_alpha=self.is_packed)
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             # As in Blender's own packed images, floats have 32 bits.
@@ -152,8 +152,8 @@ class Writer:
         else:
             self._texels = stored
         if self.is_normal and not settings.storing.is_float:
-            rounded = quantize.rounded(quantize.sample(stored), settings.storing.depth)
-            self._angles.append(quantize.angles(quantize.sample(texels), rounded))
+            rounded = value_encoding.rounded(value_encoding.sample_texels(stored), settings.storing.depth)
+            self._angles.append(value_encoding.angles_between(value_encoding.sample_texels(texels), rounded))
 
     @property
     def paths(self) -> list[str]:

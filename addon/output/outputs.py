@@ -14,7 +14,7 @@ from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from . import color_spaces, datablocks, map_images, map_names, map_storage, materials, quantize, value_encoding
+from . import color_spaces, datablocks, map_images, map_names, map_storage, materials, value_encoding
 from .files import planned_files
 from .files.planned_files import settings_by_map, stored_maps
 from .vertex_attributes import VertexMaps
@@ -212,8 +212,12 @@ class Outputs:
             value_encoding.encode(texels, how)
         settings = self._settings_of(name)
         storing = settings.storing
-        is_half = storing.is_float and storing.storage == Storage.FILE and storing.depth == quantize.HALF
-        if is_half and BY_NAME[name].family.shows_materials and np.abs(texels[..., :3]).max() > quantize.MOST_HALF:
+        is_half = storing.is_float and storing.storage == Storage.FILE and storing.depth == value_encoding.HALF
+        if (
+            is_half
+            and BY_NAME[name].family.shows_materials
+            and np.abs(texels[..., :3]).max() > value_encoding.MOST_HALF
+        ):
             self._cut_off.add(name)
         if name in self._writers:
             self._writer(name, level).add(tile, texels)

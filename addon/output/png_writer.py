@@ -11,7 +11,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 
 from ..core import threads
-from .quantize import steps
+from .value_encoding import steps
 from .write_queue import Content, for_rows, top_first
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"

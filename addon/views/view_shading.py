@@ -20,7 +20,7 @@ from ..jobs.live_session import Session
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
-from ..output import quantize
+from ..output import value_encoding
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
 from ..scene import mesh_reader
@@ -358,7 +358,7 @@ class Shading:
             self._measured = target.get("deviation", *size, "RGBA32F")
             high_normals, uploaded = self.session.high_normals(), self.objects.upload_low(self.objects.low)
             self._measure_low(self._measured, uploaded, high_normals, meshes)
-            texels = [quantize.sample(_read(self._measured))]
+            texels = [value_encoding.sample_texels(_read(self._measured))]
         self._hidden, self._hidden_scene = [], None
         hidden, whole = self.session.hidden_parts(), Band(0, size[1], size, 0)
         for layer in hidden.layers[: max(1, MOST_BYTES // (LAYER_BYTES * size[0] * size[1]))]:
@@ -370,7 +370,7 @@ class Shading:
                 values = _read(into)
                 values[~hidden.is_hidden(layer, whole)] = 0.0
             self._hidden.append((low, into))
-            texels.append(quantize.sample(values))
+            texels.append(value_encoding.sample_texels(values))
         texels = np.concatenate(texels)
         measured, elsewhere = texels[texels[:, 3] > 0.0], np.count_nonzero(texels[:, 3] < -1.5)
         if len(measured) + elsewhere:

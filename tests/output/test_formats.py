@@ -18,7 +18,7 @@ from addon.core.file_structure import image_headers
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, bake_pair
-from addon.output import image_file, map_storage, quantize
+from addon.output import image_file, map_storage, value_encoding
 from scripts.imprint import ROOT
 from tests.support import lanes, pictures, zoo
 from tests.support.maps import pixels
@@ -153,7 +153,7 @@ def kinds_of_maps(size=640):
     noise = np.random.default_rng(8).random((size, size, 4), np.float32)
     noise[..., 3] = 1.0  # Blender divides by alpha
     return {
-        "waves": waves, "dithered": quantize.dithered(waves), "gray": gray, "heights": heights, "mask": mask, "flat": flat,
+        "waves": waves, "dithered": value_encoding.dithered(waves), "gray": gray, "heights": heights, "mask": mask, "flat": flat,
         "noise": noise,
     }  # fmt: skip
 
@@ -215,13 +215,13 @@ def test_images_of_8_bits_are_the_same_in_every_storage(dither, tmp_path):
     assert len(files) >= 4
     for other in found[1:]:
         np.testing.assert_array_equal(other, found[0])
-    expected = quantize.dithered(texels) if dither else quantize.rounded(texels, 8)
+    expected = value_encoding.dithered(texels) if dither else value_encoding.rounded(texels, 8)
     np.testing.assert_array_equal(found[0], np.round(expected * 255))
 
 
 def test_values_are_rounded_to_the_nearest_step():
     texels = some_texels()
-    steps = quantize.rounded(texels, 8).astype(np.float64) * 255
+    steps = value_encoding.rounded(texels, 8).astype(np.float64) * 255
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
     assert np.abs(steps - texels.astype(np.float64) * 255).max() <= 0.5 + HALFWAY
 
@@ -231,11 +231,11 @@ def test_dithering_rounds_up_or_down_and_keeps_exact_values():
     texels[5:20, 5:20, :3] = (np.random.default_rng(2).integers(0, 256, (15, 15, 3)) / 255).astype(np.float32)
     texels[5:20, 5:20, 3] = 1.0
     before = texels.copy()
-    steps = quantize.dithered(texels).astype(np.float64) * 255
+    steps = value_encoding.dithered(texels).astype(np.float64) * 255
     np.testing.assert_array_equal(texels, before)
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
     assert np.abs(steps - texels.astype(np.float64) * 255).max() < 1.0
-    assert not np.array_equal(np.round(steps), np.round(quantize.rounded(texels, 8) * 255))
+    assert not np.array_equal(np.round(steps), np.round(value_encoding.rounded(texels, 8) * 255))
     np.testing.assert_allclose(steps[5:20, 5:20], texels[5:20, 5:20] * 255.0, atol=1e-4)
     np.testing.assert_array_equal(steps[..., 3], texels[..., 3] * 255.0)
     background = texels[..., 3] == 0.0
@@ -243,17 +243,17 @@ def test_dithering_rounds_up_or_down_and_keeps_exact_values():
 
 
 def test_dithering_is_the_same_each_time():
-    np.testing.assert_array_equal(quantize.dithered(some_texels()), quantize.dithered(some_texels()))
+    np.testing.assert_array_equal(value_encoding.dithered(some_texels()), value_encoding.dithered(some_texels()))
 
 
 def test_the_mean_of_dithered_normals_is_unbiased():
     normals, texels = gradient()
-    error = quantize.dithered(texels)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
+    error = value_encoding.dithered(texels)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
     blocks = np.abs(error.reshape(32, 8, 32, 8, 3).mean(axis=(1, 3))) / (2.0 / 255)
     assert blocks.max() < BLOCK
     means = error.reshape(4, 64, 4, 64, 3).mean(axis=(1, 3))  # small enough to be angles in radians
     assert np.degrees(np.abs(means)).max() < MEAN
-    rounded = quantize.rounded(texels, 8)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
+    rounded = value_encoding.rounded(texels, 8)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
     assert np.abs(rounded.reshape(32, 8, 32, 8, 3).mean(axis=(1, 3))).max() / (2.0 / 255) > 3 * BLOCK
 
 
@@ -312,7 +312,7 @@ def test_discard_removes_all_temporary_files(tmp_path):
 def test_discard_after_commit_changes_nothing(tmp_path):
     texels, path = some_texels(), tmp_path / "map.tga"
     store(texels, storage="FILE", output=str(path), depth=8)
-    np.testing.assert_array_equal(pictures.read(path), np.round(quantize.rounded(texels, 8) * 255))
+    np.testing.assert_array_equal(pictures.read(path), np.round(value_encoding.rounded(texels, 8) * 255))
 
 
 @pytest.mark.usefixtures("gpu_context")
@@ -386,7 +386,7 @@ def test_thresholds_of_the_dither_differ_by_channel():
     """Otherwise equal channels would get gray noise."""
     texels = np.full((64, 64, 4), 0.5, np.float32)
     texels[..., 3] = 1.0
-    red, green, blue, alpha = np.moveaxis(quantize.dithered(texels), -1, 0)
+    red, green, blue, alpha = np.moveaxis(value_encoding.dithered(texels), -1, 0)
     for first, second in ((red, green), (green, blue), (blue, red)):
         assert (first == second).mean() < 0.95
     assert (alpha == 1.0).all()

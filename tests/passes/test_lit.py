@@ -14,7 +14,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import Job, live_session
-from addon.output import quantize
+from addon.output import value_encoding
 from addon.passes import mesh_upload, target
 from addon.passes.view import lit
 from addon.views import view_shading
@@ -402,7 +402,7 @@ class TestDeviation:
     def test_eight_bits_deviate_by_their_rounding(self):
         drawn = self.of(*pair(Matrix()), space="OBJECT", depth=8)
         texels = drawn.session.texels.reshape(-1, 4)
-        lost = quantize.angles(texels, quantize.rounded(texels, 8))
+        lost = value_encoding.angles_between(texels, value_encoding.rounded(texels, 8))
         assert drawn.figures.mean == pytest.approx(lost.mean(), rel=1e-3)
         assert drawn.figures.percentile_99 == pytest.approx(np.percentile(lost, 99), rel=1e-2)
         assert drawn.figures.mean > 0.1

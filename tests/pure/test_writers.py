@@ -14,7 +14,7 @@ import pytest
 
 from addon.core import threads
 from addon.core.errors import BakeError
-from addon.output import png_writer, quantize, write_queue
+from addon.output import png_writer, value_encoding, write_queue
 from addon.output.files.atomic_file import Partial
 from addon.output.write_queue import MOST_UNFINISHED, Content, WriteQueue
 
@@ -300,10 +300,10 @@ def test_a_closed_queue_does_not_begin_what_waits(tmp_path):
 
 def test_steps_are_the_nearest_and_stay_in_range():
     values = np.array([-1.0, -1e-9, 0.0, 0.49999 / 255, 0.50001 / 255, 1.0, 1.0 + 1e-7, 7.0], np.float32)
-    assert quantize.steps(values, 8).tolist() == [0, 0, 0, 0, 1, 255, 255, 255]
-    assert quantize.steps(values, 8).dtype == np.uint8
+    assert value_encoding.steps(values, 8).tolist() == [0, 0, 0, 0, 1, 255, 255, 255]
+    assert value_encoding.steps(values, 8).dtype == np.uint8
     every = (np.arange(65536) / 65535).astype(np.float32)
-    np.testing.assert_array_equal(quantize.steps(every, 16), np.arange(65536))
+    np.testing.assert_array_equal(value_encoding.steps(every, 16), np.arange(65536))
 
 
 @pytest.mark.filterwarnings("error")
@@ -311,4 +311,4 @@ def test_steps_are_the_nearest_and_stay_in_range():
 def test_values_that_are_no_numbers_become_steps_without_a_word(depth):
     values = np.array([np.nan, np.inf, -np.inf, 1.0], np.float32)
     most = 2**depth - 1
-    assert quantize.steps(values, depth).tolist() == [0, most, 0, most]
+    assert value_encoding.steps(values, depth).tolist() == [0, most, 0, most]

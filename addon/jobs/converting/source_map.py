@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core.conversion import channel_contents, value_depth
 from ...core.conversion.stored_normals import StoredNormals
-from ...output import quantize
+from ...output import value_encoding
 
 
 class SourceMap:
@@ -19,7 +19,7 @@ class SourceMap:
 
     def __init__(self, name: str, tiles: Mapping[int, np.ndarray], stored: StoredNormals):
         self.tiles = tiles
-        some = np.concatenate([quantize.sample(values) for values in tiles.values()])
+        some = np.concatenate([value_encoding.sample_texels(values) for values in tiles.values()])
         self._is_coverage = channel_contents.is_coverage(some)
         self._lacks_z = channel_contents.lacks_z(some, stored)
         self.notes = list(self._notes(name, stored))
@@ -41,7 +41,7 @@ class SourceMap:
         before[:, :3] = value_depth.moved(some[:, :3], depth)
         for values in (before, some):
             self._complete(values, stored)
-        angles = quantize.angles(before, some)
+        angles = value_encoding.angles_between(before, some)
         return depth, {"median": float(np.median(angles)), "maximum": float(angles.max())} if len(angles) else {}
 
     def _notes(self, name: str, stored: StoredNormals) -> Iterator[str]:
