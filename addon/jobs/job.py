@@ -15,7 +15,7 @@ from ..core.naming import Suffixes, match
 from ..core.settings import SamplingSettings, Settings, StorageSettings
 from ..engine.bands import bands
 from ..output import map_storage, materials, vertex_attributes
-from ..output.files.planned_files import settings_by_map
+from ..output.map_names import settings_by_map
 from ..passes.program import in_software
 from ..scene import dependencies, object_checks
 from ..scene.high_layers.material_sets import MaterialSet

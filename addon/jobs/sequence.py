@@ -15,8 +15,7 @@ from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
 from ..core.settings import Settings
 from ..output import datablocks, map_names, materials, output_clashes, outputs
-from ..output.files.frame_files import filled, of_frame, output_for
-from ..output.files.planned_files import settings_by_map
+from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_low_name
 from ..scene import object_refs
 from . import bake_jobs
 from .job import Job, files_kept
@@ -41,7 +40,7 @@ def work(
     _check(settings, frames)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
-    settings = replace(filled(settings, low), image=map_names.name_for(low, settings.storing))
+    settings = replace(with_low_name(settings, low), image=map_names.name_for(low, settings.storing))
     frame_base = replace(
         settings, image=FRAME_IMAGE, material=False, connect_maps=False, vertex_domain=VertexDomain.NONE
     )
@@ -114,7 +113,7 @@ def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence
 
     Returns the reports of these frames with that image.
     """
-    image = datablocks.show(settings.storing.image, output_for(settings.storing.output, frames[0]))
+    image = datablocks.show(settings.storing.image, output_of_frame(settings.storing.output, frames[0]))
     image.source = "SEQUENCE"
     first, *others = (replace(report, image=image.name) for report in reports)
     done = [first.with_warnings(outputs.sign(image, [ref.name for ref in job.high_refs])), *others]

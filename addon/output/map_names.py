@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The names of maps: of their image datablocks and of their files."""
+"""The names of maps, of their image datablocks and of their files, and which of them a bake writes. This module does not need Blender."""
 
 import re
 import zlib
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import PurePath
 
-from ..core import file_formats
+from ..core import file_formats, naming, udim
 from ..core.declarations.choices import Storage
-from ..core.map_types import MapType
+from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, MapType
 from ..core.naming import LOW, MATERIAL, USUAL, of_texture_sets
-from ..core.settings import Settings, StorageSettings
+from ..core.settings import MapSettings, Settings, StorageSettings
 from ..core.udim import TOKEN
 
 LONGEST = 240
@@ -105,3 +106,63 @@ def own_end(name: str) -> str:
     name: without a tile's number and without its ending.
     """
     return "_N" if _is_short(name) else _NORMAL.search(name)[0]
+
+
+def stored_maps(settings: MapSettings) -> dict[str, MapType]:
+    """The maps that a bake stores in images of their own, by name. A packed image counts as one map."""
+    names = [NORMAL.name] * settings.normal + [MASK.name] * settings.mask + list(settings.maps)
+    packed = settings.packing.map_type if settings.packing else None
+    return {name: BY_NAME[name] for name in names} | ({packed.name: packed} if packed else {})
+
+
+def settings_by_map(settings: Settings) -> dict[str, Settings]:
+    """The settings of each image that a bake writes, by the map's name."""
+    return {
+        name: settings if map_type is NORMAL else beside(settings, map_type)
+        for name, map_type in stored_maps(settings.map).items()
+    }
+
+
+def first_map(settings: MapSettings) -> str:
+    """The name of the map whose image stands for the bake: the normal map, or the first other map without one."""
+    return next(name for name in stored_maps(settings) if name != MASK.name)
+
+
+def planned_files(settings: Settings) -> Iterator[tuple[str, str]]:
+    """The files that a bake writes: paths, and titles for messages. Paths have TOKEN if the settings name no tiles."""
+    for name, of_map in settings_by_map(settings).items():
+        levels = [of_level(of_map, level) for level in levels_of(settings, name)]
+        for path in filter(None, map(output_for, [of_map, *levels])):
+            for tile in of_map.sampling.tiles or [TOKEN]:
+                yield udim.fill(path, tile), map_title(settings.map, name)
+
+
+def levels_of(settings: Settings, name: str) -> range:
+    """The numbers of the mip levels that are written of a stored map. Maps without a mean have none."""
+    has_mean = stored_maps(settings.map)[name].kind in (Kind.NORMAL, Kind.VALUE)
+    return range(1, len(settings.mip_sizes) + 1) if has_mean else range(1, 1)
+
+
+def map_title(settings: MapSettings, name: str) -> str:
+    """The name of a stored map in a sentence."""
+    return f"the {stored_maps(settings)[name].title}"
+
+
+def output_of_frame(output: str, frame: int) -> str:
+    """The file of a frame: its number replaces the last run of # in the name, or is added before the ending, as _0001."""
+    path = PurePath(output)
+    runs = list(re.finditer("#+", path.stem))
+    if not runs:
+        return str(path.with_stem(f"{path.stem}_{frame:04}"))
+    start, stop = runs[-1].span()
+    return str(path.with_stem(f"{path.stem[:start]}{frame:0{stop - start}}{path.stem[stop:]}"))
+
+
+def with_low_name(settings: Settings, low_name: str) -> Settings:
+    """The settings with the low object's name in the path. A # in that name is replaced, because it means a frame."""
+    return replace(settings, output=naming.fill(settings.storing.output, low_name.replace("#", "_")))
+
+
+def of_frame(settings: Settings, frame: int) -> Settings:
+    """The settings of one frame, from those with the low object's name filled in."""
+    return replace(settings, output=output_of_frame(settings.storing.output, frame))

@@ -13,7 +13,7 @@ from ..core.errors import BakeError
 from ..core.settings import Settings, StorageSettings
 from . import datablocks
 from .files.path_clashes import Places
-from .files.planned_files import files, settings_by_map, title
+from .map_names import map_title, planned_files, settings_by_map
 
 
 def check(
@@ -39,7 +39,7 @@ def check_files(
     for path, source in (*datablocks.sources(), *read):
         places.read(path, source)
     for settings, low in zip(bakes, objects, strict=True):
-        for path, map_title in files(settings):
+        for path, map_title in planned_files(settings):
             places.write(bpy.path.abspath(path), f"{map_title} of {low!r}")
 
 
@@ -48,7 +48,7 @@ def _check_images(bakes: Sequence[Settings], objects: Sequence[str], advice: str
     owners: dict[str, str] = {}
     for settings, low in zip(bakes, objects, strict=True):
         for name, of_map in settings_by_map(settings).items():
-            owner = f"{title(settings.map, name)} of {low!r}"
+            owner = f"{map_title(settings.map, name)} of {low!r}"
             other = owners.setdefault(of_map.storing.image.casefold(), owner)
             if other != owner:
                 raise BakeError(

@@ -15,8 +15,7 @@ from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
 from . import color_spaces, datablocks, map_images, map_names, map_storage, materials, value_encoding
-from .files import planned_files
-from .files.planned_files import settings_by_map, stored_maps
+from .map_names import settings_by_map, stored_maps
 from .vertex_attributes import VertexMaps
 from .write_queue import WriteQueue
 
@@ -72,10 +71,10 @@ class Outputs:
                 has_image=False,
             )
             for name, writer in self._writers.items()
-            for level in planned_files.levels_of(settings, name)
+            for level in map_names.levels_of(settings, name)
         }
         """The writers of mip levels, by the name of the map and the number of the level."""
-        self._first = planned_files.first_map(settings.map)
+        self._first = map_names.first_map(settings.map)
         self._late: dict[str, dict[tuple[int, int], np.ndarray]] = {
             name: {}
             for name in settings.map.drawn_maps
@@ -187,7 +186,7 @@ class Outputs:
             mip_files={
                 name.lower(): [path for level in levels for path in self._levels[name, level].paths]
                 for name in self._writers
-                if (levels := planned_files.levels_of(self.settings, name))
+                if (levels := map_names.levels_of(self.settings, name))
             },
             maps={name.lower(): {"image": stored[name].name} | how for name, how in maps.items()},
             attributes=attributes,

@@ -16,7 +16,6 @@ from ..jobs.job import Job
 from ..jobs.readiness import Finding
 from ..jobs.texture_sets import by_material
 from ..output import datablocks, map_images, map_names, map_storage, materials
-from ..output.files import planned_files
 from ..scene import object_checks, scene_lengths, vertex_weights
 from . import bake_results, object_pairs
 from .bake_results import high_objects, results
@@ -134,8 +133,8 @@ def planned_images(low: bpy.types.Object, settings: ImprintSettings) -> list[Pla
 
 def _images(filled: Settings) -> list[PlannedImage]:
     """The images of one texture set."""
-    by_map = planned_files.settings_by_map(filled)
-    first = planned_files.first_map(filled.map)
+    by_map = map_names.settings_by_map(filled)
+    first = map_names.first_map(filled.map)
     return [
         PlannedImage(of_map.storing.image, os.path.basename(bpy.path.abspath(map_names.output_for(of_map))))
         for of_map in [by_map.pop(first), *by_map.values()]

@@ -9,8 +9,7 @@ from addon.core.settings import Settings
 from addon.engine import bands, margins
 from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all, bake_pair
-from addon.output import map_storage
-from addon.output.files import planned_files
+from addon.output import map_names, map_storage
 from addon.passes import target
 from tests.support import zoo
 from tests.support.maps import pixels, texel_uv
@@ -196,7 +195,7 @@ def test_ids_are_not_dithered():
 
 
 def test_maps_of_few_values_take_few_bits():
-    expected = planned_files.settings_by_map(Settings(maps=("COVERAGE", "OBJECT_ID", "HEIGHT"), mask=True, depth=16))
+    expected = map_names.settings_by_map(Settings(maps=("COVERAGE", "OBJECT_ID", "HEIGHT"), mask=True, depth=16))
     depths = {name: own.storing.depth for name, own in expected.items()}
     assert depths == {"NORMAL": 16, "MASK": 8, "COVERAGE": 8, "OBJECT_ID": 8, "HEIGHT": 16}
 

@@ -9,7 +9,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
-from addon.output.files import planned_files
+from addon.output import map_names
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -94,7 +94,7 @@ def test_letters_outside_ascii_stay_in_file_names(tmp_path):
 
 def test_every_map_has_a_title():
     chosen = settings("m.png", mask=True, maps=("HEIGHT", "OBJECT_ID"), pack="GLTF")
-    labels = [planned_files.title(chosen.map, kind) for kind in planned_files.settings_by_map(chosen)]
+    labels = [map_names.map_title(chosen.map, kind) for kind in map_names.settings_by_map(chosen)]
     assert labels == ["the normal map", "the miss mask", "the height map", "the object id map", "the packed map"]
 
 

@@ -11,8 +11,7 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_pair, sequence
-from addon.output import datablocks
-from addon.output.files import frame_files
+from addon.output import datablocks, map_names
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -89,7 +88,7 @@ def test_each_frame_shows_its_own_map(job, tmp_path):
     ("name", "expected"), [("map.png", "map_0007.png"), ("m_##_a.exr", "m_07_a.exr"), ("#.png", "7.png")]
 )
 def test_the_frame_number_is_in_the_file_name(name, expected):
-    assert frame_files.output_for(name, 7) == expected
+    assert map_names.output_of_frame(name, 7) == expected
 
 
 def test_finished_frames_stay_when_a_sequence_is_stopped(job, tmp_path):

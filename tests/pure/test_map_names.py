@@ -9,7 +9,7 @@ from addon.core.map_types import BY_NAME
 from addon.core.naming import LOW
 from addon.core.settings import Settings
 from addon.output import map_names
-from addon.output.files.planned_files import settings_by_map
+from addon.output.map_names import settings_by_map
 
 
 def beside(name, **settings):

@@ -13,7 +13,6 @@ from addon.core import map_types
 from addon.core.errors import BakeError
 from addon.jobs import bake_jobs, bake_pair
 from addon.output import map_names
-from addon.output.files import planned_files
 from tests.support import maps
 from tests.support.snapshot import difference, snapshot
 
@@ -41,7 +40,7 @@ def of_bake(low, highs, settings, folder, cage=None):
         return sentence
     _check_report(report)
     filled = bake_jobs.for_low(settings, report.low)
-    plan = planned_files.settings_by_map(filled)
+    plan = map_names.settings_by_map(filled)
     _check_changes(changed, low, [map_settings.storing.image for map_settings in plan.values()])
     expected = set()
     for name, map_settings in plan.items():

@@ -16,7 +16,7 @@ from ...core.errors import WrongPlace
 from ...core.file_formats import OPENED
 from ...core.file_structure import blend_files, mesh_references
 from ...core.naming import ATLAS
-from ...output.files import frame_files, planned_files
+from ...output import map_names
 from ...output.files.atomic_file import reason
 from ...output.files.path_clashes import Places
 from .. import bounds
@@ -71,9 +71,9 @@ def map_files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = 
     """The files that a bake of the object `low` writes, as planned_files.files returns them."""
     settings = arguments.settings(options)
     if not of_frames:
-        yield from planned_files.files(replace(settings, output=naming.fill(settings.storing.output, low)))
+        yield from map_names.planned_files(replace(settings, output=naming.fill(settings.storing.output, low)))
     for frame in of_frames:
-        yield from planned_files.files(frame_files.of_frame(frame_files.filled(settings, low), frame))
+        yield from map_names.planned_files(map_names.of_frame(map_names.with_low_name(settings, low), frame))
 
 
 _UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (naming.LOW, naming.MATERIAL, udim.TOKEN)))})")

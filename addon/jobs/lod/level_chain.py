@@ -16,8 +16,7 @@ from ...core.levels.level_report import ChainReport, Level, Limit
 from ...core.progress import Pace, Progress, Task, part, relay
 from ...core.settings import Settings
 from ...engine import gpu_memory
-from ...output import map_storage, output_clashes
-from ...output.files import planned_files
+from ...output import map_names, map_storage, output_clashes
 from ...output.files.atomic_file import all_or_none
 from ...scene import object_checks
 from ...scene.object_refs import ObjectRef
@@ -86,7 +85,7 @@ def _check(context: bpy.types.Context, obj: bpy.types.Object, count: int, settin
     bakes = [bake_jobs.for_low(settings, name) for name in names(obj, count)]
     output_clashes.check(settings.storing, bakes, names(obj, count), files_kept([Job(obj, [obj])], settings.storing))
     for job_settings in bakes:
-        for image_settings in planned_files.settings_by_map(job_settings).values():
+        for image_settings in map_names.settings_by_map(job_settings).values():
             map_storage.check(obj.name, image_settings)
     try:
         older_blender.start_gpu()
