@@ -13,7 +13,7 @@ from ..core import file_formats
 from ..core.errors import BakeError
 from ..core.naming import file_name
 from ..core.udim import FIRST
-from ..output import color_spaces, datablocks, image_file, value_encoding
+from ..output import datablocks, image_file, value_encoding
 from ..output.value_encoding import SRGB
 
 CHANNELS = ("+X", "+Y", "+Z")
@@ -152,7 +152,7 @@ class PictureFiles:
         image_file.write(texels, path, 8, has_alpha=has_alpha, is_color=color_space == SRGB)
         image = self._shown(path)
         image.alpha_mode = "CHANNEL_PACKED"
-        color_spaces.assign(image, color_space)
+        datablocks.assign_color_space(image, color_space)
         return image
 
     def _path(self, name: str, ending: str) -> Path:

@@ -109,7 +109,7 @@ def _work(context: bpy.types.Context, conversion: Conversion, run: Run) -> Task[
         low = conversion.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
             stored = outputs.commit({labeled: [] for labeled in Labeled}, [low])
-            datablocks.sign(stored.image, ready.origin)
+            datablocks.set_source_objects(stored.image, ready.origin)
             notes = into_materials(low, stored, ready.uv_layer, settings)
     written, margin, texels = counts
     return ConversionReport(

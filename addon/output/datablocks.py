@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image datablocks: their pixels, files and tiles. Existing datablocks are reused, so that their users keep them."""
+"""Blender's color spaces: of images, and the working space in which the colors of materials are."""
 
 import itertools
 from collections.abc import Iterable, Iterator
@@ -7,12 +7,45 @@ from pathlib import Path, PurePath
 
 import bpy
 import numpy as np
+from mathutils import Color
 
 from ..core import udim
 from ..core.map_types import MARK, ORIGIN
 from ..core.naming import file_name
 from ..core.udim import TOKEN
-from . import color_spaces
+
+OTHER_NAMES = {
+    "sRGB": ("sRGB Encoded Rec.709 (sRGB)", "sRGB - Texture", "Utility - sRGB - Texture", "srgb_texture", "srgb_tx"),
+    "Linear Rec.709": ("Linear Rec.709 (sRGB)", "Utility - Linear - sRGB", "Linear", "lin_rec709", "lin_srgb"),
+}
+"""The names that other color configurations have for the color spaces of Blender's own."""
+
+
+def assign_color_space(image: bpy.types.Image, color_space: str) -> None:
+    """Give the image the color space with Blender's name `color_space`, or mark it as data for "".
+
+    Only what differs is set, because Blender drops unsaved pixels when it changes. An image stays as it is if the color
+    configuration does not have the space.
+    """
+    settings = image.colorspace_settings
+    if not color_space:
+        # Color configurations can have another name for "Non-Color", but not for its role.
+        if not settings.is_data:
+            settings.is_data = True
+        return
+    known = {item.identifier for item in settings.bl_rna.properties["name"].enum_items}
+    name = next((name for name in (color_space, *OTHER_NAMES[color_space]) if name in known), None)
+    if name is not None and settings.name != name:
+        settings.name = name
+
+
+def to_rec709(texels: np.ndarray) -> None:
+    """Convert the colors of `texels` (height, width, 4) float32 in place from the working space to linear Rec.709."""
+    columns = [Color(unit).from_scene_linear_to_rec709_linear() for unit in np.eye(3)]
+    matrix = np.array(columns, np.float32)
+    if not np.allclose(matrix, np.eye(3), atol=1e-5):
+        texels[..., :3] = texels[..., :3] @ matrix
+
 
 OPAQUE_BITS = {24, 96}
 """Image.depth, in bits per texel, of images without alpha. Their pixels have alpha; a file written from them does not."""
@@ -32,7 +65,7 @@ def origin(name: str) -> list[str]:
     return list(filter(None, str(image.get(ORIGIN, "")).split("\n"))) if image is not None else []
 
 
-def sign(image: bpy.types.Image, highs: Iterable[str]) -> None:
+def set_source_objects(image: bpy.types.Image, highs: Iterable[str]) -> None:
     """Store the names that `origin` returns."""
     image[ORIGIN] = "\n".join(highs)
 
@@ -174,7 +207,7 @@ def keep_values(image: bpy.types.Image, color_space: str = "") -> None:
     Call this before setting pixels: Blender drops unsaved pixels when one of these properties changes, so only those that
     differ are set.
     """
-    color_spaces.assign(image, color_space)
+    assign_color_space(image, color_space)
     if image.alpha_mode != "CHANNEL_PACKED":
         image.alpha_mode = "CHANNEL_PACKED"
     if image.use_half_precision:  # the viewport would round the normals

@@ -14,7 +14,7 @@ from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from . import color_spaces, datablocks, map_images, map_names, map_storage, materials, value_encoding
+from . import datablocks, map_images, map_names, map_storage, materials, value_encoding
 from .map_names import settings_by_map, stored_maps
 from .vertex_attributes import VertexMaps
 from .write_queue import WriteQueue
@@ -167,7 +167,7 @@ class Outputs:
         first = self._writers[self._first]
         warnings = sign(stored[self._first], labels[Labeled.OBJECTS])
         for image in stored.values():  # a bake may replace the files of maps that were baked before
-            datablocks.sign(image, dict.fromkeys(labels[Labeled.OBJECTS]))
+            datablocks.set_source_objects(image, dict.fromkeys(labels[Labeled.OBJECTS]))
         if self._hides_misses:
             warnings.append(HIDDEN_MISSES)
         if self._cut_off:
@@ -206,7 +206,7 @@ class Outputs:
     def _encode(self, name: str, tile: int, level: int, texels: np.ndarray, how: dict) -> None:
         """Encode a level of a tile of a map in place, and add it to its writer if it has one of its own."""
         if BY_NAME[name].is_color:
-            color_spaces.to_rec709(texels)
+            datablocks.to_rec709(texels)
         if BY_NAME[name].kind is not Kind.NORMAL:
             value_encoding.encode(texels, how)
         settings = self._settings_of(name)
@@ -235,7 +235,7 @@ def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:
     """Store the names of the high objects in `image`. Returns a warning if its map replaced one of other objects."""
     highs = list(dict.fromkeys(highs))
     before = map_storage.replaced(image.name, highs)
-    datablocks.sign(image, highs)
+    datablocks.set_source_objects(image, highs)
     if not before:
         return []
     return [f"The map of {shorten_list(map(repr, highs))} replaced a map of {before} in the image {image.name!r}."]

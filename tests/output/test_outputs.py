@@ -191,7 +191,7 @@ def test_lights_too_bright_for_integers_are_scaled_6():
 
 def test_colors_of_another_working_space_are_converted_7(monkeypatch):
     """A working space whose red is Rec.709's green, and so on."""
-    from addon.output import color_spaces
+    from addon.output import datablocks
 
     class Turned:
         def __init__(self, color):
@@ -200,7 +200,7 @@ def test_colors_of_another_working_space_are_converted_7(monkeypatch):
         def from_scene_linear_to_rec709_linear(self):
             return np.roll(self.color, 1)
 
-    monkeypatch.setattr(color_spaces, "Color", Turned)
+    monkeypatch.setattr(datablocks, "Color", Turned)
     colors = values(7)
     image = bpy.data.images[store({"BASE_COLOR": colors}, maps=("BASE_COLOR",), depth=32).maps["base_color"]["image"]]
     np.testing.assert_allclose(pixels(image)[..., :3], np.roll(colors[..., :3], 1, axis=-1), atol=CURVE)
