@@ -15,7 +15,7 @@ from ..core import udim
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.udim import FIRST
-from ..output import datablocks, map_images, materials
+from ..output import datablocks, materials
 from .baked_low import BakedLow
 from .map_pictures import PictureFiles
 
@@ -214,7 +214,7 @@ def _with_maps(one: Staged, pictures: PictureFiles, channels: Sequence[str] | No
             notes += materials.hook_up(
                 one.object, image, space=report.space, uv_layer=layer, channels=shown, slots=[number]
             )
-        found, warnings = map_images.of_report(report.maps, report.space)
+        found, warnings = materials.images_of_report(report.maps, report.space)
         notes += warnings
         if found:
             own = {}
@@ -233,7 +233,7 @@ def _name_textures(one: Staged, pictures: PictureFiles) -> None:
                 node.image = pictures.own_file(node.image)
 
 
-def _has_alpha(report: Report, map_image: map_images.MapImage) -> bool:
+def _has_alpha(report: Report, map_image: materials.MapImage) -> bool:
     """Whether a channel of the bake's packed image is its alpha."""
     return any(
         how["image"] == map_image.image.name and "map" in how.get("channels", {}).get("alpha", {})

@@ -14,7 +14,7 @@ from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from . import datablocks, map_images, map_names, map_storage, materials, value_encoding
+from . import datablocks, map_names, map_storage, materials, value_encoding
 from .map_names import settings_by_map, stored_maps
 from .vertex_attributes import VertexMaps
 from .write_queue import WriteQueue
@@ -292,7 +292,7 @@ def connect_maps(
     Maps whose images are no longer there are left out, with a warning. space, single_user: as in Settings. slots: as in
     `into_materials`.
     """
-    images, warnings = map_images.of_report(maps, space)
+    images, warnings = materials.images_of_report(maps, space)
     if not images:
         return warnings
     return warnings + materials.connect_maps(low, images, uv_layer=uv_layer, single_user=single_user, slots=slots)

@@ -15,7 +15,7 @@ from ..jobs import bake_jobs
 from ..jobs.job import Job
 from ..jobs.readiness import Finding
 from ..jobs.texture_sets import by_material
-from ..output import datablocks, map_images, map_names, map_storage, materials
+from ..output import datablocks, map_names, map_storage, materials
 from ..scene import object_checks, scene_lengths, vertex_weights
 from . import bake_results, object_pairs
 from .bake_results import high_objects, results
@@ -264,7 +264,7 @@ def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
     names = list(dict.fromkeys(name for report in reports for name in report.images))
     if len(names) > 1:
         draw_maps(box, names)
-    if any(map_images.are_any(report.maps) for report in reports):
+    if any(materials.takes_any(report.maps) for report in reports):
         layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
     layout.operator("imprint.export", icon="EXPORT")
 

@@ -6,7 +6,7 @@ from bpy.props import StringProperty
 
 from ..core.errors import BakeError
 from ..core.report import Report
-from ..output import map_images, materials, outputs
+from ..output import materials, outputs
 from ..scene import visibility
 from . import object_pairs
 from .callbacks import redraw
@@ -174,7 +174,7 @@ class IMPRINT_OT_connect_maps(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not any(map_images.are_any(report.maps) for report in results.all_of(context)):
+        if not any(materials.takes_any(report.maps) for report in results.all_of(context)):
             cls.poll_message_set(tooltip("Bake a map first that a material takes, such as base color"))
             return False
         return True
