@@ -15,9 +15,8 @@ from ..core import fixes
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, MARK, MapType
-from . import datablocks
-from .nodes import normal_nodes, surface_nodes
-from .nodes.image_nodes import MapImage
+from . import datablocks, map_nodes
+from .map_nodes import MapImage
 from .nodes.tree_editing import Coordinates
 
 
@@ -68,7 +67,7 @@ def images_of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, Ma
 def _parts(name: str, how: dict) -> dict[str, dict]:
     """The channels of an image of Report.maps that an input of a material takes. "" means the whole image."""
     parts = how["channels"] if "channels" in how else {"": how | {"map": name}}
-    return {channel: part for channel, part in parts.items() if surface_nodes.takes(_map_type(part))}
+    return {channel: part for channel, part in parts.items() if map_nodes.takes_map(_map_type(part))}
 
 
 def _map_type(part: dict) -> MapType | None:
@@ -116,9 +115,9 @@ def hook_up(
     normal_map = {"space": space, "convention": CONVENTIONS[channels]}
     if space == Space.TANGENT:
         normal_map["uv_map"] = uv_layer
-    settings = normal_nodes.NormalMapSettings(image, normal_map)
+    settings = map_nodes.NormalMapSettings(image, normal_map)
     coordinates = _coordinates(low, uv_layer)
-    connect = partial(normal_nodes.connect, settings=settings, coordinates=coordinates)
+    connect = partial(map_nodes.connect_normals, settings=settings, coordinates=coordinates)
     return _edit(low, connect, single_user=single_user, slots=slots)
 
 
@@ -137,7 +136,7 @@ def connect_maps(
     for image in images.values():
         image.image[MARK] = True
     coordinates = _coordinates(low, uv_layer)
-    connect = partial(surface_nodes.connect, images=images, coordinates=coordinates)
+    connect = partial(map_nodes.connect_surface, images=images, coordinates=coordinates)
     return _edit(low, connect, single_user=single_user, slots=slots)
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from addon.core.map_types import AO, BY_NAME, HEIGHT, METALLIC, ROUGHNESS, VECTOR_DISPLACEMENT, WIDENED_ROUGHNESS
-from addon.output import materials
-from addon.output.nodes import gltf_group
-from addon.output.nodes.image_nodes import MapImage
+from addon.output import map_nodes, materials
+from addon.output.map_nodes import MapImage
 from addon.output.nodes.tree_editing import MARK
 
 BASE_COLOR, EMISSION, ALPHA = (BY_NAME[name] for name in ("BASE_COLOR", "EMISSION", "ALPHA"))
@@ -434,9 +433,9 @@ def test_the_group_has_the_inputs_that_the_exporters_own_has():
 
     material, *_ = make_material()
     connect(make_low(material), {AO.name: of(AO)})
-    own = bpy.data.node_groups[gltf_group.NAME]
-    assert material_helpers.get_gltf_node_name() == gltf_group.NAME
-    assert material_helpers.get_gltf_node_old_name() == gltf_group.OLDER_NAME
+    own = bpy.data.node_groups[map_nodes.GLTF_GROUP]
+    assert material_helpers.get_gltf_node_name() == map_nodes.GLTF_GROUP
+    assert material_helpers.get_gltf_node_old_name() == map_nodes.OLDER_GLTF_GROUP
     theirs = material_helpers.create_settings_group("theirs")
     inputs = [
         [(item.name, item.default_value) for item in group.interface.items_tree if item.in_out == "INPUT"]
