@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The names of maps, of their image datablocks and of their files, and which of them a bake writes. This module does not need Blender."""
+"""The names of maps, of their image datablocks and of their files, and which files a bake writes. Needs no Blender."""
 
 import re
 import zlib

@@ -39,8 +39,8 @@ def check_files(
     for path, source in (*datablocks.sources(), *read):
         places.read(path, source)
     for settings, low in zip(bakes, objects, strict=True):
-        for path, map_title in planned_files(settings):
-            places.write(bpy.path.abspath(path), f"{map_title} of {low!r}")
+        for path, title in planned_files(settings):
+            places.write(bpy.path.abspath(path), f"{title} of {low!r}")
 
 
 def _check_images(bakes: Sequence[Settings], objects: Sequence[str], advice: str) -> None:

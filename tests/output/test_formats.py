@@ -153,8 +153,8 @@ def kinds_of_maps(size=640):
     noise = np.random.default_rng(8).random((size, size, 4), np.float32)
     noise[..., 3] = 1.0  # Blender divides by alpha
     return {
-        "waves": waves, "dithered": value_encoding.dithered(waves), "gray": gray, "heights": heights, "mask": mask, "flat": flat,
-        "noise": noise,
+        "waves": waves, "dithered": value_encoding.dithered(waves), "gray": gray, "heights": heights, "mask": mask,
+        "flat": flat, "noise": noise,
     }  # fmt: skip
 
 
