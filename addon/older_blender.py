@@ -18,7 +18,7 @@ from .core.map_types import MARK
 from .engine import gpu_memory
 
 if TYPE_CHECKING:
-    from .output.nodes.tree_editing import TreeEditor
+    from .output.tree_editing import TreeEditor
 
 Result = TypeVar("Result")
 

@@ -10,8 +10,8 @@ from bpy.types import Image, Material, Node, NodeSocket, ShaderNodeTree
 from .. import older_blender
 from ..core.declarations.choices import Space
 from ..core.map_types import AO, BY_NAME, EMISSION, HEIGHT, MARK, VECTOR_DISPLACEMENT, WIDENED_ROUGHNESS, MapType
-from .nodes import tree_editing
-from .nodes.tree_editing import Coordinates, TreeEditor, title
+from . import tree_editing
+from .tree_editing import Coordinates, TreeEditor, title
 
 GLTF_GROUP = "glTF Material Output"
 """The exporter looks for groups whose names start with this, or with the older name, in any case."""

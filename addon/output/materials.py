@@ -17,7 +17,7 @@ from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, MARK, MapType
 from . import datablocks, map_nodes
 from .map_nodes import MapImage
-from .nodes.tree_editing import Coordinates
+from .tree_editing import Coordinates
 
 
 def takes_any(maps: Mapping[str, dict]) -> bool:

@@ -10,7 +10,7 @@ import pytest
 from addon.core.map_types import AO, BY_NAME, HEIGHT, METALLIC, ROUGHNESS, VECTOR_DISPLACEMENT, WIDENED_ROUGHNESS
 from addon.output import map_nodes, materials
 from addon.output.map_nodes import MapImage
-from addon.output.nodes.tree_editing import MARK
+from addon.output.tree_editing import MARK
 
 BASE_COLOR, EMISSION, ALPHA = (BY_NAME[name] for name in ("BASE_COLOR", "EMISSION", "ALPHA"))
 SIZE = 8

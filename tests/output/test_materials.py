@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.output import materials
-from addon.output.nodes import tree_editing
+from addon.output import materials, tree_editing
 from tests.support.snapshot import difference, snapshot
 
 # Scenes

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from bpy.types import Image, Material, Node, NodeLink, NodeSocket
 
-from ...core.map_types import MARK
+from ..core.map_types import MARK
 
 NODE_HEIGHT = 320
 """The space for one node in a column. Blender knows the real height only after drawing the node in a window."""
