@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Adds the nodes that show maps to materials: images, normals, displacement, inputs of the shader, glTF's occlusion."""
+"""Adds the nodes that show maps to materials: images, normals, displacement, inputs of the shader, glTF's occlusion.
+
+An image: Image Texture -> Separate Color, if it is packed -> Math, if the channel is inverted -> the input. A normal map: Image
+Texture -> Normal Map -> the Normal input of every shader that reaches the output, below any Bump nodes in between. Connecting
+again reuses the nodes.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
