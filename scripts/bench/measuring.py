@@ -5,16 +5,14 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from scripts.bench import scenes
 from scripts.bench.contenders.peers import Peers
 from scripts.bench.contenders.versions import Version
-from scripts.bench.meshes import files
 from scripts.bench.parts import closed_forms as known_normals
-from scripts.bench.parts import figures as pictures
 from scripts.bench.parts import growth as growing
-from scripts.bench.parts import limit, live_updates, machine, shaders_alone
+from scripts.bench.parts import live_updates, machine
 from scripts.bench.parts import occlusion as ambient_occlusion
 from scripts.bench.parts import pairs as pairs_of_meshes
-from scripts.bench.report import growth_section
 from scripts.bench.runs import bakes as bakes_of_versions
 from scripts.bench.runs import batches as many_bakes
 from scripts.bench.runs import memory as peaks
@@ -25,14 +23,13 @@ from scripts.bench.runs import storing as file_formats
 
 @dataclass
 class Bench:
-    """What the parts need. folder: of pairs. output: for pictures. scratch: a temporary folder.
+    """What the parts need. folder: of pairs. scratch: a temporary folder.
 
     others: the bakers outside Blender, while parts run. result: of the parts so far, as plain data.
     """
 
     versions: Sequence[Version]
     folder: Path | None
-    output: Path
     scratch: Path
     quick: bool
     log: Callable[[str], None]
@@ -55,8 +52,6 @@ def pairs(bench: Bench) -> list[dict]:
             rows += [
                 pairs_of_meshes.time_samples(pair, size, bench.repeats) for size in pairs_of_meshes.sampled(pair, sizes)
             ]
-    large = next(row for row in rows if row["is_terrain"] and row["size"] == 2048)
-    bench.result["limit"] = limit.limit(large, bench.result["machine"]["copy_gigabytes_per_second"])
     return rows
 
 
@@ -69,9 +64,7 @@ def occlusion(bench: Bench) -> list[dict]:
 
 
 def growth(bench: Bench) -> dict:
-    found = growing.growth(bench.quick, bench.repeats, bench.log)
-    growth_section.plot(found, bench.output / "growth.png")
-    return found
+    return growing.growth(bench.quick, bench.repeats, bench.log)
 
 
 def live(bench: Bench) -> list[dict]:
@@ -86,17 +79,17 @@ def bakes(bench: Bench) -> list[dict]:
 
 
 def storing(bench: Bench) -> list[dict]:
-    pair = files.terrain(bench.folder, bench.scratch)
+    pair = scenes.terrain_file(bench.folder, bench.scratch)
     return file_formats.measure(pair, bench.versions, bench.scratch, bench.quick, bench.repeats)
 
 
 def start(bench: Bench) -> list[dict]:
-    pair = files.terrain(bench.folder, bench.scratch)
+    pair = scenes.terrain_file(bench.folder, bench.scratch)
     return shell_runs.measure(pair, bench.versions, bench.scratch, bench.repeats)
 
 
 def batches(bench: Bench) -> list[dict]:
-    pair = files.small(bench.folder, bench.scratch)
+    pair = scenes.small_file(bench.folder, bench.scratch)
     return many_bakes.measure(pair, bench.versions, bench.scratch, bench.quick, bench.repeats)
 
 
@@ -105,7 +98,7 @@ def memory(bench: Bench) -> list[dict]:
 
 
 def samples(bench: Bench) -> list[dict]:
-    chosen = several_samples.cases(files.terrain(bench.folder, bench.scratch), bench.folder, bench.quick)
+    chosen = several_samples.cases(scenes.terrain_file(bench.folder, bench.scratch), bench.folder, bench.quick)
     return list(several_samples.measure(chosen, bench.versions, bench.scratch, bench.repeats))
 
 
@@ -113,22 +106,11 @@ def very_large(bench: Bench) -> list[dict]:
     return list(peaks.measure(peaks.VERY_LARGE, bench.versions[:1], bench.scratch))
 
 
-def hardware(bench: Bench) -> dict | None:
-    if "moderngl" not in bench.others.versions:
-        return None
-    return shaders_alone.hardware(bench.folder, bench.scratch, bench.quick)
-
-
-def figures(bench: Bench) -> dict[str, str]:
-    return pictures.make(bench.output, bench.scratch, bench.quick)
-
-
 PARTS = {
     part.__name__: part
     for part in (
         *(pairs, closed_forms, occlusion, growth, live),
         *(bakes, storing, start, batches, memory, samples, very_large),
-        *(hardware, figures),
     )
 }
 OPTIONAL = ("very_large",)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compares Imprint with other bakers, known normals, older versions and the limits of the machine, and writes a report.
+"""Compares Imprint with other bakers, known normals and older versions, and writes a report.
 
 python3 scripts/imprint.py bench [--quick] [--pairs DIR] [--peers] [--against [REF]] [--compare OLD.json]
 """
@@ -15,9 +15,8 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from scripts.bench import measuring  # noqa: E402
+from scripts.bench import comparing, measuring, tables  # noqa: E402
 from scripts.bench.contenders import peers, versions  # noqa: E402
-from scripts.bench.report import compare, report, targets  # noqa: E402
 
 
 def parse() -> argparse.Namespace:
@@ -63,21 +62,20 @@ def main() -> int:
     """Returns the exit code: 1 if something became slower, 2 if a file or an older version is missing."""
     options = parse()
     try:
-        compared = [compare.read(path) for path in options.compare or ()]
+        compared = [comparing.read(path) for path in options.compare or ()]
         if len(compared) < 2:
             compared.append(measure(options, versions.versions(options.against)))
-    except (compare.NoRun, versions.NoOlderVersion) as error:
+    except (comparing.NoRun, versions.NoOlderVersion) as error:
         print(f"bench: {error}", file=sys.stderr)
         return 2
     if len(compared) < 2:
         return 0
-    comparison = compare.compare(*compared)
-    print(*comparison.lines(), sep="\n")
-    return int(comparison.has_slower)
+    print(*comparing.lines(*compared), sep="\n")
+    return int(any(change.is_slower for change in comparing.changes(*compared)))
 
 
 def measure(options: argparse.Namespace, of: list[versions.Version]) -> dict:
-    """Run the measurements, write the report, and print the verdicts, missed targets first."""
+    """Run the measurements, and write the report and the plain data."""
     options.output = options.output.absolute()
     options.output.mkdir(parents=True, exist_ok=True)
     if options.peers:
@@ -89,14 +87,12 @@ def measure(options: argparse.Namespace, of: list[versions.Version]) -> dict:
 
     with tempfile.TemporaryDirectory(prefix="scratch-", dir=options.output) as scratch:
         folder = options.pairs and options.pairs.absolute()
-        bench = measuring.Bench(of, folder, options.output, Path(scratch), options.quick, log)
+        bench = measuring.Bench(of, folder, Path(scratch), options.quick, log)
         result = measuring.measure(bench, options.only)
     result["seconds"] = time.perf_counter() - start
-    text = report.markdown(result)
+    text = tables.markdown(result)
     (options.output / "bench.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     (options.output / "bench.md").write_text(text, encoding="utf-8")
-    for verdict in targets.judge(result):
-        print(f"{verdict.outcome}: {verdict.target}. {verdict.figures}.")
     print(options.output / "bench.md")
     return result
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from scripts.bench.contenders.names import CYCLES, MULTIRES
 from scripts.bench.contenders.racing import Contender, clocked
-from scripts.bench.meshes.scenes import Pair
+from scripts.bench.scenes import Pair
 from tests.support import angles
 
 

@@ -12,7 +12,7 @@ from addon.engine.rays import tree_cache
 from addon.jobs import bake_pair
 from scripts.bench.contenders.blender_bakers import normals_of
 from scripts.bench.contenders.racing import Contender
-from scripts.bench.meshes.scenes import Pair
+from scripts.bench.scenes import Pair
 
 
 class Imprint(Contender):

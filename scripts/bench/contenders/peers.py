@@ -11,7 +11,7 @@ import numpy as np
 from scripts.bench.contenders import names
 from scripts.bench.contenders.child import Child
 from scripts.bench.contenders.racing import PATIENCE, Contender
-from scripts.bench.meshes.scenes import Pair, arrays_of
+from scripts.bench.scenes import Pair, arrays_of
 
 ROOT = Path(__file__).resolve().parents[3]
 HOME = ROOT / "out" / "bench" / "peers"
@@ -21,7 +21,6 @@ PACKAGES = (
     "libusb-package==1.0.26.3",  # Open3D's wheel needs libusb, which some systems lack
     "pymeshlab==2025.7.post1",
     "embreex==4.4.0.post1",
-    "moderngl==5.13.0",
     "pillow==13.0.0",
 )
 

@@ -4,11 +4,11 @@
 import bpy
 import numpy as np
 
+from scripts.bench import scenes
 from scripts.bench.contenders import blender_bakers, peers, racing
 from scripts.bench.contenders.child import ChildError
 from scripts.bench.contenders.imprint_baker import Imprint
 from scripts.bench.contenders.names import CAST, FLATTEN
-from scripts.bench.meshes import scenes
 from scripts.bench.parts.pairs import row_of
 from tests.support import angles
 

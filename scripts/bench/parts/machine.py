@@ -8,12 +8,8 @@ from pathlib import Path
 
 import bpy
 import gpu
-import numpy as np
 
 from addon.passes.program import in_software
-from scripts.bench.contenders.racing import clocked
-
-COPIED = 256 * 2**20
 
 
 def machine() -> dict:
@@ -29,7 +25,6 @@ def machine() -> dict:
         "in_software": in_software(renderer),
         "backend": gpu.platform.backend_type_get(),
         "blender": bpy.app.version_string,
-        "copy_gigabytes_per_second": copy_bandwidth() / 1e9,
     }
 
 
@@ -40,13 +35,6 @@ def _processor() -> str:
         return platform.processor()
     found = re.search(r"model name\s*: (.+)", text)
     return found[1] if found else platform.processor()
-
-
-def copy_bandwidth() -> float:
-    """The bytes per second that numpy reads and writes when it copies, the best of several runs."""
-    source = np.ones(COPIED // 4, np.float32)
-    target = np.zeros_like(source)
-    return 2.0 * COPIED / min(clocked(lambda: np.copyto(target, source)) for _ in range(5))
 
 
 def forget_peak() -> None:

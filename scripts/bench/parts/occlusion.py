@@ -11,9 +11,8 @@ import numpy as np
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
 from addon.jobs import bake_pair
+from scripts.bench import scenes
 from scripts.bench.contenders import blender_bakers
-from scripts.bench.meshes import scenes
-from scripts.bench.meshes.paper import TERRAIN
 
 RAYS = 128
 PAIRS = "kepler", "helmet", "king"
@@ -30,7 +29,7 @@ def compare(folder: Path | None, quick: bool) -> Iterator[dict]:
     size = 256 if quick else 1024
     found = [path for name in PAIRS for path in sorted(folder.glob(f"{name}_*.blend"))] if folder else []
     for path in found or [None]:
-        pair = scenes.opened(path) if path else scenes.made(*TERRAIN)
+        pair = scenes.opened(path) if path else scenes.made(*scenes.TERRAIN)
         # Cycles moves points on smooth surfaces off their triangles; without it, both start at the same points.
         pair.high.shadow_terminator_geometry_offset = 0.0
         ours, seconds = imprint(pair, size)

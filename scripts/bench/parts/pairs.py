@@ -4,26 +4,25 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from scripts.bench import scenes
 from scripts.bench.contenders import blender_bakers, peers, racing
 from scripts.bench.contenders.imprint_baker import Imprint
 from scripts.bench.contenders.names import CAST, FLATTEN, KEPT, OUTERMOST
-from scripts.bench.meshes import scenes
-from scripts.bench.meshes.paper import PAPER, TERRAIN
 
 
 def chosen(folder: Path | None, quick: bool) -> Iterator[tuple[Callable[[], scenes.Pair], tuple[int, ...]]]:
     """A function that opens each pair, and its map sizes: first the pairs of the paper's table, then terrains and others."""
     usual = (1024,) if quick else (512, 1024, 2048)
-    for high, low, *_ in PAPER:
+    for high, low in scenes.PAPER:
         yield scenes.sized(folder, high, low), usual
-    known = {(high, low) for high, low, *_ in PAPER}
+    known = set(scenes.PAPER)
     found = [path for path in sorted(folder.glob("*.blend")) if scenes.sizes(path)] if folder else []
     unknown = [path for path in found if scenes.sizes(path) not in known]
     terrains = [path for path in unknown if path.name.startswith(scenes.TERRAINS)]
     for path in terrains[:1] if quick else terrains:
         yield (lambda path=path: scenes.opened(path)), (2048,) if quick else usual
     if not terrains:
-        yield (lambda: scenes.made(*TERRAIN)), (2048,) if quick else usual
+        yield (lambda: scenes.made(*scenes.TERRAIN)), (2048,) if quick else usual
     for path in () if quick else unknown:
         if path not in terrains:
             yield (lambda path=path: scenes.opened(path)), usual

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from scripts.bench import scenes
 from scripts.bench.contenders.child import Child
 from scripts.bench.contenders.racing import Contender, race
 from scripts.bench.contenders.versions import Version
-from scripts.bench.meshes import files
-from scripts.bench.meshes.scenes import Pair
+from scripts.bench.scenes import Pair
 
 WAYS = {
     "Flatten": {"method": "FLATTEN"},
@@ -49,7 +49,7 @@ def measure(
         ]
         for build, sizes in pairs:
             pair = build()
-            path = files.saved(pair, scratch)
+            path = scenes.saved(pair, scratch)
             for child in children:
                 child.ask(do="open_file", path=str(path))
             reach = {"extrusion": pair.extrusion, "max_distance": 2.0 * pair.extrusion}

@@ -10,7 +10,7 @@ from scripts.bench.contenders.child import Child
 from scripts.bench.contenders.names import CAST, FLATTEN
 from scripts.bench.contenders.racing import Contender, race
 from scripts.bench.contenders.versions import Version
-from scripts.bench.meshes.scenes import RELIEF
+from scripts.bench.scenes import RELIEF
 
 METHODS = {FLATTEN: "FLATTEN", CAST: "CAST"}
 METHOD_WORDS = {FLATTEN: "Flatten", CAST: "Cast"}

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from scripts.bench import scenes
 from scripts.bench.contenders.child import Child
 from scripts.bench.contenders.names import ALL_SAMPLES, PRESENT
 from scripts.bench.contenders.racing import Contender, race
 from scripts.bench.contenders.versions import Version
-from scripts.bench.meshes import scenes
-from scripts.bench.report.angles_of_maps import difference_of
+from tests.support import angles
 
 WORDS = {"FLATTEN": "Flatten", "CAST": "Cast"}
 
@@ -100,3 +100,14 @@ def _row(
         path = scratch / "samples.npy"
         row["angles"] = difference_of(field[0].texels(path), field[-1].texels(path))
     return row
+
+
+def difference_of(found: np.ndarray, wanted: np.ndarray) -> dict[str, float]:
+    """Degrees between two maps (height, width, 4) of stored normals, and the share of texels that only one of them covers.
+
+    Texels with an alpha of 0 are not covered. Degrees are NaN if no texel is covered in both.
+    """
+    has, had = (texels[..., 3] > 0.0 for texels in (found, wanted))
+    degrees = angles.degrees(angles.decode(found)[has & had], angles.decode(wanted)[has & had])
+    high, higher, most = np.percentile(degrees, (99.0, 99.9, 100.0)).tolist() if degrees.size else (float("nan"),) * 3
+    return {"percentile_99": high, "percentile_99_9": higher, "maximum": most, "unlike": float((has != had).mean())}

@@ -13,6 +13,10 @@ import numpy as np
 from scripts import demo
 from tests.support import zoo
 
+PAPER = ((1696, 536), (7910, 4274), (48048, 23378), (61644, 20517))
+"""The high and low polygons of Table 1 of the paper: Gumbau, González and Chover, "Hardware generation of normal maps"."""
+TERRAIN = (275_772, 9_079)
+"""The demo's terrain, used if no folder of pairs has one: about the paper's next sizes."""
 TERRAINS = ("kepler", "sthelens", "terrain")
 RELIEF = 0.05
 """Height of the waves on both closed-form surfaces, in scene units."""
@@ -199,3 +203,26 @@ def _arrays(obj: bpy.types.Object) -> tuple[np.ndarray, ...]:
         else np.zeros((*loops.shape, 2), np.float32)
     )
     return points, triangles, normals[loops], uv
+
+
+# Files, for processes that open them by themselves
+
+
+def terrain_file(folder: Path | None, scratch: Path) -> Path:
+    """The first terrain of the folder, or the demo's, saved in `scratch`."""
+    found = [path for path in sorted(folder.glob("*.blend")) if path.name.startswith(TERRAINS)] if folder else []
+    return found[0] if found else saved(made(*TERRAIN), scratch)
+
+
+def small_file(folder: Path | None, scratch: Path) -> Path:
+    """The smallest pair of the paper's table, from the folder or generated and saved in `scratch`."""
+    high, low = PAPER[0]
+    found = sorted(folder.glob(f"*_{high}_{low}.blend")) if folder else []
+    return found[0] if found else saved(made(high, low), scratch)
+
+
+def saved(pair: Pair, scratch: Path) -> Path:
+    """Save the open scene, which shows a pair, in `scratch`."""
+    path = scratch / f"{pair.name}.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    return path.absolute()
