@@ -233,7 +233,7 @@ def draw_hidden(layout: bpy.types.UILayout, context: bpy.types.Context, hidden: 
 
 
 def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, found: Sequence[Finding]) -> None:
-    """What is wrong with the low object for other programs, and a button that cures it."""
+    """What is wrong with the low object for other programs, and a button that fixes it."""
     for finding in found:
         text = message(finding.template).format(**finding.values)
         draw_paragraphs(layout, context, [text], "ERROR" if finding.harms else "INFO")
@@ -260,7 +260,7 @@ def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
     if image is None:
         column.label(text=message("The image was undone, renamed or deleted"), icon="INFO", translate=False)
     else:
-        draw_figures(column, reports)
+        draw_numbers(column, reports)
     names = list(dict.fromkeys(name for report in reports for name in report.images))
     if len(names) > 1:
         draw_maps(box, names)
@@ -269,7 +269,7 @@ def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
     layout.operator("imprint.export", icon="EXPORT")
 
 
-def draw_figures(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
+def draw_numbers(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
     """The number of warnings, or else the covered share, and the time."""
     number = len(_warnings(reports))
     if number:

@@ -85,11 +85,11 @@ class IMPRINT_OT_send_to_flamenco(bpy.types.Operator):
         try:
             if not path.is_file():
                 raise BakeError(f"There is no file {str(path)!r}: choose a job file.")
-            page = flamenco.submit(flamenco_address(context), job)
+            address = flamenco.submit(flamenco_address(context), job)
         except BakeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Sent: {page}")
+        self.report({"INFO"}, f"Sent: {address}")
         return {"FINISHED"}
 
 

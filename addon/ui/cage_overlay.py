@@ -38,7 +38,7 @@ class CageState(Enum):
 
 
 @dataclass(frozen=True)
-class RayFigures:
+class RayLengths:
     """Distances of rays in scene units, as RayCast has them."""
 
     extrusion: float = 0.0
@@ -46,7 +46,7 @@ class RayFigures:
     blend_width: float = 0.0
 
     @classmethod
-    def of(cls, ray_cast: RayCast) -> "RayFigures":
+    def of(cls, ray_cast: RayCast) -> "RayLengths":
         return cls(ray_cast.extrusion, ray_cast.max_distance, ray_cast.blend_width)
 
 
@@ -122,7 +122,7 @@ class CageOverlay:
         """The low mesh of `_read`; None where it cannot be read."""
         self._is_outdated = False
         """Whether that mesh has changed since."""
-        self._measured: dict[int, RayFigures] = {}
+        self._measured: dict[int, RayLengths] = {}
         """By the session_uid of low objects that were not baked before."""
 
     @property
@@ -155,11 +155,11 @@ class CageOverlay:
         chosen = panel.chosen(context)
         low, highs = chosen.low, chosen.highs
         is_set = not chosen.rays.measure and panel.directions != Directions.BLENDED
-        if low is None or not highs or is_set or _figures(context, low) is not None:
+        if low is None or not highs or is_set or _known_lengths(context, low) is not None:
             return
         ray_cast = ray_measuring.measure(context, low, highs, chosen.settings, chosen.cage)
         if ray_cast is not None:
-            self._measured[low.session_uid] = RayFigures.of(ray_cast)
+            self._measured[low.session_uid] = RayLengths.of(ray_cast)
 
     def mesh_of(self, subject: Subject) -> gpu.types.GPUBatch | None:
         """The mesh of the shells as last read, or None. If it is missing or outdated, the timer reads it."""
@@ -176,11 +176,11 @@ class CageOverlay:
         self._read, self._mesh, self._is_outdated = self._wanted, self._wanted.upload(bpy.context), False
         redraw()
 
-    def figures(self, context: bpy.types.Context, low: bpy.types.Object) -> RayFigures:
-        """The figures of rays from `low`: as the panel sets them, else as Live, a bake or `measure` found them, else 0."""
+    def lengths(self, context: bpy.types.Context, low: bpy.types.Object) -> RayLengths:
+        """The lengths of rays from `low`: as the panel sets them, else as Live, a bake or `measure` found them, else 0."""
         rays = context.scene.imprint.chosen(context, low).rays
-        found = _figures(context, low) or self._measured.get(low.session_uid, RayFigures())
-        return found if rays.measure else RayFigures(rays.extrusion, rays.max_distance, found.blend_width)
+        found = _known_lengths(context, low) or self._measured.get(low.session_uid, RayLengths())
+        return found if rays.measure else RayLengths(rays.extrusion, rays.max_distance, found.blend_width)
 
     def _on_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """Only changes of the low object and the cage count: the user may move or sculpt another object for minutes."""
@@ -201,8 +201,8 @@ class CageOverlay:
         low = context.scene.imprint.chosen(context).low
         if low is None or low.type != "MESH" or low.mode not in MODES or not low.data.polygons:
             return
-        figures = self.figures(context, low)
-        subject = Subject.of_panel(context, low, figures.blend_width)
+        lengths = self.lengths(context, low)
+        subject = Subject.of_panel(context, low, lengths.blend_width)
         mesh = self.mesh_of(subject)
         if mesh is None:
             return
@@ -210,24 +210,24 @@ class CageOverlay:
         gpu.state.depth_test_set("LESS_EQUAL")
         view = context.region_data.perspective_matrix
         if subject.cage is not None:
-            shells = {OUTER: (1.0, 0.0), INNER: (1.0, -figures.max_distance)}
+            shells = {OUTER: (1.0, 0.0), INNER: (1.0, -lengths.max_distance)}
         else:  # painting moves where rays start, not where they end
-            shells = {OUTER: (figures.extrusion, 0.0), INNER: (0.0, figures.extrusion - figures.max_distance)}
+            shells = {OUTER: (lengths.extrusion, 0.0), INNER: (0.0, lengths.extrusion - lengths.max_distance)}
         for color, (scale, offset) in shells.items():
             cage_shells.draw(mesh, view, color, scale=scale, offset=offset)
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("NONE")
 
 
-def _figures(context: bpy.types.Context, low: bpy.types.Object) -> RayFigures | None:
+def _known_lengths(context: bpy.types.Context, low: bpy.types.Object) -> RayLengths | None:
     """What Live or the last bake of `low` used; None without them."""
     session, report = live.session, results.of(context, low)
     is_followed = session is not None and session.job.low_ref.uid == low.session_uid
     if is_followed and session.ray_cast is not None:
-        return RayFigures.of(session.ray_cast)
+        return RayLengths.of(session.ray_cast)
     if report is None or not report.distances:
         return None
-    return RayFigures(**report.distances, blend_width=report.blend_width)
+    return RayLengths(**report.distances, blend_width=report.blend_width)
 
 
 overlay = CageOverlay()

@@ -34,11 +34,11 @@ CHECKS = {
     ),
     "backwards": (
         "Z below 0",
-        "Texels whose tangent-space normal points into the surface: lost by readers that store x and y and rebuild z",
+        "Texels whose tangent-space normal points into the surface: lost by programs that read x and y and rebuild z",
     ),
     "mirrored": (
         "Mirrored UVs",
-        "Triangles that are mirrored in UV space: common practice, which readers of the map must support",
+        "Triangles that are mirrored in UV space: common practice, which the target program must support",
     ),
     "outside": (
         "Outside the tile",

@@ -175,7 +175,7 @@ FIXES = {
         "SETTINGS",
     ),
 }
-"""Label, tooltip and icon of each cure: those of the low object, and those that change a setting."""
+"""Label, tooltip and icon of each fix: those of the low object, and those that change a setting."""
 
 
 class IMPRINT_OT_cure(bpy.types.Operator):

@@ -175,7 +175,7 @@ class Following:
         self._strokes.note_all()
 
     def check_objects(self) -> None:
-        """Raise BakeError while an object is deleted. After Undo brings it back, all objects are read again."""
+        """Raise BakeError while an object is deleted. After Undo restores it, all objects are read again."""
         if not (self._may_be_gone or self._is_one_gone):
             return
         was_one_gone, self._is_one_gone, self._may_be_gone = self._is_one_gone, True, False

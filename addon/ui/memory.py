@@ -17,7 +17,7 @@ MOST_HELD = 1 << 30
 
 
 class HeldMaps:
-    """Holds the pixels of maps in memory, of which Undo and Redo bring back the images alone. Live draws its maps again."""
+    """Holds the pixels of maps in memory: Undo and Redo restore the images without them. Live draws its maps again."""
 
     def __init__(self):
         self._maps: dict[int, tuple[np.ndarray, bool]] = {}

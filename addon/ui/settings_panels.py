@@ -136,11 +136,11 @@ class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
 
 
 class IMPRINT_PT_readers(SettingsPanel, bpy.types.Panel):
-    """The programs that the report answers for."""
+    """The programs for which the report says how far off they are."""
 
     bl_idname = "IMPRINT_PT_readers"
     bl_parent_id = "IMPRINT_PT_map"
-    bl_label = "Readers"
+    bl_label = "Target Programs"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:

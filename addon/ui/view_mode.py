@@ -41,7 +41,7 @@ def draw_mesh(context: bpy.types.Context, shading: view_shading.Shading, mode: M
         shading.draw_legend(_bar_position(context.region, scale), (BAR[0] * scale, BAR[1] * scale))
 
 
-def draw_labels(context: bpy.types.Context, mode: Mode, figures: view_shading.Figures | None) -> None:
+def draw_labels(context: bpy.types.Context, mode: Mode, deviations: view_shading.Deviations | None) -> None:
     """Write the names of a view's parts over it, or the measured deviations."""
     view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
     if mode is Mode.SPLIT:
@@ -57,27 +57,27 @@ def draw_labels(context: bpy.types.Context, mode: Mode, figures: view_shading.Fi
             progress_display.write_text(
                 f"{degrees:.3g}{DEGREES}", x + end * BAR[0] * scale, y - 1.5 * TEXT * scale, scale, 0.5
             )
-        for number, line in enumerate(reversed(describe_figures(figures))):
+        for number, line in enumerate(reversed(describe_deviations(deviations))):
             progress_display.write_text(
                 line, region.width / 2, y + (BAR[1] + TEXT * (1.5 * number + 0.7)) * scale, scale, 0.5
             )
 
 
-def describe_figures(figures: view_shading.Figures | None) -> list[str]:
-    """The deviations in two lines, and the share that was not measured in a third; empty without figures."""
-    if figures is None:
+def describe_deviations(deviations: view_shading.Deviations | None) -> list[str]:
+    """The deviations in two lines, and the share that was not measured in a third; empty without deviations."""
+    if deviations is None:
         return []
     elsewhere = []
-    if figures.elsewhere >= SHOWN_SHARE:
+    if deviations.elsewhere >= SHOWN_SHARE:
         text = message("Purple: {} shows another place of the high mesh and is not measured: cast rays")
-        elsewhere = [text.format(f"{figures.elsewhere:.1%}")]
-    if figures.elsewhere == 1.0:
+        elsewhere = [text.format(f"{deviations.elsewhere:.1%}")]
+    if deviations.elsewhere == 1.0:
         return elsewhere
     return elsewhere + [
         text.format(f"{mean:.2f}{DEGREES}", f"{most:.2f}{DEGREES}")
         for text, mean, most in (
-            (message("With the map: mean {}, 99 % below {}"), figures.mean, figures.percentile_99),
-            (message("Without: mean {}, 99 % below {}"), figures.bare_mean, figures.bare_percentile_99),
+            (message("With the map: mean {}, 99 % below {}"), deviations.mean, deviations.percentile_99),
+            (message("Without: mean {}, 99 % below {}"), deviations.bare_mean, deviations.bare_percentile_99),
         )
     ]
 
@@ -162,9 +162,9 @@ class ViewMode:
         return self.own.session if self.own is not None else None
 
     @property
-    def figures(self) -> view_shading.Figures | None:
+    def deviations(self) -> view_shading.Deviations | None:
         """The deviations of the shown map, after a mode that measures them was on."""
-        return self.shading.figures if self.shading is not None else None
+        return self.shading.deviations if self.shading is not None else None
 
     def switch(self, context: bpy.types.Context, wanted: Mode) -> None:
         """Do the whole task of `switching` at once."""
@@ -275,7 +275,7 @@ class ViewMode:
     def _draw_labels(self) -> None:
         context = bpy.context
         if self.shading_for(context) is not None:
-            draw_labels(context, self.mode, self.figures)
+            draw_labels(context, self.mode, self.deviations)
 
     def _update_shading(self) -> None:
         """Prepare the shading. Do not call this while a view is being drawn."""

@@ -48,7 +48,7 @@ class ImprintView(bpy.types.PropertyGroup):
         translation_context=LABEL,
     )
     reader: EnumProperty(
-        name="Reader",
+        name="Target Program",
         description="Program as which the view reads a tangent-space map. It shows what the program would show of this map",
         items=READERS,
         update=_read_again,
@@ -164,7 +164,7 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
             layout.prop(view, "split")
         if viewer.mode.is_deviation:
             layout.prop(view, "limit")
-            lines = view_mode.describe_figures(viewer.figures)
+            lines = view_mode.describe_deviations(viewer.deviations)
             draw_paragraphs(layout.box(), context, lines, "DRIVER_ROTATIONAL_DIFFERENCE")
         if viewer.message:
             draw_paragraphs(layout.box(), context, [viewer.message], "ERROR")

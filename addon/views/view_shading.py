@@ -218,11 +218,11 @@ MOST_BYTES, LAYER_BYTES = 512 * 2**20, 16
 
 
 @dataclass(frozen=True)
-class Figures:
+class Deviations:
     """Degrees between the shaded normals and those of the high surface, with and without the map, over texels of the whole map.
 
     elsewhere: the share of texels that are not measured, because Flatten has drawn another part of the high surface there.
-    The other figures are NaN if no texel is measured.
+    The other values are NaN if no texel is measured.
     """
 
     mean: float
@@ -265,7 +265,7 @@ def zones(width: int, split: float) -> list[range]:
 class Shading:
     """Draws the objects of `session` where they are now, with their meshes as last read. The session must have a map.
 
-    figures: the deviations of the map from the last `update` that measured them, or None. reader: the name of the program as
+    deviations: those of the map from the last `update` that measured them, or None. reader: the name of the program as
     which a tangent-space map is read; empty for those that it is made for.
     """
 
@@ -278,7 +278,7 @@ class Shading:
                 "choose a smaller size to see it live."
             )
         self.session, self.objects = session, ViewObjects(session)
-        self.figures: Figures | None = None
+        self.deviations: Deviations | None = None
         self.reader = ""
         self._number = 0
         self._measured: target.Target | None = None
@@ -290,7 +290,7 @@ class Shading:
     def update(self, *, is_measured: bool, reader: str = "") -> None:
         """Use the session's last map, read as the program `reader` reads it. Do not call this while a view is being drawn."""
         if (self.session.drawn, reader) != (self._number, self.reader):
-            self._number, self.reader, self.figures, self._measured = self.session.drawn, reader, None, None
+            self._number, self.reader, self.deviations, self._measured = self.session.drawn, reader, None, None
             self._hidden = []
         if is_measured and self._measured is None:
             self._measure()
@@ -379,7 +379,7 @@ class Shading:
                 means = measured[:, :2].mean(axis=0, dtype=np.float64)
                 highest = np.percentile(measured[:, :2], 99, axis=0)
             share = elsewhere / (len(measured) + elsewhere)
-            self.figures = Figures(*map(float, (means[0], highest[0], means[1], highest[1], share)))
+            self.deviations = Deviations(*map(float, (means[0], highest[0], means[1], highest[1], share)))
 
     def _measure_low(
         self, into: target.Target, uploaded: gpu.types.GPUBatch, high_normals: gpu.types.GPUTexture, meshes: Meshes

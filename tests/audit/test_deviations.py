@@ -62,7 +62,7 @@ def test_the_figures_are_those_of_the_view():
     session.run(bpy.context)
     shading = view_shading.Shading(session)
     shading.update(is_measured=True)
-    assert found["percentile_99"] == pytest.approx(shading.figures.percentile_99, rel=0.02)
+    assert found["percentile_99"] == pytest.approx(shading.deviations.percentile_99, rel=0.02)
     assert found["percentile_99"] > 2.0 * OF_8_BITS[1]  # a texel averages what the truth has at its center
 
 
@@ -192,7 +192,7 @@ def test_the_truth_is_the_layer_that_belongs_to_a_texel_whatever_hit_the_setting
     session.run(bpy.context)
     shading = view_shading.Shading(session)
     shading.update(is_measured=True)
-    assert shading.figures.percentile_99 == pytest.approx(degrees, abs=EXACT)
+    assert shading.deviations.percentile_99 == pytest.approx(degrees, abs=EXACT)
 
 
 @pytest.mark.slow

@@ -147,7 +147,7 @@ def test_the_view_has_the_same_figures_and_shows_each_half_at_its_own_place(offs
     session.run(bpy.context)
     shading = view_shading.Shading(session)
     shading.update(is_measured=True)
-    assert shading.figures.percentile_99 == pytest.approx(report.deviation["percentile_99"], rel=0.05)
+    assert shading.deviations.percentile_99 == pytest.approx(report.deviation["percentile_99"], rel=0.05)
     drawn = seen_from_above(shading)[..., :3]
     # Where the copy is, x below 0, colors are those of degrees; the modeled half is exact, and has the color of 0.
     exact = drawn[48, 72]

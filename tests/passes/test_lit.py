@@ -381,31 +381,31 @@ class TestDeviation:
         assert (measured[..., 3] == 1.0).mean() > 0.99
         assert measured[..., 0].max() < 0.1
         assert measured[..., 1].max() > 1.0
-        figures = drawn.figures
+        figures = drawn.deviations
         assert figures.mean <= figures.percentile_99 < 0.1 < figures.bare_mean < figures.bare_percentile_99
 
     def test_another_reader_deviates_by_its_own_rules(self):
         low, high = zoo.terrain("lo", n=9, height=0.3), zoo.terrain("hi", n=96, height=0.3)
         drawn = self.of(low, high, basis="NORMALIZED")
-        exact = drawn.figures
+        exact = drawn.deviations
         drawn.update(is_measured=True, reader="godot-old")  # it makes z, which no texel here has below 0
-        assert drawn.figures.percentile_99 == pytest.approx(exact.percentile_99, abs=0.01)
+        assert drawn.deviations.percentile_99 == pytest.approx(exact.percentile_99, abs=0.01)
         for reader in ("eevee", "cycles", "godot"):
             drawn.update(is_measured=True, reader=reader)
-            assert drawn.figures.percentile_99 > 1.0
+            assert drawn.deviations.percentile_99 > 1.0
         drawn.update(is_measured=True, reader="directx")
-        assert drawn.figures.mean > 10.0
+        assert drawn.deviations.mean > 10.0
         drawn.update(is_measured=True)
-        assert drawn.figures == exact
+        assert drawn.deviations == exact
         assert exact.percentile_99 < 0.1
 
     def test_eight_bits_deviate_by_their_rounding(self):
         drawn = self.of(*pair(Matrix()), space="OBJECT", depth=8)
         texels = drawn.session.texels.reshape(-1, 4)
         lost = value_encoding.angles_between(texels, value_encoding.rounded(texels, 8))
-        assert drawn.figures.mean == pytest.approx(lost.mean(), rel=1e-3)
-        assert drawn.figures.percentile_99 == pytest.approx(np.percentile(lost, 99), rel=1e-2)
-        assert drawn.figures.mean > 0.1
+        assert drawn.deviations.mean == pytest.approx(lost.mean(), rel=1e-3)
+        assert drawn.deviations.percentile_99 == pytest.approx(np.percentile(lost, 99), rel=1e-2)
+        assert drawn.deviations.mean > 0.1
 
     @pytest.mark.parametrize("scale", [1.0, 2.5])
     @pytest.mark.parametrize("slopes", [(0.0, 0.2), (0.2, 0.0)], ids=["high", "low"])
@@ -413,7 +413,7 @@ class TestDeviation:
         low, high = zoo.plane("lo", slope=slopes[0]), zoo.plane("hi", slope=slopes[1])
         for obj in (low, high):
             obj.scale.z = scale
-        figures = self.of(low, high).figures
+        figures = self.of(low, high).deviations
         slope = math.degrees(math.atan(0.2 * scale))
         assert figures.bare_mean == pytest.approx(slope, abs=1e-3)
         assert figures.bare_percentile_99 == pytest.approx(slope, abs=1e-3)
@@ -438,7 +438,7 @@ class TestDeviation:
         measured = values(drawn)
         assert (measured[:, :64, 3] == 1.0).all()
         assert (measured[:, 64:, 3] == -1.0).all()
-        assert drawn.figures.bare_mean == pytest.approx(math.degrees(math.atan(0.2)), abs=1e-3)
+        assert drawn.deviations.bare_mean == pytest.approx(math.degrees(math.atan(0.2)), abs=1e-3)
         pixels = picture(lambda: drawn.draw("BARE_DEVIATION", eye_on(low)))
         assert (np.abs(pixels[..., :3] - 0.1).max(axis=-1) < 1e-4).sum() > 0.3 * (pixels[..., 3] > 0.0).sum()
 
@@ -462,7 +462,7 @@ class TestDeviation:
         away = 4.0 * np.hypot(u - 0.5, v - 0.5) / math.sqrt(2.0)
         truth = np.where(away > 0.05, -2.0, 1.0)
         assert (measured[..., 3] != truth).mean() < 0.002
-        assert drawn.figures.elsewhere == pytest.approx((truth < 0.0).mean(), abs=0.002)
+        assert drawn.deviations.elsewhere == pytest.approx((truth < 0.0).mean(), abs=0.002)
         pixels = picture(lambda: drawn.draw("DEVIATION", eye_on(low)))
         purple = np.abs(pixels[..., :3] - (0.45, 0.0, 0.6)).max(axis=-1) < 1e-3
         assert purple.sum() > 0.98 * (pixels[..., 3] > 0.0).sum()
@@ -473,7 +473,7 @@ class TestDeviation:
         uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
         high.data.uv_layers[0].uv.foreach_set("vector", (uv + (shift, 0)).astype(np.float32).ravel())
         high.location.x = aside
-        figures = self.of(low, high).figures
+        figures = self.of(low, high).deviations
         assert figures.elsewhere == float(is_elsewhere)
         assert math.isnan(figures.mean) == is_elsewhere
 
@@ -485,18 +485,18 @@ class TestDeviation:
         uv = np.array([corner.vector for corner in data.uv_layers[0].uv]).reshape(-1, 4, 2)[order]
         points = [vertex.co[:] for vertex in data.vertices]
         turned = zoo.build("turned", points, corners, uv)
-        assert self.of(low, turned).figures.elsewhere == 0.0
+        assert self.of(low, turned).deviations.elsewhere == 0.0
 
     def test_rays_are_measured_wherever_they_hit(self):
         low, high = zoo.plane("lo", 4), zoo.plane("hi", 4, slope=0.02)
         uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
         high.data.uv_layers[0].uv.foreach_set("vector", (1.0 - uv).astype(np.float32).ravel())
-        assert self.of(low, high, method="CAST", extrusion=0.1, max_distance=0.2).figures.elsewhere == 0.0
+        assert self.of(low, high, method="CAST", extrusion=0.1, max_distance=0.2).deviations.elsewhere == 0.0
 
     def test_cast_maps_have_a_deviation_as_well(self):
         low, high = pair(Matrix())
         drawn = self.of(low, high, method="CAST", samples=4, extrusion=0.1, max_distance=0.2)
-        assert drawn.figures.percentile_99 < 1.0 < drawn.figures.bare_mean
+        assert drawn.deviations.percentile_99 < 1.0 < drawn.deviations.bare_mean
 
 
 def values(drawn):

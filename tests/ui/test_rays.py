@@ -8,7 +8,7 @@ import pytest
 import addon
 from addon.engine.rays import tree_cache
 from addon.ui import object_pairs
-from addon.ui.cage_overlay import CageState, RayFigures, Subject, overlay
+from addon.ui.cage_overlay import CageState, RayLengths, Subject, overlay
 from addon.ui.live_switch import live
 from tests.support import maps, zoo
 from tests.support.panel import use
@@ -165,18 +165,18 @@ def test_shells_of_rays_that_were_never_cast_are_measured(small):
     bpy.ops.imprint.show_cage()
     small.storage = "MEMORY"
     try:
-        figures = overlay.figures(bpy.context, small.low)
+        figures = overlay.lengths(bpy.context, small.low)
         assert figures.extrusion > 0.1
         assert figures.blend_width > 0.0
         assert not bpy.data.images
         bpy.ops.imprint.bake()
-        assert overlay.figures(bpy.context, small.low) == figures
+        assert overlay.lengths(bpy.context, small.low) == figures
         small.measure, small.extrusion, small.max_distance = False, 0.5, 0.75
-        assert overlay.figures(bpy.context, small.low) == RayFigures(0.5, 0.75, figures.blend_width)
+        assert overlay.lengths(bpy.context, small.low) == RayLengths(0.5, 0.75, figures.blend_width)
         high.scale = (1.3, 1.3, 1.3)
         small.measure = True
         bpy.ops.imprint.live("EXEC_DEFAULT")
-        assert overlay.figures(bpy.context, small.low).extrusion > 2.0 * figures.extrusion
+        assert overlay.lengths(bpy.context, small.low).extrusion > 2.0 * figures.extrusion
     finally:
         live.stop()
         overlay.hide()
@@ -186,7 +186,7 @@ def test_shells_without_high_objects_are_not_measured(small):
     small.low = zoo.cube("lo")
     bpy.ops.imprint.show_cage()
     try:
-        assert overlay.figures(bpy.context, small.low) == RayFigures()
+        assert overlay.lengths(bpy.context, small.low) == RayLengths()
         overlay.hide()
         high = zoo.cube("hi")
         small.highs.add().object = high

@@ -92,13 +92,13 @@ def test_the_views_differ_and_a_key_shows_the_next_one(pair):
 
 def test_the_deviations_are_shown_as_text(pair):
     view().mode = "MAP"
-    assert viewer.figures is None
-    assert view_mode.describe_figures(viewer.figures) == []
+    assert viewer.deviations is None
+    assert view_mode.describe_deviations(viewer.deviations) == []
     view().mode = "BARE_DEVIATION"
-    found = viewer.figures
+    found = viewer.deviations
     assert found.percentile_99 < 0.1
     assert found.bare_mean > 1.0
-    assert view_mode.describe_figures(viewer.figures) == [
+    assert view_mode.describe_deviations(viewer.deviations) == [
         f"With the map: mean {found.mean:.2f}°, 99 % below {found.percentile_99:.2f}°",
         f"Without: mean {found.bare_mean:.2f}°, 99 % below {found.bare_percentile_99:.2f}°",
     ]
@@ -108,16 +108,16 @@ def test_a_view_reads_the_map_as_the_chosen_program_does(pair):
     bpy.context.scene.imprint.basis = "CYCLES"
     view().reader = "directx"  # while no view is on
     view().mode = "DEVIATION"
-    wrong, seen = viewer.figures, drawn_pixels()
+    wrong, seen = viewer.deviations, drawn_pixels()
     view().reader = "OWN"
-    assert viewer.figures.percentile_99 < 0.1
+    assert viewer.deviations.percentile_99 < 0.1
     assert wrong.mean > 5.0
     assert not np.array_equal(drawn_pixels(), seen)
     view().reader = "directx"
-    assert viewer.figures == wrong
+    assert viewer.deviations == wrong
     bpy.context.scene.imprint.space = "OBJECT"
     assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
-    assert viewer.figures.percentile_99 < 0.1  # it has no basis
+    assert viewer.deviations.percentile_99 < 0.1  # it has no basis
 
 
 def test_the_panel_says_that_a_program_reads_green_upside_down(pair):
@@ -139,7 +139,7 @@ def test_unmeasured_deviations_are_shown_as_text(pair):
     uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
     high.data.uv_layers[0].uv.foreach_set("vector", (uv + (0.3, 0.0)).astype(np.float32).ravel())
     view().mode = "DEVIATION"
-    (line,) = view_mode.describe_figures(viewer.figures)
+    (line,) = view_mode.describe_deviations(viewer.deviations)
     assert line.startswith("Purple: 100.0% shows another place of the high mesh")
 
 
@@ -200,15 +200,15 @@ def test_views_do_not_depend_on_the_output_settings(pair):
 
 def test_refresh_shows_changes(pair):
     view().mode = "BARE_DEVIATION"
-    before = viewer.figures.bare_mean
+    before = viewer.deviations.bare_mean
     assert not viewer.is_outdated(bpy.context)
     bpy.context.scene.imprint.width = 128
     assert viewer.is_outdated(bpy.context)
     pair[1].scale.z = 2.0
-    assert viewer.figures.bare_mean == before
+    assert viewer.deviations.bare_mean == before
     assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
     assert not viewer.is_outdated(bpy.context)
-    assert viewer.figures.bare_mean > 1.5 * before
+    assert viewer.deviations.bare_mean > 1.5 * before
     assert viewer.shading.session.map.width == 128
     bpy.context.scene.imprint.low = bpy.data.objects["hi"]
     with pytest.raises(RuntimeError, match="'hi'"):
@@ -219,7 +219,7 @@ def test_refresh_shows_changes(pair):
 
 def test_a_view_uses_the_map_of_live_while_it_is_on(pair):
     view().mode = "BARE_DEVIATION"
-    before = viewer.figures.bare_mean
+    before = viewer.deviations.bare_mean
     assert bpy.ops.imprint.live() == {"FINISHED"}
     viewer.catch_up()
     assert viewer.own is None
@@ -228,7 +228,7 @@ def test_a_view_uses_the_map_of_live_while_it_is_on(pair):
     bpy.context.view_layer.update()
     for _ in range(100):
         live.tick()
-    assert viewer.figures.bare_mean > 1.5 * before
+    assert viewer.deviations.bare_mean > 1.5 * before
     assert drawn_pixels().any()
     assert bpy.ops.imprint.live() == {"FINISHED"}
     assert not drawn_pixels().any()  # nothing is baked while a view is being drawn

@@ -68,7 +68,7 @@ def live_view_and_cage():
     is_live = yield from wait(lambda: live.state is LiveState.IDLE and runner.run is None)
     press("view_show", mode="DEVIATION")
     press("show_cage")
-    is_drawn = yield from wait(lambda: viewer.figures is not None and not hiding.is_off)
+    is_drawn = yield from wait(lambda: viewer.deviations is not None and not hiding.is_off)
     return is_live and is_drawn and overlay.is_on
 
 

@@ -57,7 +57,7 @@ MAP: dict[str, Setting] = {
         option=Option(note="Mesh files have no scene: for them, auto means mikktspace"),
     ),
     "readers": Flags(
-        label="Readers",
+        label="Target Programs",
         tooltip="Programs for which the report says by how many degrees they are off when they read this tangent-space map",
         items=tuple(
             Item(reader.name, reader.label, f"It decodes with the basis {reader.basis.label}")
