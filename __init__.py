@@ -1,20 +1,41 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's door to the extension.
+"""The extension, and the package `imprint` for other programs: `imprint.bake(low, high, maps=..., size=...)`.
 
-Nothing is imported until Blender asks for it: the repository's root is this package, and pytest, which imports it on
-its way to the tests, must not load the add-on with it.
+Nothing is imported until Blender or a program asks for it: the repository's root is this package, and pytest, which
+imports it on its way to the tests, must not load the add-on with it.
 """
 
+from typing import TYPE_CHECKING, Any
 
-def register():
+if TYPE_CHECKING:
+    from .addon.api import BakeError, NoGpu, Result, Surface, bake
+
+__all__ = ["BakeError", "NoGpu", "Result", "Surface", "bake"]
+
+
+def register() -> None:
     """Register the add-on with Blender."""
     from . import addon
 
     addon.register()
 
 
-def unregister():
+def unregister() -> None:
     """Take the add-on out of Blender again."""
     from . import addon
 
     addon.unregister()
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        import bpy  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise ImportError(
+            "Imprint bakes with Blender's Python package, which is missing: pip install 'imprint[bpy]'"
+        ) from error
+    from .addon import api
+
+    return getattr(api, name)

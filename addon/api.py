@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The door for other programs: meshes in as arrays, Blender's objects or files, maps out as arrays and files."""
+
+import os
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import bpy
+import numpy as np
+
+from .cli.mesh_files.importers import PLAIN
+from .cli.scene_files import bring
+from .core import file_formats, map_types
+from .core.declarations import kinds
+from .core.declarations.all_settings import DECLARED
+from .core.declarations.choices import Storage
+from .core.errors import BakeError, NoGpu
+from .core.naming import did_you_mean
+from .core.progress import Progress
+from .core.report import Report
+from .core.settings import PART_OF, Settings
+from .jobs import Job, bake_all
+
+__all__ = ["BakeError", "NoGpu", "Result", "Surface", "bake"]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A triangle mesh as arrays, in one space with the others of the bake, Z up.
+
+    Args:
+        vertices: (V, 3) floats.
+        triangles: (T, 3) indices of vertices, counter-clockwise where seen from the front.
+        uv: (V, 2) by vertex, or (T, 3, 2) by corner; row 0 of a map is v = 0. The low mesh needs them.
+        normals: (V, 3) by vertex, or (T, 3, 3) by corner. None for smooth normals.
+        name: in messages, and for "{low}" in `output`.
+    """
+
+    vertices: Any
+    triangles: Any
+    uv: Any = None
+    normals: Any = None
+    name: str = ""
+
+
+Source: TypeAlias = Surface | bpy.types.Object | str | os.PathLike[str]
+"""What `bake` reads: arrays, an object of the open scene, or a mesh file. An object with `vertices` and `faces`, as trimesh has
+them, is read as arrays."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a bake made.
+
+    Attributes:
+        maps: the maps by name in lower case, (H, W, 4) float32, row 0 at v = 0. Normals lie in 0 to 1, other values are those
+            of a 32-bit file, or of the files that were written. Empty for UDIM tiles, which are in files alone.
+        files: the absolute paths of the files that were written.
+        warnings: sentences.
+        report: everything that is known of the bake, as `bake --report` writes it.
+    """
+
+    maps: dict[str, np.ndarray]
+    files: list[str]
+    warnings: list[str]
+    report: dict[str, Any]
+
+
+def bake(
+    low: Source,
+    high: Source | Sequence[Source],
+    *,
+    maps: Sequence[str] | str = ("normal",),
+    size: int | tuple[int, int] = 1024,
+    cage: Source | None = None,
+    output: str | os.PathLike[str] = "",
+    on_progress: Callable[[Progress], None] | None = None,
+    **settings: Any,
+) -> Result:
+    """Bake the detail of high meshes into maps for a low mesh. The open scene stays as it was.
+
+    Args:
+        low: with UVs. A file must hold one mesh.
+        high: one mesh or several.
+        maps: names as on the command line: "normal", "ao", "height", "basecolor" ...
+        size: the side of a square map in texels, or its width and height.
+        cage: a mesh with the vertices of `low` in the same order, on which rays start.
+        output: the file of the normal map; those of other maps stand beside it. Empty to write no file.
+        on_progress: called between slices of the work.
+        settings: other settings, as job files name them but with underscores: `samples=4, max_distance=0.1, space="object"`.
+
+    Raises:
+        BakeError: for what cannot be baked, with a sentence that says what to fix.
+    """
+    asked = _settings(maps, size, os.fspath(output), settings)
+    sources = list(high) if isinstance(high, list | tuple) else [high]
+    with _nothing_left():
+        low_object = _only(_objects(low, "low"), "low")
+        highs = [obj for number, source in enumerate(sources) for obj in _objects(source, f"high {number + 1}")]
+        cages = _objects(cage, "cage") if cage is not None else []
+        if isinstance(low, Surface) and low.uv is None:
+            raise BakeError("The low mesh has no UVs: give `uv` by vertex (V, 2) or by corner (T, 3, 2).")
+        job = Job(low_object, highs, _only(cages, "cage") if cages else None)
+        with _without_users(low_object):
+            (report,) = bake_all(bpy.context, [job], asked, on_progress=on_progress)
+            return Result(_arrays(report, asked), list(report.output), list(report.warnings), report.to_dict())
+
+
+def _settings(maps: Sequence[str] | str, size: int | tuple[int, int], output: str, values: dict[str, Any]) -> Settings:
+    """The settings of a call. Raises BakeError for names that are unknown and for values that are not valid."""
+    reserved = {"width", "height", "maps", "normal", "output", "storage", "material", "connect_maps", "texture_sets"}
+    names = [name for name in PART_OF if name not in reserved]
+    for name in values:
+        if name not in names:
+            raise BakeError(f"There is no setting {name!r} of a bake{did_you_mean([name], names) or '.'}")
+    known = {_plain(each.name): each.name for each in (map_types.NORMAL, *map_types.OTHERS)}
+    chosen = []
+    for name in maps.split(",") if isinstance(maps, str) else maps:
+        if _plain(name) not in known:
+            raise BakeError(f"There is no map {name!r}{did_you_mean([_plain(name)], known) or '.'}")
+        chosen.append(known[_plain(name)])
+    width, height = (size, size) if isinstance(size, int) else size
+    depth = values.pop("depth", file_formats.usual_depth(output) if output else 32)
+    result = Settings(
+        width=width,
+        height=height,
+        normal=map_types.NORMAL.name in chosen,
+        maps=tuple(name for name in map_types.NAMES if name in chosen),
+        storage=Storage.FILE if output else Storage.MEMORY,
+        output=os.path.abspath(output) if output else "",
+        image=f".imprint {uuid.uuid4().hex}",  # no image of the open file has this name
+        depth=depth,
+        material=False,
+        **{name: _value(DECLARED[name], value) for name, value in values.items()},
+    )
+    result.check()
+    return result
+
+
+def _plain(name: str) -> str:
+    return str(name).strip().lower().replace("_", "").replace("-", "").replace(" ", "")
+
+
+def _value(setting: kinds.Setting, value: Any) -> Any:
+    """A value as Settings has it: of a choice, in any spelling."""
+    if isinstance(setting, kinds.Choice):
+        known = {_plain(each): each for each in setting.values}
+        if isinstance(setting, kinds.Flags):
+            found = value.split(",") if isinstance(value, str) else value
+            return tuple(known.get(_plain(each), each) for each in found)
+        return known.get(_plain(value), value)
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _objects(source: Source, name: str) -> list[bpy.types.Object]:
+    """The objects of a source, which are made or imported if they are not in the scene. name: of one that has none."""
+    if isinstance(source, bpy.types.Object):
+        return [source]
+    if isinstance(source, str | os.PathLike):
+        return bring(os.fspath(source), PLAIN)
+    if hasattr(source, "vertices") and hasattr(source, "faces"):
+        visual = getattr(source, "visual", None)
+        source = Surface(source.vertices, source.faces, getattr(visual, "uv", None), source.vertex_normals)
+    if not isinstance(source, Surface):
+        raise BakeError(
+            f"{type(source).__name__} is no mesh: give a Surface, an object of Blender or the path of a file."
+        )
+    return [_made(source, source.name or name)]
+
+
+def _only(objects: Sequence[bpy.types.Object], role: str) -> bpy.types.Object:
+    if len(objects) > 1:
+        raise BakeError(f"The {role} file holds {len(objects)} meshes where one is wanted: join them.")
+    return objects[0]
+
+
+def _made(surface: Surface, name: str) -> bpy.types.Object:
+    """An object of the open scene with the mesh of a surface."""
+    vertices, triangles = _rows(surface.vertices, 3, f"The vertices of {name!r}"), np.asarray(surface.triangles)
+    if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
+        raise BakeError(f"The triangles of {name!r} are no whole numbers of the shape (T, 3).")
+    if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
+        raise BakeError(f"The triangles of {name!r} name vertices that it does not have: indices count from 0.")
+    data = bpy.data.meshes.new(name)
+    data.vertices.add(len(vertices))
+    data.attributes["position"].data.foreach_set("vector", vertices.ravel())
+    data.loops.add(triangles.size)
+    data.loops.foreach_set("vertex_index", triangles.astype(np.int32).ravel())
+    data.polygons.add(len(triangles))
+    data.polygons.foreach_set("loop_start", np.arange(0, triangles.size, 3, dtype=np.int32))
+    data.update(calc_edges=True)
+    if surface.uv is not None:
+        uv = _by_corner(surface.uv, 2, (len(vertices), triangles), f"The UVs of {name!r}")
+        data.uv_layers.new(name="UVMap", do_init=False).uv.foreach_set("vector", uv.ravel())
+    if surface.normals is not None:
+        normals = _by_corner(surface.normals, 3, (len(vertices), triangles), f"The normals of {name!r}")
+        # Blender keeps the vectors exactly; normals_split_custom_set would round them.
+        data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", normals.ravel())
+    obj = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def _by_corner(values: Any, width: int, of: tuple[int, np.ndarray], what: str) -> np.ndarray:
+    """Values by vertex or corner as (3 T, width) float32. of: the number of vertices, and the triangles."""
+    found, (count, triangles) = np.asarray(values), of
+    if found.shape == (*triangles.shape, width):
+        return _rows(found.reshape(-1, width), width, what)
+    if found.shape == (count, width):
+        return _rows(found, width, what)[triangles.ravel()]
+    raise BakeError(
+        f"{what} have the shape {found.shape}: give {(count, width)} by vertex or {(*triangles.shape, width)} by corner."
+    )
+
+
+def _rows(values: Any, width: int, what: str) -> np.ndarray:
+    """Values as (N, width) float32."""
+    found = np.asarray(values)
+    if found.dtype.kind not in "iuf" or found.ndim != 2 or found.shape[1] != width:
+        raise BakeError(f"{what} are no numbers of the shape (N, {width}).")
+    return np.ascontiguousarray(found, np.float32)
+
+
+def _arrays(report: Report, settings: Settings) -> dict[str, np.ndarray]:
+    """The images of a bake as arrays, by the names of the maps."""
+    if settings.sampling.udim:
+        return {}
+    images = {"normal": report.image} if settings.map.normal else {}
+    images |= {name: how["image"] for name, how in report.maps.items()}
+    found = {}
+    for name, image_name in images.items():
+        image = bpy.data.images[image_name]
+        width, height = image.size
+        texels = np.empty((height, width, 4), np.float32)
+        image.pixels.foreach_get(texels.ravel())
+        found[name] = texels
+    return found
+
+
+@contextmanager
+def _nothing_left() -> Iterator[None]:
+    """Remove what the block adds to the open file."""
+    before = {kind: set(getattr(bpy.data, kind)) for kind in _KINDS}
+    try:
+        yield
+    finally:
+        bpy.data.batch_remove([each for kind in _KINDS for each in getattr(bpy.data, kind) if each not in before[kind]])
+
+
+_KINDS = (
+    *("objects", "meshes", "materials", "images", "collections", "node_groups", "textures", "armatures", "actions"),
+    *("lights", "cameras", "curves", "texts", "libraries"),
+)
+"""What importers and a bake add to a file, as bpy.data names it."""
+
+
+@contextmanager
+def _without_users(low: bpy.types.Object) -> Iterator[None]:
+    """Take from the object's list of maps what the block adds to it. Only the window's Blender has the list."""
+    maps = low.imprint.maps if hasattr(low, "imprint") else None
+    count = len(maps) if maps is not None else 0
+    try:
+        yield
+    finally:
+        while maps is not None and len(maps) > count:
+            maps.remove(len(maps) - 1)

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the Python door as other programs use it: from an installed package, from an installed zip, as the manual says."""
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from scripts.imprint import ROOT
+
+SCRIPT = Path(__file__).with_name("use_python.py")
+MESHES = """
+import numpy as np
+low_vertices = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+low_triangles, low_uv = np.array([[0, 1, 2], [0, 2, 3]]), (low_vertices[:, :2] + 1) / 2
+high_vertices, high_triangles = low_vertices + np.float32([0, 0, 0.01]), low_triangles
+"""
+OBJ = "v -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n"
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory):
+    """A folder with what `pip install .` puts beside other packages, as pyproject.toml lists it."""
+    folder = tmp_path_factory.mktemp("packages")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    for source, target in project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"].items():
+        copy = shutil.copytree if (ROOT / source).is_dir() else shutil.copyfile
+        (folder / target).parent.mkdir(parents=True, exist_ok=True)
+        copy(ROOT / source, folder / target)
+    return folder
+
+
+def run(packages, folder, program):
+    """Run a program outside the checkout, with `packages` among the installed ones."""
+    script = Path(folder, "program.py")
+    lines = f"import sys\nsys.path.insert(0, {str(packages)!r})\n"
+    script.write_text(lines + program.read_text(encoding="utf-8"), encoding="utf-8")
+    command = [sys.executable, "-I", str(script)]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_an_installed_package_bakes(packages, tmp_path):
+    done = run(packages, tmp_path, SCRIPT)
+    assert "baked through the door" in done.stdout, done.stdout + done.stderr
+
+
+def test_the_lines_of_the_manual_bake(packages, tmp_path):
+    examples = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text(encoding="utf-8"), re.DOTALL)
+    lines = [each for each in examples if "bpy.ops" not in each]
+    assert len(lines) == 2
+    for name in ("rock_low.obj", "rock_high.obj"):
+        (tmp_path / name).write_text(OBJ)
+    checks = "assert normals.shape == (256, 256, 4)\nassert len(result.files) == 2\nprint('as the manual says')\n"
+    program = tmp_path / "manual.py"
+    program.write_text(MESHES + "\n".join(lines) + checks)
+    done = run(packages, tmp_path, program)
+    assert "as the manual says" in done.stdout, done.stdout + done.stderr
+
+
+def test_without_blender_the_package_says_what_to_install(packages, tmp_path):
+    program = tmp_path / "without.py"
+    program.write_text("sys.modules['bpy'] = None\nimport imprint\nimprint.bake\n")
+    done = run(packages, tmp_path, program)
+    assert done.returncode == 1
+    assert "pip install 'imprint[bpy]'" in done.stderr
