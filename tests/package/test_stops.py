@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests batches in another process that signals stop, as scripts/dev/stops.py does many times, and their output."""
+"""Tests batches in another process that signals stop, and their output."""
 
 import os
 import signal
@@ -9,8 +9,7 @@ import time
 
 import pytest
 
-from scripts.dev import stops
-from tests.support import lanes
+from tests.support import lanes, stops
 
 pytestmark = [
     pytest.mark.usefixtures("gpu_context"),
@@ -87,6 +86,7 @@ def test_maps_are_written_even_if_the_output_fails(tmp_path, case):
     assert [stops.is_whole(path) for path in tmp_path.glob("maps/*")] == [True, True]
 
 
+@pytest.mark.slow
 def test_standard_output_has_only_imprints_text(tmp_path):
     """Blender prints each file that it reads or writes, and the window system prints warnings."""
     mesh = tmp_path / "low.obj"

@@ -15,21 +15,18 @@ from tests.support import angles
 DIRECTIONS = ((0.4, 0.3, 1.0), (-0.5, -0.2, -1.0))
 """From the mesh to the eyes, in the axes of glTF: before it and behind it."""
 BARE, OBJECT, NO_TANGENTS = "bare", "object", "no-tangents"
-PERCENTILES = (50, 95, 99)
 
 
 @dataclass(frozen=True)
 class View:
     """What one eye sees, on the pixels where a mesh is: bottom row first.
 
-    drawn: by the float64 rasterizer. away: (S, S), whether the four texels around a pixel are baked and have its sign: so it
+    matrix: of the camera. away: (S, S), whether the four texels around a pixel are baked and have its sign: so it
     lies away from the borders of islands, mirrored seams, and texels that several triangles share.
     """
 
     matrix: np.ndarray
-    drawn: drawing.Drawn
     away: np.ndarray
-    normals: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -43,13 +40,9 @@ class Setting:
 
 def set_up(sample: Sample, size: int) -> Setting:
     """The views of a sample that show all of it, in pictures of size x size pixels."""
-    surface, views = sample.surface, []
-    sights = drawing.look_around(surface.position, DIRECTIONS, size)
-    for matrix, drawn in zip(sights.matrices, sights.drawn, strict=True):
-        triangle, weights = drawn.triangle[drawn.there], drawn.weights[drawn.there]
-        normals = np.zeros((size, size, 3))
-        normals[drawn.there] = unit(np.einsum("ncx,nc->nx", surface.normal[triangle], weights))
-        views.append(View(matrix, drawn, away_from_seams(sample, drawn), normals))
+    sights = drawing.look_around(sample.surface.position, DIRECTIONS, size)
+    seen = zip(sights.matrices, sights.drawn, strict=True)
+    views = [View(matrix, away_from_seams(sample, drawn)) for matrix, drawn in seen]
     return Setting(views, sights.near, sights.far)
 
 
@@ -94,26 +87,15 @@ def run(sample: Sample, setting: Setting, modules: Path, engine: str, size: int)
     return found
 
 
-def figures(found: dict, setting: Setting) -> dict:
-    """What a run shows: angles of each model to the object-space map, and of the bare mesh to a float64 reader of the file."""
-    degrees = {name: [] for name in (*bases.BY_NAME, NO_TANGENTS, BARE)}
-    bare, pixels = [], 0
+def degrees(found: dict, setting: Setting) -> dict:
+    """The 99th percentile of the angles of each model to the object-space map, and how many pixels it is of."""
+    angles_of = {name: [] for name in (*bases.BY_NAME, NO_TANGENTS, BARE)}
     for index, view in enumerate(setting.views):
-        there = view.drawn.there & found[BARE, index].any(axis=-1)
-        away = there & view.away
-        pixels += np.count_nonzero(there)
-        bare.append(angles.degrees(found[BARE, index][there], view.normals[there]))
-        wanted = found[OBJECT, index][away]
-        for name, parts in degrees.items():
-            parts.append(angles.degrees(found[name, index][away], wanted))
-    joined = {name: np.concatenate(parts) for name, parts in degrees.items()}
+        away = view.away & found[BARE, index].any(axis=-1)
+        for name, parts in angles_of.items():
+            parts.append(angles.degrees(found[name, index][away], found[OBJECT, index][away]))
+    joined = {name: np.concatenate(parts) for name, parts in angles_of.items()}
     return {
-        "pixels": int(pixels),
         "compared": len(joined[BARE]),
-        "bare_to_file": percentiles(np.concatenate(bare)),
-        "degrees": {name: percentiles(values) for name, values in joined.items()},
+        "degrees": {name: round(float(np.percentile(values, 99)), 4) for name, values in joined.items()},
     }
-
-
-def percentiles(values: np.ndarray) -> list[float]:
-    return [round(float(value), 4) for value in np.percentile(values, PERCENTILES)]

@@ -15,7 +15,6 @@ from addon.export import engine_files
 from addon.jobs import bake_pair
 from scripts.dev.in_engines import drawing
 from scripts.dev.in_engines.glb_file import Glb, Surface, node_matrix, unit
-from tests.support import angles, decoders
 
 MARGIN = 16
 """Texels around the islands of a map."""
@@ -29,7 +28,7 @@ class Sample:
 
     files: by basis, as exported with its map. normal_matrix: (3, 3), from the space of the mesh to world space. laid_out: which
     triangle each texel shows. baked: (S, S), whether the high mesh is at a texel that one triangle of the low mesh has for
-    itself, so that no margin fills it. object_map: (S, S, 3), normals in the space of the mesh. maps: by basis, (S, S, 3).
+    itself, so that no margin fills it. object_map: (S, S, 3), normals in the space of the mesh.
     """
 
     name: str
@@ -39,25 +38,11 @@ class Sample:
     laid_out: drawing.Drawn
     baked: np.ndarray
     object_map: np.ndarray
-    maps: dict[str, np.ndarray]
 
     @property
     def uv(self) -> np.ndarray:
         """(T, 3, 2), with v up."""
         return with_v_up(self.surface.uv)
-
-    def decoded_degrees(self) -> dict[str, float]:
-        """By basis, the 99th percentile of the angles between the map, decoded in float64, and the object-space map."""
-        triangle, weights = self.laid_out.triangle[self.baked], self.laid_out.weights[self.baked]
-        wanted = unit(self.object_map[self.baked] @ self.normal_matrix.T)
-        normals, tangents = self.surface.normal, self.surface.tangent
-        corners = normals, tangents, decoders.bitangents(normals, tangents)
-        frame = [np.einsum("ncx,nc->nx", values[triangle], weights) for values in corners]
-        found = {}
-        for basis, texels in self.maps.items():
-            read = unit(decoders.decoded(texels[self.baked], basis, *frame))
-            found[basis] = float(np.percentile(angles.degrees(read, wanted), 99))
-        return found
 
 
 def with_v_up(uv: np.ndarray) -> np.ndarray:
@@ -70,10 +55,7 @@ def make(path: Path, size: int) -> Sample:
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     covered = bake(low, high, size, "OBJECT", margin=0)[0][..., 3] > 0.5
     object_map = normals(bake(low, high, size, "OBJECT")[0]) @ TO_GLTF.T
-    maps, files = {}, {}
-    for basis in bases.BY_NAME:
-        texels, report = bake(low, high, size, "TANGENT", basis)
-        maps[basis], files[basis] = normals(texels), export(report)
+    files = {basis: export(bake(low, high, size, "TANGENT", basis)[1]) for basis in bases.BY_NAME}
     glb = files["MIKKTSPACE"]
     surface = glb.surface()
     if surface.tangent is None:
@@ -81,7 +63,7 @@ def make(path: Path, size: int) -> Sample:
     normal_matrix = np.linalg.inv(mesh_matrix(glb)[:3, :3]).T
     laid_out = drawing.lay_out(with_v_up(surface.uv), size)
     baked = covered & (laid_out.count == 1)
-    return Sample(path.stem, files, surface, normal_matrix, laid_out, baked, object_map, maps)
+    return Sample(path.stem, files, surface, normal_matrix, laid_out, baked, object_map)
 
 
 def normals(texels: np.ndarray) -> np.ndarray:
