@@ -9,9 +9,9 @@ import numpy as np
 from bpy.types import Node
 from mathutils import Euler
 
+from .arithmetic_nodes import MATH, VECTOR_MATH, Operation
 from .node_links import Place, title
 from .node_values import NodeValues
-from .operations import MATH, VECTOR_MATH, Operation
 from .signals import NotFollowedError
 
 Mapping: TypeAlias = tuple[tuple[float, float, float], tuple[float, float, float]]
