@@ -13,8 +13,7 @@ from bpy.types import Node
 
 from ...core.material_feeds import LUMINANCE, ImageFeed
 from ..images.image_pages import UNKNOWN
-from .node_links import Place, title
-from .node_values import NodeValues, own_value
+from .node_values import NodeValues, Place, own_value, title
 from .signals import (
     NEGLIGIBLE,
     Function,

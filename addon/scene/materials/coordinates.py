@@ -10,8 +10,7 @@ from bpy.types import Node
 from mathutils import Euler
 
 from .arithmetic_nodes import MATH, VECTOR_MATH, Operation
-from .node_links import Place, title
-from .node_values import NodeValues
+from .node_values import NodeValues, Place, title
 from .signals import NotFollowedError
 
 Mapping: TypeAlias = tuple[tuple[float, float, float], tuple[float, float, float]]

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.material_feeds import NO_LIMITS, BumpFeed, DetailFeed, ImageFeed, NormalMapFeed
-from .node_links import Place, title
-from .node_values import NodeValues
+from .node_values import NodeValues, Place, title
 from .signals import NotAffineError, NotFollowedError, Signal
 
 FLAT = (0.5, 0.5, 1.0)

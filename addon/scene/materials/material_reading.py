@@ -11,8 +11,7 @@ from ...core.material_feeds import Constant, DetailFeed, Feed, HighMaterial
 from ..images.image_pages import ImagePages
 from . import arithmetic_nodes, texture_nodes
 from .detail_normals import read_detail
-from .node_links import Place, title
-from .node_values import NodeValues
+from .node_values import NodeValues, Place, title
 from .signals import NotAffineError, NotFollowedError, Signal, is_image, limited, number, scaled
 from .surface_shaders import ALPHA, BASE_COLOR, EMISSION, METALLIC, ROUGHNESS, Shader, Value, find_shader
 

@@ -7,8 +7,7 @@ from typing import NamedTuple, TypeAlias
 
 from bpy.types import Material, Node
 
-from .node_links import Place, title
-from .node_values import NodeValues
+from .node_values import NodeValues, Place, title
 from .signals import NotAffineError, NotFollowedError
 
 PRINCIPLED = "ShaderNodeBsdfPrincipled"

@@ -4,8 +4,7 @@
 from ...core.material_feeds import AVERAGE, AttributeFeed, Extension, ImageFeed
 from ..images.image_pages import UnreadableError
 from .coordinates import coordinates
-from .node_links import Place, title
-from .node_values import NodeValues
+from .node_values import NodeValues, Place, title
 from .signals import NotFollowedError, Signal
 
 ALPHA = 3
