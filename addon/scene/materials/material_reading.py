@@ -10,10 +10,10 @@ from ... import older_blender
 from ...core.material_feeds import Constant, DetailFeed, Feed, HighMaterial
 from ..images.image_pages import ImagePages
 from . import arithmetic_nodes, texture_nodes
-from .detail_normals import read_detail
 from .node_values import NodeValues, Place, title
 from .signals import NotAffineError, NotFollowedError, Signal, is_image, limited, number, scaled
 from .surface_shaders import ALPHA, BASE_COLOR, EMISSION, METALLIC, ROUGHNESS, Shader, Value, find_shader
+from .texture_nodes import read_detail
 
 GRAY, HALF_ROUGH = 0.8, 0.5
 """What Blender shows on faces without a material: the defaults of the Principled BSDF."""
