@@ -26,8 +26,7 @@ from ..mesh.inputs import Meshes
 from ..output import map_storage
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap, triangle_ids
-from ..scene import evaluation, mesh_reader, reading
-from ..scene.elements import mesh_elements
+from ..scene import evaluation, mesh_elements, mesh_reader, reading
 from .job import Job, check_job
 from .report_making import PastBake
 

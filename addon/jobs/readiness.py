@@ -17,8 +17,7 @@ from ..core.settings import MapSettings, SamplingSettings, Settings
 from ..mesh import edges, face_shapes, uv_islands, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..scene import evaluation, mesh_reader
-from ..scene.elements import mesh_elements
+from ..scene import evaluation, mesh_elements, mesh_reader
 from .report_making import PastBake
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]

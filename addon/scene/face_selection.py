@@ -4,8 +4,7 @@
 import bpy
 import numpy as np
 
-from . import visibility
-from .elements import mesh_elements
+from . import mesh_elements, visibility
 
 
 def problem(obj: bpy.types.Object) -> str:

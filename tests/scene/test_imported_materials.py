@@ -10,7 +10,7 @@ import pytest
 
 from addon.core.material_feeds import AttributeFeed, ImageFeed, NormalMapFeed
 from addon.scene.images.image_pages import ImagePages
-from addon.scene.materials.mesh_attributes import attribute_by_corner
+from addon.scene.mesh_elements import attribute_by_corner
 from tests.support import feeds
 from tests.support.shader_nodes import read
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.scene.images.image_colors import srgb_to_linear
-from addon.scene.materials.mesh_attributes import attribute_by_corner, tangents_by_corner, uv_by_corner
+from addon.scene.mesh_elements import attribute_by_corner, tangents_by_corner, uv_by_corner
 
 CORNERS = [0, 1, 2, 3, 3, 2, 4]
 """The vertices of the corners of `two_faces`."""

@@ -10,12 +10,12 @@ from ...core.map_types import BY_NAME
 from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, Feed, HighMaterial, ImageFeed
 from ...core.settings import MapSettings
 from ...mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER
-from ..materials import mesh_attributes
+from .. import mesh_elements
 
 READERS = {
-    UV_LAYER: mesh_attributes.uv_by_corner,
-    ATTRIBUTE: mesh_attributes.attribute_by_corner,
-    TANGENTS: mesh_attributes.tangents_by_corner,
+    UV_LAYER: mesh_elements.uv_by_corner,
+    ATTRIBUTE: mesh_elements.attribute_by_corner,
+    TANGENTS: mesh_elements.tangents_by_corner,
 }
 """What reads each kind of Mesh.layers; None where the mesh lacks it."""
 

@@ -1,10 +1,63 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads attributes, UV layers and tangents of meshes by face corner."""
+"""Reads which faces, edges, vertices and corners of a mesh belong together, and its attributes, UV layers and tangents by corner."""
 
 import bpy
 import numpy as np
 
-from .. import mesh_reader
+from . import mesh_reader
+from .mesh_reader import corner_vertices
+
+
+def edges(data: bpy.types.Mesh, ends: np.ndarray) -> np.ndarray:
+    """The edges (N,) int of `data` between these pairs of vertices (N, 2), unordered. Pairs without an edge are left out."""
+    pairs = np.empty((len(data.edges), 2), np.int32)
+    data.edges.foreach_get("vertices", pairs.reshape(-1))
+    keys, end_keys = (
+        values.min(axis=1).astype(np.int64) * len(data.vertices) + values.max(axis=1) for values in (pairs, ends)
+    )
+    return np.flatnonzero(np.isin(keys, end_keys))
+
+
+def elements(data: bpy.types.Mesh, chosen: np.ndarray, domain: str = "FACE") -> dict[str, np.ndarray]:
+    """The indices of the "polygons", "edges" and "vertices" of the `chosen` faces of `data`, or edges for the domain "EDGE"."""
+    if domain == "EDGE":
+        pairs = np.empty((len(data.edges), 2), np.int32)
+        data.edges.foreach_get("vertices", pairs.reshape(-1))
+        return {"polygons": chosen[:0], "edges": chosen, "vertices": pairs[chosen].reshape(-1)}
+    corners = face_corners(data, chosen)
+    return {"polygons": chosen, "edges": corner_edges(data)[corners], "vertices": corner_vertices(data)[corners]}
+
+
+def face_corners(data: bpy.types.Mesh, chosen: np.ndarray) -> np.ndarray:
+    """The corners (N,) int of the `chosen` faces of `data`, face by face."""
+    starts, totals = _face_spans(data)
+    totals = totals[chosen]
+    within = np.arange(totals.sum()) - np.repeat(np.cumsum(totals) - totals, totals)
+    return np.repeat(starts[chosen], totals) + within
+
+
+def next_corners(data: bpy.types.Mesh) -> np.ndarray:
+    """The corner that follows each corner in its face, (C,) int."""
+    starts, totals = _face_spans(data)
+    following = np.arange(1, len(data.loops) + 1)
+    following[starts + totals - 1] = starts
+    return following
+
+
+def corner_edges(data: bpy.types.Mesh) -> np.ndarray:
+    """The edge from each corner to the next one in its face, (C,) int32."""
+    indices = np.empty(len(data.loops), np.int32)
+    data.attributes[".corner_edge"].data.foreach_get("value", indices)
+    return indices
+
+
+def _face_spans(data: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """The first corner of each face and their number, (F,) int32 each."""
+    starts, totals = (np.empty(len(data.polygons), np.int32) for _ in range(2))
+    data.polygons.foreach_get("loop_start", starts)
+    data.polygons.foreach_get("loop_total", totals)
+    return starts, totals
+
 
 _COMPONENTS = {
     "FLOAT": ("value", 1),
@@ -33,7 +86,7 @@ def attribute_by_corner(data: bpy.types.Mesh, name: str) -> np.ndarray | None:
     attribute = data.attributes.get(name or data.attributes.default_color_name or "")
     if attribute is None or attribute.data_type not in _COMPONENTS:
         return None
-    values = _values(attribute)
+    values = _attribute_values(attribute)
     if len(values) != data.attributes.domain_size(attribute.domain):  # a mesh in Edit Mode
         return None
     width = values.shape[1]
@@ -51,7 +104,7 @@ def uv_by_corner(data: bpy.types.Mesh, layer: str) -> np.ndarray | None:
     """
     name = layer or render_layer(data)
     if name in data.uv_layers and len(data.uv_layers[name].uv) == len(data.loops):
-        return _values(data.attributes[name])
+        return _attribute_values(data.attributes[name])
     found = attribute_by_corner(data, name) if name else None
     return None if found is None else np.ascontiguousarray(found[:, :2])
 
@@ -77,7 +130,7 @@ def tangents_by_corner(data: bpy.types.Mesh, layer: str) -> np.ndarray | None:
     return tangents
 
 
-def _values(attribute: bpy.types.Attribute) -> np.ndarray:
+def _attribute_values(attribute: bpy.types.Attribute) -> np.ndarray:
     """The values of the elements, (N, components)."""
     name, width = _COMPONENTS[attribute.data_type]
     values = np.empty((len(attribute.data), width), _DTYPES.get(attribute.data_type, np.float32))
