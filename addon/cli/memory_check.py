@@ -15,7 +15,7 @@ from ..core.preflight.memory_need import Amounts, Need, sentence
 from ..core.settings import Settings
 from ..jobs import job as drawing
 from ..jobs.job import Job
-from ..scene.images import image_files
+from ..scene import image_files
 from .mesh_files import textures
 
 WORTH_A_LINE = 0.5

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.scene.images.image_colors import srgb_to_linear
+from addon.scene.image_files import srgb_to_linear
 from addon.scene.images.image_pages import ImagePages, UnreadableError
 from tests.support import feeds
 
@@ -406,5 +406,5 @@ def test_an_image_may_be_renamed_meanwhile(tmp_path):
 def test_pages_of_other_spaces_are_converted_in_parts(tmp_path, monkeypatch):
     image = load(tmp_path / "odd.png", stored(), space="Display P3")
     whole = page(image)
-    monkeypatch.setattr("addon.scene.images.image_colors.PIXELS_AT_ONCE", 2 * WIDTH + 1)
+    monkeypatch.setattr("addon.scene.image_files.PIXELS_AT_ONCE", 2 * WIDTH + 1)
     assert (page(image) == whole).all()

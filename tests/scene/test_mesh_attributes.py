@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.scene.images.image_colors import srgb_to_linear
+from addon.scene.image_files import srgb_to_linear
 from addon.scene.mesh_elements import attribute_by_corner, tangents_by_corner, uv_by_corner
 
 CORNERS = [0, 1, 2, 3, 3, 2, 4]

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from addon.core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, AttributeFeed, Constant, Extension
-from addon.scene.images.image_colors import srgb_to_linear
+from addon.scene.image_files import srgb_to_linear
 from addon.scene.mesh_elements import attribute_by_corner, uv_by_corner
 
 BAKED = "baked"

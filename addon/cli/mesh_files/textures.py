@@ -13,7 +13,7 @@ from ... import older_blender
 from ...core import udim
 from ...core.file_formats import OPEN_EXR
 from ...core.file_structure import mesh_references
-from ...scene.images import image_files
+from ...scene import image_files
 from .ply import Texture
 
 _COLORS = ("map_kd", "map_ke", "map_ks", "map_ka")

@@ -14,8 +14,7 @@ from ...core.errors import BakeError
 from ...core.file_structure import whole_files
 from ...core.map_types import MARK, ORIGIN
 from ...core.material_feeds import ImagePixels
-from .image_colors import is_converting
-from .image_files import has_whole_numbers, header_size, location, packed_data
+from ..image_files import has_whole_numbers, header_size, is_converting, location, packed_data
 from .page_colors import LINEAR, SRGB, has_alpha_in_colors, prepare_page
 
 PREMULTIPLIED = ":premultiplied"

@@ -6,7 +6,7 @@ from bpy.types import Image
 
 from ...core.material_feeds import ImagePixels
 from ...core.threads import for_blocks
-from . import image_colors
+from .. import image_files
 
 SRGB, LINEAR = "sRGB", "Linear Rec.709"
 """Color spaces of Blender's own configuration. Blender itself converts the others."""
@@ -29,21 +29,21 @@ def prepare_page(pixels: np.ndarray, width: int, image: Image, *, is_premultipli
         if multiply:  # Blender's engines multiply stored values, before they are linear
             _multiply(pixels)
             _round_to_bytes(pixels)
-        if not image_colors.is_converting():
+        if not image_files.is_converting():
             return ImagePixels(pixels, is_srgb=True, is_byte=True, weighs_alpha=weighs_alpha)
-        image_colors.linearize_bytes(pixels)
-        image_colors.from_rec709(pixels)
+        image_files.linearize_bytes(pixels)
+        image_files.from_rec709(pixels)
         return ImagePixels(pixels, weighs_alpha=weighs_alpha)
     if not image.is_float and not is_data:  # Blender has converted floats
         if space == LINEAR:
-            image_colors.from_rec709(pixels)
+            image_files.from_rec709(pixels)
         else:
-            image_colors.from_space(pixels, width, space)
+            image_files.from_space(pixels, width, space)
     if multiply:
         _multiply(pixels)
     elif divide:
         _divide(pixels)
-    is_raw = is_data or (space == LINEAR and not multiply and not image_colors.is_converting())
+    is_raw = is_data or (space == LINEAR and not multiply and not image_files.is_converting())
     return ImagePixels(pixels, is_byte=is_raw and not image.is_float, weighs_alpha=weighs_alpha)
 
 

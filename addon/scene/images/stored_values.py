@@ -11,7 +11,7 @@ from bpy.types import Image
 
 from ...core import udim
 from ...core.errors import BakeError
-from .image_files import location, packed_data
+from ..image_files import location, packed_data
 from .image_pages import SINGLE, ImagePages, UnreadableError
 
 
