@@ -28,8 +28,7 @@ from ..mesh import uv_layout
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, output_clashes
 from ..output.outputs import Outputs, into_materials
-from ..scene import evaluation, object_checks, reading
-from ..scene.images import stored_values
+from ..scene import evaluation, object_checks, reading, textures
 from ..scene.object_refs import ObjectRef
 from .converting import map_fit
 from .converting.source_map import SourceMap
@@ -146,7 +145,7 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     if reason := object_checks.low_problem(context, low, is_own_base=is_own_base):
         raise BakeError(reason)
     with timings.timed("pages"):
-        tiles = {tile: stored_values.read(image, tile) for tile in _tiles(image, settings.sampling)}
+        tiles = {tile: textures.read_stored(image, tile) for tile in _tiles(image, settings.sampling)}
     settings = _sized(image, tiles, settings)
     check_outputs(low, settings)
     read = [(bpy.path.abspath(image.filepath, library=image.library), "the map to convert")] if image.filepath else []
@@ -205,7 +204,7 @@ def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) 
 
 
 def _tiles(image: bpy.types.Image, settings: SamplingSettings) -> tuple[int, ...]:
-    found = stored_values.tiles(image)
+    found = textures.stored_tiles(image)
     wanted = tuple(tile for tile in found if not settings.tiles or tile in settings.tiles)
     if not wanted:
         raise BakeError(f"The image {image.name!r} has none of the tiles {', '.join(map(str, settings.tiles))}.")

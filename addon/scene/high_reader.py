@@ -18,10 +18,10 @@ from ..mesh.triangle_mesh import Mesh
 from . import instances, mesh_reader
 from .high_layers.material_layers import read_layers
 from .high_layers.material_numbers import MaterialNumbers, Shown
-from .images.image_pages import ImagePages
 from .large_meshes import mesh_copies
 from .materials.material_reading import NORMAL
 from .sculpting import moved_vertices
+from .textures import ImageTextures
 
 MOST = 200_000_000
 """The largest number of triangles of a high object with its instances: more do not fit into memory or on a GPU."""
@@ -51,7 +51,7 @@ class Reader:
         sockets = {BY_NAME[name].socket for name in self.settings.map.drawn_maps} - {""}
         if self.settings.map.detail_maps:
             sockets.add(NORMAL)
-        self.materials = MaterialNumbers(ImagePages(), self.low, sockets=sockets, before=self.before)
+        self.materials = MaterialNumbers(ImageTextures(), self.low, sockets=sockets, before=self.before)
 
     def read(self, highs: Mapping[int, bpy.types.Object]) -> list[Mesh]:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""

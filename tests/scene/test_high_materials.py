@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import LUMINANCE, AttributeFeed, Constant, Extension, ImageFeed, Limits
-from addon.scene.images.image_pages import ImagePages
 from addon.scene.materials.material_reading import read_materials
+from addon.scene.textures import ImageTextures
 from tests.support import feeds
 from tests.support.shader_nodes import add, feed_color, image, principled, read, texture
 
@@ -26,7 +26,7 @@ def assert_like_cycles(material, output, socket="Base Color", *, prepare=None, t
     obj = feeds.square(material, UV)
     if prepare:
         prepare(obj.data)
-    mine = feeds.evaluate(found.feeds[socket], ImagePages(), obj.data, SIZE)
+    mine = feeds.evaluate(found.feeds[socket], ImageTextures(), obj.data, SIZE)
     links = material.node_tree.links
     if principled(material).inputs[socket].type == "VALUE":  # Blender's conversion to a number belongs to the socket
         number = add(material, "Math", {"Value": output, "Value_001": 0.0}, operation="ADD")
@@ -411,7 +411,7 @@ def test_a_factor_of_shaders_is_limited(material):
     alpha = read(material).feeds["Alpha"]
     obj = feeds.square(material)
     prepare(obj.data)
-    shown = feeds.evaluate(alpha, ImagePages(), obj.data, 16)
+    shown = feeds.evaluate(alpha, ImageTextures(), obj.data, 16)
     assert (shown.min(), shown.max()) == (0.0, 1.0)
 
 
@@ -689,18 +689,18 @@ def test_only_the_wanted_sockets_are_read(material):
     bump = add(material, "Bump", {"Height": node.outputs["Color"]})
     for name, output in (("Base Color", node.outputs["Color"]), ("Normal", bump.outputs["Normal"])):
         material.node_tree.links.new(output, principled(material).inputs[name])
-    images = ImagePages()
+    images = ImageTextures()
     (found,) = read_materials([material], images, {"Roughness"})
     assert list(found.feeds) == ["Roughness"]
     assert found.detail is None
-    assert images == ImagePages()
+    assert images == ImageTextures()
     (found,) = read_materials([material], images, {"Normal"})
     assert found.feeds == {}
     assert found.detail is not None
 
 
 def test_no_material_is_blenders_gray():
-    (found,) = read_materials([None], ImagePages())
+    (found,) = read_materials([None], ImageTextures())
     assert found.name == "none"
     assert found.feeds["Base Color"].color == (0.8, 0.8, 0.8, 1.0)
     assert found.feeds["Roughness"].color[0] == 0.5

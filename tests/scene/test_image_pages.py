@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.scene.image_files import srgb_to_linear
-from addon.scene.images.image_pages import ImagePages, UnreadableError
+from addon.scene.textures import ImageTextures, UnreadableError
 from tests.support import feeds
 
 TOLERANCE = 2 / 255
@@ -37,7 +37,7 @@ def load(path, values, *, space="sRGB", alpha="STRAIGHT"):
 
 
 def page(image, tile=0, *, is_premultiplied=False) -> np.ndarray:
-    images = ImagePages()
+    images = ImageTextures()
     found = images.page(image, is_premultiplied=is_premultiplied)
     loaded = images.load(found.key, tile)
     assert loaded.values.shape[1::-1] == images.size(found.key, tile)
@@ -146,7 +146,7 @@ def test_pages_say_what_is_stored(tmp_path, settings, flags):
     """8 bits stay 8 bits on the GPU where they suffice, and alpha weighs straight colors."""
     bits, space, alpha, is_premultiplied = settings
     image = load(tmp_path / "image.png", stored(bits), space=space, alpha=alpha)
-    images = ImagePages()
+    images = ImageTextures()
     found = images.load(images.page(image, is_premultiplied=is_premultiplied).key)
     said = {"srgb": found.is_srgb, "byte": found.is_byte, "weighs": found.weighs_alpha}
     assert " ".join(name for name, value in said.items() if value) == flags
@@ -154,7 +154,7 @@ def test_pages_say_what_is_stored(tmp_path, settings, flags):
 
 def test_one_key_where_alpha_has_no_influence(tmp_path):
     """The page is loaded once for the sockets that use alpha and for those that do not."""
-    images = ImagePages()
+    images = ImageTextures()
     for space, alpha, keys in (("sRGB", "STRAIGHT", 2), ("sRGB", "CHANNEL_PACKED", 1), ("Non-Color", "STRAIGHT", 1)):
         image = load(tmp_path / "image.png", stored(), space=space, alpha=alpha)
         assert len({images.page(image, is_premultiplied=value).key for value in (True, False)}) == keys
@@ -179,7 +179,7 @@ def test_the_alpha_mode_of_packed_tiles(tmp_path, alpha):
 
 
 def test_an_image_without_transparency_has_nothing_to_weigh(tmp_path):
-    images = ImagePages()
+    images = ImageTextures()
     image = load(tmp_path / "image.png", stored(channels=3))
     assert not images.load(images.page(image, is_premultiplied=False).key).weighs_alpha
 
@@ -235,7 +235,7 @@ def test_each_tile_has_its_own_pixels(tmp_path, names, is_packed, is_loaded):
             file.unlink()
     if is_loaded:
         image.pixels[0]
-    assert ImagePages().page(image, is_premultiplied=True).tiles == (1001, 1002, 1011)
+    assert ImageTextures().page(image, is_premultiplied=True).tiles == (1001, 1002, 1011)
     for tile, pixels in values.items():
         assert np.abs(page(image, tile)[..., :3] - pixels / 255).max() < 1e-6
 
@@ -243,7 +243,7 @@ def test_each_tile_has_its_own_pixels(tmp_path, names, is_packed, is_loaded):
 def test_a_missing_tile_is_named(tmp_path):
     image, _ = tiled(tmp_path)
     (tmp_path / "tile.1002.png").unlink()
-    found = ImagePages().page(image, is_premultiplied=True)
+    found = ImageTextures().page(image, is_premultiplied=True)
     assert found.tiles == (1001, 1011)
     (note,) = found.notes
     assert note == f'the image "tiles" has no pixels: {tmp_path / "tile.1002.png"} cannot be read'
@@ -295,7 +295,7 @@ def test_nothing_is_left_behind(tmp_path):
 
     before = state()
     for image in images:
-        found = ImagePages().page(image, is_premultiplied=True)
+        found = ImageTextures().page(image, is_premultiplied=True)
         for tile in found.tiles or (0,):
             page(image, tile)
         assert state() == before
@@ -309,15 +309,15 @@ def test_the_size_comes_from_the_header(tmp_path, ending, monkeypatch):
     image.file_format = {"png": "PNG", "jpg": "JPEG", "tif": "TIFF"}[ending]
     image.save()
     loaded = bpy.data.images.load(image.filepath_raw)
-    monkeypatch.setattr("addon.scene.images.image_pages._loaded", None)
-    images = ImagePages()
+    monkeypatch.setattr("addon.scene.textures._loaded", None)
+    images = ImageTextures()
     assert images.size(images.page(loaded, is_premultiplied=True).key) == (33, 17)
     assert not loaded.has_data
 
 
 def problem(image) -> str:
     with pytest.raises(UnreadableError) as caught:
-        ImagePages().page(image, is_premultiplied=True)
+        ImageTextures().page(image, is_premultiplied=True)
     return str(caught.value)
 
 
@@ -384,7 +384,7 @@ def open_exr(names) -> bytes:
 
 def test_a_file_that_breaks_later_is_an_error(tmp_path):
     image = load(tmp_path / "page.png", stored())
-    images = ImagePages()
+    images = ImageTextures()
     key = images.page(image, is_premultiplied=True).key
     (tmp_path / "page.png").unlink()
     with pytest.raises(BakeError, match=r'the image "page.png" has no pixels: .*page.png cannot be read'):
@@ -396,7 +396,7 @@ def test_a_file_that_breaks_later_is_an_error(tmp_path):
 
 def test_an_image_may_be_renamed_meanwhile(tmp_path):
     image = load(tmp_path / "page.png", stored())
-    images = ImagePages()
+    images = ImageTextures()
     key = images.page(image, is_premultiplied=True).key
     image.name = "other"
     assert images.name(key) == "other"

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import AttributeFeed, ImageFeed, NormalMapFeed
-from addon.scene.images.image_pages import ImagePages
 from addon.scene.mesh_elements import attribute_by_corner
+from addon.scene.textures import ImageTextures
 from tests.support import feeds
 from tests.support.shader_nodes import read
 
@@ -23,7 +23,7 @@ def png(path, seed, channels=3):
 
 def stored(feed) -> np.ndarray:
     """The pixels of a feed's image, as 8 bits if it is data."""
-    return ImagePages().load(feed.image).values[..., :3] * 255
+    return ImageTextures().load(feed.image).values[..., :3] * 255
 
 
 OBJ = """mtllib scan.mtl

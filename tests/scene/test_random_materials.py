@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import AVERAGE
-from addon.scene.images.image_pages import ImagePages
+from addon.scene.textures import ImageTextures
 from tests.support import feeds
 from tests.support.random_nodes import FOLLOWED, OTHERS, SHADERS, grow
 from tests.support.shader_nodes import image, principled, read
@@ -60,7 +60,7 @@ def test_each_socket_is_a_feed_or_a_note_seed(seed, material):
         sockets = {socket.name for socket in inputs if socket.enabled and socket.type in {"RGBA", "VALUE"}}
         assert set(found.feeds) | set(found.notes) >= sockets - {"Subsurface IOR"}
         assert set(found.feeds) <= sockets
-    images = ImagePages()
+    images = ImageTextures()
     for feed in found.feeds.values():
         if hasattr(feed, "image"):
             assert images.load(feed.image).values.size
@@ -86,7 +86,7 @@ def test_feeds_without_notes_are_what_cycles_shows_seed(seed, material):
         return
     if (getattr(feed, "name", ""), getattr(feed, "channel", 0)) == ("UVMap", AVERAGE):
         return  # Cycles takes the mean of two components, EEVEE that of three
-    mine = feeds.evaluate(feed, ImagePages(), obj.data, SIZE)
+    mine = feeds.evaluate(feed, ImageTextures(), obj.data, SIZE)
     theirs = feeds.cycles(obj, output, SIZE)
     # Emission has no negative light.
     scale = max(1.0, np.abs(mine).max())

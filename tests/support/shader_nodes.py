@@ -5,8 +5,8 @@ import bpy
 import numpy as np
 
 from addon.core.material_feeds import HighMaterial
-from addon.scene.images.image_pages import ImagePages
 from addon.scene.materials.material_reading import read_materials
+from addon.scene.textures import ImageTextures
 
 
 def principled(material):
@@ -51,4 +51,4 @@ def feed_color(material, output, socket="Base Color") -> HighMaterial:
 
 
 def read(material) -> HighMaterial:
-    return read_materials([material], ImagePages())[0]
+    return read_materials([material], ImageTextures())[0]

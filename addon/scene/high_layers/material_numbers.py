@@ -9,8 +9,8 @@ import bpy
 
 from ...core.map_types import BASE_COLOR, MARK
 from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, HighMaterial, ImageFeed, NormalMapFeed
-from ..images.image_pages import ImagePages
 from ..materials.material_reading import NORMAL, read_materials
+from ..textures import ImageTextures
 
 
 class Bare(IntEnum):
@@ -34,7 +34,7 @@ class MaterialNumbers:
 
     def __init__(
         self,
-        images: ImagePages,
+        images: ImageTextures,
         low: bpy.types.Object,
         *,
         sockets: Collection[str],

@@ -12,7 +12,7 @@ import numpy as np
 from bpy.types import Node
 
 from ...core.material_feeds import LUMINANCE, ImageFeed
-from ..images.image_pages import UNKNOWN
+from ..textures import UNKNOWN
 from .node_values import NodeValues, Place, own_value, title
 from .signals import (
     NEGLIGIBLE,

@@ -10,7 +10,7 @@ from bpy.types import Material, Node
 
 from ... import older_blender
 from ...core.material_feeds import Constant, DetailFeed, Feed, HighMaterial
-from ..images.image_pages import ImagePages
+from ..textures import ImageTextures
 from . import arithmetic_nodes, texture_nodes
 from .node_values import NodeValues, Place, title
 from .signals import NotAffineError, NotFollowedError, Signal, is_image, limited, number, scaled
@@ -185,7 +185,7 @@ NORMAL = "Normal"
 
 
 def read_materials(
-    materials: Sequence[Material | None], images: ImagePages, sockets: Collection[str] | None = None
+    materials: Sequence[Material | None], images: ImageTextures, sockets: Collection[str] | None = None
 ) -> tuple[HighMaterial, ...]:
     """The feeds of each material, in the given order; None stands for faces without a material.
 
@@ -195,7 +195,7 @@ def read_materials(
     return tuple(_read(material, images, sockets) for material in materials)
 
 
-def _read(material: Material | None, images: ImagePages, sockets: Collection[str] | None) -> HighMaterial:
+def _read(material: Material | None, images: ImageTextures, sockets: Collection[str] | None) -> HighMaterial:
     if material is None:
         return HighMaterial("none", _plain((GRAY, GRAY, GRAY), HALF_ROUGH, 0.0, 1.0))
     if not older_blender.shows_nodes(material):

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from bpy.types import Node, NodeLink, NodeSocket, NodeTree
 
-from ..images.image_pages import ImagePages
+from ..textures import ImageTextures
 from .signals import NotAffineError, NotFollowedError, Signal, color, converted, number
 
 MOST_STEPS = 10_000
@@ -120,7 +120,7 @@ class NodeValues:
     readings: how to evaluate outputs, by type of node.
     """
 
-    images: ImagePages
+    images: ImageTextures
     readings: Mapping[str, Reading]
     links: Links = field(default_factory=Links)
     _known: dict[Place, Signal | NotFollowedError] = field(default_factory=dict)

@@ -19,7 +19,7 @@ from ...core.material_feeds import (
     ImageFeed,
     NormalMapFeed,
 )
-from ..images.image_pages import UnreadableError
+from ..textures import UnreadableError
 from .arithmetic_nodes import MATH, VECTOR_MATH, Operation
 from .node_values import NodeValues, Place, title
 from .signals import NotAffineError, NotFollowedError, Signal

@@ -1,21 +1,90 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Loads the pixels of images, one page at a time, and leaves Blender's images as they were."""
+"""Loads the pixels of images as Blender's Image Texture node shows them or as their files store them, one image at a time."""
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import bpy
 import numpy as np
 from bpy.types import Image
 
-from ...core.errors import BakeError
-from ...core.file_structure import whole_files
-from ...core.map_types import MARK, ORIGIN
-from ...core.material_feeds import ImagePixels
-from ..image_files import has_whole_numbers, header_size, is_converting, location, packed_data
-from .page_colors import LINEAR, SRGB, has_alpha_in_colors, prepare_page
+from ..core import udim
+from ..core.errors import BakeError
+from ..core.file_structure import whole_files
+from ..core.map_types import MARK, ORIGIN
+from ..core.material_feeds import ImagePixels
+from ..core.threads import for_blocks
+from . import image_files
+from .image_files import has_whole_numbers, header_size, is_converting, location, packed_data
+
+SRGB, LINEAR = "sRGB", "Linear Rec.709"
+"""Color spaces of Blender's own configuration. Blender itself converts the others."""
+
+
+def prepare_texture(pixels: np.ndarray, width: int, image: Image, *, is_premultiplied: bool) -> ImagePixels:
+    """Pixels (H * width, 4) float32 as Blender gives them for `image`, prepared in place.
+
+    is_premultiplied: whether colors are multiplied with alpha.
+    """
+    space, is_data = image.colorspace_settings.name, image.colorspace_settings.is_data
+    if image.alpha_mode == "NONE":
+        pixels[:, 3] = 1.0
+    has_alpha = has_alpha_in_colors(image) and not bool((pixels[:, 3] == 1.0).all())
+    weighs_alpha = has_alpha and not is_premultiplied
+    # Blender keeps bytes with straight alpha and floats with premultiplied alpha.
+    multiply = has_alpha and is_premultiplied and not image.is_float
+    divide = weighs_alpha and image.is_float
+    if not image.is_float and not is_data and space == SRGB:
+        if multiply:  # Blender's engines multiply stored values, before they are linear
+            _multiply(pixels)
+            _round_to_bytes(pixels)
+        if not image_files.is_converting():
+            return ImagePixels(pixels, is_srgb=True, is_byte=True, weighs_alpha=weighs_alpha)
+        image_files.linearize_bytes(pixels)
+        image_files.from_rec709(pixels)
+        return ImagePixels(pixels, weighs_alpha=weighs_alpha)
+    if not image.is_float and not is_data:  # Blender has converted floats
+        if space == LINEAR:
+            image_files.from_rec709(pixels)
+        else:
+            image_files.from_space(pixels, width, space)
+    if multiply:
+        _multiply(pixels)
+    elif divide:
+        _divide(pixels)
+    is_raw = is_data or (space == LINEAR and not multiply and not image_files.is_converting())
+    return ImagePixels(pixels, is_byte=is_raw and not image.is_float, weighs_alpha=weighs_alpha)
+
+
+def has_alpha_in_colors(image: Image) -> bool:
+    """Whether alpha has an influence on colors: not on data, nor where the image's alpha mode is Channel Packed or None."""
+    return image.alpha_mode not in {"NONE", "CHANNEL_PACKED"} and not image.colorspace_settings.is_data
+
+
+def _multiply(pixels: np.ndarray) -> None:
+    def convert(part: slice) -> None:
+        pixels[part, :3] *= pixels[part, 3:]
+
+    for_blocks(len(pixels), convert)
+
+
+def _divide(pixels: np.ndarray) -> None:
+    def convert(part: slice) -> None:
+        alpha = pixels[part, 3:]
+        np.divide(pixels[part, :3], alpha, out=pixels[part, :3], where=alpha != 0.0)
+
+    for_blocks(len(pixels), convert)
+
+
+def _round_to_bytes(pixels: np.ndarray) -> None:
+    def convert(part: slice) -> None:
+        pixels[part, :3] = np.rint(pixels[part, :3] * 255.0) / 255.0
+
+    for_blocks(len(pixels), convert)
+
 
 PREMULTIPLIED = ":premultiplied"
 """The end of keys of pages whose colors are multiplied with alpha."""
@@ -38,7 +107,7 @@ class UnreadableError(Exception):
     """An image without pixels for a map. The message is a clause that gives the reason."""
 
 
-class Page(NamedTuple):
+class ImageTexture(NamedTuple):
     """What feeds need from an image. notes: clauses about what is not read as Blender shows it."""
 
     key: str
@@ -47,12 +116,12 @@ class Page(NamedTuple):
 
 
 @dataclass
-class ImagePages:
+class ImageTextures:
     """The images of one bake's materials, by key. It keeps sizes, but no pixels."""
 
     _sizes: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
 
-    def page(self, image: Image, *, is_premultiplied: bool) -> Page:
+    def page(self, image: Image, *, is_premultiplied: bool) -> ImageTexture:
         """The key and the tiles of an image.
 
         Raises UnreadableError for an image without pixels: a missing file, a movie, a render.
@@ -65,15 +134,15 @@ class ImagePages:
         if not existing:
             if image.type in _UNREADABLE:  # Blender finds layers when it loads the file
                 raise UnreadableError(f'the image "{image.name}" is {_UNREADABLE[image.type]}')
-            raise UnreadableError(_missing(image, (tiles or (SINGLE,))[0]))
-        notes = [_missing(image, tile) for tile in tiles if tile not in existing]
+            raise UnreadableError(_missing_tile(image, (tiles or (SINGLE,))[0]))
+        notes = [_missing_tile(image, tile) for tile in tiles if tile not in existing]
         notes += [note for tile in existing if (note := _cut(image, tile))]
         if image.source == "TILED" and image.is_dirty:
             notes.append(f'the image "{image.name}" has changes that are not saved, which the map does not have')
         # One key for both, where alpha has no influence on colors: then the page is loaded once.
         is_premultiplied &= has_alpha_in_colors(image)
         key = f"{image.session_uid}{PREMULTIPLIED if is_premultiplied else ''}"
-        return Page(key, existing if tiles else (), tuple(notes))
+        return ImageTexture(key, existing if tiles else (), tuple(notes))
 
     def range(self, image: Image) -> tuple[float, float]:
         """Within which all values of an image are, as far as that is known without its pixels."""
@@ -93,16 +162,16 @@ class ImagePages:
 
     def name(self, key: str) -> str:
         """The name of the image behind a key, for messages. Raises BakeError if the image is gone."""
-        return _image(key).name
+        return _image_of(key).name
 
     def is_map(self, key: str) -> bool:
         """Whether Imprint baked an image. Raises BakeError if the image is gone."""
-        image = _image(key)
+        image = _image_of(key)
         return bool(image.get(ORIGIN) or image.get(MARK))
 
     def size(self, key: str, tile: int = SINGLE) -> tuple[int, int]:
         """Width and height in pixels. Raises BakeError if the image is gone."""
-        return self._size(_image(key), tile)
+        return self._size(_image_of(key), tile)
 
     def load(self, key: str, tile: int = SINGLE) -> ImagePixels:
         """The pixels of a page, in a new array for each call.
@@ -110,13 +179,13 @@ class ImagePages:
         Colors are scene-linear, except that sRGB of 8 bits stays as it is stored; they are multiplied with alpha if the key
         says so. Images of data (Non-Color) have their stored values. Raises BakeError if the image has no pixels any more.
         """
-        image = _image(key)
+        image = _image_of(key)
         with _loaded(image, tile) as single:
             width, height = single.size
             if min(width, height) == 0:
-                raise BakeError(f"A page is missing: {_missing(image, tile)}.")
+                raise BakeError(f"A page is missing: {_missing_tile(image, tile)}.")
             stored = _stored(single)
-            found = prepare_page(stored, width, single, is_premultiplied=key.endswith(PREMULTIPLIED))
+            found = prepare_texture(stored, width, single, is_premultiplied=key.endswith(PREMULTIPLIED))
         return replace(found, values=found.values.reshape(height, width, 4))
 
     def _size(self, image: Image, tile: int) -> tuple[int, int]:
@@ -179,7 +248,7 @@ def _stored(image: Image) -> np.ndarray:
     return pixels
 
 
-def _image(key: str) -> Image:
+def _image_of(key: str) -> Image:
     uid = int(key.removesuffix(PREMULTIPLIED))
     image = next((image for image in bpy.data.images if image.session_uid == uid), None)
     if image is None:
@@ -196,6 +265,55 @@ def _cut(image: Image, tile: int) -> str:
     return f'the image "{image.name}" is not whole: {path} {problem}' if problem == whole_files.CUT else ""
 
 
-def _missing(image: Image, tile: int) -> str:
+def _missing_tile(image: Image, tile: int) -> str:
     path = location(image, tile)
     return f'the image "{image.name}" has no pixels' + (f": {path} cannot be read" if path else "")
+
+
+def stored_tiles(image: Image) -> tuple[int, ...]:
+    """The UDIM tiles that have pixels; udim.FIRST alone for an image without tiles.
+
+    Raises BakeError for an image without pixels: a missing file, a movie, a render.
+    """
+    try:
+        found = ImageTextures().page(image, is_premultiplied=False)
+    except UnreadableError as error:
+        raise BakeError(f"No normal map can be read: {error}.") from error
+    return found.tiles or (udim.FIRST,)
+
+
+def read_stored(image: Image, tile: int) -> np.ndarray:
+    """The stored values (height, width, 4) float32, row 0 at v = 0. tile: as `tiles` returns them. Raises BakeError."""
+    number = tile if image.source == "TILED" else SINGLE
+    with _as_data(image, number) as single:
+        width, height = single.size
+        if min(width, height) == 0:
+            raise BakeError(f"The image {image.name!r} has no pixels: {location(image, number)} cannot be read.")
+        pixels = np.empty(width * height * 4, np.float32)
+        single.pixels.foreach_get(pixels)
+    return pixels.reshape(height, width, 4)
+
+
+@contextmanager
+def _as_data(image: Image, tile: int) -> Iterator[Image]:
+    """An image with the file of one tile as plain data; `image` itself if it has no file, or changes that are not saved."""
+    data, path = packed_data(image, tile), location(image, tile)
+    is_file = data is not None or (path and Path(path).is_file())
+    if not is_file or (image.is_dirty and not tile):
+        yield image
+        return
+    single = bpy.data.images.new("Imprint values", 1, 1)
+    try:
+        if data is not None:
+            single.pack(data=data, data_len=len(data))
+        else:
+            single.filepath = path
+        single.source = "FILE"
+        single.colorspace_settings.is_data = True
+        single.alpha_mode = "CHANNEL_PACKED"
+        single.use_half_precision = False
+        if data is None:
+            single.reload()
+        yield single
+    finally:
+        bpy.data.images.remove(single)
