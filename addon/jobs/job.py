@@ -18,7 +18,7 @@ from ..output import map_storage, materials, vertex_attributes
 from ..output.map_names import settings_by_map
 from ..passes.program import in_software
 from ..scene import dependencies, object_checks
-from ..scene.high_layers.material_sets import MaterialSet
+from ..scene.high_materials import MaterialSet
 from ..scene.object_refs import ObjectRef
 
 

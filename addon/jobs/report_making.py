@@ -25,7 +25,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..output.outputs import HIDDEN_MISSES, Stored
 from ..passes.surface import finite_values
-from ..scene.high_layers.material_sets import MaterialSet
+from ..scene.high_materials import MaterialSet
 from ..scene.object_refs import ObjectRef
 from .job import Job
 

@@ -10,7 +10,7 @@ from ..core.errors import BakeError
 from ..core.naming import MATERIAL
 from ..core.settings import StorageSettings
 from ..mesh.inputs import Meshes
-from ..scene.high_layers.material_sets import sets_of
+from ..scene.high_materials import sets_of
 from .job import Job
 
 

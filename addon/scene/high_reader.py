@@ -16,8 +16,7 @@ from ..mesh import joining
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import Mesh
 from . import instances, mesh_reader
-from .high_layers.material_layers import read_layers
-from .high_layers.material_numbers import MaterialNumbers, Shown
+from .high_materials import MaterialNumbers, Shown, read_layers
 from .large_meshes import mesh_copies
 from .materials.material_reading import NORMAL
 from .sculpting import moved_vertices

@@ -14,9 +14,8 @@ from ..mesh import stretch
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import complaints, evaluation, mesh_reader, vertex_weights, visibility
-from .high_layers import material_sets
-from .high_layers.material_sets import MaterialSet
+from . import complaints, evaluation, high_materials, mesh_reader, vertex_weights, visibility
+from .high_materials import MaterialSet
 from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
 
@@ -61,7 +60,7 @@ def read(
                 raise
             raise BakeError(" ".join([str(error), *lacks])) from error
         if texture_set is not None:
-            meshes = material_sets.restricted(meshes, low, texture_set)
+            meshes = high_materials.restricted(meshes, low, texture_set)
         if not others:
             return meshes
         # Rays only meet them: they need neither UVs nor materials.
@@ -155,7 +154,7 @@ def read_low(
         if basis is not None:
             basis = stretch.as_read(basis, settings.map.basis)
         if settings.map.texture_sets:
-            low_mesh = material_sets.with_slots(low_mesh, data, low)
+            low_mesh = high_materials.with_slots(low_mesh, data, low)
         offset, straight = _painted(
             low if is_own_base else low.evaluated_get(depsgraph), data, low_mesh, settings.tracing
         )

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which materials high meshes have, which UV maps, attributes and tangents those need, and the faces of one material."""
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import bpy
+import numpy as np
+
+from ..core.errors import BakeError
+from ..core.map_types import BASE_COLOR, BY_NAME, MARK
+from ..core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, Feed, HighMaterial, ImageFeed, NormalMapFeed
+from ..core.settings import MapSettings
+from ..mesh.inputs import Meshes
+from ..mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER, Mesh
+from . import mesh_elements, mesh_reader
+from .materials.material_reading import NORMAL, read_materials
+from .textures import ImageTextures
+
+READERS = {
+    UV_LAYER: mesh_elements.uv_by_corner,
+    ATTRIBUTE: mesh_elements.attribute_by_corner,
+    TANGENTS: mesh_elements.tangents_by_corner,
+}
+"""What reads each kind of Mesh.layers; None where the mesh lacks it."""
+
+
+def read_layers(
+    data: bpy.types.Mesh, materials: Iterable[HighMaterial], settings: MapSettings
+) -> dict[tuple[str, str], np.ndarray]:
+    """Those of `data` that its materials need for the maps of the settings, as Mesh.layers has them."""
+    found = {key: READERS[key[0]](data, key[1]) for key in _needed(materials, settings)}
+    return {key: values for key, values in found.items() if values is not None}
+
+
+def _needed(materials: Iterable[HighMaterial], settings: MapSettings) -> dict[tuple[str, str], None]:
+    """The keys of the layers, each once, in order."""
+    wanted = [BY_NAME[name] for name in settings.drawn_maps if BY_NAME[name].family.shows_materials]
+    needed: dict[tuple[str, str], None] = {}
+    if any(not map_type.socket for map_type in wanted):
+        needed[ATTRIBUTE, settings.attribute] = None
+    for material in materials:
+        for map_type in wanted:
+            needed |= dict.fromkeys(_of_feed(material.feeds.get(map_type.socket)))
+        if settings.detail_maps and material.detail is not None:
+            needed |= dict.fromkeys(_of_detail(material.detail))
+    return needed
+
+
+def _of_feed(feed: Feed | None) -> Iterator[tuple[str, str]]:
+    if isinstance(feed, ImageFeed):
+        yield UV_LAYER, feed.uv_layer
+    elif isinstance(feed, AttributeFeed):
+        yield ATTRIBUTE, feed.name
+
+
+def _of_detail(detail: DetailFeed) -> Iterator[tuple[str, str]]:
+    yield from _of_feed(detail.image)
+    if isinstance(detail, BumpFeed):
+        if detail.below is not None:
+            yield from _of_detail(detail.below)
+    else:
+        yield TANGENTS, detail.uv_layer
+
+
+class Bare(IntEnum):
+    """Faces without a material. Their values are keys that no material has."""
+
+    PLAIN = 0
+    COLORED = -1
+    """With vertex colors."""
+
+
+Shown = bpy.types.Material | Bare
+"""What a slot shows."""
+
+
+class MaterialNumbers:
+    """The materials by their numbers, which count from 1.
+
+    sockets: those to read, as read_materials takes them. low: the low object; what the bake leaves in its materials is no
+    detail of a high object that shows the same material. before: those of an earlier reading, which keep their numbers.
+    """
+
+    def __init__(
+        self,
+        images: ImageTextures,
+        low: bpy.types.Object,
+        *,
+        sockets: Collection[str],
+        before: Sequence[HighMaterial] = (),
+    ):
+        self.images, self.sockets = images, sockets
+        self._of_low = {slot.material for slot in low.material_slots if slot.material}
+        self._found: dict[int, HighMaterial] = {material.key: material for material in before}
+
+    @property
+    def materials(self) -> list[HighMaterial]:
+        """In the order of their numbers."""
+        return list(self._found.values())
+
+    def of_slots(self, obj: bpy.types.Object, data: bpy.types.Mesh) -> list[Shown]:
+        """What each slot of `obj` shows on its mesh `data`; at least one."""
+        # Scans often have vertex colors and no material.
+        bare = Bare.COLORED if data.attributes.get(data.attributes.default_color_name or "") else Bare.PLAIN
+        return [slot.material.original if slot.material else bare for slot in obj.material_slots] or [bare]
+
+    def read(self, material: Shown) -> HighMaterial:
+        """What feeds a material."""
+        key = _material_key(material)
+        if key not in self._found:
+            is_bare = isinstance(material, Bare)
+            found = read_materials([None if is_bare else material], self.images, self.sockets)[0]
+            if material is Bare.COLORED:
+                found = replace(found, feeds=found.feeds | {BASE_COLOR.socket: AttributeFeed("")})
+            if material in self._of_low:
+                is_hooked_up = _is_hooked_up(material)
+                detail = None if is_hooked_up else self._replaced(found.detail)
+                # What the nodes of an earlier bake do to normals is no loss.
+                notes = {
+                    socket: text for socket, text in found.notes.items() if not (is_hooked_up and socket == NORMAL)
+                }
+                found = replace(found, detail=detail, notes=notes | self._notes_on_maps(found))
+            self._found[key] = replace(found, key=key)
+        return self._found[key]
+
+    def _replaced(self, detail: DetailFeed | None) -> NormalMapFeed | None:
+        """The part of `detail` that the baked map takes the place of: a normal map that Imprint did not bake.
+
+        Bump nodes stay above the baked map, and would count twice.
+        """
+        below = detail.below if isinstance(detail, BumpFeed) else detail
+        return None if below is None or self.images.is_map(below.image.image) else below
+
+    def _notes_on_maps(self, material: HighMaterial) -> dict[str, tuple[str, ...]]:
+        """Sentences, by socket, about maps that an earlier bake has put into a material of the low object."""
+        return {
+            socket: (
+                *material.notes.get(socket, ()),
+                f'Material "{material.name}": {socket} shows a map that Imprint has baked, because the low object has this '
+                "material, too. Give the high objects a material of their own to bake from the original.",
+            )
+            for socket, feed in material.feeds.items()
+            if isinstance(feed, ImageFeed) and self.images.is_map(feed.image)
+        }
+
+    def number(self, material: Shown) -> int:
+        """The number of a material that was read."""
+        return 1 + list(self._found).index(_material_key(material))
+
+
+def _material_key(material: Shown) -> int:
+    return material.value if isinstance(material, Bare) else material.session_uid
+
+
+def _is_hooked_up(material: bpy.types.Material) -> bool:
+    """Whether a Normal Map node of this material was made by Imprint."""
+    nodes = material.node_tree.nodes if material.node_tree else ()
+    return any(node.bl_idname == "ShaderNodeNormalMap" and node.get(MARK) for node in nodes)
+
+
+NO_MATERIAL = "none"
+"""The name of the set of faces without a material."""
+
+
+@dataclass(frozen=True)
+class MaterialSet:
+    """The faces of a low object with one material. slots: the numbers of the slots that have it."""
+
+    name: str
+    slots: tuple[int, ...]
+
+
+def sets_of(low: bpy.types.Object) -> list[MaterialSet]:
+    """The materials on the faces of `low`, in the order of its slots."""
+    names = [slot.material.name if slot.material else NO_MATERIAL for slot in low.material_slots] or [NO_MATERIAL]
+    if low.type != "MESH" or not low.data.polygons:  # a check refuses it with a sentence
+        return [MaterialSet(names[0], (0,))]
+    indices = np.empty(len(low.data.polygons), np.int32)
+    low.data.polygons.foreach_get("material_index", indices)
+    used = np.unique(indices.clip(0, len(names) - 1)).tolist()
+    return [
+        MaterialSet(name, tuple(number for number in used if names[number] == name))
+        for name in dict.fromkeys(names[number] for number in used)
+    ]
+
+
+def with_slots(mesh: Mesh, data: bpy.types.Mesh, obj: bpy.types.Object) -> Mesh:
+    """`mesh`, which was read from `data` with faces, labeled with the slots of `obj`: (T, 1)."""
+    slots = mesh_reader.material_slots(data, mesh, max(1, len(obj.material_slots)))
+    return replace(mesh, labels=slots[:, None].astype(np.float32))
+
+
+def restricted(meshes: Meshes, obj: bpy.types.Object, chosen: MaterialSet) -> Meshes:
+    """`meshes` with only those triangles of the low mesh and of its basis that are in a texture set of `obj`.
+
+    Both are labeled by `with_slots`. `whole` keeps the low mesh as it was. Raises BakeError if no triangle is left.
+    """
+    last = max(0, len(obj.material_slots) - 1)
+    kept = np.flatnonzero(np.isin(meshes.low.labels[:, 0], chosen.slots))
+    if not len(kept):
+        raise BakeError(f"{obj.name!r} has no faces with the material {chosen.name!r}.")
+    basis = meshes.basis
+    if basis is not None:
+        # A face whose index is too high shows the last slot.
+        basis = basis.with_triangles(np.isin(basis.labels[:, 0].clip(0, last), chosen.slots))
+    return replace(
+        meshes, low=meshes.low.with_triangles(kept), basis=basis, whole=meshes.low, kept=kept, material=chosen.name
+    )
