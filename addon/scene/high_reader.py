@@ -15,11 +15,10 @@ from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import Mesh
-from . import instances, mesh_reader
+from . import instances, mesh_reader, moved_vertices
 from .high_materials import MaterialNumbers, Shown, read_layers
 from .large_meshes import mesh_copies
 from .materials.material_reading import NORMAL
-from .sculpting import moved_vertices
 from .textures import ImageTextures
 
 MOST = 200_000_000

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from addon.mesh.triangle_mesh import ATTRIBUTE
-from addon.scene import mesh_reader
-from addon.scene.sculpting import moved_vertices
+from addon.scene import mesh_reader, moved_vertices
 from tests.support import zoo
 
 FIELDS = ("positions", "vertices", "normals", "triangles", "to_world", "uv")

@@ -11,9 +11,9 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ...mesh.spatial.face_corners import FaceCorners
-from ...mesh.triangle_mesh import Mesh, changed_rows, changed_share
-from .. import mesh_reader
+from ..mesh.spatial.face_corners import FaceCorners
+from ..mesh.triangle_mesh import Mesh, changed_rows, changed_share
+from . import mesh_reader
 
 MOST = 0.25
 """Share of the vertices. If more have moved, reading the whole mesh takes as long."""
