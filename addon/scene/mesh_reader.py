@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
-from .large_meshes import mesh_copies, steady_tangents
+from . import steady_tangents
+from .large_meshes import mesh_copies
 
 _NUMBER = ".imprint_face"
 """The temporary attribute that `numbered` adds, with a number behind it if the mesh has one of this name; the dot hides it in

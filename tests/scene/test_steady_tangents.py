@@ -5,8 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.scene import mesh_reader
-from addon.scene.large_meshes import steady_tangents
+from addon.scene import mesh_reader, steady_tangents
 
 SIDE = 120
 """Faces along a side of the grids: more than PARALLEL in all."""
