@@ -17,7 +17,6 @@ from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import Mesh
 from . import instances, mesh_reader, moved_vertices
 from .high_materials import MaterialNumbers, Shown, read_layers
-from .large_meshes import mesh_copies
 from .materials.material_reading import NORMAL
 from .textures import ImageTextures
 
@@ -75,7 +74,7 @@ class Reader:
         if instances.shows_itself(high, for_render=self.settings.map.modifiers == Modifiers.RENDER):
             with mesh_reader.evaluated(high, self.depsgraph) as data:
                 if data.polygons or not parts:
-                    copied = mesh_copies.copied(high, self.depsgraph)
+                    copied = mesh_reader.copied(high, self.depsgraph)
                     mesh = self._mesh(number, high.name, high, data, to_world, copied=copied)
         if not parts:
             if mesh is None or not len(mesh.vertices):
@@ -100,7 +99,7 @@ class Reader:
         data: bpy.types.Mesh,
         to_world: np.ndarray,
         *,
-        copied: mesh_copies.Copied | None = None,
+        copied: mesh_reader.Copied | None = None,
     ) -> Mesh:
         """Read the mesh `data` of `obj`, which belongs to the high object `name`. copied: as mesh_reader.surface has it."""
         layer, method = "", self.settings.tracing.method

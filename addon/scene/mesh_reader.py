@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads Blender's meshes into arrays. Which elements belong together is in elements/."""
+"""Copies of large meshes to read from, one for each array, so that what Blender adds to a mesh is freed as soon as it is read.
+
+A copy shares all arrays. Blender doubles an array when it is read, and keeps the normals and triangles that it computes.
+"""
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -12,7 +15,33 @@ import numpy as np
 
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
 from . import steady_tangents
-from .large_meshes import mesh_copies
+
+LARGE = 2**25
+"""Face corners. Smaller meshes are read without copies: Blender then keeps their normals for the next bake."""
+
+Copied = Callable[[], bpy.types.Mesh]
+"""A function that adds a copy of a mesh to bpy.data."""
+
+
+def copied(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Copied | None:
+    """Copies the mesh of `obj` with its modifiers, as `depsgraph` evaluates it. None in modes that change it before that."""
+    if obj.mode != "OBJECT":
+        return None
+    return lambda: bpy.data.meshes.new_from_object(obj.evaluated_get(depsgraph), depsgraph=depsgraph)
+
+
+@contextmanager
+def part_of_copy(data: bpy.types.Mesh, copied: Copied | None) -> Iterator[bpy.types.Mesh]:
+    """A mesh to read one array of `data` from: a copy in this block if `data` is LARGE, otherwise `data`."""
+    if copied is None or len(data.loops) < LARGE:
+        yield data
+        return
+    copy = copied()
+    try:
+        yield copy
+    finally:
+        bpy.data.meshes.remove(copy)
+
 
 _NUMBER = ".imprint_face"
 """The temporary attribute that `numbered` adds, with a number behind it if the mesh has one of this name; the dot hides it in
@@ -88,7 +117,7 @@ def surface(
     *,
     is_drawn_in_uv: bool = True,
     with_faces: bool = False,
-    copied: mesh_copies.Copied | None = None,
+    copied: Copied | None = None,
 ) -> Mesh:
     """Read positions, corner normals and triangles of `data`, UVs unless `uv_layer` is empty, and faces if `with_faces`.
 
@@ -96,7 +125,7 @@ def surface(
     mesh that is drawn in UV space. copied: copies `data`, as mesh_copies.copied has it.
     """
     corners = len(data.loops)
-    part = partial(mesh_copies.part, data, copied)
+    part = partial(part_of_copy, data, copied)
     with part() as one:
         normals = _read(one.corner_normals, "vector", corners, 3)
     with part() as one:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.scene import reading
-from addon.scene.large_meshes import mesh_copies
+from addon.scene import mesh_reader, reading
 from tests.support import zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -45,9 +44,11 @@ def test_large_meshes_are_read_from_copies_that_are_gone_afterwards(monkeypatch,
     low, high = zoo.plane("lo"), make()
     whole = read(low, high, **settings)
     before, made = snapshot(), []
-    monkeypatch.setattr(mesh_copies, "LARGE", len(whole.vertices))
-    part = mesh_copies.part
-    monkeypatch.setattr(mesh_copies, "part", lambda data, copy: part(data, lambda: made.append(copy()) or made[-1]))
+    monkeypatch.setattr(mesh_reader, "LARGE", len(whole.vertices))
+    part = mesh_reader.part_of_copy
+    monkeypatch.setattr(
+        mesh_reader, "part_of_copy", lambda data, copy: part(data, lambda: made.append(copy()) or made[-1])
+    )
     in_parts = read(low, high, **settings)
     assert len(made) == 5
     assert not difference(before, snapshot())
@@ -58,14 +59,14 @@ def test_large_meshes_are_read_from_copies_that_are_gone_afterwards(monkeypatch,
 
 def test_smaller_meshes_are_read_without_copies(monkeypatch):
     low, high = zoo.plane("lo"), smoothed()
-    monkeypatch.setattr(mesh_copies, "LARGE", len(read(low, high).vertices) + 1)
-    monkeypatch.setattr(mesh_copies, "copied", lambda obj, depsgraph: pytest.fail)
+    monkeypatch.setattr(mesh_reader, "LARGE", len(read(low, high).vertices) + 1)
+    monkeypatch.setattr(mesh_reader, "copied", lambda obj, depsgraph: pytest.fail)
     read(low, high)
 
 
 def test_text_is_read_from_copies(monkeypatch):
     low, high = zoo.plane("lo"), font()
     whole = read(low, high, method="CAST")
-    monkeypatch.setattr(mesh_copies, "LARGE", 1)
+    monkeypatch.setattr(mesh_reader, "LARGE", 1)
     assert np.array_equal(read(low, high, method="CAST").normals, whole.normals)
     assert not [data for data in bpy.data.meshes if data.users == 0]
