@@ -30,7 +30,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, output_clashes, outputs
 from ..passes import target
 from ..passes.mesh_upload import UploadCache
-from ..scene import instances, mesh_reader, object_checks, object_modes, reading, scene_lengths
+from ..scene import mesh_reader, object_checks, object_modes, reading, scene_lengths
 from . import bake_jobs
 from .bake import READY
 from .job import Job, check_job, files_kept
@@ -192,7 +192,7 @@ class Session:
             )
         before = None if changed is None else self._as_read
         changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
-        self._shown_by = instances.shown_by(highs)
+        self._shown_by = object_checks.shown_by(highs)
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
         in_order = shared_uvs.ordered(meshes, [udim.FIRST], settings.sampling, before and (before, self._meshes))
         self._as_read, self._meshes = meshes, in_order

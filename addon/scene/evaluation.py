@@ -8,7 +8,7 @@ import bpy
 
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError
-from . import high_reader, instances, object_checks, object_modes, visibility
+from . import high_reader, object_checks, object_modes, visibility
 
 SUBDIVIDING = {"SUBSURF", "MULTIRES"}
 """Modifier types that have levels and can smooth UVs."""
@@ -30,7 +30,7 @@ def prepared(
     with ExitStack() as restore:
         for obj in objects:
             visibility.reveal(context, obj, restore)
-        read = [*objects, *_instanced(context, [high for high in highs if instances.shows_more(high)], objects)]
+        read = [*objects, *_instanced(context, [high for high in highs if object_checks.shows_more(high)], objects)]
         object_modes.leave(context.view_layer, {obj.data for obj in read if obj.data}, restore)
         for obj in read:
             if obj.data and getattr(obj.data, "is_editmode", False):
@@ -52,7 +52,7 @@ def with_visible_instances(
     """
     with ExitStack() as restore:
         for high in highs:
-            if instances.shows_more(high) and high.hide_get():
+            if object_checks.shows_more(high) and high.hide_get():
                 high.hide_set(False)
                 restore.callback(high.hide_set, True)
         yield context.evaluated_depsgraph_get()

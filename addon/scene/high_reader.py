@@ -15,7 +15,7 @@ from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import Mesh
-from . import instances, mesh_reader, moved_vertices
+from . import mesh_reader, moved_vertices, object_checks
 from .high_materials import MaterialNumbers, Shown, read_layers
 from .materials.material_reading import NORMAL
 from .textures import ImageTextures
@@ -52,7 +52,7 @@ class Reader:
 
     def read(self, highs: Mapping[int, bpy.types.Object]) -> list[Mesh]:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""
-        owners = {number: high for number, high in highs.items() if instances.shows_more(high)}
+        owners = {number: high for number, high in highs.items() if object_checks.shows_more(high)}
         numbers = {high.session_uid: number for number, high in highs.items()}
         found = read_instances(
             self.depsgraph,
@@ -71,7 +71,7 @@ class Reader:
         """The mesh of `high` joined with its instances."""
         to_world = mesh_reader.matrix(high)
         mesh = None
-        if instances.shows_itself(high, for_render=self.settings.map.modifiers == Modifiers.RENDER):
+        if object_checks.shows_itself(high, for_render=self.settings.map.modifiers == Modifiers.RENDER):
             with mesh_reader.evaluated(high, self.depsgraph) as data:
                 if data.polygons or not parts:
                     copied = mesh_reader.copied(high, self.depsgraph)

@@ -1,14 +1,137 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks whether objects can be baked, without evaluating their meshes."""
+"""Which objects show instances, or surfaces of curves, text and metaballs, besides their own mesh. high_reader reads them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import bpy
 import numpy as np
 
 from ..core.declarations.choices import Method
 from ..core.errors import shorten_list
-from . import detail_modifiers, instances
+
+SURFACES = {"CURVE", "SURFACE", "FONT", "META"}
+"""Object types, besides meshes, that Blender converts to meshes."""
+WITH_NODES = {"CURVES", "POINTCLOUD"}
+"""Object types that show meshes if geometry nodes create some."""
+
+
+def may_show(obj: bpy.types.Object) -> bool:
+    """Whether `obj` may show a mesh or instances."""
+    if obj.type == "EMPTY":
+        return obj.instance_type == "COLLECTION" and obj.instance_collection is not None
+    return obj.type in {"MESH", *SURFACES} or (obj.type in WITH_NODES and _has_nodes(obj))
+
+
+def shows_more(obj: bpy.types.Object) -> bool:
+    """Whether `obj` may show more than its own mesh."""
+    return obj.type != "MESH" or obj.instance_type != "NONE" or _has_nodes(obj) or len(obj.particle_systems) > 0
+
+
+def shows_itself(obj: bpy.types.Object, *, for_render: bool) -> bool:
+    """Whether `obj` shows its own mesh, which objects with instances can hide."""
+    if obj.type != "MESH":
+        return False
+    if obj.instance_type == "NONE" and not len(obj.particle_systems):
+        return True
+    return obj.show_instancer_for_render if for_render else obj.show_instancer_for_viewport
+
+
+def instance_sources(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """The objects that `obj` shows, but whose changes Blender does not report as changes of `obj`.
+
+    These are the objects of an instanced collection, and children."""
+    if obj.instance_type in {"VERTS", "FACES"}:
+        yield from obj.children
+    elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
+        for inner in obj.instance_collection.all_objects:
+            yield inner
+            yield from instance_sources(inner)
+
+
+def shown_by(owners: Sequence[bpy.types.Object]) -> dict[int, set[int]]:
+    """The session_uids of the owners that show an object as an instance, by the session_uid of that object."""
+    found: dict[int, set[int]] = {}
+    for owner in owners:
+        for obj in instance_sources(owner):
+            found.setdefault(obj.session_uid, set()).add(owner.session_uid)
+    return found
+
+
+def _has_nodes(obj: bpy.types.Object) -> bool:
+    return any(modifier.type == "NODES" for modifier in obj.modifiers)
+
+
+ADDING = {
+    "BEVEL",
+    "BOOLEAN",
+    "DISPLACE",
+    "MULTIRES",
+    "OCEAN",
+    "REMESH",
+    "SUBSURF",
+    "WAVE",
+}
+"""Modifier types that keep the base mesh in place and add detail to its surface.
+
+Other types move or copy the mesh, cut its faces, or change only normals, UVs and groups. Baked onto the base mesh, they give a
+flat map."""
+
+PASS_THROUGH = {
+    "GeometryNodeCaptureAttribute",
+    "GeometryNodeJoinGeometry",
+    "GeometryNodeMenuSwitch",
+    "GeometryNodeRemoveAttribute",
+    "GeometryNodeRenameAttribute",
+    "GeometryNodeReplaceMaterial",
+    "GeometryNodeSetID",
+    "GeometryNodeSetMaterial",
+    "GeometryNodeSetMaterialIndex",
+    "GeometryNodeSetMeshNormal",
+    "GeometryNodeSetShadeSmooth",
+    "GeometryNodeSplitEdges",
+    "GeometryNodeStoreNamedAttribute",
+    "GeometryNodeSwitch",
+    "GeometryNodeTriangulate",
+    "GeometryNodeViewer",
+    "GeometryNodeWarning",
+    "NodeGroupInput",
+    "NodeReroute",
+}
+"""Geometry nodes that do not change the surface. Shade Auto Smooth uses only these."""
+
+
+def is_added(obj: bpy.types.Object) -> bool:
+    """Whether a modifier of `obj`, enabled for the viewport or for rendering, may add detail.
+
+    Fast enough for every redraw: it only reads types, and evaluates nothing.
+    """
+    return any(_adds_detail(modifier) for modifier in obj.modifiers if modifier.show_viewport or modifier.show_render)
+
+
+def without_detail(obj: bpy.types.Object) -> str:
+    """A clause for messages: the modifiers of `obj` add no detail."""
+    return f"whose modifiers ({shorten_list(modifier.name for modifier in obj.modifiers)}) add no detail"
+
+
+def _adds_detail(modifier: bpy.types.Modifier) -> bool:
+    if modifier.type == "NODES":
+        return modifier.node_group is not None and any(map(_changes_surface, _node_groups(modifier.node_group, set())))
+    return modifier.type in ADDING
+
+
+def _changes_surface(node: bpy.types.Node) -> bool:
+    return node.bl_idname not in PASS_THROUGH and any(socket.type == "GEOMETRY" for socket in node.outputs)
+
+
+def _node_groups(tree: bpy.types.NodeTree, seen: set[bpy.types.NodeTree]) -> Iterator[bpy.types.Node]:
+    """The nodes of `tree` and of the groups in it, without the group nodes themselves."""
+    seen.add(tree)
+    for node in tree.nodes:
+        if node.bl_idname != "GeometryNodeGroup":
+            yield node
+        elif node.node_tree is not None and node.node_tree not in seen:
+            yield from _node_groups(node.node_tree, seen)
+
 
 MAX_CONDITION = 1e7
 """The largest ratio of scales in a matrix. Beyond it, the shortest axis is only rounding, in single precision."""
@@ -43,8 +166,8 @@ def problem(
             )
         if not low.modifiers:
             return f"{low.name!r} is both high and low and has no modifiers: choose another high object, or add some."
-        if not detail_modifiers.is_added(low):
-            return f"{low.name!r} is both high and low, {detail_modifiers.without(low)}: choose another high object."
+        if not is_added(low):
+            return f"{low.name!r} is both high and low, {without_detail(low)}: choose another high object."
     for obj in (low, *highs, *([cage] if cage else [])):
         needs_uv = obj == low or (obj in highs and method == Method.FLATTEN)
         reason = _mesh_problem(obj, evaluated=low not in highs, needs_uv=needs_uv)
@@ -81,12 +204,12 @@ def warnings(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> list[s
 
 def own_highs(low: bpy.types.Object | None) -> list[bpy.types.Object]:
     """The high objects of `low` if no others are chosen: itself, if it has modifiers that add detail."""
-    return [low] if low is not None and detail_modifiers.is_added(low) else []
+    return [low] if low is not None and is_added(low) else []
 
 
 def _no_high(low: bpy.types.Object) -> str:
-    if low.modifiers and not detail_modifiers.is_added(low):
-        why = detail_modifiers.without(low)
+    if low.modifiers and not is_added(low):
+        why = without_detail(low)
         return f"No high object for {low.name!r}, {why}: select the high object too, {low.name!r} last."
     return f"No high object for {low.name!r}: select one as well, or give {low.name!r} modifiers that add detail."
 
@@ -112,7 +235,7 @@ def _kind_problem(obj: bpy.types.Object, *, is_high: bool) -> str:
             return (
                 f"{obj.name!r} is linked from {file!r}, but is not in that file: restore it, or relocate the library."
             )
-    if obj.type == "MESH" or (is_high and instances.may_show(obj)):
+    if obj.type == "MESH" or (is_high and may_show(obj)):
         return ""
     kind = obj.bl_rna.properties["type"].enum_items[obj.type].name.lower()
     if not is_high:
@@ -134,7 +257,7 @@ def matrix_problem(obj: bpy.types.Object) -> str:
 
 def _mesh_problem(obj: bpy.types.Object, *, evaluated: bool, needs_uv: bool) -> str:
     # Modifiers and instances may add faces and UV layers, and in Edit Mode the mesh is out of date. The bake checks these.
-    if obj.type != "MESH" or obj.data.is_editmode or (evaluated and (obj.modifiers or instances.shows_more(obj))):
+    if obj.type != "MESH" or obj.data.is_editmode or (evaluated and (obj.modifiers or shows_more(obj))):
         return ""
     if not obj.data.polygons:
         return f"{obj.name!r} has no faces: choose a mesh that has some."

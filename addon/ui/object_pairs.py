@@ -28,7 +28,7 @@ from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringP
 
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
-from ..scene import instances, object_checks
+from ..scene import object_checks
 from ..scene.object_refs import GONE, ObjectRef
 from .declared_properties import declared
 from .translations import LABEL
@@ -45,7 +45,7 @@ def is_mesh(_owner, obj: bpy.types.Object) -> bool:
 
 
 def _may_be_high(_owner, obj: bpy.types.Object) -> bool:
-    return instances.may_show(obj)
+    return object_checks.may_show(obj)
 
 
 def is_deleted(obj: bpy.types.Object) -> bool:

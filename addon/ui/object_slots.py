@@ -5,7 +5,7 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ..core.errors import BakeError
-from ..scene import instances, visibility
+from ..scene import object_checks, visibility
 from . import object_pairs
 from .translations import LABEL
 
@@ -73,7 +73,7 @@ class IMPRINT_OT_use_selection(bpy.types.Operator):
         settings.low = context.active_object
         settings.highs.clear()
         for obj in context.view_layer.objects.selected:
-            if obj != settings.low and instances.may_show(obj):
+            if obj != settings.low and object_checks.may_show(obj):
                 settings.highs.add().object = obj
         return {"FINISHED"}
 
