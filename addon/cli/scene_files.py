@@ -15,7 +15,7 @@ from ..core.file_structure import blend_files, whole_files
 from ..jobs.job import Job
 from ..output.files.atomic_file import reason
 from ..scene import dependencies
-from ..scene.visibility import put
+from ..scene.evaluation import set_until
 from . import interruption, read_files, standard_streams
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file
 
@@ -156,8 +156,8 @@ def _hold_caches(held: ExitStack) -> list[str]:
         for modifier in obj.modifiers:
             domain = modifier.domain_settings if modifier.type == "FLUID" else None
             if domain and domain.cache_type == "REPLAY":
-                put(modifier, "show_viewport", False, held)
-                put(modifier, "show_render", False, held)
+                set_until(modifier, "show_viewport", False, held)
+                set_until(modifier, "show_render", False, held)
                 notes.append(
                     f"The fluid of {obj.name!r} was switched off, as its type Replay writes files: bake it as All or Modular."
                 )
@@ -169,7 +169,7 @@ def _hold_points(obj: bpy.types.Object, held: ExitStack) -> None:
     """Caches that are baked on disk are read from there; the others stay in memory."""
     for cache in dependencies.point_caches(obj):
         if cache.use_disk_cache and not cache.is_baked:
-            put(cache, "use_disk_cache", False, held)
+            set_until(cache, "use_disk_cache", False, held)
 
 
 def _empty() -> None:

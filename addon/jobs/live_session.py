@@ -30,7 +30,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, output_clashes, outputs
 from ..passes import target
 from ..passes.mesh_upload import UploadCache
-from ..scene import mesh_reader, object_checks, object_modes, reading, scene_lengths
+from ..scene import evaluation, mesh_reader, object_checks, reading, scene_lengths
 from . import bake_jobs
 from .bake import READY
 from .job import Job, check_job, files_kept
@@ -185,7 +185,7 @@ class Session:
             raise BakeError(reason)
         if low in highs and low.mode == "EDIT":
             raise BakeError(f"The map will follow when {low.name!r}, which is its own high object, leaves Edit Mode.")
-        hidden = next(filter(object_modes.hides_detail, highs), None)
+        hidden = next(filter(evaluation.hides_detail, highs), None)
         if hidden is not None:
             raise BakeError(
                 f"The map will follow when {hidden.name!r} leaves Sculpt Mode, which keeps Multires detail."

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Evaluates objects for reading, and restores their state afterwards."""
+"""Evaluates objects for reading: shows them, switches them to Object Mode, and restores their state afterwards."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -8,7 +8,130 @@ import bpy
 
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError
-from . import high_reader, object_checks, object_modes, visibility
+from . import high_reader, mesh_reader, object_checks
+
+
+def set_until(owner: bpy.types.bpy_struct, name: str, value: object, restore: ExitStack) -> None:
+    """Set a property if it differs, and restore it when `restore` is closed.
+
+    Setting an equal value would make Blender evaluate the object again."""
+    before = getattr(owner, name)
+    if before != value:
+        setattr(owner, name, value)
+        restore.callback(setattr, owner, name, before)
+
+
+def is_visible(obj: bpy.types.Object) -> bool:
+    """Whether `obj` is visible in the view layer. The local view of the current viewport does not matter."""
+    with bpy.context.temp_override(area=None, region=None):
+        return obj.visible_get()
+
+
+def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack) -> None:
+    """Make `obj` visible until `restore` is closed. Raises BakeError if that is not possible."""
+    if is_visible(obj):
+        return
+    set_until(obj, "hide_viewport", False, restore)
+    objects = context.view_layer.objects
+    if obj in objects.values():
+        _unhide(obj, restore)
+    context.view_layer.update()
+    if is_visible(obj):
+        return
+    # Its collections are hidden or excluded, but the scene's own collection never is. Link the object there for now.
+    scene_objects = context.scene.collection.objects
+    if obj not in scene_objects.values() and context.scene.is_editable:
+        scene_objects.link(obj)
+        restore.callback(scene_objects.unlink, obj)
+        _unhide(obj, restore)
+        context.view_layer.update()
+    if not is_visible(obj):
+        raise BakeError(
+            f"{obj.name!r} is in a hidden collection: show the collection, so that the object is evaluated."
+        )
+
+
+def show_object(context: bpy.types.Context, obj: bpy.types.Object) -> None:
+    """Make `obj` visible for good. Raises BakeError if its collection hides it."""
+    if obj not in context.scene.collection.all_objects.values():  # it came along with an object of another file
+        context.scene.collection.objects.link(obj)
+    if obj.hide_viewport:
+        obj.hide_viewport = False
+    if obj in context.view_layer.objects.values():
+        obj.hide_set(False)
+    context.view_layer.update()
+    if not is_visible(obj):
+        raise BakeError(f"{obj.name!r} is in a hidden collection: show the collection.")
+
+
+def is_followed(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
+    """Whether Blender evaluates `obj` when it changes: if it is visible, or hidden only by the eye icon in the Outliner."""
+    if is_visible(obj):
+        return True
+    objects = context.view_layer.objects
+    return not obj.hide_viewport and obj in objects.values() and _contains(context.view_layer.layer_collection, obj)
+
+
+def _contains(layer: bpy.types.LayerCollection, obj: bpy.types.Object) -> bool:
+    if layer.collection.hide_viewport:
+        return False
+    is_here = not layer.exclude and obj in layer.collection.objects.values()
+    return is_here or any(_contains(child, obj) for child in layer.children)
+
+
+def _unhide(obj: bpy.types.Object, restore: ExitStack) -> None:
+    if obj.hide_get():
+        obj.hide_set(False)
+        restore.callback(obj.hide_set, True)
+
+
+def leave_modes(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restore: ExitStack) -> None:
+    """Switch all objects that use one of `meshes` to Object Mode until `restore` is closed."""
+    # In Edit Mode and Sculpt Mode, edits reach the mesh when the mode is left. Any object that uses the mesh can be in that
+    # mode.
+    leaving = [obj for obj in layer.objects if obj.mode != "OBJECT" and obj.data in meshes]
+    if any(obj.mode == "EDIT" for obj in leaving):  # all objects leave Edit Mode together, and all selected ones enter
+        leaving += [obj for obj in layer.objects if obj.mode == "EDIT" and obj not in leaving]
+    if not leaving:
+        return
+    # Objects in Edit Mode come first, so that they enter it last: Blender crashes if an object enters a paint mode whose
+    # mesh is in Edit Mode on another object.
+    leaving.sort(key=lambda obj: obj.mode != "EDIT")
+    restore.callback(setattr, layer.objects, "active", layer.objects.active)
+    for obj in layer.objects.selected.values():
+        restore.callback(obj.select_set, True)
+        obj.select_set(False)
+    for obj in leaving:
+        # Blender does not switch the mode of hidden objects.
+        set_until(obj, "hide_viewport", False, restore)
+        restore.callback(_switch_mode, layer, obj, obj.mode)
+    for obj in leaving:
+        was_sculpted = obj.mode == "SCULPT"
+        _switch_mode(layer, obj, "OBJECT")
+        if was_sculpted:
+            mesh_reader.reset_normals(obj.data)
+
+
+def _switch_mode(layer: bpy.types.ViewLayer, obj: bpy.types.Object, mode: str) -> None:
+    if obj.mode != mode:
+        layer.objects.active = obj
+        bpy.ops.object.mode_set(mode=mode)
+
+
+def hides_detail(obj: bpy.types.Object) -> bool:
+    """Whether Sculpt Mode hides the Multires detail of `obj` from evaluation."""
+    return obj.mode == "SCULPT" and any(modifier.type == "MULTIRES" for modifier in obj.modifiers)
+
+
+def holds_strokes(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
+    """Whether Blender reports strokes on `obj` only when the mesh is requested.
+
+    It does with Dyntopo, or if Sculpt Mode shows only deforming modifiers."""
+    if obj.mode != "SCULPT":
+        return False
+    only_deforms = obj.modifiers and context.scene.tool_settings.sculpt.use_deform_only
+    return bool(obj.use_dynamic_topology_sculpting or only_deforms)
+
 
 SUBDIVIDING = {"SUBSURF", "MULTIRES"}
 """Modifier types that have levels and can smooth UVs."""
@@ -29,9 +152,9 @@ def prepared(
     objects = list(dict.fromkeys((low, *highs, *([cage] if cage else []))))
     with ExitStack() as restore:
         for obj in objects:
-            visibility.reveal(context, obj, restore)
+            reveal(context, obj, restore)
         read = [*objects, *_instanced(context, [high for high in highs if object_checks.shows_more(high)], objects)]
-        object_modes.leave(context.view_layer, {obj.data for obj in read if obj.data}, restore)
+        leave_modes(context.view_layer, {obj.data for obj in read if obj.data}, restore)
         for obj in read:
             if obj.data and getattr(obj.data, "is_editmode", False):
                 raise BakeError(f"The mesh of {obj.name!r} is in Edit Mode outside this view layer: leave it there.")
@@ -95,13 +218,13 @@ def _evaluated(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) 
 
 def _set_for_render(obj: bpy.types.Object, restore: ExitStack) -> None:
     for modifier in obj.modifiers:
-        visibility.put(modifier, "show_viewport", modifier.show_render, restore)
+        set_until(modifier, "show_viewport", modifier.show_render, restore)
         if modifier.type in SUBDIVIDING:
-            visibility.put(modifier, "levels", modifier.render_levels, restore)
+            set_until(modifier, "levels", modifier.render_levels, restore)
 
 
 def _fix_uvs(obj: bpy.types.Object, restore: ExitStack) -> None:
     # Subdivision can move UVs. Then the detail would not be in its place in the UV layout of the base mesh.
     for modifier in obj.modifiers:
         if modifier.type in SUBDIVIDING:
-            visibility.put(modifier, "uv_smooth", "NONE", restore)
+            set_until(modifier, "uv_smooth", "NONE", restore)

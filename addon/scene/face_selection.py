@@ -4,14 +4,14 @@
 import bpy
 import numpy as np
 
-from . import mesh_elements, visibility
+from . import evaluation, mesh_elements
 
 
 def problem(obj: bpy.types.Object) -> str:
     """Why faces of `obj` cannot be selected, as a sentence; empty if they can."""
     if not (obj.is_editable and obj.data.is_editable):
         return f"{obj.name!r} is linked from another file: make it local, so that its faces can be selected."
-    if not visibility.is_visible(obj):
+    if not evaluation.is_visible(obj):
         return f"{obj.name!r} is hidden: show it, so that its faces can be selected."
     return ""
 

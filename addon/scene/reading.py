@@ -14,7 +14,7 @@ from ..mesh import stretch
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import complaints, evaluation, high_materials, mesh_reader, vertex_weights, visibility
+from . import complaints, evaluation, high_materials, mesh_reader, vertex_weights
 from .high_materials import MaterialSet
 from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
@@ -82,7 +82,7 @@ def read_again(
 
     Objects whose session_uid is not in `changed` are copied from `before`, the result for the same objects and settings.
     """
-    hidden = next((obj for obj in (low, *highs, cage) if obj and not visibility.is_followed(context, obj)), None)
+    hidden = next((obj for obj in (low, *highs, cage) if obj and not evaluation.is_followed(context, obj)), None)
     if hidden is not None:
         raise BakeError(f"{hidden.name!r} is hidden in viewports, which Live follows: show it, or its collection.")
     with evaluation.with_visible_instances(context, highs) as depsgraph:

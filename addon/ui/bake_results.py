@@ -7,7 +7,7 @@ from bpy.props import StringProperty
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..output import materials, outputs
-from ..scene import visibility
+from ..scene import evaluation
 from . import object_pairs
 from .callbacks import redraw
 from .translations import LABEL, tooltip
@@ -140,7 +140,7 @@ def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
 
 def hides_high(report: Report) -> bool:
     """Whether no high object of a bake is visible."""
-    return not any(visibility.is_visible(obj) for obj in high_objects(report))
+    return not any(evaluation.is_visible(obj) for obj in high_objects(report))
 
 
 def show_selection(context: bpy.types.Context) -> None:

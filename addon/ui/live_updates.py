@@ -9,7 +9,7 @@ from ..core.errors import BakeError
 from ..core.progress import Pace, Task, run_for
 from ..core.settings import Settings
 from ..jobs import live_session
-from ..scene import object_modes, object_refs
+from ..scene import evaluation, object_refs
 from . import object_pairs
 
 ANSWER = 1.0
@@ -42,7 +42,7 @@ class Strokes:
 
     def note(self, obj: bpy.types.Object) -> None:
         """Note that an object of the session has changed."""
-        if not object_modes.holds_strokes(bpy.context, obj) or time.monotonic() - self._asked > ANSWER:
+        if not evaluation.holds_strokes(bpy.context, obj) or time.monotonic() - self._asked > ANSWER:
             self._note(obj)
 
     def moved(self, rest: float) -> set[int]:
@@ -68,7 +68,7 @@ class Strokes:
             self.is_asking, self._asked = False, time.monotonic()
 
     def _note(self, obj: bpy.types.Object) -> None:
-        if object_modes.holds_strokes(bpy.context, obj):
+        if evaluation.holds_strokes(bpy.context, obj):
             self._held.add(obj.session_uid)
             self._since = time.monotonic()
         elif obj.mode == "SCULPT":

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ..core.errors import BakeError
-from ..scene import object_checks, visibility
+from ..scene import evaluation, object_checks
 from . import object_pairs
 from .translations import LABEL
 
@@ -21,7 +21,7 @@ class IMPRINT_OT_show_hidden(bpy.types.Operator):
         chosen = context.scene.imprint.chosen(context)
         for obj in chosen.hidden(context):
             try:
-                visibility.show(context, obj)
+                evaluation.show_object(context, obj)
             except BakeError as error:
                 self.report({"ERROR"}, str(error))
                 return {"CANCELLED"}

@@ -14,7 +14,7 @@ from ..core.errors import BakeError
 from ..core.naming import Suffixes
 from ..core.settings import Settings
 from ..jobs.job import Job
-from ..scene import object_checks, visibility
+from ..scene import evaluation, object_checks
 from . import bake_results, object_pairs
 from .bake_results import results
 from .declared_properties import MapList, Options, declared
@@ -124,7 +124,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         """
         cages = {self.cage, pair and pair.cage}
         found = [obj for obj in context.view_layer.objects.selected if obj != low and obj not in cages]
-        if found and pair is not None and not any(map(visibility.is_visible, pair.found())):
+        if found and pair is not None and not any(map(evaluation.is_visible, pair.found())):
             return [obj for obj in found if (other := object_pairs.of(obj)) is None or not other.is_kept]
         return found
 
@@ -180,7 +180,7 @@ class Chosen:
         if not highs and self.low is not None:
             names = _partners(self.low.name, tuple(context.view_layer.objects.keys()), self.panel.suffixes())
             highs = [context.view_layer.objects[name] for name in names]
-        return [high for high in highs if high != self.low and not visibility.is_visible(high)]
+        return [high for high in highs if high != self.low and not evaluation.is_visible(high)]
 
     def check(self, context: bpy.types.Context) -> None:
         """Raise BakeError without a low object, or if a high object is missing."""

@@ -5,7 +5,7 @@ import bpy
 import pytest
 
 import addon
-from addon.scene import visibility
+from addon.scene import evaluation
 from addon.ui.live_switch import live
 from addon.ui.object_hiding import hiding
 from addon.ui.view_mode import viewer
@@ -226,14 +226,14 @@ def test_the_panel_of_that_viewport_still_uses_the_high_object(pair):
     with bpy.context.temp_override(**viewport()):
         chosen = bpy.context.scene.imprint.chosen(bpy.context)
         assert (chosen.low, chosen.highs) == (pair[0], [pair[1]])
-        assert visibility.is_visible(pair[1])
+        assert evaluation.is_visible(pair[1])
         assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
         assert bpy.ops.imprint.bake() == {"FINISHED"}
         bpy.context.scene.imprint.highs.clear()
         assert bpy.ops.imprint.use_selection() == {"FINISHED"}
     assert [slot.object for slot in bpy.context.scene.imprint.highs] == [pair[1]]
     pair[1].hide_set(True)
-    assert not visibility.is_visible(pair[1])
+    assert not evaluation.is_visible(pair[1])
 
 
 @pytest.mark.parametrize("leave", ["file", "extension"])
