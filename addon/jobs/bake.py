@@ -33,7 +33,7 @@ from ..engine.sources import Source, normal_source
 from ..mesh.inputs import Meshes
 from ..output import map_storage
 from ..output.outputs import Outputs, Stored, into_materials
-from ..scene import object_checks, reading, scene_lengths
+from ..scene import object_checks, reading
 from . import readiness, texture_sets
 from .job import Job
 from .report_making import DrawnJob, report_of
@@ -98,7 +98,7 @@ class _Ready:
 
 def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     settings, timings = run.settings, run.timings
-    name, length = job.low.name, scene_lengths.of(context.scene)
+    name, length = job.low.name, reading.lengths_of(context.scene)
     yield Progress(f"Reading {name}", 0.0)
     with timings.timed("extract"):
         meshes = reading.read(

@@ -30,7 +30,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, output_clashes, outputs
 from ..passes import target
 from ..passes.mesh_upload import UploadCache
-from ..scene import evaluation, mesh_reader, object_checks, reading, scene_lengths
+from ..scene import evaluation, mesh_reader, object_checks, reading
 from . import bake_jobs
 from .bake import READY
 from .job import Job, check_job, files_kept
@@ -145,7 +145,7 @@ class Session:
         Raises BakeError.
         """
         run = Run(replace(self.settings, method=self._method), self.pace)
-        length = scene_lengths.of(context.scene)
+        length = reading.lengths_of(context.scene)
         yield Progress(f"Reading {self.job.low.name}", 0.0)
         meshes = self._read(context, changed, replace(self.others.settings, method=self._method))
         plan = choose_method(meshes, [udim.FIRST], run.settings.tracing, length)

@@ -12,7 +12,7 @@ from ..engine import gpu_memory, shared_uvs
 from ..engine.method_choice import choose_method, tiles_to_bake
 from ..engine.rays.ray_casting import RayCast
 from ..engine.sources import normal_source
-from ..scene import reading, scene_lengths
+from ..scene import reading
 from .job import Job, check_job
 
 
@@ -33,5 +33,5 @@ def measure(
     with gpu_memory.trimmed():
         tiles = tiles_to_bake(meshes, settings.sampling)
         in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)
-        plan = choose_method(in_order, tiles, settings.tracing, scene_lengths.of(context.scene))
+        plan = choose_method(in_order, tiles, settings.tracing, reading.lengths_of(context.scene))
         return progress.finish(normal_source(plan, Run(settings))).ray_cast

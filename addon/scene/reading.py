@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads all objects of a bake into arrays at once, so that Blender's state changes only for a short time."""
+"""Lengths as text, in the units of a scene."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -7,8 +7,10 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ..core import lengths
 from ..core.declarations.choices import Method, Modifiers, Space
 from ..core.errors import BakeError, Incomplete
+from ..core.lengths import Length
 from ..core.settings import Settings, TracingSettings
 from ..mesh import stretch
 from ..mesh.inputs import Meshes
@@ -18,6 +20,16 @@ from . import complaints, evaluation, high_materials, mesh_reader, vertex_weight
 from .high_materials import MaterialSet
 from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
+
+
+def lengths_of(scene: bpy.types.Scene) -> Length:
+    """Lengths as Blender shows them in this scene."""
+    units = scene.unit_settings
+    system, scale = units.system, units.scale_length
+    if system == "NONE":
+        return lengths.plain
+    return lambda value: bpy.utils.units.to_string(system, "LENGTH", value * scale, precision=lengths.DIGITS).strip()
+
 
 SMALLEST, LARGEST = 5e-9, 1e9
 """The limits of a mesh's radius. The first is multiplied by the square root of the number of triangles.

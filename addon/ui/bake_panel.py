@@ -16,7 +16,7 @@ from ..jobs.job import Job
 from ..jobs.readiness import Finding
 from ..jobs.texture_sets import by_material
 from ..output import datablocks, map_names, map_storage, materials
-from ..scene import object_checks, scene_lengths, vertex_weights
+from ..scene import object_checks, reading, vertex_weights
 from . import bake_results, object_pairs
 from .bake_results import high_objects, results
 from .fixes import draw_button, draw_fixable, findings
@@ -317,7 +317,7 @@ class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
         for warning in _warnings(reports):
             draw_fixable(self.layout, context, warning, "ERROR")
         for report in reports:
-            draw_paragraphs(self.layout, context, report.summary(scene_lengths.of(context.scene)), "DOT")
+            draw_paragraphs(self.layout, context, report.summary(reading.lengths_of(context.scene)), "DOT")
 
 
 CLASSES = (IMPRINT_PT_bake, IMPRINT_PT_report)

@@ -7,7 +7,7 @@ from bpy.props import EnumProperty, StringProperty
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..jobs import locate_issues, readiness
-from ..scene import face_selection, scene_lengths
+from ..scene import face_selection, reading
 from . import bake_results
 from .bake_results import results
 from .progress_display import display
@@ -225,7 +225,7 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
         else:
             buttons.label(text="", icon="BLANK1")  # keeps the other buttons in their columns
     if "maximum" in check and check["count"]:
-        far = map(scene_lengths.of(context.scene), (check["limit"], check["percentile_99"], check["maximum"]))
+        far = map(reading.lengths_of(context.scene), (check["limit"], check["percentile_99"], check["maximum"]))
         text = message("Over {}; 99 % within {}, at most {}").format(*far)
         draw_paragraphs(column, context, [text], "BLANK1")
     if kind == "unsure" and check["count"]:

@@ -10,7 +10,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
-from ..scene import object_refs, scene_lengths
+from ..scene import object_refs, reading
 from . import bake_results, modal, object_pairs
 from .bake_results import results
 from .live_switch import live
@@ -23,7 +23,7 @@ class _Bake(modal.MapOperator):
     """An operator that bakes maps; `task` returns their reports."""
 
     def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
-        lines = [line for report in result for line in report.summary(scene_lengths.of(context.scene))]
+        lines = [line for report in result for line in report.summary(reading.lengths_of(context.scene))]
         self.show(context, lines, [warning for report in result for warning in report.warnings])
         results.remember(context, result)
         if self.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
