@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files of images, also packed ones: where they are, what their headers state, and their colors in Blender's working space."""
+"""The files of images, also packed ones: where they are, what their headers state, and what space their colors are in."""
 
 import io
 import struct

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads which faces, edges, vertices and corners of a mesh belong together, and its attributes, UV layers and tangents by corner."""
+"""Reads which elements of a mesh belong together, and its attributes, UV layers and tangents by face corner."""
 
 import bpy
 import numpy as np

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Copies of large meshes to read from, one for each array, so that what Blender adds to a mesh is freed as soon as it is read.
+"""Reads Blender's meshes into arrays. Which elements belong together is in mesh_elements.
 
-A copy shares all arrays. Blender doubles an array when it is read, and keeps the normals and triangles that it computes.
+Of large meshes, each array is read from a copy of its own. A copy shares all arrays; Blender doubles an array when it is read,
+and keeps the normals and triangles that it computes, until the copy is removed.
 """
 
 import ctypes

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which objects show instances, or surfaces of curves, text and metaballs, besides their own mesh. high_reader reads them."""
+"""Checks whether objects can be baked, without evaluating their meshes, and what they show besides their own mesh: instances,
+surfaces of curves, text and metaballs, and the detail of modifiers."""
 
 from collections.abc import Iterator, Sequence
 

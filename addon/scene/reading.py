@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lengths as text, in the units of a scene."""
+"""Reads all objects of a bake into arrays at once, so that Blender's state changes only for a short time."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
