@@ -166,7 +166,7 @@ def run(opened: Opened, stage: Stage, files: clashes.RunFiles, meter: Meter) -> 
         result.inputs = [each.facts() for each in (*opened.declared, *opened.found)]
         result.seconds = time.perf_counter() - opened.begun
         if opened.report is not None:
-            report_file.write_report(opened.report, run_report.document([result.entry()], 1))
+            report_file.write_report(opened.report, run_report.document([result.entry()]))
     return result
 
 

@@ -13,6 +13,7 @@ from ..core import naming, udim
 from ..core.errors import WrongPlace
 from ..output.files.atomic_file import make_folder
 from .usage import arguments
+from .usage.run_options import RunOptions
 
 OUTPUT = "out"
 """The folder beside a job file that its bakes write to, unless the caller names one."""
@@ -92,17 +93,20 @@ class Bounds:
             raise WrongPlace(f"The folder {self.outputs!r} cannot be made: {error.strerror}.") from error
 
 
-def of(options: argparse.Namespace) -> Bounds | None:
-    """The bounds of a run whose files are not trusted; None for others. Raises WrongPlace."""
+def of(options: RunOptions, first: argparse.Namespace) -> Bounds | None:
+    """The bounds of a run whose files are not trusted; None for others. Raises WrongPlace.
+
+    Args:
+        first: The options of the first bake, by whose files the folders are chosen where there is no job file.
+    """
     if not options.untrusted:
         return None
     if options.jobs:
         folder = os.path.dirname(os.path.abspath(options.jobs))
         inputs, outputs = folder, os.path.join(folder, OUTPUT)
     else:
-        first = next(iter(options.file), options.low_file)
-        inputs = options.pairs if arguments.is_folder(options) else os.path.dirname(os.path.abspath(first))
-        outputs = os.path.dirname(_PLACEHOLDER.split(os.path.abspath(options.output))[0])
+        inputs = options.folder or os.path.dirname(os.path.abspath(next(iter(first.file), first.low_file)))
+        outputs = os.path.dirname(_PLACEHOLDER.split(os.path.abspath(first.output))[0])
     named = options.input_folder or inputs
     inputs = os.path.realpath(named)
     if not os.path.isdir(inputs):

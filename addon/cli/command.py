@@ -23,6 +23,7 @@ from .results.run_report import DONE, FAILED, WRONG_USAGE, Only, ThisCall
 from .results.terminal import Meter
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
+from .usage.run_options import RunOptions
 from .workers import worker_process
 
 LOD = "lod"
@@ -88,7 +89,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
         if options.list or options.check:
             from .plan import listing
 
-            return listing.list_bakes(options, sets, program)
+            return listing.list_bakes(options, sets)
         inputs = InputFiles()
         planned, problems, files, conflicts = clashes.plan_call(options, sets, inputs)
         if conflicts:
@@ -105,29 +106,29 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
         print(f"{program}: {sentence(error)}", file=sys.stderr)
         return FAILED
     try:
-        if clashes.are_many(options):
+        if options.has_table:
             for problem in problems:
                 meter.report(f"{program}: warning: {problem}")
             from . import many_bakes
 
             only = Only.of(options.only, (plan.number for plan in named))
-            many = many_bakes.Many(chosen, len(planned), options, program, only)
-            return many_bakes.run(many, files, meter, may_start_processes=may_start_processes)
+            head = run_report.head(len(planned), options.part, only)
+            return many_bakes.run(options, chosen, head, files, meter, may_start_processes=may_start_processes)
         load_blender()
         with startup.spent("imprint"):
             from . import one_bake  # needs Blender
 
-        return one_bake.run(planned[0], files, program, meter)
+        return one_bake.run(planned[0], files, options, meter)
     except WrongPlace as error:
         meter.clear()
         return _refuse(program, error)
 
 
-def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[argparse.Namespace, list[argparse.Namespace]]:
+def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
     """The options of the command line, and of each set to bake. Raises WrongUsage."""
     options = arguments.parse(words, program)
     if options.jobs:
-        own, more = arguments.split_jobs(words)
+        own, more = arguments.split_jobs(words, program)
         if own.untrusted:
             bounds.check_job_file(own.jobs)
 
@@ -138,18 +139,15 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[argparse.Na
             return own, job_file.read(own.jobs, more, show, is_untrusted=own.untrusted)
         finally:
             meter.clear()
-    arguments.check(options)
-    return options, [options]
+    return arguments.check(options, program), [options]
 
 
-def _read_levels(
-    words: Sequence[str], program: str, _meter: Meter
-) -> tuple[argparse.Namespace, list[argparse.Namespace]]:
+def _read_levels(words: Sequence[str], program: str, _meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
     """As `_read`, of the command lod."""
     from . import lod_command
 
     options = lod_command.read(words, program)
-    return options, [options]
+    return RunOptions.of(options, program), [options]
 
 
 def _has_no_folder() -> str:

@@ -95,7 +95,7 @@ def _check(options: argparse.Namespace) -> None:
     for name in OF_TASKS:
         if any(word.partition("=")[0] == f"--{name}" for word in words):
             raise WrongUsage(f"--options: leave out --{name}, which the tasks of a farm have already")
-    run, more = arguments.split_jobs([*words, "--force" if options.force else "--resume"])
+    run, more = arguments.split_jobs(["--jobs", options.jobs, *words, "--force" if options.force else "--resume"])
     if run.untrusted:
         bounds.check_job_file(options.jobs)
     job_file.read(options.jobs, more, is_untrusted=run.untrusted)

@@ -16,11 +16,12 @@ from .results.bake_result import Result
 from .results.terminal import Meter
 from .scene_files import Stage
 from .usage.options import STDOUT
+from .usage.run_options import RunOptions
 
 
-def run(plan: Plan, files: clashes.RunFiles, program: str, meter: Meter) -> int:
+def run(plan: Plan, files: clashes.RunFiles, run_options: RunOptions, meter: Meter) -> int:
     """Bake. files: must have the plan. Returns the exit code. Raises WrongPlace if the bake would harm a file."""
-    options, stage = plan.options, Stage()
+    options, program, stage = plan.options, run_options.program, Stage()
     if batch.need_all([plan]):
         blender_process.complete()  # before a file is opened, as Baker does
     start, is_begun = time.perf_counter(), False
@@ -42,7 +43,7 @@ def run(plan: Plan, files: clashes.RunFiles, program: str, meter: Meter) -> int:
         result.seconds = time.perf_counter() - start
         return _fail(result, options.report, program, meter)
     meter.clear()
-    out, entry = terminal.out(options), result.entry()
+    out, entry = terminal.out(run_options), result.entry()
     for warning in result.unsaid:
         meter.report(f"{program}: warning: {warning}")
     if result.is_stopped:
@@ -56,7 +57,7 @@ def run(plan: Plan, files: clashes.RunFiles, program: str, meter: Meter) -> int:
     ]
     print("\n".join(map(printable, lines)), file=out)
     if options.report == STDOUT:
-        print(report_file.as_text(run_report.document([entry], 1)))
+        print(report_file.as_text(run_report.document([entry])))
     meter.ended(entry)
     return run_report.exit_code(entry)
 
@@ -66,7 +67,7 @@ def _fail(result: Result, report: str | None, program: str, meter: Meter) -> int
     print(printable(f"{program}: {result.error}"), file=sys.stderr)
     entry = result.entry()
     meter.ended(entry)
-    document = run_report.document([entry], 1)
+    document = run_report.document([entry])
     if path := report_file.report_path(report):
         report_file.write_failure(path, document)
     elif report:

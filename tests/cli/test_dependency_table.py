@@ -16,7 +16,8 @@ from addon.cli import command
 from addon.cli.done.turns import Resuming
 from addon.cli.plan import clashes
 from addon.cli.plan.clashes import InputFiles
-from addon.cli.usage import arguments, job_file
+from addon.cli.usage import job_file
+from addon.cli.usage.run_options import RunOptions
 from scripts.imprint import ROOT
 from tests.support import dependency_kinds, file_kinds, reports, zoo
 
@@ -55,7 +56,7 @@ def run(folder, *words):
 def left_out(folder):
     """The names of the bakes that are done."""
     sets = job_file.read(str(folder / "j.json"), [], lambda _: None)
-    planned, *_ = clashes.plan_call(arguments.parse(["--jobs", str(folder / "j.json")]), sets, InputFiles())
+    planned, *_ = clashes.plan_call(RunOptions(jobs=str(folder / "j.json")), sets, InputFiles())
     with Resuming(planned) as turns:
         return {each.plan.name.partition("(")[2][:-1] for each in turns.done}
 

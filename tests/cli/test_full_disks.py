@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there i
 
 def test_a_full_disk_is_an_error_at_the_end(tmp_path):
     (tmp_path / "1.json.lines").symlink_to("/dev/full")
-    file = ReportFile(tmp_path / "1.json", 2)
+    file = ReportFile(tmp_path / "1.json", run_report.head(2))
     file.add(entry(1))
     file.add(entry(2))
     with pytest.raises(BakeError, match="1.json.lines' could not be written: No space left on device"):

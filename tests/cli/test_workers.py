@@ -20,10 +20,11 @@ from addon.cli import command, interruption
 from addon.cli.done.turns import Turns
 from addon.cli.plan import clashes, plans
 from addon.cli.results import run_report
-from addon.cli.results.bake_result import Done, Wanted
+from addon.cli.results.bake_result import Done
 from addon.cli.results.run_report import Entry
 from addon.cli.results.terminal import Meter
 from addon.cli.usage import arguments, job_file
+from addon.cli.usage.run_options import RunOptions
 from addon.cli.workers import pool, worker, worker_process
 from addon.cli.workers.messages import Answer, FilesFound, Percent, packed
 from addon.core.errors import BakeError, NoGpu
@@ -209,8 +210,8 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
     planned, _ = plans.plans_of(job_file.read("j.json"))
     files, turns = clashes.RunFiles(), Turns(planned)
     assert files.add([(plan.name, plan.options) for plan in planned], "j.json", None, []) == []
-    with Meter(io.StringIO()) as meter, pool.Supervisor(1, pool.Limits()) as started:
-        results = started.bake_all(turns, files, meter, Wanted())
+    with Meter(io.StringIO()) as meter, pool.Supervisor(RunOptions()) as started:
+        results = started.bake_all(turns, files, meter)
         assert [(done.entry.state, turns.count) for done in results] == [("done", left) for left in (2, 1, 0, 0)]
 
 
@@ -228,7 +229,7 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
 def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is_ready, has_lost, left, expected):
     """busy_for: seconds that the only worker has its bake; None if it has none."""
     monkeypatch.setattr(pool, "BusyWorker", lambda _: made(plan=None, is_ready=False))
-    watching = pool.Supervisor(1, pool.Limits(seconds=10.0))
+    watching = pool.Supervisor(RunOptions(timeout=10.0))
     watching._has_lost = has_lost
     plan = None if busy_for is None else object()
     watching._workers.append(made(plan=plan, is_ready=is_ready, begun=time.monotonic() - (busy_for or 0.0)))
@@ -272,7 +273,7 @@ def test_workers_that_do_not_start_end_no_run_while_another_is_well(monkeypatch,
     """A spare one is tried once, others three times, and again once the other has ended."""
     made_ = []
     monkeypatch.setattr(pool, "BusyWorker", start_(made_))
-    watching = pool.Supervisor(count, pool.Limits())
+    watching = pool.Supervisor(RunOptions(workers=count))
     watching._has_lost = True
     well = made(plan=object(), is_ready=True)
     watching._workers.append(well)
@@ -295,7 +296,7 @@ def test_workers_that_do_not_start_end_no_run_while_another_is_well(monkeypatch,
 def test_without_another_worker_the_third_that_ends_unready_ends_the_run(monkeypatch):
     """Those that ended while another was well do not count."""
     monkeypatch.setattr(pool, "BusyWorker", dying([]))
-    watching = pool.Supervisor(2, pool.Limits())
+    watching = pool.Supervisor(RunOptions(workers=2))
     well = made(plan=object(), is_ready=True)
     watching._workers.append(well)
     for _ in range(2):
@@ -314,7 +315,7 @@ def test_a_worker_that_ends_unready_ends_the_run_after_others_could_not_be_start
     made_ = []
     first = dying(made_)(None)
     monkeypatch.setattr(pool, "BusyWorker", failing(made_))
-    watching = pool.Supervisor(2, pool.Limits())
+    watching = pool.Supervisor(RunOptions(workers=2))
     watching._workers.append(first)
     watching._fill(9)
     assert len(made_) == 1 + pool.MOST_STARTS
@@ -326,7 +327,7 @@ def test_workers_that_end_between_their_start_and_their_first_bake_are_not_start
     """As where other machines have all bakes that are left."""
     made_ = []
     monkeypatch.setattr(pool, "BusyWorker", dying(made_))
-    watching = pool.Supervisor(1, pool.Limits())
+    watching = pool.Supervisor(RunOptions())
 
     def fill():
         watching._fill(1)
@@ -344,7 +345,7 @@ def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch
     monkeypatch.setattr(pool, "BusyWorker", failing([]))
     before = list(interruption._at_end)
     with pytest.raises(BakeError, match="A process to bake in could not be started: Resource temporarily"):
-        pool.Supervisor(1, pool.Limits()).__enter__()
+        pool.Supervisor(RunOptions()).__enter__()
     assert interruption._at_end == before
 
 
@@ -359,7 +360,7 @@ def test_after_a_crash_there_is_a_spare_worker(folder, monkeypatch, name, expect
 
 
 def test_a_spare_worker_bakes_when_another_has_ended():
-    watching = pool.Supervisor(1, pool.Limits())
+    watching = pool.Supervisor(RunOptions())
     first, spare = (made(plan=object(), is_ready=True), made(plan=None, is_ready=True))
     watching._workers += [first, spare]
     assert watching._free() == []
@@ -606,7 +607,7 @@ def test_a_worker_that_stops_in_a_message_is_ended(content, monkeypatch):
     worker_ = SimpleNamespace(
         process=process, plan=plan, begun=0.0, has_begun=True, is_well=True, log="", last_words=str
     )
-    watching = pool.Supervisor(1, pool.Limits())
+    watching = pool.Supervisor(RunOptions())
     watching._workers.append(worker_)
     os.write(ours.other.fileno(), content)
     if not content:
@@ -620,7 +621,7 @@ def test_what_a_worker_sends_without_a_bake_is_ignored():
     """As one may that a file has taken over."""
     ours = worker_process.Channel()
     worker_ = SimpleNamespace(process=SimpleNamespace(channel=ours), plan=None)
-    watching = pool.Supervisor(1, pool.Limits())
+    watching = pool.Supervisor(RunOptions())
     watching._workers.append(worker_)
     for message in (Done(Entry(1, "a")), FilesFound()):
         ours.other.send_bytes(packed(message))

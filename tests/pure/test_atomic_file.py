@@ -62,7 +62,9 @@ def test_many_folders_are_made(tmp_path):
     with few_calls():
         report_file.prepare_folder("--log", str(tmp_path / "log" / DEEP))
         for path in (tmp_path / "report" / DEEP / "r.json", tmp_path / "page" / DEEP / "s.html"):
-            file = ReportFile(path, 1) if path.suffix == ".json" else SheetFile(path, run_report.head(1))
+            file = (
+                ReportFile(path, run_report.head(1)) if path.suffix == ".json" else SheetFile(path, run_report.head(1))
+            )
             file.add(Entry(1, "a"), *([b""] if path.suffix == ".html" else []))
             file.finish()
             assert path.is_file()

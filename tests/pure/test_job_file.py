@@ -337,7 +337,7 @@ def test_options_on_the_command_line_override_all_sets(write):
 def test_options_of_the_run_are_not_passed_to_the_sets():
     words = "--list --json --shard 2/3 --only a* --only b --jobs j.toml --mask"
     known, more = arguments.split_jobs(words.split())
-    assert (known.list, known.json, known.shard, known.only) == (True, True, (2, 3), ["a*", "b"])
+    assert (known.list, known.json, known.shard, known.only) == (True, True, (2, 3), ("a*", "b"))
     assert more == ["--mask"]
     with pytest.raises(WrongUsage, match="--json is for --list"):
         arguments.split_jobs(["--jobs", "j.toml", "--json"])

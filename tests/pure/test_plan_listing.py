@@ -43,7 +43,7 @@ def listed(capsys, sets, *words):
     with open("jobs.json", "w", encoding="utf-8") as file:
         json.dump({"bake": sets}, file)
     options, more = arguments.split_jobs(["--jobs", "jobs.json", *words])
-    code = listing.list_bakes(options, job_file.read("jobs.json", more), "imprint")
+    code = listing.list_bakes(options, job_file.read("jobs.json", more))
     return code, *(text.splitlines() for text in capsys.readouterr())
 
 
@@ -256,7 +256,7 @@ def test_each_process_lists_the_same(here, words):
     program = (
         "import sys; from addon.cli.plan import listing; from addon.cli.usage import arguments, job_file\n"
         "options, more = arguments.split_jobs(sys.argv[1:])\n"
-        "listing.list_bakes(options, job_file.read(options.jobs, more), 'imprint')"
+        "listing.list_bakes(options, job_file.read(options.jobs, more))"
     )
     found = {
         subprocess.run(

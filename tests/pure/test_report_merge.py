@@ -19,7 +19,7 @@ def entry(number, state=State.DONE, **values):
 
 def write(path, numbers, planned, shard="", *, only=None, is_cut_off=False, **values):
     """A report as a call writes it, or the lines that it has left."""
-    file = ReportFile(path, planned, shard, only)
+    file = ReportFile(path, run_report.head(planned, shard, only))
     for each in numbers:
         file.add(each if isinstance(each, Entry) else entry(each, **values))
     file.close() if is_cut_off else file.finish()

@@ -26,7 +26,7 @@ def document():
         Entry(4, "d", State.RESUMED),
         Entry(5, "e", State.STOPPED, files=[{**file, "bytes": None, "sha256": None}]),
     ]
-    return json.loads(json.dumps(run_report.document(entries, 5, "1/2")))
+    return json.loads(json.dumps(run_report.document(entries, run_report.head(5, "1/2"))))
 
 
 def test_the_file_is_that_of_the_dataclasses():

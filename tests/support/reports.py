@@ -37,4 +37,4 @@ def of_three():
         Entry(2, "a", State.FAILED, EVIL, seconds=10.0),
         Entry(3, "c", State.GATE, gate=["missed is 50 %."], seconds=1.0, reports=[{**bake, "missed": 0.125}]),
     ]
-    return json.loads(json.dumps(run_report.document(entries, 3)))
+    return json.loads(json.dumps(run_report.document(entries, run_report.head(3))))

@@ -23,8 +23,9 @@ from .. import bounds
 from ..bounds import Bounds
 from ..results import report_file
 from ..results.report_file import LINES
-from ..usage import arguments, run_options
+from ..usage import arguments
 from ..usage.options import STDOUT
+from ..usage.run_options import RunOptions
 from . import plans
 from .plans import Plan
 
@@ -338,13 +339,6 @@ def _meshes_in(folder: str) -> list[str]:
     return [os.path.join(folder, name) for name in names if name.lower().endswith(OPENED)]
 
 
-def are_many(options: argparse.Namespace) -> bool:
-    """Whether the bakes of a call are done as those of a job file are: several, or a single one with a record, with a page of
-    results, or in a process of its own."""
-    asks = run_options.has_records, run_options.wants_pictures, run_options.needs_worker
-    return arguments.are_many(options) or any(ask(options) for ask in asks)
-
-
 def _of_record(records: str | None, options: argparse.Namespace) -> Iterator[tuple[str, str]]:
     from ..done import records as records_module  # here, since most calls keep no records
 
@@ -352,31 +346,31 @@ def _of_record(records: str | None, options: argparse.Namespace) -> Iterator[tup
 
 
 def plan_call(
-    options: argparse.Namespace, sets: Sequence[argparse.Namespace], inputs: InputFiles
+    options: RunOptions, sets: Sequence[argparse.Namespace], inputs: InputFiles
 ) -> tuple[list[Plan], list[str], RunFiles, list[str]]:
     """The bakes, sentences about unpaired files, the files of all bakes, and a sentence for each bake that would harm a file.
 
-    options: of the call. sets: those of each set. inputs: as in Run. Raises WrongPlace for folders that an
+    sets: the options of each set. inputs: as in RunFiles. Raises WrongPlace for folders that an
     untrusted call cannot use.
     """
-    open_file, within = plans.open_file(), bounds.of(options)
+    open_file, within = plans.open_file(), bounds.of(options, sets[0])
     if within is not None:
         within.check_sets(sets)
     warnings: list[str] = []
-    if arguments.are_many(options):
+    if options.may_have_many:
         planned, warnings = plans.plans_of(sets, open_file)
-    elif are_many(options):
-        own = copy(options)
+    elif options.has_table:
+        own = copy(sets[0])
         own.report = None  # it is that of the call
-        planned = [Plan(plans.subject(options, open_file), own)]
+        planned = [Plan(plans.subject(own, open_file), own)]
     else:
-        planned = [Plan("", options)]
-    of_record = partial(_of_record, options.records) if run_options.has_records(options) else None
+        planned = [Plan("", sets[0])]
+    of_record = partial(_of_record, options.records) if options.has_records else None
     files = RunFiles(open_file, within, inputs, of_record)
     found = files.add(
         [(each.name, each.options) for each in planned],
         options.jobs,
-        options.report if are_many(options) else None,
+        options.report if options.has_table else None,
         [own.pairs for own in sets if arguments.is_folder(own)],
         options.sheet,
     )

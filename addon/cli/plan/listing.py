@@ -17,6 +17,7 @@ from ...core.naming import match
 from ...output.files.atomic_file import check_writable
 from ..results import run_report
 from ..usage.options import STDOUT
+from ..usage.run_options import RunOptions
 from . import clashes, plans
 from .clashes import InputFiles
 from .plans import Plan
@@ -112,16 +113,16 @@ VERSION = 1
 _CONTROL = re.compile(r"[\x00-\x1f\x7f\u2028\u2029]")
 
 
-def list_bakes(options: argparse.Namespace, sets: Sequence[argparse.Namespace], program: str) -> int:
+def list_bakes(options: RunOptions, sets: Sequence[argparse.Namespace]) -> int:
     """List the bakes on standard output, or only check them, as the options say.
 
     sets: the options of each set. What is wrong goes to standard error, a line each. Returns the exit code.
     """
     listing = _Listing(options, sets)
     for problem in () if options.quiet else listing.warnings:
-        print(f"{program}: warning: {problem}", file=sys.stderr)
+        print(f"{options.program}: warning: {problem}", file=sys.stderr)
     for problem in listing.all_problems:
-        print(f"{program}: {problem}", file=sys.stderr)
+        print(f"{options.program}: {problem}", file=sys.stderr)
     if options.list:
         print(json.dumps(listing.to_json(), indent=1) if options.json else "\n".join(map(listing.line, listing.chosen)))
     return listing.code
@@ -130,7 +131,7 @@ def list_bakes(options: argparse.Namespace, sets: Sequence[argparse.Namespace], 
 class _Listing:
     """The bakes of a call, with what is known of them before they are done."""
 
-    def __init__(self, options: argparse.Namespace, sets: Sequence[argparse.Namespace]):
+    def __init__(self, options: RunOptions, sets: Sequence[argparse.Namespace]):
         self._options, self._files = options, InputFiles()
         self.planned, self.warnings, self._run, self.problems = clashes.plan_call(options, sets, self._files)
         self.costs = {plan.number: plans.cost(plan.options) for plan in self.planned}
@@ -170,11 +171,10 @@ class _Listing:
 
     def to_json(self) -> dict:
         """Plain data for json.dump."""
-        shard = self._options.shard
         return {
             "imprint_list": VERSION,
             "planned": len(self.planned),
-            "shard": f"{shard[0]}/{shard[1]}" if shard else None,
+            "shard": self._options.part or None,
             "bakes": [self._entry(plan) for plan in self.chosen],
             "problems": self.problems,
             "warnings": self.warnings,

@@ -103,14 +103,6 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What a run wants of its bakes. hashes: of all files, for a report. pictures: for a page of results."""
-
-    hashes: bool = False
-    pictures: bool = False
-
-
-@dataclass(frozen=True)
 class Done:
     """A bake that has ended. warnings: those to print now. is_listed: whether the report has its entry. picture: a PNG file of
     its map, its low mesh with the map, and its deviations; empty if it has none."""

@@ -98,7 +98,7 @@ def _merged(parts: Sequence[Part], warnings: list[str]) -> Merged:
     only = Only.union([part.only for part in parts])
     wanted = sorted(only.numbers) if only else range(1, first.planned + 1)
     missing = [number for number in wanted if number not in is_there]
-    document = run_report.document(entries, first.planned, only=only)
+    document = run_report.document(entries, run_report.head(first.planned, only=only))
     document.update(imprint=first.imprint, blender=first.blender, code=first.code)
     return Merged(document, len(wanted), missing, run_report.FAILED if missing else tally.code, warnings)
 

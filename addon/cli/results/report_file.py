@@ -14,7 +14,7 @@ from ...output.files.atomic_file import check_writable, make_folder, reason, rep
 from ...output.files.temporary_paths import check_folder
 from ..usage.options import STDOUT
 from . import run_report
-from .run_report import Entry, Only, State
+from .run_report import Entry, State
 
 READ = 1024
 """Bytes of the beginning of a file, which may have blanks."""
@@ -101,10 +101,10 @@ def write_failure(path: Path, report: dict[str, Any]) -> None:
 class ReportFile:
     """The report of many bakes. While they go on, their entries are in another file, which a crash leaves."""
 
-    def __init__(self, path: Path, planned: int, shard: str = "", only: Only | None = None):
-        """Raises BakeError if the file cannot be written. planned, shard, only: as in run_report.document."""
+    def __init__(self, path: Path, head: dict[str, Any]):
+        """Raises BakeError if the file cannot be written. head: what comes before the bakes, as run_report.head returns it."""
         check_writable(path)
-        self._path, self._head = path, run_report.head(planned, shard, only)
+        self._path, self._head = path, head
         self.lines = path.with_name(path.name + LINES)
         self._file: IO[bytes] | None = None
         self._places: list[tuple[int, int]] = []

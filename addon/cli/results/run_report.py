@@ -194,9 +194,9 @@ def paths(report: dict[str, Any]) -> list[str]:
     return found + [path for each in report["mip_files"].values() for path in each]
 
 
-def document(entries: Sequence[Entry], planned: int, shard: str = "", only: Only | None = None) -> dict[str, Any]:
-    """The report. planned: how many bakes the job has. shard: the part, as K/N; empty for all. only: None for all."""
-    return {**head(planned, shard, only), "bakes": [entry.to_dict() for entry in entries], "summary": summary(entries)}
+def document(entries: Sequence[Entry], first: dict[str, Any] | None = None) -> dict[str, Any]:
+    """The report. first: what comes before the bakes, as `head` returns it; None for that of a single bake."""
+    return {**(first or head(1)), "bakes": [entry.to_dict() for entry in entries], "summary": summary(entries)}
 
 
 def text(entries: Iterable[str], counted: dict[str, float], first: dict[str, Any]) -> Iterator[str]:
@@ -225,7 +225,8 @@ def count(counted: dict[str, float], entry: Entry) -> None:
 
 
 def head(planned: int, shard: str = "", only: Only | None = None) -> dict[str, Any]:
-    """What comes before the bakes in a report. planned, shard, only: as in `document`."""
+    """What comes before the bakes in a report. planned: how many bakes the job has. shard: the part, as K/N; empty for all.
+    only: None for all."""
     return {
         "imprint_report": VERSION,
         "imprint": versions.imprint(),

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a call prints: lines and progress on a terminal, or events for programs."""
 
-import argparse
 import io
 import json
 import re
@@ -19,6 +18,7 @@ from ...core.progress import Progress
 from .. import standard_streams
 from ..plan.plans import Plan
 from ..usage.options import STDOUT
+from ..usage.run_options import RunOptions
 from . import run_report
 from .bake_result import Result
 from .run_report import Entry, State
@@ -111,7 +111,7 @@ class _Nowhere(io.TextIOBase):
         return len(text)
 
 
-def out(options: argparse.Namespace) -> TextIO:
+def out(options: RunOptions) -> TextIO:
     """Where the summary goes: standard output, or standard error if the report goes there, or nowhere."""
     return _Nowhere() if options.quiet else sys.stderr if options.report == STDOUT else sys.stdout
 

@@ -19,7 +19,7 @@ from ...core.settings import PART_OF, Settings
 from ..results import gates
 from . import run_options
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
-from .run_options import RUN_OPTIONS
+from .run_options import RUN_OPTIONS, RunOptions
 
 
 def settings(options: argparse.Namespace) -> Settings:
@@ -123,8 +123,8 @@ def with_pairs(options: argparse.Namespace) -> argparse.Namespace:
     return options
 
 
-def split_jobs(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
-    """--jobs, --report and the options of the run, and the other arguments, which override all sets. Raises WrongUsage."""
+def split_jobs(arguments: Sequence[str], program: str = "imprint") -> tuple[RunOptions, list[str]]:
+    """The options of the run of a job file, and the other arguments, which override all sets. Raises WrongUsage."""
     own = _BakeParser(add_help=False, allow_abbrev=False)
     for name, option in {"jobs": JOBS, "report": OPTIONS["output"]["report"], **RUN_OPTIONS}.items():
         own.add_argument(f"--{name}", **option.arguments)
@@ -132,15 +132,18 @@ def split_jobs(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]
     rest = parse(more)
     if rest.file or any(vars(rest)[name.replace("-", "_")] for name in SUBJECTS):
         raise WrongUsage("--jobs FILE names what to bake: name nothing beside it")
-    _refuse(run_options.mistakes(known, are_many=True))
-    return known, more
+    run = RunOptions.of(known, program)
+    _refuse(run.mistakes(has_files=True))
+    return run, more
 
 
-def check(options: argparse.Namespace) -> None:
-    """Raise WrongUsage for options that are missing or contradict each other."""
+def check(options: argparse.Namespace, program: str = "imprint") -> RunOptions:
+    """The options of the run. Raises WrongUsage for options that are missing or contradict each other."""
     if job_file := next((name for name in options.file if PurePath(name).suffix.lower() in JOB_FILES), None):
         raise WrongUsage(f"{job_file!r} is no scene: put --jobs before a job file")
-    _refuse([*mistakes(options), *run_options.mistakes(options, is_folder(options))])
+    run = RunOptions.of(options, program)
+    _refuse([*mistakes(options), *run.mistakes(has_files=bool(options.file or options.low_file))])
+    return run
 
 
 def _refuse(found: Iterable[str]) -> None:
@@ -268,11 +271,6 @@ def _wrong_paths(paths: Sequence[str | bool | None]) -> Iterator[str]:
         here.encode()
     except UnicodeEncodeError:
         yield f"the folder {here!r} is not UTF-8, as all paths in Blender are: start in another one"
-
-
-def are_many(options: argparse.Namespace) -> bool:
-    """Whether the options of a call may ask for several bakes."""
-    return bool(options.jobs) or is_folder(options)
 
 
 def is_folder(options: argparse.Namespace) -> bool:

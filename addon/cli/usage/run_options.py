@@ -3,7 +3,9 @@
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
 
+from ..results import run_report
 from . import option_types
 from .options import CommandOption
 
@@ -99,50 +101,118 @@ RUN_OPTIONS: dict[str, CommandOption] = {
     ),
 }
 """The options without their dashes."""
-OF_MANY = ("shard", "only")
-"""Those that are for many bakes alone."""
-OF_RECORDS = ("resume", "force")
+_OF_RECORDS = ("resume", "force")
 """Those with which each bake has a record."""
-OF_WORKERS = ("timeout", "max_memory", "log", "untrusted")
+_OF_WORKERS = ("timeout", "max_memory", "log", "untrusted")
 """Those for which a single bake has a process of its own, too."""
 
 
-def mistakes(options: argparse.Namespace, are_many: bool) -> Iterator[str]:
-    """What contradicts among these options. are_many: whether the run may have several bakes. Without a full stop."""
-    given = vars(options)
-    if not are_many:
-        wrong = (name.replace("_", "-") for name in OF_MANY if given[name])
-        yield from (f"--{name} is for many bakes: use --jobs or --pairs DIR" for name in wrong)
-    if options.resume and options.force:
-        yield "--force does all bakes: leave out --resume"
-    if options.records and not has_records(options):
-        yield "--records is for --resume and --force"
-    if options.untrusted and has_records(options) and not options.records:
-        named = next(name for name in OF_RECORDS if given[name])
-        yield f"--{named} needs --records DIR with --untrusted: records beside the maps could come with the files"
-    if options.list and options.check:
-        yield "--list checks as well: leave out --check"
-    if options.json and not options.list:
-        yield "--json is for --list"
-    if needs_worker(options) and not options.workers:
-        needs = next(name.replace("_", "-") for name in OF_WORKERS if given[name])
-        yield f"--{needs} needs a process for the bakes: leave out --workers 0"
-    if (options.input_folder or options.output_folder) and not options.untrusted:
-        yield "--input-folder and --output-folder are for --untrusted"
-    if options.untrusted and not (are_many or options.file or options.low_file):
-        yield "--untrusted needs FILE or --low-file: the open file has been opened already"
+@dataclass(frozen=True)
+class RunOptions:
+    """The options of a whole run, and what follows from them. Those of each bake are in its plan."""
 
+    program: str = "imprint"
+    """What messages begin with."""
+    call: run_report.ThisCall = field(default_factory=run_report.noted)
+    """For reports, also those that workers write."""
+    jobs: str | None = None
+    folder: str | None = None
+    """The folder of mesh files whose pairs are baked."""
+    report: str | None = None
+    """The file of the report of all bakes, or STDOUT."""
+    list: bool = False
+    json: bool = False
+    check: bool = False
+    shard: tuple[int, int] | None = None
+    """The part of the bakes, and the number of parts."""
+    only: tuple[str, ...] = ()
+    """The patterns of names of bakes."""
+    resume: bool = False
+    force: bool = False
+    records: str | None = None
+    workers: int = 1
+    timeout: float | None = None
+    """Seconds that a bake may take, with opening its files."""
+    max_memory: int | None = None
+    """Bytes that the process of a bake may have."""
+    log: str | None = None
+    sheet: str | None = None
+    pictures: str | None = None
+    untrusted: bool = False
+    input_folder: str | None = None
+    output_folder: str | None = None
+    quiet: bool = False
 
-def has_records(options: argparse.Namespace) -> bool:
-    """Whether the options ask for records of the bakes."""
-    return any(vars(options)[name] for name in OF_RECORDS)
+    @classmethod
+    def of(cls, given: argparse.Namespace, program: str = "imprint") -> "RunOptions":
+        """From what the parser of the command line has read."""
+        words = vars(given)
+        values = {each.name: words[each.name] for each in fields(cls) if each.name in words}
+        folder = words.get("pairs")
+        own = {"program": program, "only": tuple(given.only), "folder": folder if isinstance(folder, str) else None}
+        return cls(**(values | own))
 
+    @property
+    def may_have_many(self) -> bool:
+        """Whether the run may have several bakes."""
+        return bool(self.jobs or self.folder)
 
-def wants_pictures(options: argparse.Namespace) -> bool:
-    """Whether bakes have pictures."""
-    return bool(options.sheet or options.pictures)
+    @property
+    def has_records(self) -> bool:
+        """Whether each bake has a record."""
+        return self.resume or self.force
 
+    @property
+    def has_pictures(self) -> bool:
+        """Whether bakes have pictures, for a page of results or for later."""
+        return bool(self.sheet or self.pictures)
 
-def needs_worker(options: argparse.Namespace) -> bool:
-    """Whether the options ask for a process of its own, also for a single bake."""
-    return any(vars(options)[name] for name in OF_WORKERS)
+    @property
+    def has_hashes(self) -> bool:
+        """Whether the files of bakes are hashed: for a report, and to compare them with what untrusted processes report."""
+        return bool(self.report or self.pictures or self.untrusted)
+
+    @property
+    def needs_worker(self) -> bool:
+        """Whether also a single bake has a process of its own."""
+        return any(getattr(self, name) for name in _OF_WORKERS)
+
+    @property
+    def has_workers(self) -> bool:
+        """Whether bakes have processes of their own. A single one with a record does not, as one without."""
+        return bool(self.workers) and (self.may_have_many or self.needs_worker)
+
+    @property
+    def has_table(self) -> bool:
+        """Whether bakes are done as those of a job file are: several, or a single one with a record, with pictures, or in a
+        process of its own."""
+        return self.may_have_many or self.has_records or self.has_pictures or self.needs_worker
+
+    @property
+    def part(self) -> str:
+        """The part of the bakes, as K/N; empty for all."""
+        return "/".join(map(str, self.shard or ()))
+
+    def mistakes(self, *, has_files: bool) -> Iterator[str]:
+        """What contradicts among these options, without a full stop. has_files: whether the bakes name files to open."""
+        if not self.may_have_many:
+            wrong = (name for name in ("shard", "only") if getattr(self, name))
+            yield from (f"--{name} is for many bakes: use --jobs or --pairs DIR" for name in wrong)
+        if self.resume and self.force:
+            yield "--force does all bakes: leave out --resume"
+        if self.records and not self.has_records:
+            yield "--records is for --resume and --force"
+        if self.untrusted and self.has_records and not self.records:
+            named = next(name for name in _OF_RECORDS if getattr(self, name))
+            yield f"--{named} needs --records DIR with --untrusted: records beside the maps could come with the files"
+        if self.list and self.check:
+            yield "--list checks as well: leave out --check"
+        if self.json and not self.list:
+            yield "--json is for --list"
+        if self.needs_worker and not self.workers:
+            needs = next(name.replace("_", "-") for name in _OF_WORKERS if getattr(self, name))
+            yield f"--{needs} needs a process for the bakes: leave out --workers 0"
+        if (self.input_folder or self.output_folder) and not self.untrusted:
+            yield "--input-folder and --output-folder are for --untrusted"
+        if self.untrusted and not (self.may_have_many or has_files):
+            yield "--untrusted needs FILE or --low-file: the open file has been opened already"

@@ -14,34 +14,27 @@ from typing import Any, get_args, get_origin, get_type_hints
 from ..done.records import Draft
 from ..plan.plans import Plan
 from ..results import run_report, sheet
-from ..results.bake_result import Done, Wanted
-from ..results.run_report import ThisCall
-
-
-@dataclass(frozen=True)
-class Call:
-    """What all bakes of a call have in common."""
-
-    needs_all: bool
-    """As batch.need_all says of all plans."""
-    wanted: Wanted
-    is_shown: bool
-    """Whether the parent shows how far bakes are."""
-    folders: tuple[str, ...] = ()
-    """Those that bakes of untrusted files read; none for others."""
-    noted: ThisCall = field(default_factory=run_report.noted)
-    """For the reports."""
+from ..results.bake_result import Done
+from ..usage.run_options import RunOptions
 
 
 @dataclass(frozen=True)
 class Assignment:
-    """To a worker: a bake to do. draft: of its record, or None for a bake without one. log: the file for all that its process
-    prints; empty for none."""
+    """To a worker: a bake to do."""
 
     plan: Plan
-    call: Call
+    options: RunOptions
+    """Of the run, as the next three."""
+    needs_all: bool
+    """As batch.need_all says of all plans."""
+    is_shown: bool
+    """Whether the parent shows how far bakes are."""
+    folders: tuple[str, ...] = ()
+    """Those that bakes of untrusted files read; none for others."""
     log: str = ""
+    """The file for all that the process prints; empty for none."""
     draft: Draft | None = None
+    """Of the record; None for a bake without one."""
 
 
 @dataclass(frozen=True)

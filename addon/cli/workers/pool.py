@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -23,12 +23,13 @@ from ..done.turns import Chains, Resumed, Turns
 from ..plan import clashes
 from ..plan.plans import Plan
 from ..results import report_file
-from ..results.bake_result import Done, Wanted
+from ..results.bake_result import Done
 from ..results.run_report import Cause, Entry, State
 from ..results.terminal import Meter
 from ..sandbox import Sandbox
+from ..usage.run_options import RunOptions
 from . import worker_process
-from .messages import MOST_BYTES, Answer, Assignment, Begun, Call, FilesFound, Line, Percent, Ready, unpacked
+from .messages import MOST_BYTES, Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, unpacked
 from .worker_process import STALLED, WorkerProcess
 
 
@@ -66,7 +67,7 @@ class BusyWorker:
         self.assigned, self.has_begun, self.chain = assigned, False, assigned.plan.chain
         self._printed = self.process.printed
         self.begun = time.monotonic()
-        self.process.send(replace(assigned, draft=None) if assigned.call.folders else assigned)
+        self.process.send(replace(assigned, draft=None) if assigned.folders else assigned)
 
     def last_words(self) -> str:
         """The clause of last_words about its bake."""
@@ -99,22 +100,12 @@ MOST_SENT = 3
 """So many workers may end one after the other before they begin the same bake."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """seconds: that a bake may take, with opening its files. memory: bytes that a worker may have. None: no limit. log: the
-    folder for a file with all that is printed in each bake."""
-
-    seconds: float | None = None
-    memory: int | None = None
-    log: str | None = None
-
-
 class Supervisor:
     """Starts workers, gives them bakes, and ends them. Use it in a `with` block."""
 
-    def __init__(self, count: int, limits: Limits, sandbox: Sandbox | None = None):
-        """sandbox: of the workers for files that are not trusted."""
-        self._count, self._limits, self._sandbox = count, limits, sandbox
+    def __init__(self, options: RunOptions, sandbox: Sandbox | None = None):
+        """options: of the run. sandbox: of the workers for files that are not trusted."""
+        self._options, self._count, self._sandbox = options, options.workers, sandbox
         self._workers: list[BusyWorker] = []
         self._chains = Chains()
         self._has_lost = False
@@ -153,7 +144,7 @@ class Supervisor:
         for worker in self._workers:
             worker.process.kill(max(0.0, deadline - time.monotonic()))
 
-    def bake_all(self, turns: Turns, files: clashes.RunFiles, meter: Meter, wanted: Wanted) -> Iterator[Done]:
+    def bake_all(self, turns: Turns, files: clashes.RunFiles, meter: Meter) -> Iterator[Done]:
         """Do all that is left of `turns`, in their order as workers are free. files: must have all plans.
 
         After a signal, bakes that have begun are asked to stop, and ended if they do not; the last results may be of such.
@@ -162,9 +153,6 @@ class Supervisor:
         count = turns.count
         needs_all = any(turn.plan.options.save_blend or turn.plan.options.export for turn in turns.left)
         folders = self._sandbox.folders if self._sandbox else ()
-        # What a process that may lie says of files is compared with them.
-        wanted = replace(wanted, hashes=wanted.hashes or bool(folders))
-        call = Call(needs_all, wanted, meter.is_on, folders)
         begun, stop_by = 0, math.inf
         ended: list[Done] = []
         """Results that the caller gets once workers have their next bakes."""
@@ -200,7 +188,8 @@ class Supervisor:
                     ended.append(Done.of(refusal, turn.plan.number))
                     continue
                 meter.begin(turn.plan, f"{begun}/{count} ")
-                worker.begin(Assignment(turn.plan, call, log_path(self._limits.log, turn.plan), turn.draft))
+                log = log_path(self._options.log, turn.plan)
+                worker.begin(Assignment(turn.plan, self._options, needs_all, meter.is_on, folders, log, turn.draft))
             while ended:
                 yield ended.pop(0)
             try:
@@ -235,7 +224,7 @@ class Supervisor:
         """
         if not all(worker.plan and worker.process.is_ready for worker in self._workers):
             return False
-        late = time.monotonic() - (self._limits.seconds or math.inf) / 2
+        late = time.monotonic() - (self._options.timeout or math.inf) / 2
         return self._has_lost or any(worker.begun < late for worker in self._workers)
 
     def _free(self) -> list[BusyWorker]:
@@ -305,7 +294,7 @@ class Supervisor:
         """A bake has ended. Its worker goes on unless it has grown too large."""
         assigned, log, has_failed = worker.assigned, worker.log, done.entry.cause == Cause.MEMORY
         worker.assigned = None
-        if has_failed or (self._limits.memory and worker.process.memory > self._limits.memory):
+        if has_failed or (self._options.max_memory and worker.process.memory > self._options.max_memory):
             self._has_lost = True
             self._remove(worker)
         if self._sandbox is None:
@@ -371,7 +360,7 @@ class Supervisor:
             self._remove(worker)
             self._count_start(f"it has not begun after {LONGEST_START:g} s")
         for worker in [worker for worker in self._workers if worker.plan]:
-            seconds, memory = self._limits.seconds, self._limits.memory
+            seconds, memory = self._options.timeout, self._options.max_memory
             if seconds and time.monotonic() - worker.begun > seconds:
                 yield self._end(worker, f"It took more than {seconds:g} s, the limit.", Cause.TIMEOUT)
             elif memory and (used := worker.process.memory) > memory:

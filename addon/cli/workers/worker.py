@@ -30,10 +30,11 @@ from ..done.turns import Chains, Resumed, Turns
 from ..plan import clashes
 from ..plan.plans import Plan
 from ..results import bake_result, run_report
-from ..results.bake_result import Done, Result, Wanted
+from ..results.bake_result import Done, Result
 from ..results.run_report import State
 from ..results.terminal import Meter
 from ..scene_files import Stage
+from ..usage.run_options import RunOptions
 from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, packed
 from .worker_process import CONNECTION
 
@@ -47,22 +48,28 @@ class Baker:
     """Bakes one plan after the other in this process. A bake that fails does not stop the others."""
 
     def __init__(
-        self, files: clashes.RunFiles, meter: Meter, wanted: Wanted, *, needs_all: bool, folders: Sequence[str] = ()
+        self,
+        files: clashes.RunFiles,
+        meter: Meter,
+        options: RunOptions,
+        *,
+        needs_all: bool,
+        folders: Sequence[str] = (),
     ):
-        """files: must have all plans. needs_all: as batch.need_all says of all. folders: as in Stage."""
+        """files: must have all plans. options: of the run. needs_all: as batch.need_all says of all. folders: as in Stage."""
         self._files, self._meter, self._folders, self._stage = files, meter, folders, Stage(folders)
-        self._wanted, self._contents = wanted, Contents()
+        self._options, self._contents = options, Contents()
         if needs_all:
             blender_process.complete()  # before a file is opened: Cycles brings its settings in old files up to date
 
     def bake(self, plan: Plan, draft: Draft | None = None) -> Done:
         """Bake a plan. draft: of the record to write."""
         start, found, not_followed = time.perf_counter(), [], []
-        hashes = self._contents if self._wanted.hashes or draft is not None else None
+        hashes = self._contents if self._options.has_hashes or draft is not None else None
         try:
             interruption.check()
             opened = batch.open_files(
-                plan, self._stage, self._files, self._meter, hashes, is_pictured=self._wanted.pictures
+                plan, self._stage, self._files, self._meter, hashes, is_pictured=self._options.has_pictures
             )
             found, not_followed = opened.found, opened.not_followed
             result = batch.run(opened, self._stage, self._files, self._meter)
@@ -83,10 +90,10 @@ def _picture(result: Result) -> bytes:
     return png_writer.small(np.concatenate(found)) if found else b""
 
 
-def bake_all(turns: Turns, files: clashes.RunFiles, meter: Meter, wanted: Wanted) -> Iterator[Done]:
-    """Do all that is left of `turns`. The last result may be of a bake that was stopped. files: as in Baker."""
+def bake_all(turns: Turns, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Done]:
+    """Do all that is left of `turns`. The last result may be of a bake that was stopped. files, options: as in Baker."""
     count, place, chains = turns.count, 0, Chains()
-    baker = Baker(files, meter, wanted, needs_all=batch.need_all([turn.plan for turn in turns.left]))
+    baker = Baker(files, meter, options, needs_all=batch.need_all([turn.plan for turn in turns.left]))
     while turns.count:
         turn = turns.next()
         if turn is None:
@@ -156,12 +163,12 @@ def run_worker() -> int:
             assigned: Assignment = parent.receive()
             parent.send(Begun())
             problem = prints.to(Path(assigned.log)) if assigned.log else ""
-            call = assigned.call
-            run_report.note(call.noted)
-            if call.folders:
+            run_report.note(assigned.options.call)
+            if assigned.folders:
                 read_files.forbid_scripts()
-            meter = _Meter(parent, is_on=call.is_shown)
-            baker = baker or Baker(_Files(parent), meter, call.wanted, needs_all=call.needs_all, folders=call.folders)
+            meter, of_all = _Meter(parent, is_on=assigned.is_shown), assigned.options
+            own = {"needs_all": assigned.needs_all, "folders": assigned.folders}
+            baker = baker or Baker(_Files(parent), meter, of_all, **own)
             done = baker.bake(assigned.plan, assigned.draft)
             standard_streams.flush()
             parent.send(replace(done, warnings=[*done.warnings, problem]) if problem else done)
