@@ -10,6 +10,7 @@ from ..output import materials, outputs
 from ..scene import evaluation
 from . import object_pairs
 from .callbacks import redraw
+from .modal import QuickOperator
 from .translations import LABEL, tooltip
 
 
@@ -165,7 +166,7 @@ def find_viewport(context: bpy.types.Context) -> bpy.types.Area | None:
     return max(areas, key=lambda area: area.width * area.height, default=None)
 
 
-class IMPRINT_OT_connect_maps(bpy.types.Operator):
+class IMPRINT_OT_connect_maps(QuickOperator, bpy.types.Operator):
     """Put the maps of the last bake into the low object's material: colors, roughness, metallic, occlusion and height"""
 
     bl_idname = "imprint.connect_maps"
@@ -179,29 +180,25 @@ class IMPRINT_OT_connect_maps(bpy.types.Operator):
             return False
         return True
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def apply(self, context: bpy.types.Context) -> str:
         reports, warnings = results.all_of(context), []
-        try:
-            low = reports[0].refs[0].resolve()
-            materials.check(low, can_be_off=False)
-            for report in reports:
-                warnings += outputs.connect_maps(
-                    low,
-                    report.maps,
-                    report.uv_layer,
-                    space=report.space,
-                    single_user=context.scene.imprint.single_user,
-                    slots=report.slots or None,
-                )
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        low = reports[0].refs[0].resolve()
+        materials.check(low, can_be_off=False)
+        for report in reports:
+            warnings += outputs.connect_maps(
+                low,
+                report.maps,
+                report.uv_layer,
+                space=report.space,
+                single_user=context.scene.imprint.single_user,
+                slots=report.slots or None,
+            )
         for warning in dict.fromkeys(warnings):
             self.report({"WARNING"}, warning)
-        return {"FINISHED"}
+        return ""
 
 
-class IMPRINT_OT_show_map(bpy.types.Operator):
+class IMPRINT_OT_show_map(QuickOperator, bpy.types.Operator):
     """Show an image of the last bake in an open Image Editor, or else in a new window"""
 
     bl_idname = "imprint.show_map"
@@ -215,17 +212,16 @@ class IMPRINT_OT_show_map(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return results.of(context) is not None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def apply(self, context: bpy.types.Context) -> str:
         name = self.image or results.of(context).image
         shown = bpy.data.images.get(name)
         if shown is None:
-            self.report({"ERROR"}, f"The image {name!r} was undone, renamed or deleted: bake again.")
-            return {"CANCELLED"}
+            raise BakeError(f"The image {name!r} was undone, renamed or deleted: bake again.")
         is_pressed = self.options.is_invoke and context.window is not None
         show = show_image_in_window if is_pressed else show_image
         show(context, shown)
         redraw()
-        return {"FINISHED"}
+        return ""
 
 
 class IMPRINT_OT_show_high(bpy.types.Operator):

@@ -11,6 +11,7 @@ from .. import flamenco
 from ..core import naming
 from ..core.declarations.choices import Storage
 from ..core.errors import BakeError
+from .modal import QuickOperator
 from .sidebar import SettingsPanel, draw_paragraphs
 from .translations import LABEL, label, message, tooltip
 
@@ -39,7 +40,7 @@ def flamenco_address(context: bpy.types.Context) -> str:
     return own.preferences.flamenco.strip() if own and own.preferences else ""
 
 
-class IMPRINT_OT_send_to_flamenco(bpy.types.Operator):
+class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
     """Send a job file to the Flamenco Manager in the add-on's preferences. All its machines must see the file"""
 
     bl_idname = "imprint.send_to_flamenco"
@@ -79,18 +80,12 @@ class IMPRINT_OT_send_to_flamenco(bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def apply(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath)).absolute()
         job = flamenco.Job(path.stem, {"jobs": str(path), "shards": self.shards})
-        try:
-            if not path.is_file():
-                raise BakeError(f"There is no file {str(path)!r}: choose a job file.")
-            address = flamenco.submit(flamenco_address(context), job)
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, f"Sent: {address}")
-        return {"FINISHED"}
+        if not path.is_file():
+            raise BakeError(f"There is no file {str(path)!r}: choose a job file.")
+        return f"Sent: {flamenco.submit(flamenco_address(context), job)}"
 
 
 class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):

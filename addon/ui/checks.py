@@ -10,6 +10,7 @@ from ..jobs import locate_issues, readiness
 from ..scene import face_selection, reading
 from . import bake_results
 from .bake_results import results
+from .modal import QuickOperator
 from .progress_display import display
 from .sidebar import SidebarPanel, draw_paragraphs
 from .translations import LABEL, label, message, tooltip
@@ -77,8 +78,8 @@ def _items(kinds: tuple[str, ...]) -> list[tuple[str, str, str]]:
     return [(kind.upper(), *CHECKS[kind]) for kind in kinds]
 
 
-class _LastBakeOperator:
-    """An operator on the low object of the last bake: `apply` does the work and returns a message. It may raise BakeError."""
+class _LastBakeOperator(QuickOperator):
+    """An operator on the low object of the last bake."""
 
     low: StringProperty(
         name="Low",
@@ -91,16 +92,12 @@ class _LastBakeOperator:
     def poll(cls, context: bpy.types.Context) -> bool:
         return results.has_any(context) and display.current is None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            report = results.named(context, self.low)
-            if report is None:
-                raise BakeError(f"Nothing was baked onto {self.low!r}.")
-            self.report({"INFO"}, self.apply(context, report))
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def last_bake(self, context: bpy.types.Context) -> Report:
+        """The report of the bake. Raises BakeError if there is none."""
+        report = results.named(context, self.low)
+        if report is None:
+            raise BakeError(f"Nothing was baked onto {self.low!r}.")
+        return report
 
 
 class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
@@ -121,7 +118,8 @@ class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return f"{tooltip(CHECKS[properties.kind.lower()][1])}. {tooltip('Select the faces in Edit Mode')}"
 
-    def apply(self, context: bpy.types.Context, report: Report) -> str:
+    def apply(self, context: bpy.types.Context) -> str:
+        report = self.last_bake(context)
         low, kind = locate_issues.of_low(report), self.kind.lower()
         problem = face_selection.problem(low)
         if problem:
@@ -155,8 +153,8 @@ class IMPRINT_OT_show_mask(_LastBakeOperator, bpy.types.Operator):
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return f"{tooltip(CHECKS[properties.kind.lower()][1])}. {tooltip('Show them white in an image')}"
 
-    def apply(self, context: bpy.types.Context, report: Report) -> str:
-        image = locate_issues.draw_mask(context, report, self.kind.lower())
+    def apply(self, context: bpy.types.Context) -> str:
+        image = locate_issues.draw_mask(context, self.last_bake(context), self.kind.lower())
         is_pressed = self.options.is_invoke and context.window is not None
         show = bake_results.show_image_in_window if is_pressed else bake_results.show_image
         show(context, image)
@@ -170,7 +168,8 @@ class IMPRINT_OT_add_triangulate(_LastBakeOperator, bpy.types.Operator):
     bl_label = "Add Triangulate"
     bl_options = {"REGISTER", "UNDO"}
 
-    def apply(self, context: bpy.types.Context, report: Report) -> str:
+    def apply(self, context: bpy.types.Context) -> str:
+        report = self.last_bake(context)
         return readiness.triangulate_sentence(report.low, *readiness.add_triangulate(context, report))
 
 

@@ -11,8 +11,8 @@ from ..jobs import readiness
 from ..jobs.readiness import Finding
 from ..scene import object_refs
 from .callbacks import Handlers
+from .modal import QuickOperator
 from .progress_display import display
-from .properties import Chosen
 from .sidebar import draw_paragraphs
 from .translations import LABEL, label, tooltip
 
@@ -178,7 +178,7 @@ FIXES = {
 """Label, tooltip and icon of each fix: those of the low object, and those that change a setting."""
 
 
-class IMPRINT_OT_cure(bpy.types.Operator):
+class IMPRINT_OT_cure(QuickOperator, bpy.types.Operator):
     """Change what a warning or an error names"""
 
     bl_idname = "imprint.cure"
@@ -206,21 +206,10 @@ class IMPRINT_OT_cure(bpy.types.Operator):
     def poll(cls, _context: bpy.types.Context) -> bool:
         return display.current is None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.imprint
-        try:
-            chosen = settings.chosen(context, object_refs.by_name(self.low) if self.low else None)
-            if chosen.low is None or chosen.low.type != "MESH":
-                raise BakeError("No low object: select it, or fill the slot.")
-            message = self._fixed(context, chosen)
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, message)
-        return {"FINISHED"}
-
-    def _fixed(self, context: bpy.types.Context, chosen: Chosen) -> str:
-        """Do it. Returns a sentence about what was done. Raises BakeError."""
+    def apply(self, context: bpy.types.Context) -> str:
+        chosen = context.scene.imprint.chosen(context, object_refs.by_name(self.low) if self.low else None)
+        if chosen.low is None or chosen.low.type != "MESH":
+            raise BakeError("No low object: select it, or fill the slot.")
         change = fixes.FIXES.get(self.kind)
         if change is None:
             return readiness.fix(context, chosen.low, chosen.highs, chosen.settings, self.kind)

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs tasks in slices in the window, with a progress bar, view navigation, and Esc. Scripts run tasks at once."""
+"""Base classes of operators: they run tasks in slices in the window, with a progress bar, view navigation, and Esc.
+
+Scripts run tasks at once.
+"""
 
 import textwrap
 from collections.abc import Iterable
@@ -150,6 +153,24 @@ class SlicedOperator:
         """Called by Blender if the file is closed while the task runs."""
         if runner.run is self._own:
             runner.stop(context)
+
+
+class QuickOperator:
+    """An operator that does its work at once."""
+
+    def apply(self, context: bpy.types.Context) -> str:
+        """Do the work. Returns a message for the status bar, or "" for none. It may raise BakeError."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            done = self.apply(context)
+        except BakeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if done:
+            self.report({"INFO"}, done)
+        return {"FINISHED"}
 
 
 class MapOperator(SlicedOperator):

@@ -4,30 +4,26 @@
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..core.errors import BakeError
 from ..scene import evaluation, object_checks
 from . import object_pairs
+from .modal import QuickOperator
 from .translations import LABEL
 
 
-class IMPRINT_OT_show_hidden(bpy.types.Operator):
+class IMPRINT_OT_show_hidden(QuickOperator, bpy.types.Operator):
     """Show the hidden high objects in the viewport. Without others, they are selected"""
 
     bl_idname = "imprint.show_hidden"
     bl_label = "Show"
     bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def apply(self, context: bpy.types.Context) -> str:
         chosen = context.scene.imprint.chosen(context)
         for obj in chosen.hidden(context):
-            try:
-                evaluation.show_object(context, obj)
-            except BakeError as error:
-                self.report({"ERROR"}, str(error))
-                return {"CANCELLED"}
+            evaluation.show_object(context, obj)
             if not chosen.highs:
                 obj.select_set(True)
-        return {"FINISHED"}
+        return ""
 
 
 class IMPRINT_OT_remove_missing(bpy.types.Operator):

@@ -6,12 +6,12 @@ from bpy.props import FloatProperty, IntProperty
 
 from ..core.declarations.choices import Method, Space, Storage
 from ..core.declarations.map_settings import ADAPTIVE_FROM, MAX_SIZE
-from ..core.errors import BakeError
 from ..core.report import Report
 from ..jobs.weights import weight_proposal
 from . import maps_panel
 from .bake_results import distances, results
 from .cage_overlay import overlay
+from .modal import QuickOperator
 from .presets import IMPRINT_PT_conventions
 from .progress_display import display
 from .sidebar import SettingsPanel, split_layout
@@ -202,7 +202,7 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class IMPRINT_OT_propose_weights(bpy.types.Operator):
+class IMPRINT_OT_propose_weights(QuickOperator, bpy.types.Operator):
     """Fill both groups with weights that leave fewer doubtful texels than the last bake had, and with 0.5 elsewhere"""
 
     bl_idname = "imprint.propose_weights"
@@ -216,22 +216,16 @@ class IMPRINT_OT_propose_weights(bpy.types.Operator):
             cls.poll_message_set(tooltip(problem))
         return not problem and display.current is None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def apply(self, context: bpy.types.Context) -> str:
         report, settings = results.of(context), context.scene.imprint
         groups = {name: getattr(settings, name) for name in weight_proposal.GROUP_NAMES}
-        try:
-            proposal = weight_proposal.propose(context, report, groups)
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        proposal = weight_proposal.propose(context, report, groups)
         for name, group in weight_proposal.apply(report.refs[0].resolve(), proposal, groups).items():
             setattr(settings, name, group)
         share = f"{proposal.before:.2%} of the texels are doubtful"
         if proposal.after < proposal.before:
-            self.report({"INFO"}, f"{share}, with the proposed weights {proposal.after:.2%}")
-        else:
-            self.report({"INFO"}, f"{share}, and other weights are no better: the groups are ready to be painted")
-        return {"FINISHED"}
+            return f"{share}, with the proposed weights {proposal.after:.2%}"
+        return f"{share}, and other weights are no better: the groups are ready to be painted"
 
 
 def _weights_problem(report: Report | None) -> str:
