@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compares two runs of the benchmark: what became slower or faster, and whether that is more than the spread."""
+"""The names of bakers, and the comparison of two runs: what became slower or faster, and whether it is beyond the spread."""
 
 import json
 import statistics
@@ -7,8 +7,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from scripts.bench.contenders.names import OURS
-
+FLATTEN, CAST, OUTERMOST, KEPT, CYCLES, MULTIRES = (
+    "Imprint, Flatten",
+    "Imprint, Cast",
+    "Imprint, Cast, outermost hit",
+    "Imprint, Cast, tree kept",
+    "Cycles, selected to active",
+    "Blender, multires",
+)
+PRESENT = "Imprint"
+"""This version, where it is compared with an older one."""
+ALL_SAMPLES = "Imprint, all samples"
+"""This version, without adaptive samples."""
+OURS = (PRESENT, ALL_SAMPLES, FLATTEN, CAST, OUTERMOST, KEPT)
+"""The names of this version, by which two runs are compared."""
 ASSUMED_SPREAD = 0.1
 """The share by which a measurement of less than three rounds may vary: its own rounds do not show it."""
 SAME = ("processor", "cores", "renderer", "backend", "blender")

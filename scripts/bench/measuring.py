@@ -6,26 +6,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from scripts.bench import scenes
-from scripts.bench.contenders.peers import Peers
-from scripts.bench.contenders.versions import Version
+from scripts.bench.parts import bakes as bakes_of_versions
+from scripts.bench.parts import batches as many_bakes
 from scripts.bench.parts import closed_forms as known_normals
 from scripts.bench.parts import growth as growing
 from scripts.bench.parts import live_updates, machine
+from scripts.bench.parts import memory as peaks
 from scripts.bench.parts import occlusion as ambient_occlusion
 from scripts.bench.parts import pairs as pairs_of_meshes
-from scripts.bench.runs import bakes as bakes_of_versions
-from scripts.bench.runs import batches as many_bakes
-from scripts.bench.runs import memory as peaks
-from scripts.bench.runs import samples as several_samples
-from scripts.bench.runs import start as shell_runs
-from scripts.bench.runs import storing as file_formats
+from scripts.bench.parts import samples as several_samples
+from scripts.bench.parts import start as shell_runs
+from scripts.bench.parts import storing as file_formats
+from scripts.bench.versions import Version
 
 
 @dataclass
 class Bench:
     """What the parts need. folder: of pairs. scratch: a temporary folder.
 
-    others: the bakers outside Blender, while parts run. result: of the parts so far, as plain data.
+    result: of the parts so far, as plain data.
     """
 
     versions: Sequence[Version]
@@ -33,7 +32,6 @@ class Bench:
     scratch: Path
     quick: bool
     log: Callable[[str], None]
-    others: Peers | None = None
     result: dict = field(default_factory=dict)
 
     @property
@@ -47,7 +45,7 @@ def pairs(bench: Bench) -> list[dict]:
     for number, (build, sizes) in enumerate(pairs_of_meshes.chosen(bench.folder, bench.quick)):
         pair = build()
         bench.log(pair.name)
-        rows += pairs_of_meshes.time_pair(pair, sizes, bench.repeats, bench.others, bench.quick)
+        rows += pairs_of_meshes.time_pair(pair, sizes, bench.repeats, bench.quick)
         if not (bench.quick and number):
             rows += [
                 pairs_of_meshes.time_samples(pair, size, bench.repeats) for size in pairs_of_meshes.sampled(pair, sizes)
@@ -56,7 +54,7 @@ def pairs(bench: Bench) -> list[dict]:
 
 
 def closed_forms(bench: Bench) -> list[dict]:
-    return known_normals.closed_forms(bench.quick, bench.repeats, bench.others)
+    return known_normals.closed_forms(bench.quick, bench.repeats)
 
 
 def occlusion(bench: Bench) -> list[dict]:
@@ -122,9 +120,7 @@ def measure(bench: Bench, only: Collection[str]) -> dict:
     """Run the parts that are named. Returns their figures, and those of the machine."""
     bench.result |= {"quick": bench.quick, "repeats": bench.repeats, "machine": machine.machine()}
     bench.result["versions"] = [version.name for version in bench.versions]
-    with Peers(bench.scratch) as bench.others:
-        bench.result["peers"] = bench.others.versions
-        for name in (name for name in PARTS if name in only):
-            bench.log(name.replace("_", " "))
-            bench.result[name] = PARTS[name](bench)
+    for name in (name for name in PARTS if name in only):
+        bench.log(name.replace("_", " "))
+        bench.result[name] = PARTS[name](bench)
     return bench.result

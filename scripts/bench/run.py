@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compares Imprint with other bakers, known normals and older versions, and writes a report.
 
-python3 scripts/imprint.py bench [--quick] [--pairs DIR] [--peers] [--against [REF]] [--compare OLD.json]
+python3 scripts/imprint.py bench [--quick] [--pairs DIR] [--against [REF]] [--compare OLD.json]
 """
 
 import argparse
@@ -15,17 +15,18 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from scripts.bench import comparing, measuring, tables  # noqa: E402
-from scripts.bench.contenders import peers, versions  # noqa: E402
+from scripts.bench import (  # noqa: E402
+    comparing,
+    measuring,
+    tables,
+    versions,  # noqa: E402
+)
 
 
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="imprint.py bench", description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--quick", action="store_true", help="fewer sizes and rounds: a few minutes")
     parser.add_argument("--pairs", type=Path, metavar="DIR", help="folder of .blend files with objects 'hi' and 'lo'")
-    parser.add_argument(
-        "--peers", action="store_true", help="install other bakers in out/bench/peers, and measure them"
-    )
     parser.add_argument(
         "--against",
         nargs="?",
@@ -78,8 +79,6 @@ def measure(options: argparse.Namespace, of: list[versions.Version]) -> dict:
     """Run the measurements, and write the report and the plain data."""
     options.output = options.output.absolute()
     options.output.mkdir(parents=True, exist_ok=True)
-    if options.peers:
-        peers.install()
     start = time.perf_counter()
 
     def log(text: str) -> None:

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from scripts.bench import comparing  # noqa: E402
-from scripts.bench.contenders.names import CAST, CYCLES, FLATTEN, MULTIRES, OUTERMOST, PEERS, PRESENT  # noqa: E402
+from scripts.bench.comparing import CAST, CYCLES, FLATTEN, MULTIRES, OUTERMOST, PRESENT  # noqa: E402
 
 PAGE = ROOT / "docs" / "benchmarks.md"
 PLACE = re.compile(r"^(<!-- bench: ([\w-]+) -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)
@@ -89,13 +89,12 @@ def machine(about: dict) -> list[str]:
 
 
 def speed(pairs: list[dict]) -> list[str]:
-    against = ((CYCLES, FLATTEN), (CYCLES, CAST), (CYCLES, OUTERMOST), (PEERS["open3d"], CAST))
+    against = ((CYCLES, FLATTEN), (CYCLES, CAST), (CYCLES, OUTERMOST))
     head = [
         "pair, map",
         "Flatten",
         "Cast",
         "Cast, outermost hits",
-        "Cast against Open3D",
         "Flatten, Cast, Cycles in ms",
     ]
     return table(
@@ -119,12 +118,6 @@ def sixteen(pairs: list[dict]) -> list[str]:
             if row["samples"] > 1
         ],
     )
-
-
-def other_bakers(pairs: list[dict]) -> list[str]:
-    names = [CAST, *(name for name in PEERS.values() if any(name in row["times"] for row in pairs))]
-    rows = [[place(row), *(milliseconds(row["times"].get(name)) for name in names)] for row in pairs]
-    return table(["pair, map", *names], rows) if len(names) > 1 else []
 
 
 def multires(closed_forms: list[dict]) -> list[str]:
@@ -277,7 +270,6 @@ TABLES: dict[str, tuple[str, Callable]] = {
     "machine": ("machine", machine),
     "speed": ("pairs", speed),
     "samples-16": ("pairs", sixteen),
-    "other-bakers": ("pairs", other_bakers),
     "multires": ("closed_forms", multires),
     "accuracy": ("closed_forms", accuracy),
     "occlusion": ("occlusion", occlusion),

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 import addon
-from scripts.bench import comparing, scenes, tables
-from scripts.bench.contenders import racing
-from scripts.bench.contenders.imprint_baker import Imprint
-from scripts.bench.contenders.names import CAST, CYCLES, FLATTEN
+from scripts.bench import bakers, comparing, scenes, tables
+from scripts.bench.bakers import Imprint
+from scripts.bench.comparing import CAST, CYCLES, FLATTEN
 from scripts.bench.parts.closed_forms import deviation
 from tests.support import angles
 
@@ -24,7 +23,7 @@ def result(**rounds):
 
 def test_tables_have_ratios_of_medians_and_of_rounds():
     found = result(**{FLATTEN: [0.1, 0.2, 0.1], CAST: [1.0, 1.0, 1.0], CYCLES: [2.0, 2.0, 4.0]})
-    row = "| rock, 512 | 20.00 (10.00 to 40.00) | 2.00 (2.00 to 4.00) | – | – | 100, 1,000, 2,000 |"
+    row = "| rock, 512 | 20.00 (10.00 to 40.00) | 2.00 (2.00 to 4.00) | – | 100, 1,000, 2,000 |"
     assert tables.lines_of("speed", found)[2:] == [row]
     page = "a\n<!-- bench: speed -->\nold\n<!-- end -->\n<!-- bench: live -->\nold\n<!-- end -->\n"
     assert row in tables.fill(page, found) and tables.fill(page, found).count("old") == 1
@@ -69,12 +68,12 @@ def test_a_race_alternates_contenders_and_reports_gaps():
     order = []
 
     def runner(name):
-        return racing.Contender(name, lambda: order.append(name) or 0.5, lambda: None)
+        return bakers.Contender(name, lambda: order.append(name) or 0.5, lambda: None)
 
     def fails():
         raise RuntimeError("Error: no image\nmore")
 
-    timed = racing.race([runner("A"), racing.Contender("X", fails, lambda: None), runner("B")], 2)
+    timed = bakers.race([runner("A"), bakers.Contender("X", fails, lambda: None), runner("B")], 2)
     assert order == ["A", "B"] * 3
     assert timed["A"].seconds == [0.5, 0.5]
     assert timed["X"].gap == "Error: no image"

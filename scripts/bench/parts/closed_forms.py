@@ -4,30 +4,27 @@
 import bpy
 import numpy as np
 
-from scripts.bench import scenes
-from scripts.bench.contenders import blender_bakers, peers, racing
-from scripts.bench.contenders.child import ChildError
-from scripts.bench.contenders.imprint_baker import Imprint
-from scripts.bench.contenders.names import CAST, FLATTEN
+from scripts.bench import bakers, scenes
+from scripts.bench.bakers import Imprint
+from scripts.bench.comparing import CAST, FLATTEN
 from scripts.bench.parts.pairs import row_of
+from scripts.bench.versions import ChildError
 from tests.support import angles
 
 RIM = 2
 """Texels at the border of the map that are not compared: bakers differ in which of them they write."""
 
 
-def closed_forms(quick: bool, repeats: int, others: peers.Peers) -> list[dict]:
+def closed_forms(quick: bool, repeats: int) -> list[dict]:
     """Measure times, and degrees from the truth, on surfaces with known normals, in world space, on the same texels."""
     size, n = (512, 256) if quick else (1024, 512)
     rows = []
     for build in (scenes.sine, scenes.belt):
         pair = build(n)
-        others.load(pair) if others.bakers else None
         field = [
             Imprint(FLATTEN, pair, size, method="FLATTEN", space="WORLD"),
             Imprint(CAST, pair, size, method="CAST", space="WORLD"),
-            blender_bakers.cycles(pair, size, space="OBJECT"),
-            *peers.contenders(others, size),
+            bakers.cycles(pair, size, space="OBJECT"),
         ]
         rows.append(_with_angles(pair, size, field, repeats))
     return [*rows, *multires(quick, repeats)]
@@ -40,12 +37,12 @@ def multires(quick: bool, repeats: int) -> list[dict]:
 
 
 def _multires(pair: scenes.Pair, sculpt: bpy.types.Object, size: int, repeats: int) -> dict:
-    field = [Imprint(FLATTEN, pair, size, method="FLATTEN", space="WORLD"), blender_bakers.multires(sculpt, size)]
+    field = [Imprint(FLATTEN, pair, size, method="FLATTEN", space="WORLD"), bakers.multires(sculpt, size)]
     return _with_angles(pair, size, field, repeats)
 
 
-def _with_angles(pair: scenes.Pair, size: int, field: list[racing.Contender], repeats: int) -> dict:
-    timed = racing.race(field, repeats)
+def _with_angles(pair: scenes.Pair, size: int, field: list[bakers.Contender], repeats: int) -> dict:
+    timed = bakers.race(field, repeats)
     degrees = {}
     for contender in field:
         if timed[contender.name].gap:

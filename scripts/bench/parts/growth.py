@@ -4,8 +4,8 @@
 from collections.abc import Callable
 
 from scripts.bench import scenes
-from scripts.bench.contenders.imprint_baker import Imprint
-from scripts.bench.contenders.names import CAST, FLATTEN
+from scripts.bench.bakers import Imprint
+from scripts.bench.comparing import CAST, FLATTEN
 from scripts.bench.parts.machine import forget_peak, peak_gigabytes
 
 

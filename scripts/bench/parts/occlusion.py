@@ -11,8 +11,7 @@ import numpy as np
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
 from addon.jobs import bake_pair
-from scripts.bench import scenes
-from scripts.bench.contenders import blender_bakers
+from scripts.bench import bakers, scenes
 
 RAYS = 128
 PAIRS = "kepler", "helmet", "king"
@@ -80,7 +79,7 @@ def imprint(pair: scenes.Pair, size: int) -> tuple[np.ndarray, float]:
 
 def cycles(pair: scenes.Pair, size: int, seed: int = 0) -> tuple[np.ndarray, float]:
     """As `imprint`."""
-    image = blender_bakers.target_image(pair.low, "cycles", size)
+    image = bakers.target_image(pair.low, "cycles", size)
     image.pixels.foreach_set(np.zeros(size * size * 4, np.float32))  # alpha 0 stays where Cycles writes nothing
     scene = bpy.context.scene
     scene.render.engine, scene.cycles.device, scene.cycles.samples, scene.cycles.seed = "CYCLES", "CPU", RAYS, seed

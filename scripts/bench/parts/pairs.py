@@ -4,10 +4,9 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from scripts.bench import scenes
-from scripts.bench.contenders import blender_bakers, peers, racing
-from scripts.bench.contenders.imprint_baker import Imprint
-from scripts.bench.contenders.names import CAST, FLATTEN, KEPT, OUTERMOST
+from scripts.bench import bakers, scenes
+from scripts.bench.bakers import Imprint
+from scripts.bench.comparing import CAST, FLATTEN, KEPT, OUTERMOST
 
 
 def chosen(folder: Path | None, quick: bool) -> Iterator[tuple[Callable[[], scenes.Pair], tuple[int, ...]]]:
@@ -28,9 +27,8 @@ def chosen(folder: Path | None, quick: bool) -> Iterator[tuple[Callable[[], scen
             yield (lambda path=path: scenes.opened(path)), usual
 
 
-def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, others: peers.Peers, quick: bool) -> list[dict]:
+def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, quick: bool) -> list[dict]:
     """Time all contenders on a pair at all sizes, in tangent space, with one sample; `quick` leaves out the cached tree."""
-    others.load(pair) if others.bakers else None
     rows = []
     for size in sizes:
         ours = [
@@ -40,8 +38,8 @@ def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, others: p
         ]
         if not quick:
             ours.append(Imprint(KEPT, pair, size, method="CAST", keep=True))
-        field = [*ours, blender_bakers.cycles(pair, size), *peers.contenders(others, size)]
-        rows.append(row_of(pair, size, racing.race(field, repeats)))
+        field = [*ours, bakers.cycles(pair, size)]
+        rows.append(row_of(pair, size, bakers.race(field, repeats)))
     return rows
 
 
@@ -56,11 +54,11 @@ def time_samples(pair: scenes.Pair, size: int, repeats: int, samples: int = 16) 
         Imprint(FLATTEN, pair, size, method="FLATTEN", samples=samples),
         Imprint(CAST, pair, size, method="CAST", samples=samples),
     ]
-    row = row_of(pair, size, racing.race([*ours, blender_bakers.cycles(pair, size, samples=samples)], repeats))
+    row = row_of(pair, size, bakers.race([*ours, bakers.cycles(pair, size, samples=samples)], repeats))
     return row | {"samples": samples}
 
 
-def row_of(pair: scenes.Pair, size: int, timed: dict[str, racing.Timed]) -> dict:
+def row_of(pair: scenes.Pair, size: int, timed: dict[str, bakers.Timed]) -> dict:
     high, low = pair.triangles
     return {
         "pair": pair.name,

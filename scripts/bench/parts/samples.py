@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from scripts.bench import scenes
-from scripts.bench.contenders.child import Child
-from scripts.bench.contenders.names import ALL_SAMPLES, PRESENT
-from scripts.bench.contenders.racing import Contender, race
-from scripts.bench.contenders.versions import Version
+from scripts.bench.bakers import Contender, race
+from scripts.bench.comparing import ALL_SAMPLES, PRESENT
+from scripts.bench.versions import Child, Version
 from tests.support import angles
 
 WORDS = {"FLATTEN": "Flatten", "CAST": "Cast"}

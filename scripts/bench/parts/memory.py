@@ -6,11 +6,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from scripts.bench.contenders.child import Child
-from scripts.bench.contenders.names import CAST, FLATTEN
-from scripts.bench.contenders.racing import Contender, race
-from scripts.bench.contenders.versions import Version
+from scripts.bench.bakers import Contender, race
+from scripts.bench.comparing import CAST, FLATTEN
 from scripts.bench.scenes import RELIEF
+from scripts.bench.versions import Child, Version
 
 METHODS = {FLATTEN: "FLATTEN", CAST: "CAST"}
 METHOD_WORDS = {FLATTEN: "Flatten", CAST: "Cast"}

@@ -6,10 +6,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from scripts.bench import scenes
-from scripts.bench.contenders.child import Child
-from scripts.bench.contenders.racing import Contender, race
-from scripts.bench.contenders.versions import Version
+from scripts.bench.bakers import Contender, race
 from scripts.bench.scenes import Pair
+from scripts.bench.versions import Child, Version
 
 WAYS = {
     "Flatten": {"method": "FLATTEN"},

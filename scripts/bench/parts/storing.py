@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from scripts.bench.contenders.child import Child
-from scripts.bench.contenders.racing import Contender, race
-from scripts.bench.contenders.versions import Version
+from scripts.bench.bakers import Contender, race
+from scripts.bench.versions import Child, Version
 
 FORMATS = (
     ("PNG, 16 bits", ".png", 16),

@@ -39,7 +39,7 @@ def open_file(path: str) -> dict:
 
 def make_grid(quads: list[int], height: float) -> dict:
     """Generate waves of this height of quads[0] x quads[1] quads as 'hi', and a plane as 'lo'."""
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    sys.path.insert(0, str(Path(__file__).resolve().parent))
     import large_grid
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

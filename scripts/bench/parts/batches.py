@@ -6,8 +6,8 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from scripts.bench.contenders.racing import Contender, race
-from scripts.bench.contenders.versions import Version
+from scripts.bench.bakers import Contender, race
+from scripts.bench.versions import Version
 
 SETS, SETS_QUICK = 200, 20
 """Of one .blend."""
