@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..core import udim
-from ..core.conversion.conversion_report import ConversionReport
+from ..core.conversion import ConversionReport
 from ..core.errors import BakeError
 from ..core.progress import Pace, Task
 from ..core.settings import Settings

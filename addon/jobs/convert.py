@@ -10,8 +10,7 @@ import numpy as np
 
 from .. import older_blender
 from ..core import naming, progress, texel_state
-from ..core.conversion.conversion_report import ConversionReport
-from ..core.conversion.stored_normals import StoredNormals, in_words
+from ..core.conversion import ConversionReport, StoredNormals, in_words
 from ..core.declarations import bases
 from ..core.declarations.choices import Method, Space, Storage, VertexDomain
 from ..core.declarations.map_settings import MAX_SIZE, MIN_SIZE

@@ -5,8 +5,7 @@ from dataclasses import fields
 
 import bpy
 
-from ..core.conversion.conversion_report import ConversionReport
-from ..core.conversion.stored_normals import StoredNormals
+from ..core.conversion import ConversionReport, StoredNormals
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.progress import Pace, Task

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.conversion.stored_normals import StoredNormals
+from addon.core.conversion import StoredNormals
 from addon.core.declarations import bases
 from addon.core.errors import BakeError
 from addon.core.settings import Settings

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from addon.core.conversion.stored_normals import StoredNormals
+from addon.core.conversion import StoredNormals
 from addon.core.settings import Settings
 from addon.jobs.convert import Conversion, convert
 from tests.support import angles

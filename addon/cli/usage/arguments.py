@@ -11,7 +11,7 @@ from pathlib import PurePath
 from typing import Any
 
 from ...core import file_formats, naming, udim
-from ...core.conversion.stored_normals import StoredNormals
+from ...core.conversion import StoredNormals
 from ...core.declarations.choices import Space, Storage
 from ...core.errors import BakeError
 from ...core.naming import did_you_mean

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import gpu
 import numpy as np
 
-from ...core.conversion.stored_normals import StoredNormals
+from ...core.conversion import StoredNormals
 from ...core.declarations import bases
 from ...core.declarations.choices import Space
 from ...core.map_types import NORMAL

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from ...audit import checks, severity
-from ...core.conversion.stored_normals import StoredNormals
+from ...core.conversion import StoredNormals
 from ...core.declarations.choices import Space
 from ...core.errors import BakeError
 from ...core.settings import Settings

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from ...core.conversion import channel_contents, value_depth
-from ...core.conversion.stored_normals import StoredNormals
+from ...core import conversion
+from ...core.conversion import StoredNormals
 from ...output import value_encoding
 
 
@@ -20,8 +20,8 @@ class SourceMap:
     def __init__(self, name: str, tiles: Mapping[int, np.ndarray], stored: StoredNormals):
         self.tiles = tiles
         some = np.concatenate([value_encoding.sample_texels(values) for values in tiles.values()])
-        self._is_coverage = channel_contents.is_coverage(some)
-        self._lacks_z = channel_contents.lacks_z(some, stored)
+        self._is_coverage = conversion.is_coverage(some)
+        self._lacks_z = conversion.lacks_z(some, stored)
         self.notes = list(self._notes(name, stored))
         self.depth, self.loss = self._rounding(some, stored)
         for values in tiles.values():
@@ -31,14 +31,14 @@ class SourceMap:
         if not self._is_coverage:
             values[..., 3] = 1.0
         if self._lacks_z:
-            channel_contents.rebuild_z(values, stored)
+            conversion.rebuild_z(values, stored)
 
     def _rounding(self, some: np.ndarray, stored: StoredNormals) -> tuple[int, dict[str, float]]:
-        depth = value_depth.bits(some[:, :3])
+        depth = conversion.bits(some[:, :3])
         if depth == 32:
             return depth, {}
         before = some.copy()
-        before[:, :3] = value_depth.moved(some[:, :3], depth)
+        before[:, :3] = conversion.moved(some[:, :3], depth)
         for values in (before, some):
             self._complete(values, stored)
         angles = value_encoding.angles_between(before, some)
@@ -46,7 +46,7 @@ class SourceMap:
 
     def _notes(self, name: str, stored: StoredNormals) -> Iterator[str]:
         if self._lacks_z:
-            channel = channel_contents.z_channel(stored)
+            channel = conversion.z_channel(stored)
             yield f"The {channel} channel of {name!r} is the same everywhere: z is rebuilt from the other two."
         if not self._is_coverage:
             yield (
