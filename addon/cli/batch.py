@@ -12,10 +12,9 @@ from pathlib import Path
 import bpy
 
 from .. import older_blender
-from ..core import naming, progress
+from ..core import levels, naming, progress
 from ..core.errors import BakeError, Incomplete, WrongPlace
-from ..core.levels import level_report
-from ..core.levels.level_report import ChainReport
+from ..core.levels import ChainReport
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import startup
@@ -200,7 +199,7 @@ def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     if options.levels:
         from ..jobs.lod import level_chain  # here, since a bake does not need it
 
-        return level_chain.names(jobs[0].low, len(level_report.limits(*options.levels)))
+        return level_chain.names(jobs[0].low, len(levels.limits(*options.levels)))
     return [naming.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
 
 
@@ -239,7 +238,7 @@ def _baked(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
     if options.levels:
         from ..jobs.lod import level_chain  # likewise
 
-        limits = level_report.limits(*options.levels)
+        limits = levels.limits(*options.levels)
         chain = progress.finish(level_chain.work(bpy.context, jobs[0].low, limits, settings, speed), on_step)
         return _Baked([level.bake for level in chain.levels], chain=chain)
     if options.frames:

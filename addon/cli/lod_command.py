@@ -5,9 +5,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..core import naming
+from ..core import levels, naming
 from ..core.errors import BakeError
-from ..core.levels import level_report
 from .usage import arguments
 from .usage.arguments import WrongUsage
 
@@ -23,11 +22,11 @@ def read(words: Sequence[str], program: str) -> argparse.Namespace:
     wrong = next((name for name in _OF_BAKES if getattr(options, name) != usual[name]), None)
     if wrong:
         raise WrongUsage(f"--{wrong.replace('_', '-')} is not for lod, which makes coarser meshes of one mesh")
-    degrees = own.degrees if own.degrees is not None else "" if own.distance else level_report.DEGREES
-    options.levels = degrees, level_report.PERCENT if own.distance is None else own.distance
+    degrees = own.degrees if own.degrees is not None else "" if own.distance else levels.DEGREES
+    options.levels = degrees, levels.PERCENT if own.distance is None else own.distance
     arguments.check(options)
     try:
-        count = len(level_report.limits(*options.levels))
+        count = len(levels.limits(*options.levels))
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
     if count > 1 and naming.LOW not in options.output:

@@ -3,10 +3,9 @@
 
 import bpy
 
-from ..core import progress
+from ..core import levels, progress
 from ..core.errors import BakeError
-from ..core.levels import level_report
-from ..core.levels.level_report import ChainReport
+from ..core.levels import ChainReport
 from ..export import level_files
 from ..jobs.lod import level_chain
 from . import modal
@@ -24,7 +23,7 @@ class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
         settings = context.scene.imprint
         if context.active_object is None:
             raise BakeError("No object is active: select the mesh to make levels of.")
-        limits = level_report.limits(settings.level_degrees, settings.level_distance)
+        limits = levels.limits(settings.level_degrees, settings.level_distance)
         if settings.export:
             level_files.check(settings.export, len(limits))
         return (yield from level_chain.work(context, context.active_object, limits, settings.to_settings(), pace))

@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 from addon.cli.results import run_report  # noqa: E402
 from addon.cli.results.run_report import Entry, ThisCall  # noqa: E402
 from addon.core.conversion import ConversionReport  # noqa: E402
-from addon.core.levels.level_report import Level  # noqa: E402
+from addon.core.levels import Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402
 
 PATH = ROOT / "docs" / "report.schema.json"

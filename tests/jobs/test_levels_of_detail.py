@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.core.levels.level_report import limits
+from addon.core.levels import limits
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import bake_jobs

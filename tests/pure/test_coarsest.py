@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from addon.core.levels.coarsest import FEWER, LEAST, search
+from addon.core.levels import FEWER, LEAST, search
 from addon.core.progress import finish
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import BakeError, NoGpu, sentence
-from ...core.levels.level_report import ChainReport
+from ...core.levels import ChainReport
 from ...core.report import Report
 from ..done.contents import Content, Contents
 from ..plan.plans import Plan

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panels Imprint, Pairs by Name and Levels of Detail: which objects to bake."""
 
-from ..levels import level_report
+from .. import levels
 from ..naming import Suffixes
 from .kinds import ObjectSlot, ObjectSlots, Option, Setting, Switch, Text
 
@@ -43,14 +43,14 @@ LEVELS: dict[str, Setting] = {
         label="Degrees",
         tooltip="For each level, the largest angle between the normals that it shows with its map and those of "
         "the mesh, on 99 % of the texels",
-        default=level_report.DEGREES,
+        default=levels.DEGREES,
         option=None,
     ),
     "level_distance": Text(
         label="Distance (%)",
         tooltip="The largest distance of the levels from the mesh, in percent of the longest side of its box: "
         "one number for all levels, or one for each",
-        default=level_report.PERCENT,
+        default=levels.PERCENT,
         option=None,
     ),
 }

@@ -12,7 +12,7 @@ import bpy
 from ... import older_blender
 from ...core.declarations.choices import Method
 from ...core.errors import BakeError
-from ...core.levels.level_report import ChainReport, Level, Limit
+from ...core.levels import ChainReport, Level, Limit
 from ...core.progress import Pace, Progress, Task, part, relay
 from ...core.settings import Settings
 from ...engine import gpu_memory

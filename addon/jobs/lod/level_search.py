@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ...core import levels
 from ...core.errors import BakeError
-from ...core.levels import coarsest
-from ...core.levels.level_report import Level, Limit
+from ...core.levels import Level, Limit
 from ...core.progress import Pace, Progress, Task, part
 from ...core.settings import Settings
 from . import decimation, deviation_measuring, frozen_texels
@@ -67,7 +67,7 @@ class LevelSearch:
             )
         start = min((each for each in known if each.excess <= 1.0), key=lambda each: each.triangles)
         made: list[Candidate] = []
-        within, beyond = yield from coarsest.search(start, self._attempts(limit, made))
+        within, beyond = yield from levels.search(start, self._attempts(limit, made))
         self._keep(within, made)
         self._found.append((within.source, within.deviations))
         found, other = within.deviations, beyond and beyond.deviations
@@ -98,7 +98,7 @@ class LevelSearch:
                 return any(each.excess <= 1.0 and each.triangles < base.triangles for each in result)
 
             result = [(yield from coarser(0, frozen))]
-            has_room = result[0].triangles <= wanted + coarsest.ODD
+            has_room = result[0].triangles <= wanted + levels.ODD
             more = frozen | result[0].is_beyond
             if has_room and (more & ~frozen).any():
                 result.append((yield from coarser(1, more)))
