@@ -11,7 +11,7 @@ import bpy
 
 from ..core.declarations.choices import Method
 from ..core.map_types import BY_NAME
-from ..core.preflight.memory_need import Amounts, Need, sentence
+from ..core.memory_need import Amounts, Need, sentence
 from ..core.settings import Settings
 from ..jobs import job as drawing
 from ..jobs.job import Job

@@ -16,8 +16,8 @@ from addon.cli.mesh_files.importers import PLAIN, Space, import_file
 from addon.cli.mesh_files.ply import Texture
 from addon.cli.results import run_report
 from addon.cli.scene_files import Stage
+from addon.core import memory_need
 from addon.core.errors import BakeError
-from addon.core.preflight import memory_need
 from addon.core.settings import Settings
 from tests.support import angles, maps, reports, scans
 

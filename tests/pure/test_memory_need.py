@@ -3,7 +3,7 @@
 
 import pytest
 
-from addon.core.preflight.memory_need import Amounts, Need, sentence
+from addon.core.memory_need import Amounts, Need, sentence
 
 MOST = 4 / 3
 """The largest estimate, as a share of what is needed. The smallest is what is needed."""
