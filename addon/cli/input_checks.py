@@ -9,13 +9,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import map_types, udim
+from ..core import map_types, placement, udim
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError, shorten_list
 from ..core.file_formats import BY_ENDING
 from ..core.file_structure import usd_layers
 from ..core.file_structure.whole_files import MISSING
-from ..core.preflight import placement
 from ..core.settings import MapSettings
 from ..jobs.job import Job
 from ..scene import complaints, dependencies, object_checks

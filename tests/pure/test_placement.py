@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.core.preflight.placement import hint, rounding
+from addon.core.placement import hint, rounding
 
 SIDES = np.array([4.0, 3.0, 1.0])
 
