@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Converts an existing normal map to another space or tangent basis, on the same low mesh."""
+"""Conversions of normal maps: reads the stored map, judges whether it fits the low object, and stores the new map."""
 
 import os
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import bpy
 import numpy as np
 
 from .. import older_blender
-from ..core import naming, progress, texel_state
+from ..audit import checks, severity
+from ..core import conversion, naming, progress, texel_state
 from ..core.conversion import ConversionReport, StoredNormals, in_words
 from ..core.declarations import bases
 from ..core.declarations.choices import Method, Space, Storage, VertexDomain
@@ -20,18 +22,118 @@ from ..core.progress import Pace, Progress, Task, part
 from ..core.settings import Run, SamplingSettings, Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
-from ..engine.converting.converted_map import ConvertedMap
+from ..engine.converting.converted_map import ConvertedMap, Fit
 from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..mesh import uv_layout
 from ..mesh.triangle_mesh import Mesh
-from ..output import datablocks, output_clashes
+from ..output import datablocks, output_clashes, value_encoding
 from ..output.outputs import Outputs, into_materials
 from ..scene import evaluation, object_checks, reading, textures
 from ..scene.object_refs import ObjectRef
-from .converting import map_fit
-from .converting.source_map import SourceMap
 from .job import Job, check_outputs, files_kept
+
+
+class SourceMap:
+    """The texels of a stored normal map by UDIM tile, (height, width, 4) float32 each. They change: z is rebuilt if the map has
+    no z, and alpha is 1 if it holds other data than coverage.
+
+    depth, loss: as ConversionReport has them. notes: sentences about such channels.
+    """
+
+    def __init__(self, name: str, tiles: Mapping[int, np.ndarray], stored: StoredNormals):
+        self.tiles = tiles
+        some = np.concatenate([value_encoding.sample_texels(values) for values in tiles.values()])
+        self._is_coverage = conversion.is_coverage(some)
+        self._lacks_z = conversion.lacks_z(some, stored)
+        self.notes = list(self._notes(name, stored))
+        self.depth, self.loss = self._rounding(some, stored)
+        for values in tiles.values():
+            self._complete(values, stored)
+
+    def _complete(self, values: np.ndarray, stored: StoredNormals) -> None:
+        if not self._is_coverage:
+            values[..., 3] = 1.0
+        if self._lacks_z:
+            conversion.rebuild_z(values, stored)
+
+    def _rounding(self, some: np.ndarray, stored: StoredNormals) -> tuple[int, dict[str, float]]:
+        depth = conversion.bits(some[:, :3])
+        if depth == 32:
+            return depth, {}
+        before = some.copy()
+        before[:, :3] = conversion.moved(some[:, :3], depth)
+        for values in (before, some):
+            self._complete(values, stored)
+        angles = value_encoding.angles_between(before, some)
+        return depth, {"median": float(np.median(angles)), "maximum": float(angles.max())} if len(angles) else {}
+
+    def _notes(self, name: str, stored: StoredNormals) -> Iterator[str]:
+        if self._lacks_z:
+            channel = conversion.z_channel(stored)
+            yield f"The {channel} channel of {name!r} is the same everywhere: z is rebuilt from the other two."
+        if not self._is_coverage:
+            yield (
+                f"The alpha of {name!r} has values between 0 and 1, as other data than coverage has: it is not used, and the "
+                "new map does not contain it."
+            )
+
+
+LEAST_UNIT = 0.75
+"""The share of a normal map's texels whose vectors have a length near 1, at least. In photos, few have."""
+MOST_AWAY = 0.25
+"""The share of a map's texels whose normals may point into the low mesh. In a map of another space, about half do."""
+MANY_MISSED, MOST_MISSED = 0.05, 0.9
+"""The shares of the covered texels with alpha 0 above which there is a warning, and above which the map is another mesh's."""
+
+
+def not_on(low: str, image: str) -> str:
+    """A sentence about an image on which the low mesh has no texels."""
+    return f"No triangle of {low!r} lies on {image!r}: its UVs are outside the map, or empty."
+
+
+def check(fit: Fit, low: str, image: str, before: StoredNormals) -> None:
+    """Raise BakeError for an image that is no normal map of the low object."""
+    if not fit.covered:
+        raise BakeError(not_on(low, image))
+    if fit.missed > fit.covered * MOST_MISSED:
+        raise BakeError(
+            f"{fit.missed / fit.covered:.0%} of the texels of {image!r} on {low!r} have alpha 0: it is no map of it."
+        )
+    if fit.unit < (fit.covered - fit.missed) * LEAST_UNIT:
+        share = fit.unit / fit.covered
+        raise BakeError(
+            f"{image!r} is no normal map of {low!r}: only {share:.0%} of its texels on the mesh hold a unit vector."
+        )
+    if fit.away > fit.directed * MOST_AWAY:
+        raise BakeError(
+            f"{fit.away / fit.directed:.0%} of the normals in {image!r} point into {low!r} when read in "
+            f"{before.from_space.lower()} space: choose another From Space, or the axes that the channels store."
+        )
+
+
+def missing(fit: Fit, image: str) -> Iterator[str]:
+    """A sentence if the map lacks many texels of the mesh."""
+    if fit.missed > fit.covered * MANY_MISSED:
+        yield f"{fit.missed / fit.covered:.0%} of the texels of {image!r} on the mesh have alpha 0, and stay so."
+
+
+def overlapping(low: Mesh, before: StoredNormals, settings: Settings, tiles: Sequence[int]) -> Iterator[str]:
+    """A sentence if triangles of the mesh share texels of the map that mean another normal on each.
+
+    settings, tiles: of the new map.
+    """
+    spaces = {before.from_space, settings.map.space}
+    if Space.TANGENT not in spaces:  # the triangle does not matter
+        return
+    # Stacked parts share a tangent-space map. In the other spaces, each part has normals of its own.
+    (space,) = spaces - {Space.TANGENT} or {Space.TANGENT}
+    overlap = checks.overlap(low, settings.sampling.size, tiles)
+    if severity.rate("overlap", overlap, replace(settings, space=space)) == severity.WRONG:
+        yield (
+            f"{overlap['share']:.2%} of the texels of {low.name!r} belong to two or more of its triangles (overlapping UVs): "
+            "the new map can be right on only one of them."
+        )
 
 
 class Conversion:
@@ -98,10 +200,10 @@ def _work(context: bpy.types.Context, conversion: Conversion, run: Run) -> Task[
                 levels = yield from part(mip_levels.of(maps, tile, run), share[1], share[1])
                 with timings.timed("image"):
                     outputs.add(tile, maps, levels)
-            map_fit.check(drawn.fit, mesh.name, ready.name, ready.before)
+            check(drawn.fit, mesh.name, ready.name, ready.before)
             problems = [
-                *map_fit.missing(drawn.fit, ready.name),
-                *map_fit.overlapping(mesh, ready.before, settings, list(ready.source.tiles)),
+                *missing(drawn.fit, ready.name),
+                *overlapping(mesh, ready.before, settings, list(ready.source.tiles)),
             ]
         yield Progress("Storing", 1.0)
         low = conversion.low  # before anything changes: it raises if the object was deleted
@@ -163,7 +265,7 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
         covered = uv_layout.tiles(mesh)
         tiles = {tile: values for tile, values in tiles.items() if tile in covered}
     if not tiles:
-        raise BakeError(map_fit.not_on(low.name, image.name))
+        raise BakeError(not_on(low.name, image.name))
     return _Ready(
         image.name,
         datablocks.origin(image.name),
