@@ -4,11 +4,10 @@
 from dataclasses import dataclass
 
 from .kinds import Setting
-from .map_settings import CHANNELS, CONVERT, MAP
+from .map_settings import CHANNELS, CONVERT, MAP, MAPS
 from .object_settings import BAKE, LEVELS, PAIRS
 from .output_settings import OUTPUT
 from .ray_settings import RAYS
-from .surface_map_settings import MAPS
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from ..map_types import AO, BY_NAME, METALLIC, ROUGHNESS, WIDENED_ROUGHNESS, Kind, MapType, Range
 from .choices import Pack
-from .surface_map_settings import ONE, SMOOTHNESS, ZERO
+from .map_settings import ONE, SMOOTHNESS, ZERO
 
 RGBA = ("red", "green", "blue", "alpha")
 """The channels by name, in their order."""

@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 
 from ...core.declarations.choices import DistanceUnit, Occluders
-from ...core.declarations.surface_map_settings import CURVATURE_SHARE, THICKNESS_SHARE
+from ...core.declarations.map_settings import CURVATURE_SHARE, THICKNESS_SHARE
 from ...core.map_types import BY_NAME, Family
 from ...core.settings import Settings, TracingSettings
 from ...core.timings import Timings
