@@ -1,13 +1,248 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All settings, by the panels that show them."""
+"""All settings by the panels that show them: here those of Output, Rays, Imprint, Pairs by Name and Levels of Detail."""
 
 from dataclasses import dataclass
 
-from .kinds import Setting
+from .. import file_formats, levels, udim
+from ..file_formats import USUAL_DEPTH
+from ..naming import Suffixes
+from ..udim import TOKEN
+from .choices import Directions, Hit, Storage
+from .kinds import (
+    Choice,
+    Color,
+    Distance,
+    FilePath,
+    Item,
+    ObjectSlot,
+    ObjectSlots,
+    Option,
+    Setting,
+    Switch,
+    Text,
+    Tiles,
+)
 from .map_settings import CHANNELS, CONVERT, MAP, MAPS
-from .object_settings import BAKE, LEVELS, PAIRS
-from .output_settings import OUTPUT
-from .ray_settings import RAYS
+
+_USUAL = Suffixes()
+
+BAKE: dict[str, Setting] = {
+    "highs": ObjectSlots(
+        label="High",
+        tooltip="High-poly objects, which have the detail: meshes, curves, text, or objects that show instances",
+        empty="the selected objects",
+        option=Option(word="high", default="the low object with its modifiers", note="The option may be repeated"),
+    ),
+    "low": ObjectSlot(
+        label="Low", tooltip="Low-poly mesh, which gets the map", empty="the active object", option=Option(default="")
+    ),
+    "live_every_time": Switch(
+        label="Write Every Map",
+        tooltip="While Live is on, write each map to the image at once, and not only when editing pauses",
+        option=None,
+    ),
+}
+PAIRS: dict[str, Setting] = {
+    "low_suffix": Text(
+        label="Low", tooltip="Ending of the names of low objects, in any case", default=_USUAL.low, option=None
+    ),
+    "high_suffix": Text(
+        label="High",
+        tooltip="Ending of the names of high objects, in any case. An underscore and more may follow it",
+        default=_USUAL.high,
+        option=None,
+    ),
+    "cage_suffix": Text(
+        label="Cage", tooltip="Ending of the names of cages, in any case", default=_USUAL.cage, option=None
+    ),
+    "share_image": Switch(label="One Image", tooltip="Bake all pairs into one image, an atlas", option=None),
+}
+LEVELS: dict[str, Setting] = {
+    "level_degrees": Text(
+        label="Degrees",
+        tooltip="For each level, the largest angle between the normals that it shows with its map and those of "
+        "the mesh, on 99 % of the texels",
+        default=levels.DEGREES,
+        option=None,
+    ),
+    "level_distance": Text(
+        label="Distance (%)",
+        tooltip="The largest distance of the levels from the mesh, in percent of the longest side of its box: "
+        "one number for all levels, or one for each",
+        default=levels.PERCENT,
+        option=None,
+    ),
+}
+
+
+OUTPUT: dict[str, Setting] = {
+    "image": Text(
+        label="Image",
+        tooltip="Name of the image to fill. {low} in it stands for the low object's name",
+        empty="an image named after the low object",
+    ),
+    "depth": Choice(
+        label="Depth",
+        tooltip="Bits per channel. OpenEXR files of maps in scene units, and of attributes, always have 32",
+        default=USUAL_DEPTH,
+        items=(
+            Item(8, "8", "Smallest. May show steps on smooth surfaces"),
+            Item(16, "16", "Smooth: 16-bit PNG or TIFF, half-float OpenEXR, or a float image inside Blender"),
+            Item(32, "32", "Exact: float OpenEXR, or a float image inside Blender"),
+        ),
+        option=Option(default=f"{USUAL_DEPTH}, or the most below that the format has"),
+    ),
+    "dither": Switch(
+        label="Dither", tooltip="Hide the steps of 8 bits in fine noise, instead of rounding to the nearest value"
+    ),
+    "udim": Switch(
+        label="UDIM Tiles",
+        tooltip="Bake a map for each UDIM tile that the low mesh covers",
+        option=Option(note=f"{TOKEN} in --output does the same"),
+    ),
+    "tiles": Tiles(
+        label="Tiles",
+        tooltip="UDIM tiles to bake, such as 1001, 1003",
+        empty=f"all tiles that the low mesh covers, {udim.MOST_BAKED} at most",
+    ),
+    "storage": Choice(
+        label="Store",
+        tooltip="Where to keep the map",
+        default=Storage.PACK,
+        items=(
+            Item(Storage.PACK, "Packed", "Inside the .blend file"),
+            Item(Storage.FILE, "File", "In an image file"),
+            Item(Storage.MEMORY, "Memory", "In memory until the .blend file is saved, which packs the map"),
+        ),
+        option=None,  # the command line writes files
+    ),
+    "output": FilePath(
+        label="File",
+        tooltip=f"Image file to write: {file_formats.listed()}. Missing folders are created. "
+        f"{{low}} in the path stands for the low object's name, {TOKEN} for the tile's number",
+        option=Option(metavar="MAP", note="For mesh files, {low} is the name of the low mesh's file"),
+    ),
+    "alpha": Switch(
+        label="Alpha",
+        tooltip="Files have an alpha channel, which is 0 on the background and where rays hit nothing. Without it they are "
+        "smaller",
+        default=True,
+        option=Option(
+            word="no-alpha",
+            off="Write files without an alpha channel. Then only the mask shows which texels were missed",
+        ),
+    ),
+    "mip_files": Switch(
+        label="Mip Levels",
+        tooltip="Also write the smaller mip levels to files, such as rock_normal_mip1.png. They average what the map covers, "
+        "and widened roughness keeps what the mean of the normals loses",
+    ),
+    "material": Switch(
+        label="Material",
+        tooltip="Add the map to the low object's material",
+        default=True,
+        option=Option(word="no-material", off="Leave the low object's material as it is"),
+    ),
+    "export": FilePath(
+        label="Export",
+        tooltip=f"File for an engine: {file_formats.listed_meshes()}. It gets the low mesh in the triangles that were "
+        "baked, with its tangents and its maps. {low} in the path stands for the low object's name",
+        option=Option(
+            metavar="MESH",
+            note="Imprint reads the file back, and reports by how many degrees normals differ from those that were baked",
+        ),
+    ),
+    "single_user": Switch(
+        label="Single User",
+        tooltip="Copy materials that other objects use as well, so that those objects keep their look",
+    ),
+    "show_result": Switch(
+        label="Show Result",
+        tooltip="After a bake, show the map in an open Image Editor and the low mesh with it in the 3D viewport: "
+        "with Material Preview instead of Solid, and the high objects hidden",
+        default=True,
+        option=None,
+    ),
+}
+
+
+RAYS: dict[str, Setting] = {
+    "hit": Choice(
+        label="Hit",
+        tooltip="Which of the high surfaces along a ray the map shows",
+        default=Hit.OWN,
+        items=(
+            Item(
+                Hit.OWN,
+                "Own",
+                "The outermost surface that belongs to the texel: the texel is at the closest point of the low mesh, or next "
+                "to it. Rays pass through other layers",
+            ),
+            Item(Hit.OUTERMOST, "Outermost", "The first surface from outside"),
+            Item(Hit.NEAREST, "Nearest", "The surface nearest to the low mesh, inside or outside"),
+        ),
+    ),
+    "cage": ObjectSlot(label="Cage", tooltip="Mesh on which the rays start. It must have the topology of the low mesh"),
+    "measure": Switch(
+        label="Measure Distances",
+        tooltip="Measure how far the high surface lies from the low one, instead of using the distances below",
+        default=True,
+        empties=True,
+        option=None,
+    ),
+    "extrusion": Distance(
+        label="Extrusion",
+        tooltip="Distance outside the low mesh at which the rays start",
+        empty="measured",
+        switch="measure",
+        may_be_zero=True,
+        shown=0.05,
+        usual_most=1.0,
+    ),
+    "max_distance": Distance(
+        label="Max Distance",
+        tooltip="Length of the rays, from where they start",
+        empty="measured",
+        switch="measure",
+        shown=0.1,
+        usual_most=2.0,
+    ),
+    "directions": Choice(
+        label="Directions",
+        tooltip="Normals of the low mesh that the rays follow",
+        default=Directions.BLENDED,
+        items=(
+            Item(
+                Directions.BLENDED,
+                "Blended",
+                "Smooth at hard edges, which leaves no gaps, and straight away from them, which skews nothing",
+            ),
+            Item(Directions.SMOOTH, "Smooth", "Smooth vertex normals. Hard edges leave no gaps"),
+            Item(Directions.SPLIT, "Split", "The mesh's own normals, with hard edges and custom normals"),
+        ),
+    ),
+    "offset_group": Text(
+        label="Offset Group",
+        tooltip="Vertex group of the low mesh that scales the extrusion: with a weight of 0 rays start on the surface, "
+        "0.5 changes nothing, and with 1 they start twice as far out",
+        empty="the same extrusion everywhere",
+    ),
+    "straight_group": Text(
+        label="Straight Group",
+        tooltip="Vertex group of the low mesh that turns the rays: with a weight of 0 they follow smooth normals, "
+        "0.5 changes nothing, and with 1 they follow the mesh's own normals",
+        empty="the chosen directions everywhere",
+    ),
+    "facing_only": Switch(
+        label="Ignore Backfaces", tooltip="Let the rays pass through faces of the high mesh that point away from them"
+    ),
+    "missed": Color(
+        label="Miss Color",
+        tooltip="Color of texels whose ray hits nothing. Their alpha is 0",
+        default=(0.5, 0.5, 1.0),
+    ),
+    "mask": Switch(label="Miss Mask", tooltip="Also make an image that is white where the rays hit nothing"),
+}
 
 
 @dataclass(frozen=True)
