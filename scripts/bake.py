@@ -16,7 +16,7 @@ from addon.cli import (  # noqa: E402
     interruption,
     standard_streams,
 )
-from addon.core.timings import startup  # noqa: E402
+from addon.core.progress import startup  # noqa: E402
 
 startup.add_launcher()
 arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]

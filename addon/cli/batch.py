@@ -15,9 +15,9 @@ from .. import older_blender
 from ..core import levels, naming, progress
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
+from ..core.progress import startup
 from ..core.report import Report
 from ..core.settings import Settings
-from ..core.timings import startup
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable

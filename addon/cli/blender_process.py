@@ -14,7 +14,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-from ..core.timings import startup
+from ..core.progress import startup
 from . import standard_streams
 
 INTERFACE = ("bl_operators", "bl_ui", "nodeitems_builtins")

@@ -12,8 +12,7 @@ from collections.abc import Callable, Sequence
 
 from ..core import versions
 from ..core.errors import WrongPlace, sentence
-from ..core.progress import Progress
-from ..core.timings import startup
+from ..core.progress import Progress, startup
 from . import bounds, interruption, standard_streams
 from .blender_process import load_blender
 from .plan import clashes, plans

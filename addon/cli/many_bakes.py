@@ -10,8 +10,7 @@ from typing import Any
 
 from ..core.errors import BakeError, NoGpu, sentence
 from ..core.naming import printable
-from ..core.progress import Progress
-from ..core.timings import startup
+from ..core.progress import Progress, startup
 from .blender_process import load_blender
 from .bounds import Bounds
 from .done.claims import Claims

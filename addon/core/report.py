@@ -11,7 +11,7 @@ from .declarations import bases, readers
 from .declarations.choices import Space
 from .lengths import Length
 from .map_types import BY_NAME, Kind
-from .timings import STAGES, Timings
+from .progress import STAGES, Timings
 
 VERSION = 1
 """The version of the report's keys in JSON. It increases when a key is removed or changes its meaning, not for new keys."""

@@ -17,8 +17,7 @@ from .declarations.packing import CUSTOM_SUFFIX, PRESETS, WHITE, Packing
 from .errors import BakeError
 from .map_types import BY_NAME, NAMES, WIDENED_ROUGHNESS
 from .naming import LOW, MATERIAL
-from .progress import Pace
-from .timings import Timings
+from .progress import Pace, Timings
 from .udim import TOKEN
 
 

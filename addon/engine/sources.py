@@ -10,9 +10,8 @@ import numpy as np
 
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.map_types import BY_NAME
-from ..core.progress import Progress, Task
+from ..core.progress import Progress, Task, Timings
 from ..core.settings import MapSettings, Run, Settings, TracingSettings
-from ..core.timings import Timings
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target

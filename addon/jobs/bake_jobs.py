@@ -15,10 +15,9 @@ from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.naming import ATLAS
-from ..core.progress import Pace, Progress, Task, part, relay
+from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import Run, Settings, TracingSettings
-from ..core.timings import Timings
 from ..engine import gpu_memory, margins
 from ..engine.mips import mip_levels
 from ..engine.rendering import DrawnMaps, Renderer

@@ -18,9 +18,8 @@ from ..core.declarations.choices import Method, Space, Storage, VertexDomain
 from ..core.declarations.map_settings import MAX_SIZE, MIN_SIZE
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL, Labeled
-from ..core.progress import Pace, Progress, Task, part
+from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.settings import Run, SamplingSettings, Settings
-from ..core.timings import Timings
 from ..engine import gpu_memory, margins
 from ..engine.converting.converted_map import ConvertedMap, Fit
 from ..engine.mips import mip_levels

@@ -14,9 +14,9 @@ from ..core import fixes, map_types
 from ..core.declarations.choices import Method
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, Labeled
+from ..core.progress import Timings
 from ..core.report import Report
 from ..core.settings import MapSettings, Settings
-from ..core.timings import Timings
 from ..engine.maps import ray_reach
 from ..engine.method_choice import Plan
 from ..engine.rays.ray_casting import RayCast

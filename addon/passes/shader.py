@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.timings import startup
+from ..core.progress import startup
 from . import blender_gpu as gpu
 from .program import Program, prelude, source
 from .program import in_software as is_software

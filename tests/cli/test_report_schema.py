@@ -15,7 +15,7 @@ from addon.cli.done.contents import Contents
 from addon.cli.results import run_report
 from addon.cli.results.run_report import Cause, State
 from addon.core import versions
-from addon.core.timings import STARTUP
+from addon.core.progress import STARTUP
 from scripts.imprint import ROOT
 from tests.support import json_schema, zoo
 from tests.support.manual import names, rows, section

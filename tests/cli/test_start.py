@@ -12,7 +12,7 @@ import bpy
 import pytest
 
 from addon.cli import blender_process
-from addon.core.timings import STARTUP
+from addon.core.progress import STARTUP
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
 

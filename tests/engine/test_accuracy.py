@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from addon.core import progress
+from addon.core.progress import Timings
 from addon.core.settings import Run, Settings
-from addon.core.timings import Timings
 from addon.engine import rendering, sources
 from addon.engine.maps.normal_space import NormalSpace
 from addon.engine.maps.sampling import SampledMaps

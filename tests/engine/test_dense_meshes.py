@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.core.timings import Timings
 from addon.engine import separation
 from addon.engine.bands import Band
 from addon.engine.dense import high_batches

@@ -11,8 +11,8 @@ import pytest
 from addon.core import progress, udim
 from addon.core.declarations.choices import Hit
 from addon.core.errors import BakeError
+from addon.core.progress import Timings
 from addon.core.settings import Run, Settings
-from addon.core.timings import Timings
 from addon.engine.method_choice import choose_method
 from addon.engine.rays.tree_cache import TreeCache
 from addon.engine.sources import normal_source

@@ -4,8 +4,8 @@
 import bpy
 import pytest
 
+from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.core.timings import Timings
 from addon.engine.rays import ray_directions
 from addon.engine.rays.tree_cache import TreeCache
 from addon.scene import reading

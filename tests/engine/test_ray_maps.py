@@ -9,8 +9,8 @@ import mathutils
 import numpy as np
 import pytest
 
+from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.core.timings import Timings
 from addon.engine.maps import ray_reach
 from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all

@@ -5,8 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.core.timings import Timings
 from addon.engine.rays import tree_cache
 from addon.mesh.spatial import bvh
 from addon.passes import data_texture

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon.core import timings
+from addon.core import progress
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
@@ -24,7 +24,7 @@ def test_stages_add_up_to_the_total_without_waiting(method, share_image, monkeyp
         clock.now += 1.0  # each look at the clock takes a second
         return clock.now
 
-    monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=tick))
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=tick))
     tree_cache.trees.free()
     jobs = [Job(zoo.plane("lo"), [zoo.terrain("hi")])]
     settings = Settings(method=method, width=32, height=32, image="map", storage="MEMORY", material=False)

@@ -7,15 +7,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from addon.core import timings
-from addon.core.timings import BEGUN, STAGES, STARTUP, Startup, Timings
+from addon.core import progress
+from addon.core.progress import BEGUN, STAGES, STARTUP, Startup, Timings
 
 
 @pytest.fixture
 def clock(monkeypatch):
     """A clock that the test sets: clock.now, in seconds."""
     clock = SimpleNamespace(now=0.0)
-    monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=lambda: clock.now, time=lambda: clock.now))
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now, time=lambda: clock.now))
     return clock
 
 
@@ -52,7 +52,7 @@ def test_a_stage_that_fails_is_counted_and_ends(clock, measured):
 
 
 def test_each_stage_that_the_code_times_is_declared():
-    addon = Path(timings.__file__).parents[1]
+    addon = Path(progress.__file__).parents[1]
     timed = {
         stage for path in addon.rglob("*.py") for stage in re.findall(r"\.timed\(\"(\w+)\"\)", path.read_text("utf-8"))
     }

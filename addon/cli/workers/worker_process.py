@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.naming import printable
-from ...core.timings import BEGUN
+from ...core.progress import BEGUN
 from .. import interruption
 from ..sandbox import Sandbox, processes_in
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import gpu
 import numpy as np
 
-from ...core.timings import Timings
+from ...core.progress import Timings
 from ...mesh import uv_layout
 from ...mesh.triangle_mesh import Mesh, normal_matrix
 from ...passes import mesh_upload, shader, target

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from ...core.declarations.choices import DistanceUnit, Occluders
 from ...core.declarations.map_settings import CURVATURE_SHARE, THICKNESS_SHARE
 from ...core.map_types import BY_NAME, Family
+from ...core.progress import Timings
 from ...core.settings import Settings, TracingSettings
-from ...core.timings import Timings
 from ...mesh.local_space import LocalSpace
 from ...mesh.triangle_mesh import Mesh
 from ...passes.hemisphere import curvature, openness

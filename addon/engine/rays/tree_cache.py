@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core import threads
 from ...core.errors import BakeError
-from ...core.timings import Timings
+from ...core.progress import Timings
 from ...mesh.local_space import LocalSpace, local_space_of
 from ...mesh.spatial import bvh, shared_values
 from ...mesh.triangle_mesh import Mesh
