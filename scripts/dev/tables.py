@@ -23,11 +23,7 @@ from addon.cli.usage.options import FILE, JOBS, OBJECTS, OPTIONS, CommandOption,
 from addon.cli.usage.run_options import RUN_OPTIONS, TITLE  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
 from addon.core.declarations import kinds, packing, readers  # noqa: E402
-from addon.core.declarations.all_settings import (
-    DECLARED,
-    PANELS,
-    PanelSettings,  # noqa: E402
-)
+from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
 from addon.core.declarations.choices import Pack  # noqa: E402
 from addon.core.map_types import Family, Kind  # noqa: E402
 from addon.core.naming import USUAL  # noqa: E402

@@ -19,10 +19,7 @@ import addon  # noqa: E402
 from addon.engine.rays import tree_cache  # noqa: E402
 from addon.passes import target  # noqa: E402
 from addon.ui.cage_overlay import overlay  # noqa: E402
-from addon.ui.live_switch import (
-    LiveState,
-    live,  # noqa: E402
-)
+from addon.ui.live_switch import LiveState, live  # noqa: E402
 from addon.ui.modal import runner  # noqa: E402
 from addon.ui.object_hiding import hiding  # noqa: E402
 from addon.ui.progress_display import display  # noqa: E402

@@ -19,7 +19,7 @@ from .deviation_measuring import Deviations
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A mesh that was measured. excess, spent: as coarsest.Measured has them. is_beyond (height, width) bool: the texels whose
+    """A mesh that was measured. excess, spent: as levels.Measured has them. is_beyond (height, width) bool: the texels whose
     normals are beyond the limit."""
 
     source: Source
@@ -76,7 +76,7 @@ class LevelSearch:
         return within.source.data, level
 
     def _attempts(self, limit: Limit, made: list[Candidate]) -> Callable[[Candidate, int, bool], Task[list[Candidate]]]:
-        """Makes the candidates of a step, as coarsest.search takes it. made: those that exist; the others are removed.
+        """Makes the candidates of a step, as levels.search takes it. made: those that exist; the others are removed.
 
         A step is done again without touching the triangles whose texels came to lie beyond the limit: narrow bevels keep their
         triangles while the rest becomes coarser. Where that leaves too few triangles to remove, or before a search ends, a step
