@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from .cli.mesh_files.importers import PLAIN
-from .cli.scene_files import bring
+from .cli.scene_files import import_meshes
 from .core import file_formats, map_types
 from .core.declarations import kinds
 from .core.declarations.all_settings import DECLARED
@@ -160,7 +160,7 @@ def _objects(source: Source, name: str) -> list[bpy.types.Object]:
     if isinstance(source, bpy.types.Object):
         return [source]
     if isinstance(source, str | os.PathLike):
-        return bring(os.fspath(source), PLAIN)
+        return import_meshes(os.fspath(source), PLAIN)
     if hasattr(source, "vertices") and hasattr(source, "faces"):
         visual = getattr(source, "visual", None)
         source = Surface(source.vertices, source.faces, getattr(visual, "uv", None), source.vertex_normals)

@@ -30,7 +30,7 @@ from .plan.plans import Plan, subject
 from .results import gates, report_file, run_report
 from .results.bake_result import Result
 from .results.terminal import Meter
-from .scene_files import Stage
+from .scene_files import SceneLoader
 from .usage import arguments
 
 
@@ -86,7 +86,7 @@ class _Baked:
 
 def open_files(
     plan: Plan,
-    stage: Stage,
+    loader: SceneLoader,
     files: clashes.RunFiles,
     meter: Meter,
     hashes: Contents | None = None,
@@ -111,9 +111,9 @@ def open_files(
     if meter.is_on:
         meter.show(subject(options, bpy.data.filepath), progress.Progress("Opening", 0.0))
     with startup.spent("opening"):
-        jobs, problems = _jobs(options, stage)
-        if not plan.chain and stage.reopen_if_changed(high.name for job in jobs for high in job.highs):
-            jobs, problems = _jobs(options, stage)  # a bake does not depend on those before it
+        jobs, problems = _jobs(options, loader)
+        if not plan.chain and loader.reopen_if_changed(high.name for job in jobs for high in job.highs):
+            jobs, problems = _jobs(options, loader)  # a bake does not depend on those before it
     for job in jobs:
         job.is_exported, job.must_be_whole = bool(options.export), not options.allow_missing_pages
         job.is_measured, job.is_pictured = gates.DEVIATION in gates.needs(options.strict), is_pictured
@@ -134,7 +134,7 @@ def open_files(
     return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, not_followed, hashes)
 
 
-def run(opened: Opened, stage: Stage, files: clashes.RunFiles, meter: Meter) -> Result:
+def run(opened: Opened, loader: SceneLoader, files: clashes.RunFiles, meter: Meter) -> Result:
     """Bake, and save what the options name. files: must have the plan.
 
     Raises BakeError, or Stopped where nothing was finished.
@@ -144,21 +144,21 @@ def run(opened: Opened, stage: Stage, files: clashes.RunFiles, meter: Meter) -> 
     memory = _say_memory(opened, meter)
     # If a pair, a frame, the scene or the report fails, no file of the bake is written.
     with all_or_none(has_parts=bool(options.pairs or options.frames)):
-        said: list[str] = []
-        baked = older_blender.with_gpu(lambda: _explained(opened, meter, said))
+        printed: list[str] = []
+        baked = older_blender.with_gpu(lambda: _explained(opened, meter, printed))
         is_stopped, chain = baked.is_stopped, baked.chain
-        notes = [*stage.notes, *opened.notes, *input_checks.refused_scripts()]
+        notes = [*loader.notes, *opened.notes, *input_checks.refused_scripts()]
         reports = [report.with_memory(memory).with_warnings(notes) for report in baked.reports]
         if options.export and not is_stopped:
             check_beside = partial(files.exported, opened.name)
             reports = side_files.export(reports, options.export, check_beside, are_levels=chain is not None)
         reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
-        stage.changed(job.low.name for job in opened.jobs)
+        loader.changed(job.low.name for job in opened.jobs)
         problems = [*opened.problems, *(chain.left_out if chain else ())]
-        result = Result(opened.name, reports, problems, are=_kind(options), is_stopped=is_stopped, said=said)
+        result = Result(opened.name, reports, problems, are=_kind(options), is_stopped=is_stopped, said=printed)
         result.strict, result.chain = options.strict, chain
         if opened.scene is not None and not is_stopped:
-            with stage.let_go():
+            with loader.caches_released():
                 side_files.save_scene(opened.scene, reports)
             result.scene = opened.scene
         result.hashes = opened.hashes
@@ -180,13 +180,17 @@ def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
     return numbers
 
 
-def _warn_early(name: str, warnings: Sequence[str], said: list[str], meter: Meter) -> None:
-    """Print warnings before a bake, which can take long. name: of the bake among many. said: those that were printed; receives
-    these."""
+def _warn_early(name: str, warnings: Sequence[str], printed: list[str], meter: Meter) -> None:
+    """Print warnings before a bake, which can take long.
+
+    Args:
+        name: Of the bake, where there are many.
+        printed: The warnings that were printed before. These are added.
+    """
     for warning in warnings:
-        if warning not in said:
+        if warning not in printed:
             meter.report(f"imprint: {f'{name}: ' if name else ''}warning: {warning}")
-            said.append(warning)
+            printed.append(warning)
 
 
 def _kind(options: argparse.Namespace) -> str:
@@ -203,10 +207,10 @@ def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     return [naming.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
 
 
-def _explained(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
+def _explained(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
     """As `_baked`. An error that meshes which do not fit may have caused also says that."""
     try:
-        return _baked(opened, meter, said)
+        return _baked(opened, meter, printed)
     except WrongPlace:
         raise
     except Incomplete as error:
@@ -217,7 +221,7 @@ def _explained(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
         raise BakeError(" ".join([str(error), *opened.hints])) from error
 
 
-def _baked(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
+def _baked(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
     """Bake. Raises BakeError, or Stopped where nothing was finished."""
     options, jobs, settings = opened.options, opened.jobs, opened.settings
     share_image = _share_image(options)
@@ -225,7 +229,7 @@ def _baked(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
     def on_step(step: progress.Progress) -> None:
         interruption.check()
         if step.warnings:
-            _warn_early(opened.name if meter.place else "", step.warnings, said, meter)
+            _warn_early(opened.name if meter.place else "", step.warnings, printed, meter)
         if meter.is_on:
             job = jobs[0 if options.frames or options.levels else step.finished]
             meter.show("the atlas" if share_image else job.low.name, step)
@@ -284,20 +288,20 @@ def _rival_jobs(plan: Plan) -> Iterator[Job]:
                 yield Job(low, [object_refs.by_name(name) for name in options.high] or [low], cage)
 
 
-def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[str]]:
+def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], list[str]]:
     """The jobs, ready in the scene, and sentences about what is wrong with names."""
     if options.low_file:
         space = Space(options.origin)
-        job = stage.job(options.low_file, options.high_file, options.cage_file, space, options.high_up or "")
+        job = loader.job(options.low_file, options.high_file, options.cage_file, space, options.high_up or "")
         if not (options.high_file or options.convert or options.levels):
             input_checks.check_own_high(job.low, "--high-file")
         return [job], []
     if options.file:
-        stage.open(options.file, Space(options.origin))
+        loader.open(options.file, Space(options.origin))
     elif not bpy.data.filepath:
         raise BakeError("There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file.")
     else:
-        stage.take()
+        loader.take()
     if options.pairs:
         return jobs_by_name(bpy.context, options.suffixes)
     low = object_refs.by_name(options.low)

@@ -18,8 +18,8 @@ def read(words: Sequence[str], program: str) -> argparse.Namespace:
     """The options of the bake that makes the chain: its `levels` are the texts of the limits. Raises WrongUsage."""
     own, rest = _parser(program).parse_known_args(words)
     options = arguments.parse(rest, program)
-    usual = vars(arguments.parse([]))
-    wrong = next((name for name in _OF_BAKES if getattr(options, name) != usual[name]), None)
+    defaults = vars(arguments.parse([]))
+    wrong = next((name for name in _OF_BAKES if getattr(options, name) != defaults[name]), None)
     if wrong:
         raise WrongUsage(f"--{wrong.replace('_', '-')} is not for lod, which makes coarser meshes of one mesh")
     degrees = own.degrees if own.degrees is not None else "" if own.distance else levels.DEGREES

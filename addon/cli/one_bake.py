@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs a single bake of the command line in this process, and says what came of it."""
+"""Runs a single bake of the command line in this process, and reports the result."""
 
 import sys
 import time
@@ -14,23 +14,23 @@ from .plan.plans import Plan
 from .results import bake_result, report_file, run_report, terminal
 from .results.bake_result import Result
 from .results.terminal import Meter
-from .scene_files import Stage
+from .scene_files import SceneLoader
 from .usage.options import STDOUT
 from .usage.run_options import RunOptions
 
 
 def run(plan: Plan, files: clashes.RunFiles, run_options: RunOptions, meter: Meter) -> int:
     """Bake. files: must have the plan. Returns the exit code. Raises WrongPlace if the bake would harm a file."""
-    options, program, stage = plan.options, run_options.program, Stage()
+    options, program, loader = plan.options, run_options.program, SceneLoader()
     if batch.need_all([plan]):
         blender_process.complete()  # before a file is opened, as Baker does
     start, is_begun = time.perf_counter(), False
     meter.planned(1, 1)
     meter.begin(Plan(plans.subject(options, bpy.data.filepath), options))
     try:
-        opened = batch.open_files(plan, stage, files, meter)
+        opened = batch.open_files(plan, loader, files, meter)
         is_begun = True
-        result = batch.run(opened, stage, files, meter)
+        result = batch.run(opened, loader, files, meter)
     except interruption.Stopped:
         meter.clear()
         print(f"{program}: stopped, nothing was finished.", file=sys.stderr)

@@ -20,7 +20,7 @@ from . import interruption, read_files, standard_streams
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file
 
 
-class Stage:
+class SceneLoader:
     """The scene to bake in, which is changed only when other files are wanted."""
 
     def __init__(self, folders: Sequence[str] = ()):
@@ -46,11 +46,11 @@ class Stage:
         self._leave()
         if _ending(first) in IMPORTERS:
             _empty()
-            self._bring(first, space)
+            self._import_meshes(first, space)
         else:  # a .blend1 as well
             _open_blend(first)
         for name in others:
-            self._bring(name, space)
+            self._import_meshes(name, space)
         self.take()
         self._open = wanted
 
@@ -60,7 +60,7 @@ class Stage:
         self.notes += _hold_caches(self._held)
 
     @contextmanager
-    def let_go(self) -> Iterator[None]:
+    def caches_released(self) -> Iterator[None]:
         """Restore the simulation caches in this block, so that the scene is saved with them."""
         self._held.close()
         yield
@@ -96,29 +96,31 @@ class Stage:
             _existing(name)
         self._leave()
         _empty()
-        low_object = _only(low, self._bring(low, space))
+        low_object = _only(low, self._import_meshes(low, space))
         low_object.rename(Path(low).stem, mode="ALWAYS")
-        high_objects = [obj for name in highs for obj in self._bring(name, replace(space, up=high_up))] or [low_object]
-        cage_object = _only(cage, self._bring(cage, space)) if cage else None
+        high_objects = [obj for name in highs for obj in self._import_meshes(name, replace(space, up=high_up))] or [
+            low_object
+        ]
+        cage_object = _only(cage, self._import_meshes(cage, space)) if cage else None
         self.take()
         return Job(low_object, high_objects, cage_object)
 
-    def _bring(self, name: str, space: Space) -> list[bpy.types.Object]:
-        """As `bring`. A file that an untrusted one refers to elsewhere is named as that."""
+    def _import_meshes(self, name: str, space: Space) -> list[bpy.types.Object]:
+        """As `import_meshes`. A file that an untrusted one refers to elsewhere is named as that."""
         try:
-            return bring(name, space)
+            return import_meshes(name, space)
         except UnreadReference as error:
             if self._folders:
                 read_files.check_reference(name, error.path, self._folders)
             raise
 
 
-def bring(name: str, space: Space) -> list[bpy.types.Object]:
+def import_meshes(name: str, space: Space) -> list[bpy.types.Object]:
     """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError."""
     interruption.check()
     path = _existing(name)
     if _ending(path) not in OPENED:
-        raise BakeError(f"{str(path)!r} is no mesh file that can be imported: {', '.join(OPENED)} can.")
+        raise BakeError(f"{str(path)!r} is not a supported mesh file. Supported: {', '.join(OPENED)}.")
     meshes = [obj for obj in import_file(path, space) if obj.data.polygons or obj.modifiers]
     if not meshes:
         raise BakeError(f"{str(path)!r} holds no mesh with faces.")

@@ -118,14 +118,14 @@ def option_row(word: str, option: CommandOption) -> tuple[str, str, str]:
     metavar = option.parsing.get("metavar", "")
     said = f"{word} [{metavar}]" if option.parsing.get("nargs") == "?" else f"{word} {metavar}".strip()
     lines = [option.tooltip, *(f"{code(word)}: {meaning}" for word, meaning in option.items), option.note]
-    return code(said), option.usual, "<br>".join(map(sentence, filter(None, lines)))
+    return code(said), option.default_text, "<br>".join(map(sentence, filter(None, lines)))
 
 
 def options() -> str:
     """The options that are no settings of a panel, in the groups of --help."""
     settings = {option_word(name) for name, setting in DECLARED.items() if setting.option}
     own = (
-        option_row("FILE ...", CommandOption(FILE.tooltip, {}, FILE.usual)),
+        option_row("FILE ...", CommandOption(FILE.tooltip, {}, FILE.default_text)),
         option_row("--jobs", JOBS),
         *(option_row(f"--{word}", option) for word, option in OBJECTS.items()),
     )

@@ -281,7 +281,7 @@ def test_broken_files_give_one_sentence(folder, run, name, role):
 
 def test_a_missing_file_is_reported_before_others_are_read(folder, run, monkeypatch):
     export(folder / "low.obj", zoo.plane("lo"))
-    monkeypatch.setattr(scene_files, "bring", lambda name, _space: pytest.fail(f"{name} was read"))
+    monkeypatch.setattr(scene_files, "import_meshes", lambda name, _space: pytest.fail(f"{name} was read"))
     code, _, err = run("--low-file", "low.obj", "--high-file", "none.obj", *SMALL, "--output", "m.png")
     assert code == run_report.FAILED
     assert err == f"imprint: There is no file {str(folder / 'none.obj')!r}.\n"
@@ -557,12 +557,14 @@ def test_a_faulty_job_file_is_wrong_usage_and_nothing_is_baked(scenes, run, name
 @pytest.fixture
 def opened(monkeypatch):
     """The names of the opened scenes and imported files, in order."""
-    result, open_blend, bring = [], scene_files._open_blend, scene_files.bring
+    result, open_blend, import_meshes = [], scene_files._open_blend, scene_files.import_meshes
     monkeypatch.setattr(
         scene_files, "_open_blend", lambda name: (result.append(os.path.basename(name)), open_blend(name))
     )
     monkeypatch.setattr(
-        scene_files, "bring", lambda name, *more: (result.append(os.path.basename(name)), bring(name, *more))[1]
+        scene_files,
+        "import_meshes",
+        lambda name, *more: (result.append(os.path.basename(name)), import_meshes(name, *more))[1],
     )
     return result
 
@@ -654,7 +656,7 @@ def test_clashes_of_sets_are_reported_before_the_first_bake(scenes, run):
     ("fault", "message"),
     [
         ({"file": "none.blend"}, "There is no file"),
-        ({"file": "jobs.json"}, "is no .blend, or not a complete one"),
+        ({"file": "jobs.json"}, "is not a complete .blend file"),
         ({"output": "jobs.json/m.png"}, "Not a directory"),
         ({"cage": "none"}, "There is no object called 'none'"),
     ],

@@ -161,8 +161,8 @@ def test_all_commands_say_their_version(capsys, words):
 CANNOT = {
     "no such file": (["nothing.blend", *BAKE[1:], "--output", "m.png"], "no file"),
     "a folder for a file": (["scene", *BAKE[1:], "--output", "m.png"], "no file"),
-    "no scene file": (["scene/texture.png", *BAKE[1:], "--output", "m.png"], "is no .blend"),
-    "a broken scene file": (["broken.blend", *BAKE[1:], "--output", "m.png"], "is no .blend, or not a complete one"),
+    "no scene file": (["scene/texture.png", *BAKE[1:], "--output", "m.png"], "is not a complete .blend file"),
+    "a broken scene file": (["broken.blend", *BAKE[1:], "--output", "m.png"], "is not a complete .blend file"),
     "low object misspelled": ([*BAKE, "--low", "loo", "--output", "m.png"], "did you mean 'lo'?"),
     "high object misspelled": ([*BAKE, "--high", "hii", "--output", "m.png"], "did you mean 'hi'?"),
     "no similar name": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 'hi', 'lo'."),

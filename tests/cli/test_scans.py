@@ -15,7 +15,7 @@ from addon.cli.mesh_files import far_coordinates, ply, textures
 from addon.cli.mesh_files.importers import PLAIN, Space, import_file
 from addon.cli.mesh_files.ply import Texture
 from addon.cli.results import run_report
-from addon.cli.scene_files import Stage
+from addon.cli.scene_files import SceneLoader
 from addon.core import memory_need
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
@@ -466,14 +466,14 @@ def test_free_memory_is_part_of_the_machine():
 def test_the_largest_page_counts_if_a_map_shows_it(incomplete):
     for name in ("page2.png", "page3.png"):
         scans.page(incomplete / name, scans.COLORS[0], side=64)
-    job = Stage().job("low.obj", ["scan.obj"])
+    job = SceneLoader().job("low.obj", ["scan.obj"])
     pages = [memory_check.need_of(job, Settings(maps=maps)).page for maps in ((), ("AO",), ("BASE_COLOR",))]
     assert pages == [0, 0, 64 * 64 * (memory_need.PAGE_PIXEL + memory_need.PAGE_PIXEL_ON_GPU)]
     assert not any(image.has_data for image in bpy.data.images)
 
 
 def test_flatten_needs_no_tree_unless_more_than_the_normal_map_is_drawn(incomplete):
-    job = Stage().job("low.obj", ["scan.obj"])
+    job = SceneLoader().job("low.obj", ["scan.obj"])
 
     def tree(**settings):
         return memory_check.need_of(job, Settings(**settings)).tree
@@ -485,7 +485,7 @@ def test_flatten_needs_no_tree_unless_more_than_the_normal_map_is_drawn(incomple
 
 
 def test_modifiers_leave_the_size_of_a_mesh_open(incomplete):
-    job = Stage().job("low.obj", ["scan.obj"])
+    job = SceneLoader().job("low.obj", ["scan.obj"])
     job.highs[0].modifiers.new("Subdivision", "SUBSURF")
     assert memory_check.need_of(job, Settings()) is None
 

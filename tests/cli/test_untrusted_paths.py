@@ -235,7 +235,7 @@ def test_a_wrong_size_in_a_blend_stops_nothing(root, size, capfd):
     (root / "job/s.blend").write_bytes(blend((b"LI", b"x"), (b"OB", b"y"), size=size))
     code, said = attack(root, "file", "s.blend", "--check", capfd=capfd)
     assert code == run_report.FAILED
-    assert said == [f"imprint: a: {str(root / 'job/s.blend')!r} is no .blend, or not a complete one."]
+    assert said == [f"imprint: a: {str(root / 'job/s.blend')!r} is not a complete .blend file."]
 
 
 def test_a_blend_that_unpacks_to_very_much_is_not_unpacked(root, monkeypatch, capfd):

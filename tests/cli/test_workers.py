@@ -141,8 +141,7 @@ def test_a_blend_that_is_cut_off_is_a_mistake_in_the_input(folder):
     run(*words)
     assert outcome(folder) == [("set 1 (a_low)", "done", "", ""), ("set 2 (a)", "failed", "input", "")]
     assert (
-        reports.bakes(folder / "r.json")[1]["error"]
-        == f"{str(folder / 'cut.blend')!r} is no .blend, or not a complete one."
+        reports.bakes(folder / "r.json")[1]["error"] == f"{str(folder / 'cut.blend')!r} is not a complete .blend file."
     )
 
 

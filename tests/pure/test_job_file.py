@@ -468,7 +468,7 @@ def test_limits_that_no_bake_can_keep_are_refused(words, expected):
 
 
 def test_a_job_file_in_the_place_of_a_scene_needs_jobs():
-    with pytest.raises(WrongUsage, match=r"^'props.TOML' is no scene: put --jobs before a job file$"):
+    with pytest.raises(WrongUsage, match=r"^'props.TOML' is a job file: put --jobs before it$"):
         arguments.check(arguments.parse(["props.TOML"]))
 
 

@@ -76,7 +76,7 @@ def test_json_has_the_same_as_the_lines(capsys, here):
 WRONG = {
     "a missing file": ({"high-file": "none.obj"}, "There is no file '", FAILED),
     "a folder for a file": ({"high-file": "."}, "There is no file '", FAILED),
-    "no mesh": ({"high-file": "jobs.json"}, "is no mesh file that can be imported", FAILED),
+    "no mesh": ({"high-file": "jobs.json"}, "is not a supported mesh file", FAILED),
     "a missing map to convert": ({"high-file": [], "convert": "old.<UDIM>.png"}, "There is no file '", FAILED),
     "a clash": ({"report": "a_low.obj"}, "would overwrite", WRONG_USAGE),
     "a folder for a map": ({"output": "folder.png"}, "is a folder: name a file", WRONG_USAGE),
@@ -129,7 +129,7 @@ def test_a_file_that_is_no_blend_is_named(capsys, here):
     (here / "s.blend").write_bytes(b"BLENDER-v405 and so on")
     code, _, err = listed(capsys, [{"file": "s.blend", "low": "a", "output": "r.png"}], "--check")
     assert (code, len(err)) == (FAILED, 1)
-    assert "is no .blend, or not a complete one" in err[0]
+    assert "is not a complete .blend file" in err[0]
 
 
 def test_names_stay_on_their_line(capsys, here):

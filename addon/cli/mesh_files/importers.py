@@ -41,10 +41,10 @@ def check_messages(path: Path) -> Iterator[None]:
         with standard_streams.silence(into=file.fileno()):
             yield
         file.seek(0)
-        said = file.read(_MOST)
-    if found := _UNREAD.search(said):
+        printed = file.read(_MOST)
+    if found := _UNREAD.search(printed):
         raise UnreadReference(str(path), found[1].decode(errors="backslashreplace"))
-    if count := len(_LEFT_OUT.findall(said)):
+    if count := len(_LEFT_OUT.findall(printed)):
         faces = "1 face" if count == 1 else f"{count:,} faces"
         raise BakeError(
             f"{faces} of {str(path)!r} cannot be read, since points, UVs or normals are missing: export it again."

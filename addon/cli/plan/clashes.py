@@ -115,7 +115,7 @@ class RunFiles:
         folders: Iterable[str] = (),
         sheet: str | None = None,
     ) -> list[str]:
-        """Add the bakes to do. Returns a sentence for each bake that would overwrite a file, or lose one.
+        """Add bakes. Returns a sentence for each bake that would overwrite a file, or lose one.
 
         bakes: unique names and options. jobs: the job file. report: the report of all bakes. folders: of mesh files.
         sheet: the page of results.

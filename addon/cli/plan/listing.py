@@ -43,7 +43,7 @@ class InputProblems:
                 missing = True
                 yield problem
             elif path not in (options.convert, *options.file[:1]) and _ending(path) not in OPENED:
-                yield f"{path!r} is no mesh file that can be imported: {', '.join(OPENED)} can."
+                yield f"{path!r} is not a supported mesh file. Supported: {', '.join(OPENED)}."
             elif self._reads and (problem := self._of_content(path, is_image=path == options.convert)):
                 missing = True
                 yield problem

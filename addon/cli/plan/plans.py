@@ -71,7 +71,7 @@ def scene_paths(options: argparse.Namespace, open_file: str = "") -> list[str]:
 
 @dataclass(frozen=True)
 class Plan:
-    """A bake to do: its name, its options, why it cannot be done, if that is known, and its place among all bakes, from 1."""
+    """A planned bake: its name, its options, its error if it is known to fail, and its place among all bakes, from 1."""
 
     name: str
     options: argparse.Namespace

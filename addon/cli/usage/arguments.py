@@ -106,8 +106,8 @@ def parse(arguments: Sequence[str], program: str = "imprint") -> argparse.Namesp
 
 def given(arguments: Sequence[str]) -> dict[str, Any]:
     """The values of the options in `arguments` that take one value, by their names. Raises WrongUsage."""
-    usual = vars(parse([]))
-    single = [name for name, value in usual.items() if not isinstance(value, list)]
+    defaults = vars(parse([]))
+    single = [name for name, value in defaults.items() if not isinstance(value, list)]
     absent = object()
     found = argparse.Namespace(**dict.fromkeys(single, absent))
     parser("imprint").parse_intermixed_args(_joined(arguments), found)
@@ -140,7 +140,7 @@ def split_jobs(arguments: Sequence[str], program: str = "imprint") -> tuple[RunO
 def check(options: argparse.Namespace, program: str = "imprint") -> RunOptions:
     """The options of the run. Raises WrongUsage for options that are missing or contradict each other."""
     if job_file := next((name for name in options.file if PurePath(name).suffix.lower() in JOB_FILES), None):
-        raise WrongUsage(f"{job_file!r} is no scene: put --jobs before a job file")
+        raise WrongUsage(f"{job_file!r} is a job file: put --jobs before it")
     run = RunOptions.of(options, program)
     _refuse([*mistakes(options), *run.mistakes(has_files=bool(options.file or options.low_file))])
     return run
@@ -222,8 +222,8 @@ _OF_BAKES = {
 
 def _not_converted(options: argparse.Namespace) -> list[str]:
     """Those of these options that are given."""
-    usual = parser("imprint").get_default
-    return [f"--{word}" for word, name in _OF_BAKES.items() if vars(options)[name] != usual(name)]
+    defaults = parser("imprint").get_default
+    return [f"--{word}" for word, name in _OF_BAKES.items() if vars(options)[name] != defaults(name)]
 
 
 def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
@@ -238,7 +238,7 @@ def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
 
 
 def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
-    """A mistake for each limit whose figure the report will not have."""
+    """Errors for limits on metrics that will not be reported."""
     for gate in options.strict:
         needs = gate.figure.needs
         if options.levels and needs == gates.DEVIATION:

@@ -160,7 +160,7 @@ def read(
     reader = _Reader(KeyValues(path.parent, is_untrusted=is_untrusted), more)
     _, wrong = reader.read(defaults)
     # Mistakes in the defaults are reported once, not for each set.
-    usual = {key: value for key, value in defaults.items() if key.replace("_", "-") not in wrong}
+    defaults = {key: value for key, value in defaults.items() if key.replace("_", "-") not in wrong}
     if wrong:
         faults.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
     found = []
@@ -168,7 +168,7 @@ def read(
         if number % PROGRESS_EVERY == 0:
             on_progress(number / len(sets))
         try:
-            found.append(_options({**usual, **values}, reader, wrong))
+            found.append(_options({**defaults, **values}, reader, wrong))
         except WrongUsage as fault:
             faults.append(f"{name}, set {number}: {fault}")
     if faults:

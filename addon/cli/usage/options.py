@@ -24,7 +24,7 @@ class CommandOption:
     """What it does, without a full stop."""
     parsing: dict[str, Any]
     """What argparse.add_argument takes beside the help."""
-    usual: str = ""
+    default_text: str = ""
     """What is used where the option is not given, in words."""
     items: tuple[tuple[str, str], ...] = ()
     """The words that it takes, with what each means."""
@@ -35,7 +35,7 @@ class CommandOption:
     def arguments(self) -> dict[str, Any]:
         """All that argparse.add_argument takes."""
         sentences = [self.tooltip, *(f"{word}: {meaning}" for word, meaning in self.items), self.note]
-        text = ". ".join(filter(None, sentences)) + (f" (default: {self.usual})" if self.usual else "")
+        text = ". ".join(filter(None, sentences)) + (f" (default: {self.default_text})" if self.default_text else "")
         return {**self.parsing, "help": text.replace("%", "%%")}
 
     @property

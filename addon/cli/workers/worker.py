@@ -33,7 +33,7 @@ from ..results import bake_result, run_report
 from ..results.bake_result import Done, Result
 from ..results.run_report import State
 from ..results.terminal import Meter
-from ..scene_files import Stage
+from ..scene_files import SceneLoader
 from ..usage.run_options import RunOptions
 from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, packed
 from .worker_process import CONNECTION
@@ -56,8 +56,15 @@ class Baker:
         needs_all: bool,
         folders: Sequence[str] = (),
     ):
-        """files: must have all plans. options: of the run. needs_all: as batch.need_all says of all. folders: as in Stage."""
-        self._files, self._meter, self._folders, self._stage = files, meter, folders, Stage(folders)
+        """Start without a scene.
+
+        Args:
+            files: Must have all plans.
+            options: Of the run.
+            needs_all: As batch.need_all says of all plans.
+            folders: As in SceneLoader.
+        """
+        self._files, self._meter, self._folders, self._loader = files, meter, folders, SceneLoader(folders)
         self._options, self._contents = options, Contents()
         if needs_all:
             blender_process.complete()  # before a file is opened: Cycles brings its settings in old files up to date
@@ -69,15 +76,15 @@ class Baker:
         try:
             interruption.check()
             opened = batch.open_files(
-                plan, self._stage, self._files, self._meter, hashes, is_pictured=self._options.has_pictures
+                plan, self._loader, self._files, self._meter, hashes, is_pictured=self._options.has_pictures
             )
             found, not_followed = opened.found, opened.not_followed
-            result = batch.run(opened, self._stage, self._files, self._meter)
+            result = batch.run(opened, self._loader, self._files, self._meter)
         except interruption.Stopped:
             result = Result(plan.name, is_stopped=True)
         except (BakeError, MemoryError) as error:
             result = bake_result.failure(plan.name, error)
-            self._stage = Stage(self._folders)  # the failed bake may have changed the open scene
+            self._loader = SceneLoader(self._folders)  # the failed bake may have changed the open scene
         result.seconds = time.perf_counter() - start
         self._meter.clear()
         done = Done.of(result, plan.number, _picture(result))

@@ -33,7 +33,7 @@ MOST_COMPRESSED = 1000
 """A compressed file has less content than so many times its bytes."""
 _LONGEST_NAME = 258
 """Bytes of a name with its code, OB for objects, and the zero at its end."""
-NOT_WHOLE = "{!r} is no .blend, or not a complete one."
+NOT_WHOLE = "{!r} is not a complete .blend file."
 """What is wrong with a file whose blocks cannot all be read."""
 _POINTERS_SINCE = 293
 """From this version on, five pointers are before a name, and four in older ones."""

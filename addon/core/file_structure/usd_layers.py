@@ -69,7 +69,7 @@ def _named_in(path: str) -> Named:
             return Named()
         state = os.stat(path)
         return _read(path, (state.st_size, state.st_mtime_ns, state.st_ctime_ns, state.st_ino))
-    except (OSError, ValueError, IndexError, struct.error, zipfile.BadZipFile):  # its reader will say what is wrong
+    except (OSError, ValueError, IndexError, struct.error, zipfile.BadZipFile):  # what opens it will report the error
         return Named()
 
 

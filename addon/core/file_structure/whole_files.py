@@ -36,7 +36,7 @@ _EXR_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256
 def problem(path: str, *, is_image: bool = False) -> str:
     """What is wrong with the file at `path`, as a clause that follows its name; empty if nothing is known to be.
 
-    is_image: whether it must be an image. What cannot be looked at is left to its reader.
+    is_image: whether it must be an image. What cannot be looked at is left to the program that opens it.
     """
     try:
         if not os.path.isfile(path):
