@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the material libraries of .obj files: which are found, which images they name, and what the importer gets."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -146,3 +149,12 @@ def test_random_libraries_never_fail_by_seed(folder, seed):
     text = "".join(" \n"[int(random.integers(8) == 0)] + words[random.integers(len(words))] for _ in range(400))
     content, files = read(folder, text.encode("latin1" if seed % 2 else "utf-8"))
     assert len([line for line in content if "imprint-image-" in line]) >= len(files)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/mem"), reason="the files of Linux about processes")
+def test_a_library_that_cannot_be_read_is_named_nevertheless(folder):
+    """So that planning can refuse it."""
+    (folder / "scan.obj").write_text("mtllib m.mtl\nmtllib /proc/self/mem\nv 0 0 0\n")
+    (folder / "m.mtl").write_text("newmtl x\nmap_Kd a.png\n")
+    found = list(mesh_references.of(str(folder / "scan.obj")))
+    assert {Path("/proc/self/mem"), folder / "a.png"} <= set(found)

@@ -7,6 +7,7 @@ import os
 import re
 import struct
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -134,8 +135,10 @@ def _of_obj(path: Path) -> Iterator[str]:
     for library in dict.fromkeys([*map(cleaned, (*named, *several)), *([own] if has_own else [])]):
         yield library
         for folder in folders(path):
-            file = folder / library
-            lines = lines_of(file) if file.is_file() and file.stat().st_size <= MOST else []
+            lines: list[bytes] = []
+            with suppress(OSError, ValueError):  # the library itself is named nevertheless
+                if (file := folder / library).is_file() and file.stat().st_size <= MOST:
+                    lines = lines_of(file)
             for image in filter(None, map(image_line, lines)):
                 for name in dict.fromkeys(map(cleaned, (image.name, image.whole))):
                     yield os.path.join(os.path.dirname(library), name)
