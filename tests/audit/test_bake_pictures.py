@@ -59,6 +59,7 @@ def encoded(normal):
     return np.asarray(normal) / 2 + 0.5
 
 
+@pytest.mark.slow
 def test_means_are_those_of_the_known_texels():
     texels = np.arange(5 * 3, dtype=np.float32).reshape(5, 3, 1).repeat(4, axis=2)
     is_known = np.ones((5, 3), bool)

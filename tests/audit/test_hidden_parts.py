@@ -219,6 +219,7 @@ def test_parts_on_any_udim_tile_count_at_their_own_places():
     same_figures(report.deviation, np.repeat(degrees, SIZE * SIZE))
 
 
+@pytest.mark.slow
 def test_parts_count_at_their_own_places_where_flatten_leaves_texels_to_rays():
     """A strip of the high mesh has UVs that lie elsewhere, so that Auto casts rays there."""
     low, bumped, copy = half("low", 1), half("bumped", 1, n=40), half("copy", -1, n=40)

@@ -770,6 +770,7 @@ def test_progress_of_several_bakes_has_a_number_and_a_name(scenes):
     assert "4 done, 1 failed" in out
 
 
+@pytest.mark.slow
 def test_no_progress_in_a_pipe(scenes):
     done = script(*BIG, "--size", "128")
     assert done.returncode == run_report.DONE

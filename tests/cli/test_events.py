@@ -127,6 +127,7 @@ def test_bakes_that_were_done_before_are_events(folder):
     assert Counter(each["event"] for each in found) == {"planned": 1, "resumed": 2, "finished": 1}
 
 
+@pytest.mark.slow
 def test_a_single_bake_has_events_too(folder):
     words = ["--low-file", "good_low.obj", "--high-file", "good_high.obj", "--output", "a.png", "--size", "16"]
     words += ["--limit", "0.01"]

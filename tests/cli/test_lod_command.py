@@ -120,6 +120,7 @@ def test_a_limit_without_a_level_of_its_own_is_a_problem(folder, capfd):
     assert not any(problem in each["warnings"] for each in entry["reports"])
 
 
+@pytest.mark.slow
 def test_a_chain_is_left_out_if_it_is_done(folder):
     assert [entry_of(folder, run_report.DONE, "--resume")["state"] for _ in range(2)] == ["done", "resumed"]
     assert entry_of(folder, run_report.DONE, "--resume", "--distance", "3,4")["state"] == "done"

@@ -125,6 +125,7 @@ def test_each_file_that_a_bake_writes_counts(folder, ending, is_gone):
     assert [state for _, state in bake("--resume")] == ["resumed"]
 
 
+@pytest.mark.slow
 def test_a_change_of_the_high_mesh_s_texture_is_seen(folder):
     (folder / "high.mtl").write_text("newmtl skin\nmap_Kd skin.png\n")
     save_image(folder / "skin.png", 0.0)

@@ -150,6 +150,7 @@ def test_the_engine_of_the_scene_decides_the_basis(scene):
     assert reports.one(Path("r.json"))["settings"]["basis"] == "CYCLES"
 
 
+@pytest.mark.slow
 def test_the_report_has_the_seconds_before_the_bake(scene):
     script(*BLEND, "--report", "r.json")
     found = reports.one(Path("r.json"))["startup"]

@@ -74,6 +74,7 @@ def test_a_record_that_came_with_the_files_is_not_believed(root):
     assert MAP.read_bytes() == true
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [os.mkfifo, lambda path: os.symlink("/dev/zero", path)], ids=["pipe", "link"])
 def test_claims_and_records_that_came_with_the_files_are_not_opened(root, make):
     for ending in (ENDING, ENDING + CLAIM):
@@ -81,6 +82,7 @@ def test_claims_and_records_that_came_with_the_files_are_not_opened(root, make):
     assert [state(root), state(root)] == ["done", "resumed"]
 
 
+@pytest.mark.slow
 def test_a_map_that_was_replaced_is_baked_again_even_if_it_has_the_same_time_and_size(root):
     assert state(root) == "done"
     true, found = MAP.read_bytes(), os.stat(MAP)

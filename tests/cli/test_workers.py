@@ -130,6 +130,7 @@ def test_a_crash_while_blender_is_silenced_has_its_place(folder, more):
     assert re.match(r"Blender crashed with signal 11, Segmentation fault, in string_at, line \d+ of", crashed["error"])
 
 
+@pytest.mark.slow
 def test_a_blend_that_is_cut_off_is_a_mistake_in_the_input(folder):
     """Blender may crash at it, and the farm would try another machine."""
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "whole.blend"), compress=False)
@@ -183,12 +184,14 @@ def test_a_bake_that_takes_too_much_memory_is_ended_at_the_limit(folder):
     assert "more than the limit of 1,024 MiB." in err
 
 
+@pytest.mark.slow
 def test_a_worker_that_another_process_kills_has_crashed(folder):
     code, _, _ = run(*jobs(folder, "killed"))
     assert code == run_report.FAILED
     assert outcome(folder) == [("killed_low", "failed", "crash", "SIGKILL")]
 
 
+@pytest.mark.slow
 def test_several_workers_make_the_same_files_and_one_report_in_their_order(folder):
     words = jobs(folder, *"abcdef")
     assert run(*words, "--workers", "0")[0] == run_report.DONE
@@ -204,6 +207,7 @@ def test_several_workers_make_the_same_files_and_one_report_in_their_order(folde
         assert [each["files"] for each in found] == [each["files"] for each in here]
 
 
+@pytest.mark.slow
 def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
     jobs(folder, *"abcd")
     planned, _ = plans.plans_of(job_file.read("j.json"))
@@ -581,6 +585,7 @@ def test_a_blender_that_hangs_while_it_starts_is_given_up(folder, monkeypatch, c
     assert capsys.readouterr().err == "imprint: Blender does not start here: it has not begun after 0.2 s.\n"
 
 
+@pytest.mark.slow
 def test_a_blender_that_does_not_start_is_one_sentence(folder, monkeypatch):
     (folder / "bpy.py").write_text("import os\nos._exit(9)\n")
     process = subprocess.run(

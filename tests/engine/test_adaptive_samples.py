@@ -69,6 +69,7 @@ def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, name, size):
     assert stopped > 0.01  # at 512, texels of the dense terrains hold whole triangles
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 def test_strong_bends_take_as_many_samples_as_are_asked_for(shared_assets):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "king_40480_4000.blend"))

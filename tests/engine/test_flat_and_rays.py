@@ -118,6 +118,7 @@ def test_with_samples_and_in_all_spaces(options):
     assert off(texels, truth).max() < 2.0  # where adaptive samples stop early
 
 
+@pytest.mark.slow
 def test_in_bands(monkeypatch):
     whole_report, whole = bake(*pair(), samples=4)
     monkeypatch.setattr(bands, "BAND_TEXELS", 24 * SIZE)

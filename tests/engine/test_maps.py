@@ -11,7 +11,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import value_encoding
-from tests.support import zoo
+from tests.support import lanes, zoo
 from tests.support.maps import pixels, texel_uv
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -46,7 +46,7 @@ def bake(low, *highs, maps=map_types.NAMES, size=64, **settings):
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
-@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("samples", lanes.slow_but([1], [1, 4]))
 def test_distances_and_positions_match_the_surface(method, space, samples):
     report, maps = bake(*pair(), method=method, space=space, samples=samples)
     z = expected_height(64)

@@ -120,6 +120,7 @@ def held(maps, **settings):
     return target.common.bytes / (TEXEL * SIZE**2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 def test_each_map_takes_a_texture_whatever_the_number_of_samples(monkeypatch, method):
     """Maps of one family share their sums; the hits, the points on both surfaces and the scratch textures come once."""

@@ -62,6 +62,7 @@ def test_flatten_equals_cast_on_shared_uvs(samples):
     compare(flat, cast, SAME, where=~(on_edges | on_edges[::-1]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "samples"), [("FLATTEN", 16), ("CAST", 4)])
 def test_more_samples_only_average(method, samples):
     """On a fine surface: within a texel, the curvature of facets varies."""
@@ -96,6 +97,7 @@ def test_bands_have_no_seams(method, monkeypatch):
             assert abs(steps[0] - steps[1]) < 2.0 / 255, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 def test_tiles_have_no_seams(method):
     """Nothing is scaled a tile: the two halves of a surface on two tiles are those of one map twice as wide."""

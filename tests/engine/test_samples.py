@@ -58,6 +58,7 @@ def test_the_rim_between_two_facets_is_their_mean_by_area(method, share):
     assert angles.degrees(many[:, column + 1], right).max() < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_the_error_of_a_sine_terrain_falls_with_every_doubling(method):
     """Compared with the mean of the true normals over each texel's area, at 32 x 32 points."""

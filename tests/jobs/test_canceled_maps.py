@@ -11,7 +11,7 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine.maps import material_maps, own_normals, point_maps, ray_maps, sampling
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair
-from tests.support import scenes, zoo
+from tests.support import lanes, scenes, zoo
 from tests.support.feeds import write_png
 from tests.support.snapshot import difference, snapshot
 
@@ -69,6 +69,7 @@ def files(folder):
     return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 def test_a_bake_may_end_at_each_step(method, tmp_path):
     """Pages, rays and maps are steps of their own: each family is interrupted."""
@@ -92,9 +93,12 @@ def test_a_bake_may_end_at_each_step(method, tmp_path):
     assert difference(before, snapshot()) != {}
 
 
+ERRORS = [BakeError("The disk is full."), MemoryError(), RuntimeError("no texture")]
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-@pytest.mark.parametrize("error", [BakeError("The disk is full."), MemoryError(), RuntimeError("no texture")], ids=repr)
+@pytest.mark.parametrize("error", lanes.slow_but(ERRORS[:1], ERRORS), ids=repr)
 def test_a_family_that_fails_leaves_all_as_it_was(family, method, error, tmp_path, monkeypatch):
     low, high = pair(tmp_path)
     settings = settings_for(tmp_path, method)

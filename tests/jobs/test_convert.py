@@ -52,6 +52,7 @@ def test_a_converted_map_is_the_map_that_a_bake_makes(pair, spaces):
     assert percentile(found, expected) < EXACT
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 def test_a_real_mesh_gets_the_map_that_a_bake_makes(shared_assets):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "king_40480_4000.blend"))

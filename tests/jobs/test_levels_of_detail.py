@@ -48,6 +48,7 @@ def borders(obj):
     return {key.tobytes() for key in keys[counts == 1]}
 
 
+@pytest.mark.slow
 def test_a_chain_is_within_its_limits_and_five_percent_fewer_are_not():
     original = zoo.terrain("Hill", 24)
     report = chain(original, "2, 0.6, 90", "3, 90, 0.5")
@@ -104,6 +105,7 @@ def step():
     return zoo.sheet("Step", surface, 100, 24)
 
 
+@pytest.mark.slow
 def test_triangles_beyond_the_limit_are_kept_and_the_rest_becomes_coarser(monkeypatch):
     kept = chain(step(), "1", "5").levels[0]
     monkeypatch.setattr(frozen_texels, "vertices", lambda source, _: np.zeros(len(source.is_kept), bool))
@@ -197,6 +199,7 @@ def steps_of(obj, count):
     return True
 
 
+@pytest.mark.slow
 def test_a_chain_that_is_stopped_leaves_nothing():
     obj = zoo.terrain("Hill", 12)
     before = snapshot()

@@ -94,6 +94,7 @@ PUBLISHED = {50: 0.3, 95: 0.4}
 """Degrees at these percentiles. The 8 bits of the map cost 0.18 and, at most, 0.36."""
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 def test_a_published_map_of_8_bits_shows_the_high_mesh(shared_assets):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "normaltangenttest_published.blend"))

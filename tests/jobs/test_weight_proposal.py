@@ -283,6 +283,7 @@ def test_bolts_and_plates_stay(shared_assets, name, hit):
     assert all((weights == 0.5).all() for weights in proposal.weights.values())
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 @pytest.mark.parametrize(("name", "left"), [("fingers", 0.02), ("collar", 0.5)])
 def test_first_hits_of_other_layers_go(shared_assets, name, left):

@@ -40,6 +40,7 @@ def of(kind, state):
     return {name: state["images"][name] for name in saved_scenes.images_of(kind, state["images"])}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS[:5])
 @pytest.mark.parametrize("kind", KINDS)
 def test_images_of_a_saved_file_are_those_that_were_saved(states, kind, way):
@@ -49,6 +50,7 @@ def test_images_of_a_saved_file_are_those_that_were_saved(states, kind, way):
     assert all(image["content"] for image in found.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_saving_changes_no_image(states, kind):
     """But for those in memory, which it packs."""
@@ -60,6 +62,7 @@ def test_saving_changes_no_image(states, kind):
     assert before == after
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["pairs", "settings", "materials", "views", "hidden"])
 @pytest.mark.parametrize("way", WAYS[:5])
 def test_the_rest_of_a_saved_file_is_as_it_was(states, way, part):
@@ -68,6 +71,7 @@ def test_the_rest_of_a_saved_file_is_as_it_was(states, way, part):
     assert found == saved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("way", "other"), [("elsewhere", "first"), ("twice", "first"), ("again", "second")])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_way_of_a_file_does_not_change_pixels(states, kind, way, other):
@@ -78,6 +82,7 @@ def test_the_way_of_a_file_does_not_change_pixels(states, kind, way, other):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_second_bake_draws_other_pixels_and_adds_no_user(states, kind):
     first, second = (of(kind, states[1][way]) for way in ("first", "second"))
@@ -95,6 +100,7 @@ COPIED = {"content", "size", "source", "is_float", "colorspace", "alpha_mode", "
 """What a copy of an image in another file has in common with it."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["appended", "linked"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_low_object_in_another_file_brings_its_maps(states, kind, way):
@@ -167,6 +173,7 @@ STORES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after", STORES)
 @pytest.mark.parametrize("before", STORES)
 def test_a_map_that_is_stored_in_another_way_is_saved_as_such(gpu_context, registered, tmp_path, before, after):

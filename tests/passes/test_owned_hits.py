@@ -199,6 +199,7 @@ def test_own_hits_in_soups_seeds_5_and_6(seed, facing_only):
     )
 
 
+@pytest.mark.slow
 def test_own_hits_of_a_low_mesh_with_edges_of_three_triangles_seed_7():
     rng = np.random.default_rng(7)
     fins = shell(0, 0.8).copy()

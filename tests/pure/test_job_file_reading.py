@@ -5,18 +5,15 @@ The seed is in the test's name. For more of them: IMPRINT_RANDOM=0:200 pytest te
 """
 
 import json
-import os
 import random
 import re
 from pathlib import Path
 
-import pytest
-
 from addon.cli.usage import arguments, job_file
 from addon.cli.usage.arguments import WrongUsage
 from addon.cli.usage.job_file import KEYS
+from tests.support import random_cases
 
-FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:12").split(":"))
 SETS = 250
 """In each job file."""
 PATHS = (
@@ -172,7 +169,7 @@ def read(sets, more):
         return [], {int(number): text for number, text in found}
 
 
-@pytest.mark.parametrize("seed", range(FIRST, LAST))
+@random_cases.seeds(12, fast=3)
 def test_sets_are_read_as_the_parser_reads_them(seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()

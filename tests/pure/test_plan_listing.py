@@ -249,6 +249,7 @@ def test_texels_samples_maps_tiles_and_frames_cost():
     assert of("--frames", "3-6") == 4 * one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["--list"], ["--list", "--json", "--shard", "2/3"]])
 def test_each_process_lists_the_same(here, words):
     sets = [{**SET, "output": f"{number}.png", "size": 16 << number % 3, "maps": "ao"} for number in range(50)]
@@ -325,6 +326,7 @@ def test_what_a_mesh_refers_to_is_read_once(here, monkeypatch):
     assert sorted(read) == [str(here / name) for name in ("a_high.obj", "a_low.obj")]
 
 
+@pytest.mark.slow
 def test_the_script_lists_without_blender(here):
     (here / "jobs.json").write_text(json.dumps({"bake": [SET]}))
     (here / "bpy.py").write_text("raise SystemExit(99)")

@@ -724,6 +724,7 @@ def test_processes_with_the_same_run_do_each_bake_once(folder):
     assert sorted(log) == sorted(f"n{number}" for number in range(25))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_run_after_a_kill_does_what_is_left_and_what_was_cut_off(folder, seed):
     (process,) = workers(folder, 1)

@@ -145,6 +145,7 @@ def test_the_operand_of_a_boolean_counts_and_objects_beside_it_do_not():
     assert "'inner' of 'target'" in sentence
 
 
+@pytest.mark.slow
 def test_modifiers_that_work_are_not_named():
     obj = zoo.plane("rock", 8)
     for kind in ("SUBSURF", "SOLIDIFY", "BEVEL", "DECIMATE", "DISPLACE", "TRIANGULATE", "WEIGHTED_NORMAL", "MIRROR"):
