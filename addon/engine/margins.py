@@ -12,8 +12,7 @@ from ..core.map_types import BY_NAME, NORMAL, Kind
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
-from ..passes import target
-from ..passes.margin import margin_fill, margin_search, seam_fill
+from ..passes import margin_fill, target
 from .bands import REACH, Band, bands
 from .normal_channels import channels
 
@@ -32,11 +31,11 @@ class Borders:
         self.size = settings.size
         self.tile = None
 
-    def on(self, tile: int) -> seam_fill.Seams:
+    def on(self, tile: int) -> margin_fill.Seams:
         """The borders on a tile."""
         if tile != self.tile:
             similarities = self.found.similarities(self.size, tile)
-            self.uploaded = seam_fill.upload(*self.found.strips(self.size, tile), similarities)
+            self.uploaded = margin_fill.upload_seams(*self.found.strips(self.size, tile), similarities)
             self.tile = tile
         return self.uploaded
 
@@ -51,7 +50,7 @@ class PostProcess:
     def __init__(self, settings: Settings, kind: int, borders: Borders | None = None):
         self.settings, self.kind, self.borders = settings, kind, borders
         self.encode = np.eye(4)
-        if kind in (seam_fill.NORMAL, seam_fill.TANGENT):
+        if kind in (margin_fill.NORMAL, margin_fill.TANGENT):
             self.encode[:3, :3], self.encode[:3, 3] = channels(settings.map) * 0.5, 0.5
 
     def draw(self, band: Band, values: gpu.types.GPUTexture) -> target.Target:
@@ -61,14 +60,14 @@ class PostProcess:
         """
         return self.fill(band, values, self.search(band, values))
 
-    def search(self, band: Band, values: gpu.types.GPUTexture) -> margin_search.Nearest:
+    def search(self, band: Band, values: gpu.types.GPUTexture) -> margin_fill.Nearest:
         """The texels that the margin of `values` repeats."""
-        return margin_search.search(values, self.settings.sampling.margin if band.is_whole else self._near)
+        return margin_fill.find_nearest(values, self.settings.sampling.margin if band.is_whole else self._near)
 
-    def fill(self, band: Band, values: gpu.types.GPUTexture, nearest: margin_search.Nearest) -> target.Target:
+    def fill(self, band: Band, values: gpu.types.GPUTexture, nearest: margin_fill.Nearest) -> target.Target:
         """As `draw`. nearest: what `search` returned for values that are written on the same texels."""
         stored = target.get("map", band.width, band.stop - band.start, "RGBA32F", "R8")
-        margin_fill.draw(
+        margin_fill.fill_from_nearest(
             stored,
             values,
             nearest,
@@ -77,7 +76,7 @@ class PostProcess:
             missed=self.settings.map.missed,
         )
         if self.borders:
-            seam_fill.draw(
+            margin_fill.fill_across_seams(
                 stored,
                 values,
                 nearest,
@@ -114,9 +113,9 @@ class PostProcess:
         if self.settings.sampling.margin is None or self.settings.sampling.margin > REACH:
             _complete_far(texels, state, self.settings.sampling.margin)
 
-    def _complete_across(self, seams: seam_fill.Seams, band: Band, texels: np.ndarray, state: np.ndarray) -> None:
+    def _complete_across(self, seams: margin_fill.Seams, band: Band, texels: np.ndarray, state: np.ndarray) -> None:
         """Fill the deferred texels whose walk across the seam starts in the rows of a band."""
-        first_row, values = max(0, band.start - seam_fill.FARTHEST - 2), None
+        first_row, values = max(0, band.start - margin_fill.FARTHEST_ACROSS - 2), None
         for start in range(0, len(state), ROWS):
             rows = slice(start, start + ROWS)
             begins = texels[rows, :, 3]
@@ -125,11 +124,11 @@ class PostProcess:
             if not len(y):
                 continue
             if values is None:
-                stop = band.stop + seam_fill.FARTHEST + 2
+                stop = band.stop + margin_fill.FARTHEST_ACROSS + 2
                 values = _uploaded(self._values(texels[first_row:stop], state[first_row:stop]))
             border, right, up = texels[y, x, :3].T
             places = np.column_stack([x, y, right, up]).astype(np.float32)
-            colors = seam_fill.draw_listed(
+            colors = margin_fill.colors_across_seams(
                 values, seams, places, border[:, None], first_row=first_row, kind=self.kind, encode=self.encode
             )
             is_known = colors[:, 3] > 0.0
@@ -169,8 +168,8 @@ def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> N
         np.copyto(block, texels[row::COARSE, column::COARSE], where=is_first[..., None])
     uploaded = _uploaded(values)
     stored = target.get("coarse", width, height, "RGBA32F", "R8")
-    nearest = margin_search.search(uploaded, None if reach is None else reach // COARSE)
-    margin_fill.draw(stored, uploaded, nearest, halo=0, encode=np.eye(4), missed=(0.0, 0.0, 0.0))
+    nearest = margin_fill.find_nearest(uploaded, None if reach is None else reach // COARSE)
+    margin_fill.fill_from_nearest(stored, uploaded, nearest, halo=0, encode=np.eye(4), missed=(0.0, 0.0, 0.0))
     stored.read(values)
     for start in range(0, len(state), ROWS):
         y, x = np.nonzero(state[start : start + ROWS] == 0)
@@ -193,7 +192,7 @@ def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]
     if settings.sampling.margin_type == MarginType.ADJACENT_FACES and settings.sampling.margin != 0:
         found = uv_seams.find(lows)
         borders = Borders(found, settings.sampling) if len(found.side) else None
-    normal = seam_fill.TANGENT if settings.map.space == Space.TANGENT else seam_fill.NORMAL
-    of_kind = {Kind.NORMAL: normal, Kind.VALUE: seam_fill.VALUE, Kind.LABEL: seam_fill.LABEL}
+    normal = margin_fill.TANGENT if settings.map.space == Space.TANGENT else margin_fill.NORMAL
+    of_kind = {Kind.NORMAL: normal, Kind.VALUE: margin_fill.VALUE, Kind.LABEL: margin_fill.LABEL}
     kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.map.drawn_maps)}
     return {name: PostProcess(settings, kind, borders) for name, kind in kinds.items()}

@@ -14,7 +14,7 @@ from addon.core.settings import Settings
 from addon.engine import bands, margins
 from addon.jobs import Job, bake_all
 from addon.mesh.triangle_mesh import Mesh
-from addon.passes.margin import seam_fill
+from addon.passes import margin_fill
 from tests.support import angles, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -136,7 +136,7 @@ def in_bands(monkeypatch):
         monkeypatch.setattr(bands, "REACH", reach)
         monkeypatch.setattr(margins, "REACH", reach)
         monkeypatch.setattr(margins, "ROWS", 33)
-        monkeypatch.setattr(seam_fill, "FARTHEST", 26)
+        monkeypatch.setattr(margin_fill, "FARTHEST_ACROSS", 26)
 
     return shrink
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core import texel_state
-from addon.passes import target
-from addon.passes.margin import margin_fill, margin_search
+from addon.passes import margin_fill, target
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -26,8 +25,8 @@ def resolved(alpha, reach):
     data = gpu.types.Buffer("FLOAT", texels.shape, texels)
     values = gpu.types.GPUTexture((width, height), format="RGBA32F", data=data)
     stored = target.Target(width, height, ("RGBA32F", "R8"))
-    nearest = margin_search.search(values, reach)
-    margin_fill.draw(stored, values, nearest, halo=0, encode=np.eye(4), missed=(0.25, 0.5, 0.75))
+    nearest = margin_fill.find_nearest(values, reach)
+    margin_fill.fill_from_nearest(stored, values, nearest, halo=0, encode=np.eye(4), missed=(0.25, 0.5, 0.75))
     out, state = np.empty((height, width, 4), np.float32), np.empty((height, width), np.uint8)
     stored.read(out)
     stored.read(state, slot=1)

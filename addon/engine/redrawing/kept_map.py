@@ -10,8 +10,7 @@ from ...core.progress import Task, finish
 from ...core.settings import Run, Settings
 from ...core.texel_state import Map
 from ...mesh.inputs import Meshes
-from ...passes import drawn_part, target
-from ...passes.margin import margin_search
+from ...passes import drawn_part, margin_fill, target
 from ...passes.mesh_upload import UploadCache
 from ..bands import Band, bands
 from ..maps.maps_of_bake import maps_of_bake
@@ -74,7 +73,7 @@ class KeptMap:
         self.state: np.ndarray | None = None
         self._stored: target.Target | None = None
         self._texels: np.ndarray | None = None
-        self._nearest: margin_search.Nearest | None = None
+        self._nearest: margin_fill.Nearest | None = None
         self._meshes: Meshes | None = None
         """Those of the values on the GPU, by Flatten; None while these values are incomplete, or of rays."""
         self._drawn: list[DrawnMesh] = []
@@ -129,7 +128,7 @@ class KeptMap:
                 ((_, values),) = finish(drawer.of(self.band))
         if values is not None:
             margin = self.settings.sampling.margin
-            reach = None if margin is None or process.borders else margin_search.farthest(margin) + 1
+            reach = None if margin is None or process.borders else margin_fill.farthest_texel(margin) + 1
             self._store_parts(values, parts, reach, process)
         return True
 

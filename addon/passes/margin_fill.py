@@ -1,24 +1,113 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fills the margin beside seams with the map from across the seam, as the surface continues.
-
-The margin of a texel starts at its nearest written texel. Just before that one, on the way there, is a texel beside the
-border of the island. The similarity transform of this border moves the whole way to the island across, and the map is read
-at its end. Without a seam on the way, or if the way leaves the island across, the margin repeats the nearest texel.
-"""
+"""Fills the margin around UV islands: finds the nearest written texels, repeats them, and continues the map across seams."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.udim import UvToClip
-from .. import blender_gpu as gpu
-from .. import data_texture, mesh_upload, shader, target
-from ..program import Program
-from .margin_search import Nearest
+from ..core.udim import UvToClip
+from . import blender_gpu as gpu
+from . import data_texture, mesh_upload, shader, target
+from .program import Program
 
-BORDERS = Program(
+SEARCH_GROUP = 64
+SEARCH_ROWS = Program(
+    compute="margin/margin_rows_comp.glsl",
+    texels=(("RGBA32F", "FLOAT_2D", "values"),),
+    constants=(("INT", "farthest"),),
+    images=(("R16I", "INT_2D", "offsets", "WRITE"),),
+    group=(SEARCH_GROUP, 1),
+)
+SEARCH_COLUMNS = Program(
+    compute="margin/margin_columns_comp.glsl",
+    texels=(("R16I", "INT_2D", "offsets"),),
+    constants=(("INT", "reach"),),
+    images=(("R32I", "INT_2D", "source_rows", "READ WRITE"),),
+    group=(SEARCH_GROUP, 1),
+)
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The nearest written texel of each texel: `rows` (R32I) holds its row, and `offsets` (R16I), in that row, the number of
+    columns to it. 32767 means none in reach."""
+
+    offsets: gpu.types.GPUTexture
+    rows: gpu.types.GPUTexture
+
+
+def find_nearest(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
+    """Find the nearest texel of `values` (RGBA32F) whose alpha is above 0, for each texel with one in reach.
+
+    reach: in texels, along rows and along columns, so that a margin of 2^n - 1 fills every block of 2^n x 2^n texels that
+    contains a written one; None for no limit.
+    """
+    width, height = values.width, values.height
+    reach = max(width, height) if reach is None else min(reach, max(width, height))
+    offsets = target.get("margin's offsets", width, height, "R16I").texture
+    rows = target.get("margin's rows", width, height, "R32I").texture
+    _dispatch_lines(SEARCH_ROWS, height, values=values, farthest=farthest_texel(reach), offsets=offsets)
+    _dispatch_lines(SEARCH_COLUMNS, width, offsets=offsets, reach=reach, source_rows=rows)
+    return Nearest(offsets, rows)
+
+
+def farthest_texel(reach: int) -> int:
+    """The largest distance, in whole texels, of the nearest written texel along a row or column: the radius of the circle
+    through the corners of the square of `reach`."""
+    return math.isqrt(2 * reach * reach)
+
+
+def _dispatch_lines(program: Program, count: int, **bindings) -> None:
+    compiled = shader.load(program)
+    compiled.bind()
+    target.bind(compiled, program, **bindings)
+    gpu.compute.dispatch(compiled, -(-count // SEARCH_GROUP), 1, 1)
+
+
+if TYPE_CHECKING:
+    import gpu
+
+FILL = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="margin/margin_fill_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    texels=(("RGBA32F", "FLOAT_2D", "values"), ("R16I", "INT_2D", "offsets"), ("R32I", "INT_2D", "source_rows")),
+    constants=(("INT", "halo"), ("MAT4", "encode"), ("VEC4", "missed")),
+    outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
+)
+
+
+def fill_from_nearest(
+    into: target.Target,
+    values: gpu.types.GPUTexture,
+    nearest: Nearest,
+    *,
+    halo: int,
+    encode: np.ndarray,
+    missed: tuple[float, float, float],
+) -> None:
+    """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `values`.
+
+    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what margin_search.search
+    returned for `values`. encode: (4, 4), from a value and 1 to red, green and blue. missed: the color of misses.
+    """
+    target.fill(
+        into,
+        FILL,
+        values=values,
+        offsets=nearest.offsets,
+        source_rows=nearest.rows,
+        halo=halo,
+        encode=shader.mat4(encode),
+        missed=(*missed, 0.0),
+    )
+
+
+SEAM_BORDERS = Program(
     vertex="margin/seam_borders_vert.glsl",
     fragment="margin/seam_borders_frag.glsl",
     inputs=(("VEC4", "corner"),),
@@ -26,7 +115,7 @@ BORDERS = Program(
     constants=(("VEC4", "uv_to_clip"),),
     outputs=(("FLOAT", "number_out"),),
 )
-ACROSS = Program(
+ACROSS_SEAMS = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="margin/seam_across_frag.glsl",
     inputs=(("VEC2", "position"),),
@@ -38,7 +127,7 @@ ACROSS = Program(
     ),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )
-LISTED = Program(
+ACROSS_SEAMS_LISTED = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="margin/seam_listed_frag.glsl",
     inputs=(("VEC2", "position"),),
@@ -49,7 +138,7 @@ LISTED = Program(
 )
 VALUE, LABEL, NORMAL, TANGENT = range(4)
 """Kinds of values: numbers, numbers that must not be averaged, unit normals, and unit normals in tangent space."""
-FARTHEST = 256
+FARTHEST_ACROSS = 256
 """The longest way, in texels, on the other side of a seam, as in shaders/lib/seam_lib.glsl."""
 
 
@@ -61,12 +150,12 @@ class Seams:
     similarities: gpu.types.GPUTexture
 
 
-def upload(triangles: np.ndarray, corners: np.ndarray, similarities: np.ndarray) -> Seams:
+def upload_seams(triangles: np.ndarray, corners: np.ndarray, similarities: np.ndarray) -> Seams:
     """Upload the results of mesh.uv_seams.Seams.strips and similarities."""
     return Seams(mesh_upload.upload(triangles, corner=corners), data_texture.upload(similarities))
 
 
-def draw(
+def fill_across_seams(
     into: target.Target,
     values: gpu.types.GPUTexture,
     nearest: Nearest,
@@ -96,7 +185,7 @@ def draw(
     _draw_borders(borders, seams.strips, uv_to_clip)
     target.fill(
         into,
-        ACROSS,
+        ACROSS_SEAMS,
         values=values,
         offsets=nearest.offsets,
         source_rows=nearest.rows,
@@ -111,7 +200,7 @@ def draw(
     )
 
 
-def draw_listed(
+def colors_across_seams(
     values: gpu.types.GPUTexture,
     seams: Seams,
     places: np.ndarray,
@@ -132,7 +221,7 @@ def draw_listed(
     into = target.Target(listed.width, listed.height, ("RGBA32F",))
     target.fill(
         into,
-        LISTED,
+        ACROSS_SEAMS_LISTED,
         values=values,
         similarities=seams.similarities,
         places=listed,
@@ -147,8 +236,8 @@ def draw_listed(
 
 
 def _draw_borders(into: target.Target, strips: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
-    compiled = shader.load(BORDERS)
+    compiled = shader.load(SEAM_BORDERS)
     with target.drawing(into, writes_depth=True):
         compiled.bind()
-        target.bind(compiled, BORDERS, uv_to_clip=uv_to_clip)
+        target.bind(compiled, SEAM_BORDERS, uv_to_clip=uv_to_clip)
         strips.draw(compiled)
