@@ -15,7 +15,7 @@ from ..core.settings import MapSettings, Run, Settings, TracingSettings
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
-from ..passes.adaptive.active import Active
+from ..passes.adaptive import Active
 from ..passes.bake import cast, flat_hits, joined_hits
 from .bands import Band
 from .dense.high_batches import HighBatches

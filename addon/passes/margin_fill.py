@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fills the margin around UV islands: finds the nearest written texels, repeats them, and continues the map across seams."""
+"""Fills the margin around UV islands: finds the nearest written texels, repeats them, and continues the map across seams.
+
+The nearest texels are exact, in two passes whose cost does not grow with the distance: A. Meijster, J. Roerdink and
+W. Hesselink, "A general algorithm for computing distance transforms in linear time" (2000). The first pass searches along rows,
+the second searches the results along columns.
+
+Across a seam, the margin of a texel starts at its nearest written texel. Just before that one, on the way there, is a texel
+beside the border of the island. The similarity transform of this border moves the whole way to the island across, and the map
+is read at its end. Without a seam on the way, or if the way leaves the island across, the margin repeats the nearest texel.
+"""
 
 from __future__ import annotations
 
@@ -169,7 +178,7 @@ def fill_across_seams(
     first_row: int = 0,
     is_deferred: bool = False,
 ) -> None:
-    """Draw over the result of margin_fill.draw where a seam lies on the way to the nearest written texel.
+    """Draw over the result of `fill_from_nearest` where a seam lies on the way to the nearest written texel.
 
     Args:
         uv_to_clip: to the clip space of `values`.

@@ -11,8 +11,7 @@ import numpy as np
 from ...core.progress import relay
 from ...core.settings import Run
 from ...mesh import uv_blocks
-from ...passes import target
-from ...passes.adaptive import active, rounds
+from ...passes import adaptive, target
 from ...passes.bake import samples
 from ..bands import Band
 from ..sources import Rays
@@ -59,7 +58,7 @@ class AdaptiveNormals:
         several = None
         for number, offsets in enumerate(self.rounds[1:], start=2):
             with self._timed():
-                some = active.find(drawn.texture, needed, number, covered)
+                some = adaptive.find_active(drawn.texture, needed, number, covered)
             if some is None:
                 break
             several = several or some
@@ -69,29 +68,29 @@ class AdaptiveNormals:
                     if normals is None:
                         yield done / whole
                 with self._timed():
-                    rounds.add(sums, normals, some)
+                    adaptive.add_sample(sums, normals, some)
                     drawn.finish()
                 done += 1
                 yield done / whole
         if several is not None:
             with self._timed():
-                rounds.average(sums, several)
+                adaptive.average_samples(sums, several)
 
     def _compare(self, band: Band) -> tuple[target.Target, np.ndarray]:
-        """In how many rounds each texel takes part, as rounds.draw has it."""
-        drawn = target.get("adaptive samples", band.width, band.height, *rounds.FORMATS)
-        needed = rounds.draw(drawn, *self._pair, offset=self.rounds[0][0], limits=self.limits)
+        """In how many rounds each texel takes part, as adaptive.draw_rounds has it."""
+        drawn = target.get("adaptive samples", band.width, band.height, *adaptive.ROUND_FORMATS)
+        needed = adaptive.draw_rounds(drawn, *self._pair, offset=self.rounds[0][0], limits=self.limits)
         self.stopped = needed[band.halo : band.height - band.halo] < len(self.rounds)
         self._mean = drawn.textures[1]
         return drawn, needed
 
     def _leave_out_empty(self, needed: np.ndarray, band: Band) -> gpu.types.GPUTexture | None:
         """Set the empty texels of `needed` that no sample can reach to 0. Returns the squares of the others."""
-        is_empty = needed == rounds.EMPTY
+        is_empty = needed == adaptive.EMPTY
         if not is_empty.any():
             return None
         to_clip, size = replace(band, offset=(0.0, 0.0)).uv_to_clip, (band.width, band.height)
-        covered = uv_blocks.covered([self.source.low], to_clip, size, active.COVERED)
-        reached = covered.repeat(active.COVERED, axis=0).repeat(active.COVERED, axis=1)[: band.height, : band.width]
+        covered = uv_blocks.covered([self.source.low], to_clip, size, adaptive.COVERED)
+        reached = covered.repeat(adaptive.COVERED, axis=0).repeat(adaptive.COVERED, axis=1)[: band.height, : band.width]
         needed[is_empty & ~reached] = 0
-        return active.upload_covered(covered)
+        return adaptive.upload_covered(covered)

@@ -7,8 +7,8 @@ import numpy as np
 
 from ...mesh import uv_blocks
 from ...mesh.triangle_mesh import Mesh
-from ...passes.adaptive import active
-from ...passes.adaptive.active import Active
+from ...passes import adaptive
+from ...passes.adaptive import Active
 from ..bands import Band
 
 MOST_PARTS = 256
@@ -35,4 +35,4 @@ class NearTriangles:
 def near(mesh: Mesh, band: Band, some: Active) -> np.ndarray:
     """Which triangles (T,) bool may cover a sample of these texels."""
     size = band.width, band.height
-    return uv_blocks.touching(mesh, replace(band, offset=(0.0, 0.0)).uv_to_clip, size, some.blocks, active.BLOCK)
+    return uv_blocks.touching(mesh, replace(band, offset=(0.0, 0.0)).uv_to_clip, size, some.blocks, adaptive.BLOCK)

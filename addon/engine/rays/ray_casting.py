@@ -12,9 +12,8 @@ from ...core.progress import Pace
 from ...core.udim import UvToClip
 from ...mesh.inputs import Meshes
 from ...mesh.local_space import FARTHEST, LocalSpace
-from ...passes import target
-from ...passes.adaptive import active
-from ...passes.adaptive.active import Active
+from ...passes import adaptive, target
+from ...passes.adaptive import Active
 from ...passes.bake import rays
 from . import tracing
 from .low_surface import LowSurface
@@ -58,7 +57,7 @@ class RayCast:
         """Draw the rays as `trace` takes them. some: the texels that get one; None for all. parts: of the low mesh, as in
         rays.draw."""
         if some:
-            active.clear(into, some)  # the points, whose alpha says whether there is a ray
+            adaptive.clear_active(into, some)  # the points, whose alpha says whether there is a ray
         unit = self.ray_scene.local_space.size
         rays.draw(
             into,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from ...core.progress import Pace
 from ...passes import target
-from ...passes.adaptive.active import Active
+from ...passes.adaptive import Active
 from ...passes.bake import cast
 from ...passes.bake.owners import Owners
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...core.declarations.choices import Hit
-from .. import data_texture, shader, target
-from ..adaptive import active
-from ..adaptive.active import Active
+from .. import adaptive, data_texture, shader, target
+from ..adaptive import Active
 from ..program import Program
 from .owners import Owners
 
@@ -34,7 +33,7 @@ PACKETS = Program(
 TRACE_FIRST = Program(
     compute="bake/cast_first_comp.glsl",
     texels=_SEARCHED,
-    samplers=(*_RAYS, _PACKETS, *active.SAMPLERS),
+    samplers=(*_RAYS, _PACKETS, *adaptive.ACTIVE_SAMPLERS),
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         *_GRID,
@@ -42,7 +41,7 @@ TRACE_FIRST = Program(
         ("INT", "has_packets"),
         ("INT", "facing_only"),
         ("INT", "is_nearest"),
-        *active.CONSTANTS,
+        *adaptive.ACTIVE_CONSTANTS,
     ),
 )
 """For the rules that need no owners. Software drivers run all of a shader for each texel, also what the texel does not need."""
@@ -54,7 +53,7 @@ TRACE = Program(
         ("RGBA32F", "FLOAT_2D", "low_nodes"),
         ("RGBA32F", "FLOAT_2D", "low_corners"),
     ),
-    samplers=(*_RAYS, _PACKETS, *active.SAMPLERS),
+    samplers=(*_RAYS, _PACKETS, *adaptive.ACTIVE_SAMPLERS),
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         *_GRID,
@@ -65,7 +64,7 @@ TRACE = Program(
         ("VEC4", "low_scale"),
         ("INT", "low_first_leaf"),
         ("FLOAT", "near"),
-        *active.CONSTANTS,
+        *adaptive.ACTIVE_CONSTANTS,
     ),
 )
 LOOKUP = Program(
@@ -192,7 +191,7 @@ def trace(
         "hits": into.texture,
         "has_packets": int(has_packets),
         "facing_only": int(facing_only),
-        **active.bindings(some, tables.nodes),
+        **adaptive.active_bindings(some, tables.nodes),
     }
     if rule != Hit.OWN:
         is_nearest = int(rule == Hit.NEAREST)

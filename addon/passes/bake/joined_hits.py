@@ -5,9 +5,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .. import target
-from ..adaptive import active
-from ..adaptive.active import Active
+from .. import adaptive, target
+from ..adaptive import Active
 from ..program import Program
 from .owners import Owners
 
@@ -41,9 +40,9 @@ LEFT = Program(
 JOIN = Program(
     compute="bake/join_hits_comp.glsl",
     texels=((*_FLOATS, "positions"), (*_FLOATS, "left"), _FLAT_HITS),
-    samplers=active.SAMPLERS,
+    samplers=adaptive.ACTIVE_SAMPLERS,
     images=(("RGBA32UI", "UINT_2D", "hits", "READ WRITE"),),
-    constants=(("INT", "first_row"), *active.CONSTANTS),
+    constants=(("INT", "first_row"), *adaptive.ACTIVE_CONSTANTS),
 )
 
 
@@ -104,5 +103,5 @@ def join(
         left=left_points.texture,
         flat_hits=flat_hits.texture,
         hits=hits.texture,
-        **active.bindings(some, rays.textures[0]),
+        **adaptive.active_bindings(some, rays.textures[0]),
     )
