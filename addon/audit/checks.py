@@ -18,8 +18,8 @@ from ..engine.rays import ray_casting
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
+from ..passes import audit as audit_module
 from ..passes import mesh_upload, target
-from ..passes.audit import overlap as overlap_pass
 from . import causes, mip_gaps, severity, stacked_detail, unsure_hits
 from .causes import Warned
 from .severity import Check
@@ -332,6 +332,6 @@ def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRS
     uploaded = mesh_upload.upload(low.triangles, uv=low.uv)
     counts = np.empty(sparse.small[::-1], np.float32)
     for tile in tiles:
-        overlap_pass.draw(drawn, uploaded, sparse.uv_to_clip(tile))
+        audit_module.draw_overlap(drawn, uploaded, sparse.uv_to_clip(tile))
         drawn.read(counts)
         yield counts

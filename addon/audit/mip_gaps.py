@@ -9,7 +9,7 @@ import numpy as np
 from ..core.settings import SamplingSettings
 from ..mesh import uv_islands
 from ..mesh.triangle_mesh import Mesh
-from ..passes.audit import triangle_ids
+from ..passes import audit
 from .sparse_maps import Sparse, at_most
 
 QUICK = 256
@@ -55,13 +55,14 @@ def find(
         unique = uv_islands.without_copies(low)
         low = replace(low, triangles=low.triangles[unique], faces=low.faces[unique])
     islands = uv_islands.islands(uv_islands.welded(low))
-    drawn = [triangle_ids.upload(low.triangles, low.uv, islands + 1)]
+    drawn = [audit.upload_with_ids(low.triangles, low.uv, islands + 1)]
     if overlaps:  # overlapping islands count as one: in reverse order, the hidden ones are drawn last and show
-        drawn.append(triangle_ids.upload(low.triangles[::-1], low.uv, islands[::-1] + 1))
+        drawn.append(audit.upload_with_ids(low.triangles[::-1], low.uv, islands[::-1] + 1))
     reach = [max(1, needed(settings) // step) for step in sparse.steps]
     for tile in tiles:
         layers = [
-            next(triangle_ids.layers(batch, sparse.small, sparse.uv_to_clip(tile))).astype(np.int32) for batch in drawn
+            next(audit.layers_of_triangles(batch, sparse.small, sparse.uv_to_clip(tile))).astype(np.int32)
+            for batch in drawn
         ]
         ids = _stacked(*layers, len(islands)) if overlaps else layers[0]
         covered = ids > 0

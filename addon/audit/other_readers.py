@@ -12,8 +12,7 @@ from ..core.texel_state import Map
 from ..engine import bands, normal_channels
 from ..mesh import stretch
 from ..mesh.triangle_mesh import Mesh
-from ..passes import mesh_upload
-from ..passes.audit import reader_angles
+from ..passes import audit, mesh_upload
 from .angle_counts import AngleCounts
 
 
@@ -58,7 +57,7 @@ class OtherReaders:
             to_clip = band.without_halo.uv_to_clip
             for reader in self.readers:
                 other = normal_channels.reading_by(reader, self.settings)
-                angles = reader_angles.measure(self._uploaded, texture, to_clip, own, other)
+                angles = audit.measure_reader_angles(self._uploaded, texture, to_clip, own, other)
                 self._counts[reader.name].add(angles[is_written & (angles >= 0.0)])
 
     def add_raw(self, tile: int, normals: np.ndarray) -> None:

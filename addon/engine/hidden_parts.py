@@ -14,8 +14,7 @@ from ..mesh import uv_islands
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
-from ..passes import mesh_upload, target
-from ..passes.audit import triangle_ids
+from ..passes import audit, mesh_upload, target
 from ..passes.bake import gbuffer
 from . import shared_uvs
 from .bands import Band, bands
@@ -108,8 +107,8 @@ class HiddenParts:
         them."""
         low = self._plan.meshes.low
         if self._numbered is None:
-            self._numbered = triangle_ids.upload(low.triangles, low.uv, self._layers + 1)
-        (numbers,) = triangle_ids.layers(self._numbered, (band.width, band.height), band.uv_to_clip)
+            self._numbered = audit.upload_with_ids(low.triangles, low.uv, self._layers + 1)
+        (numbers,) = audit.layers_of_triangles(self._numbered, (band.width, band.height), band.uv_to_clip)
         return numbers != layer.number + 1
 
     def _layer(self, number: int) -> Layer:
@@ -234,11 +233,11 @@ def _layers(pairs: np.ndarray, count: int) -> np.ndarray:
 def _hiding(low: Mesh, parts: np.ndarray, size: tuple[int, int], tiles: Sequence[int]) -> tuple[np.ndarray, float]:
     """Which parts share texels, (N, 2) int, the upper and the lower one, and on which share of the covered texels any do."""
     depth = min(shared_uvs.depth(low, size, tiles), DEEPEST)
-    uploaded, count = triangle_ids.upload(low.triangles, low.uv), int(parts.max()) + 1
+    uploaded, count = audit.upload_with_ids(low.triangles, low.uv), int(parts.max()) + 1
     found, shared, covered = [np.empty(0, np.int64)], 0, 0
     for tile in tiles if depth > 1 else ():
         above, is_left, is_shared = [], np.ones(size[::-1], bool), np.zeros(size[::-1], bool)
-        for numbers in triangle_ids.layers(uploaded, size, udim.uv_to_clip(tile), depth):
+        for numbers in audit.layers_of_triangles(uploaded, size, udim.uv_to_clip(tile), depth):
             is_left = is_left & (numbers > 0.0)  # then the top one comes again
             part = np.where(is_left, parts[numbers.astype(np.int64) - 1], -1)
             for upper in above:

@@ -12,8 +12,7 @@ from ..core.settings import SamplingSettings
 from ..mesh import uv_islands, uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..passes import mesh_upload, target
-from ..passes.audit import overlap
+from ..passes import audit, mesh_upload, target
 
 PROBE = 1024
 """Texels a side, at most, on which triangles that share some are looked for."""
@@ -61,7 +60,7 @@ def depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
     drawn, counts = target.get("overlap", *size, "R16F"), np.empty(size[::-1], np.float32)
     uploaded, most = mesh_upload.upload(low.triangles, uv=low.uv), 0
     for tile in tiles:
-        overlap.draw(drawn, uploaded, udim.uv_to_clip(tile))
+        audit.draw_overlap(drawn, uploaded, udim.uv_to_clip(tile))
         drawn.read(counts)
         most = max(most, int(counts.max()))
     return most

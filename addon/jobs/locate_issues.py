@@ -24,8 +24,7 @@ from ..engine.sources import Source, normal_source
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..output import map_storage
-from ..passes import mesh_upload, target
-from ..passes.audit import overlap, triangle_ids
+from ..passes import audit, mesh_upload, target
 from ..scene import evaluation, mesh_elements, mesh_reader, reading
 from .job import Job, check_job
 from .report_making import PastBake
@@ -128,10 +127,10 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
         areas = uv_layout.areas(low)
         return areas < 0.0 if kind == "mirrored" else areas == 0.0
     found = np.zeros(len(low.triangles) + 1, bool)
-    uploaded = triangle_ids.upload(low.triangles, low.uv)
+    uploaded = audit.upload_with_ids(low.triangles, low.uv)
     for band, mask, depth in _masks(view, kind):
         if mask.any():
-            for numbers in triangle_ids.layers(uploaded, mask.shape[::-1], band.uv_to_clip, depth):
+            for numbers in audit.layers_of_triangles(uploaded, mask.shape[::-1], band.uv_to_clip, depth):
                 found[numbers[mask].astype(np.int64)] = True
     return found[1:]
 
@@ -168,7 +167,7 @@ def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
     uploaded = mesh_upload.upload(view.meshes.low.triangles, uv=view.meshes.low.uv)
     for band in bands:
         drawn = target.get("overlap", band.width, band.height, "R16F")
-        overlap.draw(drawn, uploaded, band.uv_to_clip)
+        audit.draw_overlap(drawn, uploaded, band.uv_to_clip)
         counts = np.empty((band.height, band.width), np.float32)
         drawn.read(counts)
         yield band, counts > 1.0, int(counts.max())

@@ -16,7 +16,7 @@ from addon.engine.method_choice import choose_method
 from addon.engine.rays.unsure_texels import Explorer
 from addon.engine.sources import normal_source
 from addon.mesh.local_space import local_space_of
-from addon.passes.audit import triangle_ids
+from addon.passes import audit
 from addon.scene import reading
 from tests.support import sheets
 
@@ -64,7 +64,7 @@ def push(low, high, share):
 
 def single_triangles(mesh):
     """The numbers (height, width) of the triangles on texels that have one, -1 elsewhere."""
-    layers = triangle_ids.layers(triangle_ids.upload(mesh.triangles, mesh.uv), SIZE, VIEW, 2)
+    layers = audit.layers_of_triangles(audit.upload_with_ids(mesh.triangles, mesh.uv), SIZE, VIEW, 2)
     top, below = (layer.astype(int) for layer in layers)
     return np.where(below == 0, top, 0) - 1
 

@@ -8,8 +8,7 @@ from addon.audit import checks, tally
 from addon.core import udim
 from addon.mesh import uv_layout
 from addon.mesh.triangle_mesh import Mesh
-from addon.passes import mesh_upload, target
-from addon.passes.audit import overlap
+from addon.passes import audit, mesh_upload, target
 from tests.support import oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -87,7 +86,7 @@ def test_samples_of_a_large_map_are_texels_of_the_map_seed_9(size, tile):
     uv = rng.random((60, 2)).astype(np.float32) + ((tile - 1001) % 10, (tile - 1001) // 10)
     low = laid_out(uv, np.arange(60).reshape(-1, 3))
     drawn, all_of_them = target.get("test", *size, "R16F"), np.empty(size[::-1], np.float32)
-    overlap.draw(drawn, mesh_upload.upload(low.triangles, uv=low.uv), udim.uv_to_clip(tile))
+    audit.draw_overlap(drawn, mesh_upload.upload(low.triangles, uv=low.uv), udim.uv_to_clip(tile))
     drawn.read(all_of_them)
     sampled = next(checks.covering(low, size, [tile]))
     assert max(sampled.shape) <= tally.SAMPLES_A_SIDE

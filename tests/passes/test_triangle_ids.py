@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from addon.core import udim
-from addon.passes.audit import triangle_ids
+from addon.passes import audit
 from tests.support import maps, oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -15,9 +15,9 @@ RIM = 1 / 128
 
 
 def layers(uv, triangles, size, count, tile=1001):
-    mesh = triangle_ids.upload(np.asarray(triangles, np.int32), np.asarray(uv, np.float32))
+    mesh = audit.upload_with_ids(np.asarray(triangles, np.int32), np.asarray(uv, np.float32))
     return np.stack(
-        [numbers.copy() for numbers in triangle_ids.layers(mesh, size, udim.uv_to_clip(tile), count)]
+        [numbers.copy() for numbers in audit.layers_of_triangles(mesh, size, udim.uv_to_clip(tile), count)]
     ).astype(int)
 
 

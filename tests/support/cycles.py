@@ -5,8 +5,7 @@ import numpy as np
 
 from addon.core import udim
 from addon.mesh.triangle_mesh import Mesh
-from addon.passes import mesh_upload, target
-from addon.passes.audit import overlap
+from addon.passes import audit, mesh_upload, target
 from addon.scene import mesh_reader
 from tests.support import angles
 
@@ -22,7 +21,7 @@ def shared(obj, size) -> np.ndarray:
     part."""
     mesh, counts = read(obj), np.empty(size[::-1], np.float32)
     drawn = target.get("shared", *size, "R16F")
-    overlap.draw(drawn, mesh_upload.upload(mesh.triangles, uv=mesh.uv), udim.uv_to_clip())
+    audit.draw_overlap(drawn, mesh_upload.upload(mesh.triangles, uv=mesh.uv), udim.uv_to_clip())
     drawn.read(counts)
     return counts > 1.0
 

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Passes of the audit: shared texels, hidden triangles, and what another program reads from the map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.udim import UvToClip
+from . import blender_gpu as gpu
+from . import mesh_upload, shader, target
+from .bake import tangent
+from .program import Program
+
+OVERLAP = Program(
+    vertex="audit/overlap_vert.glsl",
+    fragment="audit/overlap_frag.glsl",
+    inputs=(("VEC2", "uv"),),
+    constants=(("VEC4", "uv_to_clip"),),
+    outputs=(("VEC4", "count_out"),),
+)
+
+
+def draw_overlap(into: target.Target, mesh: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
+    """Clear `into` (R16F, exact up to 2048) and write the number of triangles of `mesh` that cover each texel's center.
+
+    mesh: batch with the attribute uv. Triangles that share an edge do not share texels along it.
+    """
+    compiled = shader.load(OVERLAP)
+    with target.drawing(into):
+        gpu.state.blend_set("ADDITIVE")
+        compiled.bind()
+        target.bind(compiled, OVERLAP, uv_to_clip=uv_to_clip)
+        mesh.draw(compiled)
+        gpu.state.blend_set("NONE")
+
+
+if TYPE_CHECKING:
+    import gpu
+
+TRIANGLE_IDS = Program(
+    vertex="audit/triangle_ids_vert.glsl",
+    fragment="audit/triangle_ids_frag.glsl",
+    inputs=(("VEC2", "uv"), ("FLOAT", "number")),
+    flat=(("FLOAT", "v_number"),),
+    samplers=(("FLOAT_2D", "above"),),
+    constants=(("VEC4", "uv_to_clip"),),
+    outputs=(("FLOAT", "number_out"),),
+)
+
+
+def upload_with_ids(triangles: np.ndarray, uv: np.ndarray, numbers: np.ndarray | None = None) -> gpu.types.GPUBatch:
+    """A mesh for `layers`: triangles (T, 3) int32, indices into uv (C, 2) float32. They have these `numbers` (T,) above 0,
+    at most 2^24, which a float holds exactly, or are numbered from 1."""
+    count = len(triangles)
+    numbers = np.arange(1, count + 1) if numbers is None else numbers
+    numbers = np.repeat(numbers, 3).astype(np.float32)[:, None]
+    corners = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    return mesh_upload.upload(corners, uv=uv[triangles.reshape(-1)], number=numbers)
+
+
+def layers_of_triangles(
+    mesh: gpu.types.GPUBatch, size: tuple[int, int], uv_to_clip: UvToClip, count: int = 1
+) -> Iterator[np.ndarray]:
+    """The numbers (height, width) of the triangles on each texel, 0 for none, layer by layer from the top down.
+
+    The last triangle is on top, as in a map. After the lowest triangle of a texel comes a 0, then its top triangle again.
+    The array is reused for the next layer.
+    """
+    compiled = shader.load(TRIANGLE_IDS)
+    above, into = (target.get(f"faces {name}", *size, "R32F") for name in ("above", "into"))
+    target.clear(above)
+    numbers = np.empty(size[::-1], np.float32)
+    for _ in range(count):
+        with target.drawing(into):
+            compiled.bind()
+            target.bind(compiled, TRIANGLE_IDS, above=above.texture, uv_to_clip=uv_to_clip)
+            mesh.draw(compiled)
+        into.read(numbers)
+        yield numbers
+        above, into = into, above
+
+
+if TYPE_CHECKING:
+    import gpu
+
+READER_ANGLES = Program(
+    vertex="bake/tangent_vert.glsl",
+    fragment="audit/reader_angles_frag.glsl",
+    inputs=tangent.PROGRAM.inputs,
+    varyings=tangent.VARYINGS,
+    texels=(("RGBA32F", "FLOAT_2D", "normal_map"),),
+    constants=(("VEC4", "uv_to_clip"), ("VEC4", "own"), ("VEC4", "other")),
+    outputs=(("FLOAT", "angle_out"),),
+)
+
+
+def measure_reader_angles(
+    low: gpu.types.GPUBatch,
+    normal_map: gpu.types.GPUTexture,
+    uv_to_clip: UvToClip,
+    own: tuple[int, int, int],
+    other: tuple[int, int, int],
+) -> np.ndarray:
+    """The angles (height, width) float32 in degrees, or -1 where the low mesh does not cover the texel's center.
+
+    low: as tangent.draw takes it. normal_map: RGBA32F, colors before they are rounded. own: how the map is meant; other: how
+    the program reads it; both from lit.reading.
+    """
+    into = target.get("reader angles", normal_map.width, normal_map.height, "R32F")
+    compiled = shader.load(READER_ANGLES)
+    with target.drawing(into):
+        compiled.bind()
+        bound = {"own": (*own, 0.0), "other": (*other, 0.0)}
+        target.bind(compiled, READER_ANGLES, normal_map=normal_map, uv_to_clip=uv_to_clip, **bound)
+        low.draw(compiled)
+    angles = np.empty((normal_map.height, normal_map.width), np.float32)
+    into.read(angles)
+    angles -= 1.0
+    return angles
