@@ -16,8 +16,8 @@ from ..engine.hidden_parts import HiddenParts, Layer
 from ..engine.maps.sampling import SampledMaps
 from ..engine.method_choice import Plan
 from ..mesh.inputs import Meshes
-from ..passes import mesh_upload, target
-from ..passes.view import deviation, lit
+from ..passes import lit, mesh_upload, target
+from ..passes.view import deviation
 from .angle_counts import AngleCounts
 from .pictures.bake_pictures import BakePictures
 

@@ -11,7 +11,7 @@ from ..core.declarations.choices import Space
 from ..core.declarations.readers import Reader
 from ..core.settings import MapSettings, Settings
 from ..core.texel_state import Map
-from ..passes.view import lit
+from ..passes import lit
 
 
 def channels(settings: MapSettings) -> np.ndarray:

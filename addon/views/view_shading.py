@@ -21,8 +21,8 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..output import value_encoding
-from ..passes import mesh_upload, target
-from ..passes.view import deviation, lit
+from ..passes import lit, mesh_upload, target
+from ..passes.view import deviation
 from ..scene import mesh_reader
 
 

@@ -15,8 +15,7 @@ from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import Job, live_session
 from addon.output import value_encoding
-from addon.passes import mesh_upload, target
-from addon.passes.view import lit
+from addon.passes import lit, mesh_upload, target
 from addon.views import view_shading
 from addon.views.view_shading import SHOWN
 from tests.support import decoders, oracle, raster, zoo

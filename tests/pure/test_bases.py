@@ -9,7 +9,7 @@ import pytest
 from addon.cli.usage import option_types
 from addon.core.declarations import bases
 from addon.core.declarations.all_settings import DECLARED
-from addon.passes.view import lit
+from addon.passes import lit
 from scripts.imprint import ROOT
 
 FLAGS = ("bitangent_of_vertices", "normalizes_tangent", "normalizes_bitangent", "normalizes_normal")

@@ -11,8 +11,7 @@ from ...core.settings import Settings
 from ...engine import normal_channels
 from ...mesh.local_space import local_space_of
 from ...mesh.triangle_mesh import Mesh
-from ...passes import mesh_upload, target
-from ...passes.view import lit
+from ...passes import lit, mesh_upload, target
 
 TOWARDS_VIEWER = np.array((0.5, -0.75, 0.45))
 """From the middle of a closed mesh, in the axes of the world."""

@@ -15,9 +15,8 @@ from ...core.progress import Task
 from ...core.settings import MapSettings
 from ...mesh import stretch
 from ...mesh.triangle_mesh import Mesh
-from ...passes import mesh_upload, target
+from ...passes import lit, mesh_upload, target
 from ...passes.bake import map_normals, tangent
-from ...passes.view import lit
 from ..bands import Band
 from ..normal_channels import channels
 from ..rendering import BandMaps, upload_band

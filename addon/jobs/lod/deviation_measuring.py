@@ -19,8 +19,8 @@ from ...engine.method_choice import Plan
 from ...mesh import stretch
 from ...mesh.inputs import Meshes
 from ...mesh.triangle_mesh import Mesh
-from ...passes import mesh_upload, target
-from ...passes.view import deviation, lit
+from ...passes import lit, mesh_upload, target
+from ...passes.view import deviation
 from ...scene import mesh_reader
 
 SIDE = 1024

@@ -7,10 +7,9 @@ import numpy as np
 
 from ...core import udim
 from .. import blender_gpu as gpu
-from .. import shader, target
+from .. import lit, shader, target
 from ..bake import tangent
 from ..program import Program
-from . import lit
 
 MEASURE = Program(
     vertex="bake/tangent_vert.glsl",

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import shader, target
-from ..program import Program
+from . import shader, target
+from .program import Program
 
 if TYPE_CHECKING:
     import gpu
