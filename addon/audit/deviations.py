@@ -16,8 +16,7 @@ from ..engine.hidden_parts import HiddenParts, Layer
 from ..engine.maps.sampling import SampledMaps
 from ..engine.method_choice import Plan
 from ..mesh.inputs import Meshes
-from ..passes import lit, mesh_upload, target
-from ..passes.view import deviation
+from ..passes import lit, mesh_upload, target, viewport
 from .angle_counts import AngleCounts
 from .pictures.bake_pictures import BakePictures
 
@@ -31,7 +30,7 @@ class _Drawn:
 
     @cached_property
     def uploaded(self) -> gpu.types.GPUBatch:
-        """The low mesh as deviation.measure takes it."""
+        """The low mesh as viewport.measure_deviation takes it."""
         return mesh_upload.upload(self.low.triangles, **self.low.tangent_space)
 
 
@@ -104,19 +103,19 @@ class Deviations:
         return found if found.get("texels") else {}
 
     def _elsewhere(self, tile: int, meshes: Meshes) -> np.ndarray:
-        """Where the high surface that is drawn is another place, as deviation.measure takes it."""
+        """Where the high surface that is drawn is another place, as viewport.measure_deviation takes it."""
         if self._plan.casts_rays or meshes.is_own_base:
             return np.zeros((1, 1), bool)
         return uv_agreement.mismatched(meshes.low, meshes.drawn_highs, tile)
 
     def _angles(self, band: Band, texels: np.ndarray, elsewhere: np.ndarray, drawn: _Drawn) -> np.ndarray:
-        """What deviation.measure writes, (height, width, 4) float32."""
+        """What viewport.measure_deviation writes, (height, width, 4) float32."""
         low, settings = drawn.low, self._settings
         data = gpu.types.Buffer("FLOAT", texels.shape, texels)
         normal_map = gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
         read = normal_channels.reading(settings.map)
         measured = target.get("deviation", band.width, band.height, "RGBA32F")
-        deviation.measure(
+        viewport.measure_deviation(
             measured,
             drawn.uploaded,
             normal_map,

@@ -43,8 +43,8 @@ class Borders:
 class PostProcess:
     """Encodes the values of one map and draws its margin.
 
-    kind: of the values, a constant of seam_fill. A normal n is stored as 0.5 n + 0.5, other values as they are. borders: for
-    a margin that continues the adjacent faces; None for a margin of the nearest texels.
+    kind: of the values: VALUE, LABEL, NORMAL or TANGENT of margin_fill. A normal n is stored as 0.5 n + 0.5, other values as
+    they are. borders: for a margin that continues the adjacent faces; None for a margin of the nearest texels.
     """
 
     def __init__(self, settings: Settings, kind: int, borders: Borders | None = None):
@@ -65,7 +65,7 @@ class PostProcess:
         return margin_fill.find_nearest(values, self.settings.sampling.margin if band.is_whole else self._near)
 
     def fill(self, band: Band, values: gpu.types.GPUTexture, nearest: margin_fill.Nearest) -> target.Target:
-        """As `draw`. nearest: what `search` returned for values that are written on the same texels."""
+        """As `draw`. nearest: what `search` of this object returned for values that are written on the same texels."""
         stored = target.get("map", band.width, band.stop - band.start, "RGBA32F", "R8")
         margin_fill.fill_from_nearest(
             stored,

@@ -101,7 +101,7 @@ def fill_from_nearest(
 ) -> None:
     """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `values`.
 
-    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what margin_search.search
+    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what `find_nearest`
     returned for `values`. encode: (4, 4), from a value and 1 to red, green and blue. missed: the color of misses.
     """
     target.fill(

@@ -214,7 +214,7 @@ class CageOverlay:
         else:  # painting moves where rays start, not where they end
             shells = {OUTER: (lengths.extrusion, 0.0), INNER: (0.0, lengths.extrusion - lengths.max_distance)}
         for color, (scale, offset) in shells.items():
-            cage_shells.draw(mesh, view, color, scale=scale, offset=offset)
+            cage_shells.draw_cage_shell(mesh, view, color, scale=scale, offset=offset)
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("NONE")
 

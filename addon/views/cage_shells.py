@@ -12,10 +12,10 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of
 from ..passes import mesh_upload
 from ..passes.bake import rays
-from ..passes.view.cage_shell import draw
+from ..passes.viewport import draw_cage_shell
 from ..scene import reading, vertex_weights
 
-__all__ = ["draw", "upload"]
+__all__ = ["draw_cage_shell", "upload"]
 
 PARTS_OF_BLEND = 4
 """How many parts of a divided triangle lie across the width in which directions blend."""
@@ -40,7 +40,7 @@ def upload(
     blend_width: float,
     is_own_base: bool,
 ) -> gpu.types.GPUBatch:
-    """The low mesh in world space with its rays, as cage_shell.draw takes it. Raises BakeError for a mesh that rays cannot use.
+    """The low mesh in world space with its rays, as draw_cage_shell takes it. Raises BakeError for a mesh that rays cannot use.
 
     A ray starts at the distance `start` times the extrusion or, with a cage, at the distance `start`. settings: of the rays; a
     vertex group that does not exist counts as unpainted. blend_width: in scene units; 0 if directions do not blend.

@@ -21,8 +21,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..output import value_encoding
-from ..passes import lit, mesh_upload, target
-from ..passes.view import deviation
+from ..passes import lit, mesh_upload, target, viewport
 from ..scene import mesh_reader
 
 
@@ -324,11 +323,12 @@ class Shading:
                     self._draw_map(scene, matrix, light)
             elif self._measured is not None:
                 how = {"limit": limit, "without_map": mode == Mode.BARE_DEVIATION}
-                deviation.draw(scene.low[0], self._measured.texture, matrix, **how)
+                viewport.draw_deviation(scene.low[0], self._measured.texture, matrix, **how)
                 if self._hidden_scene is not scene:
                     self._hidden_scene, self._hidden_parts = scene, [scene.part(low) for low, _ in self._hidden]
                 for part, (_, measured) in zip(self._hidden_parts, self._hidden, strict=True):
-                    deviation.draw(part, measured.texture, matrix, **how)  # over what was drawn of these triangles
+                    # Over what was drawn of these triangles.
+                    viewport.draw_deviation(part, measured.texture, matrix, **how)
 
     def draw_legend(self, place: tuple[float, float], size: tuple[float, float]) -> None:
         """Draw the colors of deviations as a bar. place, size: in pixels, from the lower left of the view."""
@@ -336,7 +336,7 @@ class Shading:
             corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], np.float32)
             self._square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
         view = np.array(gpu.state.viewport_get()[2:])
-        deviation.draw_legend(self._square, (*(np.multiply(size, 2) / view), *(np.multiply(place, 2) / view - 1.0)))
+        viewport.draw_legend(self._square, (*(np.multiply(size, 2) / view), *(np.multiply(place, 2) / view - 1.0)))
 
     def _draw_map(self, scene: ViewScene, matrix: np.ndarray, light: np.ndarray) -> None:
         low, normals = scene.low
@@ -388,7 +388,7 @@ class Shading:
         low = meshes.basis or meshes.low
         reading, elsewhere = self._reading(low.normal_matrix), self._elsewhere(meshes)
         where = {"elsewhere": elsewhere, "stretch": low.stretch}
-        deviation.measure(into, uploaded, self.session.map, high_normals, reading, **where)
+        viewport.measure_deviation(into, uploaded, self.session.map, high_normals, reading, **where)
 
     def _elsewhere(self, meshes: Meshes) -> np.ndarray:
         """Which parts of the map, (rows, columns) bool, show another part of the high surface than the low mesh has there."""

@@ -37,7 +37,7 @@ def outline(low, cage=None, *, scale=OUT, offset=0.0, blend_width=0.0, **setting
     picture = target.Target(SIZE, SIZE, ("RGBA32F",))
     with picture.bound() as framebuffer:
         framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
-        cage_shells.draw(batch, front, (1.0, 1.0, 1.0, 1.0), scale=scale, offset=offset)
+        cage_shells.draw_cage_shell(batch, front, (1.0, 1.0, 1.0, 1.0), scale=scale, offset=offset)
     texels = np.empty((SIZE, SIZE, 4), np.float32)
     picture.read(texels)
     return texels[..., 0] > 0.0

@@ -11,8 +11,7 @@ from ...core.settings import Settings
 from ...core.texel_state import Map
 from ...engine import normal_channels
 from ...mesh.triangle_mesh import Mesh
-from ...passes import mesh_upload, target
-from ...passes.view import deviation
+from ...passes import mesh_upload, target, viewport
 from . import low_picture, shrinking
 
 SIDE = 192
@@ -149,7 +148,7 @@ def _ramp() -> np.ndarray:
     corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], np.float32)
     square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
     with target.drawing(into):
-        deviation.draw_legend(square, (2.0, 2.0, -1.0, -1.0))
+        viewport.draw_legend(square, (2.0, 2.0, -1.0, -1.0))
     colors = np.empty((1, 256, 4), np.float32)
     into.read(colors)
     return _display(colors[0, :, :3])

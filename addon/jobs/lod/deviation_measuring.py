@@ -19,8 +19,7 @@ from ...engine.method_choice import Plan
 from ...mesh import stretch
 from ...mesh.inputs import Meshes
 from ...mesh.triangle_mesh import Mesh
-from ...passes import lit, mesh_upload, target
-from ...passes.view import deviation
+from ...passes import lit, mesh_upload, target, viewport
 from ...scene import mesh_reader
 
 SIDE = 1024
@@ -124,13 +123,13 @@ def _flattened(meshes: Meshes, settings: Settings, pace: Pace) -> Task[gpu.types
 def _compared(
     basis: Mesh, normal_map: gpu.types.GPUTexture, truth: gpu.types.GPUTexture, settings: Settings
 ) -> np.ndarray:
-    """What deviation.measure writes, (height, width, 4) float32. basis: the level, with tangents for tangent space."""
+    """What viewport.measure_deviation writes, (height, width, 4) float32. basis: the level, with tangents for tangent space."""
     read = (255 if settings.storing.depth == 8 else 0, *normal_channels.reading(settings.map)[1:])
     reading = lit.shading(basis.normal_matrix, read=read)
     level = mesh_upload.upload(basis.triangles, **basis.tangent_space)
     measured = target.get("deviation", settings.sampling.width, settings.sampling.height, "RGBA32F")
     nowhere = np.zeros((1, 1), bool)
-    deviation.measure(measured, level, normal_map, truth, reading, elsewhere=nowhere, stretch=basis.stretch)
+    viewport.measure_deviation(measured, level, normal_map, truth, reading, elsewhere=nowhere, stretch=basis.stretch)
     values = np.empty((settings.sampling.height, settings.sampling.width, 4), np.float32)
     measured.read(values)
     return values

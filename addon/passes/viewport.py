@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures the angles between the normals that a low mesh shows and those of the high surface, and draws them in colors."""
+"""Passes of the views: the deviation of a map from the high meshes with its legend, and the shell of the cage."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from ...core import udim
-from .. import blender_gpu as gpu
-from .. import lit, shader, target
-from ..bake import tangent
-from ..program import Program
+from ..core import udim
+from . import blender_gpu as gpu
+from . import lit, shader, target
+from .bake import tangent
+from .program import Program
 
-MEASURE = Program(
+MEASURE_DEVIATION = Program(
     vertex="bake/tangent_vert.glsl",
     fragment="view/deviation_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
@@ -24,7 +26,7 @@ MEASURE = Program(
     ),
     outputs=(("VEC4", "deviation_out"),),
 )
-RAMP = Program(
+DRAW_DEVIATION = Program(
     vertex="view/deviation_colors_vert.glsl",
     fragment="view/deviation_colors_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC2", "uv")),
@@ -33,7 +35,7 @@ RAMP = Program(
     constants=(("MAT4", "view_projection"), ("FLOAT", "limit"), ("INT", "without_map")),
     outputs=(("VEC4", "color_out"),),
 )
-LEGEND = Program(
+DRAW_LEGEND = Program(
     vertex="view/legend_vert.glsl",
     fragment="view/legend_frag.glsl",
     inputs=(("VEC2", "position"),),
@@ -43,7 +45,7 @@ LEGEND = Program(
 )
 
 
-def measure(
+def measure_deviation(
     into: target.Target,
     low: gpu.types.GPUBatch,
     normal_map: gpu.types.GPUTexture,
@@ -69,7 +71,7 @@ def measure(
     of_truth = np.eye(3) if shading[3, 1] == lit.WORLD else shading[:3, :3]
     if stretch is not None:  # then it is a tangent-space map, and `shading` is for normals that have the stretch
         of_truth = of_truth @ np.linalg.inv(stretch).T
-    compiled = shader.load(MEASURE)
+    compiled = shader.load(MEASURE_DEVIATION)
     with target.drawing(into):
         compiled.bind()
         bindings = {
@@ -80,11 +82,11 @@ def measure(
             "uv_to_clip": udim.uv_to_clip() if uv_to_clip is None else uv_to_clip,
             **{f"truth_{axis}": (*column, 0.0) for axis, column in zip("xyz", of_truth.T, strict=True)},
         }
-        target.bind(compiled, MEASURE, **bindings)
+        target.bind(compiled, MEASURE_DEVIATION, **bindings)
         low.draw(compiled)
 
 
-def draw(
+def draw_deviation(
     batch: gpu.types.GPUBatch,
     measured: gpu.types.GPUTexture,
     view_projection: np.ndarray,
@@ -96,16 +98,48 @@ def draw(
 
     batch: attributes position and uv. without_map: show the angles without the map.
     """
-    compiled = shader.load(RAMP)
+    compiled = shader.load(DRAW_DEVIATION)
     compiled.bind()
     matrix = shader.mat4(view_projection)
-    target.bind(compiled, RAMP, deviation=measured, view_projection=matrix, limit=limit, without_map=int(without_map))
+    target.bind(
+        compiled, DRAW_DEVIATION, deviation=measured, view_projection=matrix, limit=limit, without_map=int(without_map)
+    )
     batch.draw(compiled)
 
 
 def draw_legend(square: gpu.types.GPUBatch, rect: tuple[float, float, float, float]) -> None:
     """Draw the color scale left to right. square: position (x, y) from 0 to 1; rect: its scale and offset in clip space."""
-    compiled = shader.load(LEGEND)
+    compiled = shader.load(DRAW_LEGEND)
     compiled.bind()
-    target.bind(compiled, LEGEND, rect=rect)
+    target.bind(compiled, DRAW_LEGEND, rect=rect)
     square.draw(compiled)
+
+
+if TYPE_CHECKING:
+    import gpu
+
+CAGE_SHELL = Program(
+    vertex="view/cage_shell_vert.glsl",
+    fragment="view/cage_shell_frag.glsl",
+    inputs=(("VEC3", "position"), ("VEC3", "direction"), ("FLOAT", "start")),
+    constants=(("MAT4", "view_projection"), ("VEC4", "color"), ("FLOAT", "scale"), ("FLOAT", "offset")),
+    outputs=(("VEC4", "color_out"),),
+)
+
+
+def draw_cage_shell(
+    batch: gpu.types.GPUBatch,
+    view_projection,
+    color: tuple[float, float, float, float],
+    *,
+    scale: float,
+    offset: float,
+) -> None:
+    """Draw into the bound framebuffer each point at the distance start * scale + offset outside the surface.
+
+    batch: attributes position and unit direction, in world space, and start.
+    """
+    compiled = shader.load(CAGE_SHELL)
+    compiled.bind()
+    target.bind(compiled, CAGE_SHELL, view_projection=view_projection, color=color, scale=scale, offset=offset)
+    batch.draw(compiled)
