@@ -196,12 +196,6 @@ class Settings:
         """All settings by their names, in the order of the panels."""
         return {name: getattr(getattr(self, part), name) for name, part in PART_OF.items()}
 
-    def __getattr__(self, name: str) -> Any:  # until every caller names the part
-        for part in () if name in PARTS else PARTS:
-            if hasattr(PARTS[part], name):
-                return getattr(getattr(self, part), name)
-        raise AttributeError(name)
-
     def read_by(self, engine: str) -> "Settings":
         """These settings, where basis AUTO is replaced by that of a render engine. engine: Blender's identifier."""
         if self.map.basis != bases.AUTO:

@@ -53,7 +53,8 @@ def bake(settings: dict) -> dict:
 
     Returns the seconds from the objects to the stored map, those of each stage, and the report.
     """
-    known = {field.name for field in dataclasses.fields(Settings)}
+    kinds = [type(part) for part in vars(Settings()).values()] if hasattr(Settings, "flat") else [Settings]
+    known = {field.name for kind in kinds for field in dataclasses.fields(kind)}
     chosen = Settings(**{name: value for name, value in {"image": MAP, **settings}.items() if name in known})
     forget_tree()
     start = time.perf_counter()

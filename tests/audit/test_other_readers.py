@@ -37,15 +37,15 @@ def settings(**values):
 def expected(low, texels, chosen, reader):
     """The angles (N,) between what the map means and what the program shows, in float64."""
     seen = frames(low, SIZE)
-    axes = chosen.red, chosen.green, chosen.blue
+    axes = chosen.map.channels
     stored = texels[..., :3].astype(np.float64)
     meant = decode(stored, axes)
-    if min(chosen.depth, reader.depth) == 8:
+    if min(chosen.storing.depth, reader.depth) == 8:
         stored = np.floor(stored * 255.0 + 0.5) / 255.0
     shown = decode(stored, ("+X", reader.green, "+Z"))
     if reader.rebuilds_z:
         shown[..., 2] = np.sqrt(np.maximum(0.0, 1.0 - shown[..., 0] ** 2 - shown[..., 1] ** 2))
-    return angles.degrees(seen.decoded(meant, chosen.basis), seen.decoded(shown, reader.basis.name))
+    return angles.degrees(seen.decoded(meant, chosen.map.basis), seen.decoded(shown, reader.basis.name))
 
 
 def decode(stored, axes):

@@ -74,21 +74,21 @@ def brightness(normals, points, light):
 
 def shown(low, texels, settings):
     """A function from an eye to the expected colors and world normals of `low`, pixel by pixel."""
-    mesh = raster.corners(low, with_tangents=settings.space == "TANGENT")
+    mesh = raster.corners(low, with_tangents=settings.map.space == "TANGENT")
     points = mesh.position @ mesh.matrix[:3, :3].T + mesh.matrix[:3, 3]
-    if settings.depth == 8:
+    if settings.storing.depth == 8:
         texels = np.round(texels.astype(np.float64) * 255.0) / 255.0
 
     def seen(eye):
         owner, weights = raster.rasterize(points, eye.projection @ eye.view, SIZE)
         colors = raster.bilinear(texels[..., :3], raster.interpolate(mesh.uv, owner, weights))
-        normals = raster.decode(colors, (settings.red, settings.green, settings.blue))
-        if settings.space == "TANGENT":
-            normal, tangent = in_the_scene(mesh, settings.basis)
+        normals = raster.decode(colors, settings.map.channels)
+        if settings.map.space == "TANGENT":
+            normal, tangent = in_the_scene(mesh, settings.map.basis)
             vectors = normal, tangent, decoders.bitangents(normal, tangent)
             own = (raster.interpolate(values, owner, weights) for values in vectors)
-            normals = decoders.decoded(normals, settings.basis, *own)
-        if settings.space == "OBJECT" or (settings.space == "TANGENT" and settings.basis == "CYCLES"):
+            normals = decoders.decoded(normals, settings.map.basis, *own)
+        if settings.map.space == "OBJECT" or (settings.map.space == "TANGENT" and settings.map.basis == "CYCLES"):
             normals = normals @ mesh.to_world_normals.T
         return owner >= 0, brightness(raster.unit(normals), raster.interpolate(points, owner, weights), eye.light)
 
@@ -500,7 +500,7 @@ class TestDeviation:
 
 def values(drawn):
     """The measured angles, texel by texel."""
-    measured = np.empty((drawn.session.settings.height, drawn.session.settings.width, 4), np.float32)
+    measured = np.empty((*drawn.session.settings.sampling.size[::-1], 4), np.float32)
     drawn._measured.read(measured)
     return measured
 

@@ -13,11 +13,11 @@ from addon.core.declarations import kinds
 from addon.core.declarations.all_settings import DECLARED, PANELS
 from addon.core.declarations.map_settings import CONVERT
 from addon.core.errors import BakeError
-from addon.core.settings import Settings
+from addon.core.settings import PARTS, Settings
 from scripts.dev import tables
 
 OPTIONAL = {name: setting for name, setting in DECLARED.items() if setting.option}
-FIELDS = {field.name: field for field in fields(Settings)}
+FIELDS = {field.name: field for kind in PARTS.values() for field in fields(kind)}
 
 
 def plain(text):

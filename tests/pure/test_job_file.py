@@ -100,8 +100,8 @@ def test_every_setting_has_an_option():
 @pytest.mark.parametrize("name", SAID)
 def test_each_option_sets_its_setting(name):
     words, value = SAID[name]
-    assert getattr(settings(), name) != value
-    assert getattr(settings(*words.split()), name) == value
+    assert settings().flat()[name] != value
+    assert settings(*words.split()).flat()[name] == value
 
 
 def test_maps_may_be_written_without_dashes_and_with_the_normal_map():
@@ -112,7 +112,7 @@ def test_maps_may_be_written_without_dashes_and_with_the_normal_map():
 @pytest.mark.parametrize("axis", DECLARED["red"].values)
 @pytest.mark.parametrize("joint", [" ", "="])
 def test_axes_whose_names_look_like_options(channel, axis, joint):
-    assert getattr(settings(*f"--{channel}{joint}{axis.lower()}".split()), channel) == axis
+    assert settings(*f"--{channel}{joint}{axis.lower()}".split()).flat()[channel] == axis
 
 
 def test_all_three_axes_can_be_set():

@@ -54,7 +54,7 @@ BAD = [
 def test_valid_settings_are_accepted_unchanged(values):
     settings = Settings(**values)
     settings.check()
-    assert {name: getattr(settings, name) for name in values} == values
+    assert {name: settings.flat()[name] for name in values} == values
 
 
 @pytest.mark.parametrize("values", BAD, ids=str)

@@ -48,7 +48,7 @@ def of_bake(low, highs, settings, folder, cage=None):
         is_unit = map_type.range is map_types.Range.UNIT and map_type.family not in ANY_FLOAT
         is_color = is_unit or not map_settings.storing.is_float
         image, path = bpy.data.images[map_settings.storing.image], map_names.output_for(map_settings)
-        if settings.udim:
+        if settings.sampling.udim:
             assert image.source == "TILED"
             assert [tile.number for tile in image.tiles if tile.size[0]] == sorted(report.tiles)
         else:
@@ -104,12 +104,12 @@ def _check_file(path, settings, *, is_color):
 
 
 def _check_image(image, settings, *, is_color):
-    assert tuple(image.size) == (settings.width, settings.height)
+    assert tuple(image.size) == settings.sampling.size
     texels = maps.pixels(image)
     assert np.isfinite(texels).all()
     if is_color:
         assert texels.min() >= 0.0
         # Blender rounds where it shows 16 bits of sRGB as scene-linear colors.
         assert texels.max() <= (1.0 if image.colorspace_settings.is_data else 1.0 + 1e-4)
-    if not settings.is_float:
+    if not settings.storing.is_float:
         assert set(np.unique(texels[..., 3])) <= {0.0, 1.0}

@@ -96,7 +96,7 @@ def test_a_distance_in_scene_units_is_a_length(settings, family, reach, limited)
     assert settings.bl_rna.properties[reach].unit == "NONE"
     assert getattr(settings, length) == 0.25
     setattr(settings, length, 0.5)
-    assert getattr(settings.to_settings(), reach) == 0.5
+    assert settings.to_settings().flat()[reach] == 0.5
 
 
 def test_the_panel_names_all_images(settings):
