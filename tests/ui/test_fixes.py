@@ -82,6 +82,7 @@ def test_a_warning_of_a_bake_is_a_sentence_and_a_button(gpu_context):
     assert kinds == [fixes.MEASURE]
     bpy.ops.imprint.cure(kind=kinds[0])
     assert settings.chosen(bpy.context, low).rays.measure
+    assert not settings.measure  # that of other low objects
     bpy.ops.imprint.bake()
     assert results.of(bpy.context, low).warnings == []
 

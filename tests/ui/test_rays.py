@@ -56,6 +56,11 @@ def test_a_cage_by_name(small):
     with pytest.raises(RuntimeError, match="The cage 'cage' is for rays"):
         bpy.ops.imprint.bake(**NAMES, cage="cage", method="FLATTEN")
     small.cage = bpy.data.objects["cage"]  # in the slot, which is hidden then, it does no harm
+    other = zoo.plane("other")  # without a pair, it has the method of the scene
+    assert small.chosen(bpy.context, other).cage == small.cage
+    small.method = "FLATTEN"
+    assert small.chosen(bpy.context, other).cage is None
+    small.method = "CAST"
     assert bpy.ops.imprint.bake(**NAMES, method="FLATTEN") == {"FINISHED"}
 
 

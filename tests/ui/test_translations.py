@@ -254,3 +254,15 @@ def test_texts_are_looked_up_in_their_contexts(monkeypatch):
     assert translations.label("a") == ("interface", "a", LABEL)
     assert translations.message("a") == ("interface", "a", SENTENCE)
     assert translations.tooltip("a") == ("tooltip", "a", SENTENCE)
+
+
+def test_blender_gets_the_texts_of_each_language(monkeypatch):
+    registered = {}
+    given = SimpleNamespace(register=registered.__setitem__, unregister=registered.pop)
+    monkeypatch.setattr(translations, "bpy", SimpleNamespace(app=SimpleNamespace(translations=given)))
+    translations.register()
+    (texts,) = registered.values()
+    assert texts == {locale: translations.read_translations(locale) for locale in LOCALES}
+    assert all(texts.values())
+    translations.unregister()
+    assert registered == {}
