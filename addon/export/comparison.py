@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures what an engine would show of a file against what was baked."""
+"""Decodes tangent-space normals as the shaders of engines do, in double precision."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,8 +10,49 @@ from ..core.declarations import bases
 from ..core.declarations.bases import Basis
 from ..core.declarations.readers import Reader
 from ..core.errors import BakeError
-from . import frames, map_pictures
+from . import map_pictures
 from .file_mesh import FileMesh
+
+
+def decoded(
+    basis: Basis, values: np.ndarray, weights: np.ndarray, normals: np.ndarray, tangents: np.ndarray
+) -> np.ndarray:
+    """The normals (N, 3) float64, of length one, that a program with this basis makes of tangent-space ones.
+
+    values (N, 3): of the map. weights (N, 3): of the corners of each point's triangle. normals (N, 3, 3), tangents (N, 3, 4):
+    of those corners, w the sign of the bitangent.
+    """
+    normals, tangents = normals.astype(np.float64), tangents.astype(np.float64)
+    normal, tangent = _mixed(normals, weights), _mixed(tangents[..., :3], weights)
+    signs = tangents[..., 3]
+    if basis.bitangent_of_vertices:
+        bitangent = _mixed(signs[..., None] * np.cross(normals, tangents[..., :3]), weights)
+    if basis.normalizes_normal:
+        normal = unit_vectors(normal)
+    if basis.normalizes_tangent:
+        tangent = unit_vectors(tangent)
+    if not basis.bitangent_of_vertices:
+        bitangent = np.sign((signs * weights).sum(axis=1))[:, None] * np.cross(normal, tangent)
+    if basis.normalizes_bitangent:
+        bitangent = unit_vectors(bitangent)
+    return unit_vectors(values[:, :1] * tangent + values[:, 1:2] * bitangent + values[:, 2:] * normal)
+
+
+def unit_vectors(vectors: np.ndarray) -> np.ndarray:
+    """`vectors` (..., 3) at length one; those without length stay."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)
+
+
+def degrees_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The angles (N,) between vectors (N, 3) of length one. From the chord, which is exact for small angles."""
+    chord = np.linalg.norm(a - b, axis=-1)
+    return np.degrees(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)))
+
+
+def _mixed(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    return np.einsum("nc,nck->nk", weights, corners)
+
 
 POINTS = 200_000
 """Texels that are compared, at most."""
@@ -89,14 +130,14 @@ def measure(
         chosen = np.flatnonzero(baked.pages == page)
         triangles, weights, uv = points(baked.uv[chosen], texels.shape[1], texels.shape[0])
         triangles = chosen[triangles]
-        truth = frames.decoded(
+        truth = decoded(
             baked.basis, _looked_up(texels, uv), weights, baked.normals[triangles], baked.tangents[triangles]
         )
         values = _looked_up(stored, np.einsum("nc,nck->nk", weights, found.uv[triangles]))
         for name, (basis, reader) in ways.items():
             read = values if reader is None else _read_by(reader, values, channels)
-            shown = frames.decoded(basis, read, weights, found.normals[triangles], tangents[triangles])
-            angles[name].append(frames.degrees(truth, shown))
+            shown = decoded(basis, read, weights, found.normals[triangles], tangents[triangles])
+            angles[name].append(degrees_between(truth, shown))
     if not any(angles.values()):
         return None
     figures = {name: _figures(np.concatenate(parts)) for name, parts in angles.items()}
