@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The low mesh of a finished bake, as the bake read it: its triangles, normals, UVs and tangents."""
+"""What a file holds of one object, as an engine reads it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import bpy
 import numpy as np
@@ -15,6 +15,24 @@ from ..core.report import Report
 from ..mesh import stretch
 from ..mesh.triangle_mesh import Mesh
 from ..scene import evaluation, mesh_reader
+
+
+@dataclass(frozen=True)
+class FileMesh:
+    """The triangles of an object in a file, in Blender's axes and the object's space, with v upwards.
+
+    One row per corner of each triangle, (T, 3, n) float32: positions, normals, uv, and tangents with the sign of the bitangent,
+    None if they are unknown. materials (T,) int: indices into `pictures`, the files of normal maps, or None where there is
+    none. uv: of the layer that the normal map uses. has_tangents: whether the tangents are the file's own, and not made of it.
+    """
+
+    positions: np.ndarray
+    normals: np.ndarray
+    uv: np.ndarray
+    tangents: np.ndarray | None
+    materials: np.ndarray
+    pictures: list[bytes | None] = field(default_factory=list)
+    has_tangents: bool = True
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from ..core.declarations.bases import Basis
 from ..core.declarations.readers import Reader
 from ..core.errors import BakeError
 from . import map_pictures
-from .file_mesh import FileMesh
+from .baked_low import FileMesh
 
 
 def decoded(

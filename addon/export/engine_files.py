@@ -23,9 +23,8 @@ from ..output.files import atomic_file
 from ..output.files.atomic_file import Partial
 from ..output.files.path_clashes import Places
 from . import baked_low, comparison, map_pictures, staging
-from .baked_low import BakedLow
+from .baked_low import BakedLow, FileMesh
 from .comparison import Baked, Measured
-from .file_mesh import FileMesh
 from .formats import fbx, glb, usd
 from .staging import Staged
 

@@ -7,8 +7,8 @@ import pytest
 from addon.core.declarations import bases, readers
 from addon.core.errors import BakeError
 from addon.export import comparison
+from addon.export.baked_low import FileMesh
 from addon.export.comparison import Baked
-from addon.export.file_mesh import FileMesh
 
 UV = np.array([[[0, 0], [1, 0], [0, 1]], [[1, 0], [1, 1], [0, 1]]], np.float32)
 POSITIONS = np.concatenate([UV, np.zeros((2, 3, 1), np.float32)], axis=-1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.errors import BakeError
 from .. import staging
-from ..file_mesh import FileMesh
+from ..baked_low import FileMesh
 from ..staging import Stage, Staged
 from .glb_file import Glb
 

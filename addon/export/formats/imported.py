@@ -15,7 +15,7 @@ import numpy as np
 from ...core.errors import BakeError
 from ...output.files import atomic_file
 from ...scene import mesh_reader
-from ..file_mesh import FileMesh
+from ..baked_low import FileMesh
 from ..staging import Staged
 
 _COLLECTIONS = (

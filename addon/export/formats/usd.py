@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 
 from ...core.errors import BakeError
-from ..file_mesh import FileMesh
+from ..baked_low import FileMesh
 from ..staging import Stage, Staged
 from . import imported
 
