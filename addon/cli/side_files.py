@@ -36,7 +36,7 @@ def export(
         path = Path(naming.fill(output, bakes[0][0].low)).absolute()
         with standard_streams.silence():
             are_linked = are_levels and len(bakes) > 1
-            done = engine_files.export(bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside)
+            done = engine_files.export_files(bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside)
         found |= {bake[0].refs[0].uid: one for bake, one in zip(bakes, done, strict=True)}
     result = []
     for report in reports:

@@ -13,14 +13,14 @@ from types import ModuleType
 import bpy
 import numpy as np
 
-from ..core import file_formats, progress
+from ..core import file_formats, naming, progress
 from ..core.declarations import readers
 from ..core.errors import BakeError
 from ..core.progress import Progress, Task
 from ..core.report import VISIBLE, Report
 from ..output import datablocks
 from ..output.files import atomic_file
-from ..output.files.atomic_file import Partial
+from ..output.files.atomic_file import Partial, all_or_none
 from ..output.files.path_clashes import Places
 from . import baked_low, comparison, map_pictures, staging
 from .baked_low import BakedLow, FileMesh
@@ -55,12 +55,12 @@ class Exported:
         return {**written, "has_applied_scale": self.has_applied_scale, **found}
 
 
-def check(path: str) -> None:
+def check_export(path: str) -> None:
     """Raise BakeError if no format has the ending of `path`, or Blender's exporter is missing."""
     _format(Path(path)).check()
 
 
-def export(
+def export_files(
     context: bpy.types.Context,
     bakes: Sequence[Sequence[Report]],
     path: Path,
@@ -251,3 +251,28 @@ def _warnings(one: Staged, measured: Measured | None) -> list[str]:
                 f"{file_formats.MESHES[0]} file, which has the tangents of the bake."
             )
     return notes
+
+
+def check_levels(path: str, count: int) -> None:
+    """Raise BakeError if `path` cannot take `count` levels. It may be relative to the .blend file."""
+    if path.startswith("//") and not bpy.data.filepath:
+        raise BakeError(f"{path!r} is relative to a .blend file that was never saved: save it first.")
+    check_export(path)
+    one_file = file_formats.MESHES[0]
+    if count > 1 and naming.LOW not in path and Path(path).suffix.lower() != one_file:
+        raise BakeError(f"Only {one_file} has levels in one file: put {naming.LOW} into the path of the export.")
+
+
+def export_levels(context: bpy.types.Context, reports: Sequence[Report], path: str) -> list[Exported]:
+    """Write levels, from the finest, with their maps: a file for each if `path` has LOW. reports: of their maps.
+
+    Raises BakeError, and then no file has changed.
+    """
+    groups = [[report] for report in reports] if naming.LOW in path else [list(reports)]
+    done = []
+    with all_or_none():
+        for group in groups:
+            target = Path(bpy.path.abspath(naming.fill(path, group[0].low))).absolute()
+            bakes = [[report] for report in group]
+            done += export_files(context, bakes, target, are_levels=len(group) > 1)
+    return done

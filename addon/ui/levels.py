@@ -6,7 +6,7 @@ import bpy
 from ..core import levels, progress
 from ..core.errors import BakeError
 from ..core.levels import ChainReport
-from ..export import level_files
+from ..export import engine_files
 from ..jobs.lod import level_chain
 from . import modal
 from .sidebar import SettingsPanel, split_layout
@@ -25,14 +25,14 @@ class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
             raise BakeError("No object is active: select the mesh to make levels of.")
         limits = levels.limits(settings.level_degrees, settings.level_distance)
         if settings.export:
-            level_files.check(settings.export, len(limits))
+            engine_files.check_levels(settings.export, len(limits))
         return (yield from level_chain.work(context, context.active_object, limits, settings.to_settings(), pace))
 
     def finish(self, context: bpy.types.Context, result: ChainReport) -> None:
         lines, warnings = result.summary(), list(result.warnings)
         if context.scene.imprint.export:
             try:
-                done = level_files.export(
+                done = engine_files.export_levels(
                     context, [level.bake for level in result.levels], context.scene.imprint.export
                 )
             except BakeError as error:  # the levels are made

@@ -25,7 +25,7 @@ def bake(low, *highs, size=64, image="the normal map", **settings):
 
 
 def export(path, *reports):
-    return engine_files.export(bpy.context, [[report] for report in reports], path)
+    return engine_files.export_files(bpy.context, [[report] for report in reports], path)
 
 
 def bent_pair(**options):
@@ -170,7 +170,9 @@ def test_levels_of_detail_hang_on_the_first(tmp_path):
     low, high = bent_pair()
     coarse = zoo.sheet("coarse", lambda u, v: np.stack([u, v, 0 * u], axis=1), 1, 1)
     reports = bake(low, high, image="fine map"), bake(coarse, high, image="coarse map")
-    done = engine_files.export(bpy.context, [[report] for report in reports], tmp_path / "out.glb", are_levels=True)
+    done = engine_files.export_files(
+        bpy.context, [[report] for report in reports], tmp_path / "out.glb", are_levels=True
+    )
     tree, _ = glb.parse(tmp_path / "out.glb")
     (root,) = tree["scenes"][0]["nodes"]
     (other,) = tree["nodes"][root]["extensions"]["MSFT_lod"]["ids"]
@@ -189,7 +191,7 @@ def test_texture_sets_have_a_material_each(tmp_path):
         method="FLATTEN", width=64, height=64, storage="PACK", basis="MIKKTSPACE", texture_sets=True, material=False
     )
     reports = bake_jobs.bake_all(bpy.context, [Job(low, [high])], settings)
-    (done,) = engine_files.export(bpy.context, [reports], tmp_path / "out.glb")
+    (done,) = engine_files.export_files(bpy.context, [reports], tmp_path / "out.glb")
     found = glb.parts(tmp_path / "out.glb", "bent")
     assert [part.material["name"] for part in found] == ["wood", "iron"]
     assert [len(part.indices) for part in found] == [12, 12]

@@ -216,7 +216,7 @@ def test_only_glb_holds_levels(tmp_path):
     low, high = bent_pair()
     report = bake(low, high)
     with pytest.raises(BakeError, match="cannot hold levels"):
-        engine_files.export(bpy.context, [[report]], tmp_path / "out.fbx", are_levels=True)
+        engine_files.export_files(bpy.context, [[report]], tmp_path / "out.fbx", are_levels=True)
 
 
 @pytest.mark.parametrize("ending", [".glb", ".usd", ".fbx"])

@@ -91,7 +91,7 @@ def export(report: Report) -> Glb:
     """What Imprint writes of a bake, with one-sided materials: the pictures show no triangle from behind."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "low.glb"
-        engine_files.export(bpy.context, [[report]], path)
+        engine_files.export_files(bpy.context, [[report]], path)
         glb = Glb.read(path)
     for material in glb.document["materials"]:
         material.pop("doubleSided", None)
