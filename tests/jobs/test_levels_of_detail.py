@@ -11,8 +11,8 @@ from addon.core.errors import BakeError
 from addon.core.levels import limits
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import bake_jobs
-from addon.jobs.lod import decimation, deviation_measuring, frozen_texels, level_chain
+from addon.jobs import bake_jobs, decimation
+from addon.jobs.lod import deviation_measuring, level_chain
 from addon.scene import mesh_reader
 from tests.support import zoo
 from tests.support.snapshot import difference, snapshot
@@ -108,7 +108,7 @@ def step():
 @pytest.mark.slow
 def test_triangles_beyond_the_limit_are_kept_and_the_rest_becomes_coarser(monkeypatch):
     kept = chain(step(), "1", "5").levels[0]
-    monkeypatch.setattr(frozen_texels, "vertices", lambda source, _: np.zeros(len(source.is_kept), bool))
+    monkeypatch.setattr(decimation, "frozen_vertices", lambda source, _: np.zeros(len(source.is_kept), bool))
     free = chain(step(), "1", "5").levels[0]
     assert kept.triangles < 0.8 * free.triangles
 
@@ -122,9 +122,9 @@ def test_vertices_around_texels_are_found_on_all_layers():
     with decimation.Meshes() as meshes:
         source = decimation.read(bpy.context, plane, "", "RENDER", meshes)
         texels = np.zeros((64, 64), bool)
-        assert not frozen_texels.vertices(source, texels).any()
+        assert not decimation.frozen_vertices(source, texels).any()
         texels[:31] = True
-        points = source.surface.positions[frozen_texels.vertices(source, texels)]
+        points = source.surface.positions[decimation.frozen_vertices(source, texels)]
     assert sorted({(round(float(x), 3), round(float(y), 3)) for x, y, _ in points}) == [
         (x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0)
     ]

@@ -20,9 +20,8 @@ from ...output import map_names, map_storage, output_clashes
 from ...output.files.atomic_file import all_or_none
 from ...scene import object_checks
 from ...scene.object_refs import ObjectRef
-from .. import bake_jobs
+from .. import bake_jobs, decimation
 from ..job import Job, files_kept
-from . import decimation
 from .level_search import LevelSearch
 
 SEARCHED = 0.85

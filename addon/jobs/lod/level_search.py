@@ -12,8 +12,9 @@ from ...core.errors import BakeError
 from ...core.levels import Level, Limit
 from ...core.progress import Pace, Progress, Task, part
 from ...core.settings import Settings
-from . import decimation, deviation_measuring, frozen_texels
-from .decimation import Source
+from .. import decimation
+from ..decimation import Source
+from . import deviation_measuring
 from .deviation_measuring import Deviations
 
 
@@ -125,7 +126,7 @@ class LevelSearch:
         """A mesh of about `wanted` triangles: with UVs that are moved, or without if those are beyond the limit and this is
         better."""
         source, found = base.source, []
-        is_frozen = frozen_texels.vertices(source, frozen)
+        is_frozen = decimation.frozen_vertices(source, frozen)
         for moved_to in (self.original.data, None):
             yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
             data = self.meshes.own(decimation.coarser(source, wanted, is_frozen, moved_to))

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...core.errors import BakeError
-from ...mesh.levels import kept_borders, uv_moves
-from ...mesh.triangle_mesh import Mesh
-from ...scene import evaluation, mesh_reader
+from ..core import udim
+from ..core.errors import BakeError
+from ..mesh.levels import kept_borders, uv_moves
+from ..mesh.triangle_mesh import Mesh
+from ..passes import audit
+from ..scene import evaluation, mesh_reader
 
 NAME = "Imprint level"
 """Of temporary datablocks, which exist only within one step of a task, except for meshes."""
@@ -213,3 +215,18 @@ def _evaluated(scene: bpy.types.Scene, obj: bpy.types.Object) -> bpy.types.Mesh:
     layer = scene.view_layers[0]
     layer.update()
     return bpy.data.meshes.new_from_object(obj.evaluated_get(layer.depsgraph), depsgraph=layer.depsgraph)
+
+
+LAYERS = 4
+"""How many triangles on one texel are found: as many as mirrored or repeated parts usually share."""
+
+
+def frozen_vertices(source: Source, texels: np.ndarray) -> np.ndarray:
+    """Which vertices (V,) bool belong to a triangle on one of these `texels` (height, width) bool."""
+    surface, result = source.surface, np.zeros(len(source.is_kept), bool)
+    if texels.any():
+        uploaded = audit.upload_with_ids(surface.triangles, surface.uv)
+        for numbers in audit.layers_of_triangles(uploaded, texels.shape[::-1], udim.uv_to_clip(), LAYERS):
+            found = np.unique(numbers[texels]).astype(np.int64)
+            result[surface.vertices[surface.triangles[found[found > 0] - 1]]] = True
+    return result
