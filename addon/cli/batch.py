@@ -201,9 +201,9 @@ def _kind(options: argparse.Namespace) -> str:
 def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     """The names of the low objects in those of files."""
     if options.levels:
-        from ..jobs.lod import level_chain  # here, since a bake does not need it
+        from ..jobs import lod  # here, since a bake does not need it
 
-        return level_chain.names(jobs[0].low, len(levels.limits(*options.levels)))
+        return lod.names(jobs[0].low, len(levels.limits(*options.levels)))
     return [naming.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
 
 
@@ -240,10 +240,10 @@ def _baked(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
 
         return _Baked([progress.finish(convert_map(bpy.context, jobs[0], options, settings), on_step)])
     if options.levels:
-        from ..jobs.lod import level_chain  # likewise
+        from ..jobs import lod  # likewise
 
         limits = levels.limits(*options.levels)
-        chain = progress.finish(level_chain.work(bpy.context, jobs[0].low, limits, settings, speed), on_step)
+        chain = progress.finish(lod.work(bpy.context, jobs[0].low, limits, settings, speed), on_step)
         return _Baked([level.bake for level in chain.levels], chain=chain)
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, plans.frames(options), speed, reports=reports)

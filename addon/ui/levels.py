@@ -7,7 +7,7 @@ from ..core import levels, progress
 from ..core.errors import BakeError
 from ..core.levels import ChainReport
 from ..export import engine_files
-from ..jobs.lod import level_chain
+from ..jobs import lod
 from . import modal
 from .sidebar import SettingsPanel, split_layout
 
@@ -26,7 +26,7 @@ class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
         limits = levels.limits(settings.level_degrees, settings.level_distance)
         if settings.export:
             engine_files.check_levels(settings.export, len(limits))
-        return (yield from level_chain.work(context, context.active_object, limits, settings.to_settings(), pace))
+        return (yield from lod.work(context, context.active_object, limits, settings.to_settings(), pace))
 
     def finish(self, context: bpy.types.Context, result: ChainReport) -> None:
         lines, warnings = result.summary(), list(result.warnings)

@@ -27,7 +27,7 @@ LATER = {
     "addon.cli.results.report_command",
     "addon.export.engine_files",
     "addon.jobs.convert",
-    "addon.jobs.lod.level_chain",
+    "addon.jobs.lod",
 }
 """Modules of commands and options that are loaded at their first use."""
 

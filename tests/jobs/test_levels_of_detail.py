@@ -11,8 +11,7 @@ from addon.core.errors import BakeError
 from addon.core.levels import limits
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import bake_jobs, decimation
-from addon.jobs.lod import deviation_measuring, level_chain
+from addon.jobs import bake_jobs, decimation, lod
 from addon.scene import mesh_reader
 from tests.support import zoo
 from tests.support.snapshot import difference, snapshot
@@ -25,14 +24,14 @@ CLOSE = 0.02
 
 
 def chain(obj, degrees, percent="", settings=SETTINGS):
-    return finish(level_chain.work(bpy.context, obj, limits(degrees, percent), settings, Pace()))
+    return finish(lod.work(bpy.context, obj, limits(degrees, percent), settings, Pace()))
 
 
 def measured(original, level, settings=SETTINGS):
     """The deviations of the mesh of `level` from that of `original`."""
     surface = mesh_reader.surface(original.data, "UVMap", "original", np.eye(4), with_faces=True)
-    small = deviation_measuring.settings_for(settings)
-    return finish(deviation_measuring.measure(surface, level.data, "UVMap", small, Pace()))
+    small = lod.settings_for(settings)
+    return finish(lod.measure(surface, level.data, "UVMap", small, Pace()))
 
 
 def borders(obj):
@@ -191,7 +190,7 @@ def test_uvs_move_to_where_vertices_lie(monkeypatch):
 
 def steps_of(obj, count):
     """Do `count` steps of a chain and close it. Returns whether it was not yet done."""
-    work = level_chain.work(bpy.context, obj, limits("", "3"), SETTINGS, Pace(0.0))
+    work = lod.work(bpy.context, obj, limits("", "3"), SETTINGS, Pace(0.0))
     for _ in range(count):
         if next(work, None) is None:
             return False
