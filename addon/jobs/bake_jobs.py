@@ -23,11 +23,10 @@ from ..engine.mips import mip_levels
 from ..engine.rendering import DrawnMaps, Renderer
 from ..output import map_names, output_clashes
 from ..output.outputs import Outputs, into_materials
-from . import readiness, texture_sets
+from . import readiness, texture_sets, weights
 from .bake import bake_job, draw_raw
 from .job import Job, check_job, files_kept
 from .report_making import DrawnJob, report_of
-from .weights import painted_groups
 
 
 class Atlas:
@@ -171,7 +170,7 @@ def work(
         jobs = texture_sets.by_material(jobs, settings.storing)
     filled = [
         for_low(own, ATLAS if share_image else job.low.name, job.material)
-        for job, own in zip(jobs, painted_groups.settings_by_job(jobs, settings), strict=True)
+        for job, own in zip(jobs, weights.settings_by_job(jobs, settings), strict=True)
     ]
     _find_occluders(jobs, settings.tracing)
     read = files_kept(jobs, settings.storing)

@@ -7,7 +7,7 @@ from bpy.props import FloatProperty, IntProperty
 from ..core.declarations.choices import Method, Space, Storage
 from ..core.declarations.map_settings import ADAPTIVE_FROM, MAX_SIZE
 from ..core.report import Report
-from ..jobs.weights import weight_proposal
+from ..jobs import weights
 from . import maps_panel
 from .bake_results import distances, results
 from .cage_overlay import overlay
@@ -218,9 +218,9 @@ class IMPRINT_OT_propose_weights(QuickOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context) -> str:
         report, settings = results.of(context), context.scene.imprint
-        groups = {name: getattr(settings, name) for name in weight_proposal.GROUP_NAMES}
-        proposal = weight_proposal.propose(context, report, groups)
-        for name, group in weight_proposal.apply(report.refs[0].resolve(), proposal, groups).items():
+        groups = {name: getattr(settings, name) for name in weights.GROUP_NAMES}
+        proposal = weights.propose(context, report, groups)
+        for name, group in weights.apply(report.refs[0].resolve(), proposal, groups).items():
             setattr(settings, name, group)
         share = f"{proposal.before:.2%} of the texels are doubtful"
         if proposal.after < proposal.before:

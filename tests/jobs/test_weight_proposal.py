@@ -10,8 +10,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine.rays import ray_doubts
-from addon.jobs import bake_pair, locate_issues
-from addon.jobs.weights import weight_proposal
+from addon.jobs import bake_pair, locate_issues, weights
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import Mesh
 from addon.scene import vertex_weights
@@ -46,15 +45,15 @@ def test_more_offset_where_rays_missed(udim):
     low, highs = zoo.plane("lo", n=8), step_up()
     report = bake(low, *highs, **STEP, udim=udim, storage="PACK")
     assert 0.45 < report.missed < 0.55
-    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    proposal = weights.propose(bpy.context, report, NONE)
     offset, straight = (proposal.weights[setting] for setting in NONE)
     assert (offset[x_of(low) > 0.1] == 1.0).all()
     assert (offset[x_of(low) < -0.1] == 0.5).all()
     assert (straight == 0.5).all()
     assert np.isclose(proposal.before, report.missed, atol=0.01)
     assert proposal.after == 0.0
-    groups = weight_proposal.apply(low, proposal, NONE)
-    assert groups == weight_proposal.GROUP_NAMES
+    groups = weights.apply(low, proposal, NONE)
+    assert groups == weights.GROUP_NAMES
     assert bake(low, *highs, **STEP, **groups).missed == 0.0
 
 
@@ -65,11 +64,11 @@ def test_smooth_directions_where_straight_rays_pass_the_high_mesh():
     rays = {"directions": "SPLIT", "extrusion": 0.3, "max_distance": 1.0}
     report = bake(low, high, **rays)
     assert report.missed > 0.05
-    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    proposal = weights.propose(bpy.context, report, NONE)
     assert (proposal.weights["straight_group"] == 0.0).all()
     assert (proposal.weights["offset_group"] == 0.5).all()
     assert proposal.after < proposal.before
-    assert bake(low, high, **rays, **weight_proposal.apply(low, proposal, NONE)).missed < 0.1 * report.missed
+    assert bake(low, high, **rays, **weights.apply(low, proposal, NONE)).missed < 0.1 * report.missed
 
 
 def test_less_offset_where_rays_start_behind_another_layer():
@@ -81,18 +80,18 @@ def test_less_offset_where_rays_start_behind_another_layer():
     rays = {"hit": "OUTERMOST", "extrusion": 0.8, "max_distance": 1.0}
     report = bake(low, high, **rays)
     assert report.checks["unsure"]["other_layer"] > 0
-    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    proposal = weights.propose(bpy.context, report, NONE)
     assert proposal.weights["offset_group"].tolist() == [0.25] * 4 + [0.5] * 4
     assert proposal.before == 0.5
     assert proposal.after == 0.0
-    assert bake(low, high, **rays, **weight_proposal.apply(low, proposal, NONE)).checks["unsure"]["count"] == 0
+    assert bake(low, high, **rays, **weights.apply(low, proposal, NONE)).checks["unsure"]["count"] == 0
 
 
 def test_parts_that_stand_off_stay():
     low, base, plate = zoo.plane("lo", n=4), zoo.plane("base"), zoo.plane("plate")
     plate.scale, plate.location.z = (0.3, 0.3, 1.0), 0.05
     report = bake(low, base, plate)
-    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    proposal = weights.propose(bpy.context, report, NONE)
     assert all((weights == 0.5).all() for weights in proposal.weights.values())
     assert proposal.before == proposal.after == 0.0
 
@@ -102,10 +101,10 @@ def test_painted_weights_stay_where_no_others_are_better():
     painted = np.where(x_of(low) < 0.0, np.float32(0.375), np.float32(0.5))
     names = NONE | {"offset_group": vertex_weights.write(low, "far", painted)}
     report = bake(low, *highs, **STEP, **names)
-    proposal = weight_proposal.propose(bpy.context, report, names)
+    proposal = weights.propose(bpy.context, report, names)
     assert (proposal.weights["offset_group"][x_of(low) < -0.1] == 0.375).all()
     assert (proposal.weights["offset_group"][x_of(low) > 0.1] == 1.0).all()
-    assert weight_proposal.apply(low, proposal, names)["offset_group"] == "far"
+    assert weights.apply(low, proposal, names)["offset_group"] == "far"
 
 
 @pytest.mark.parametrize(
@@ -123,7 +122,7 @@ def test_painted_weights_stay_where_no_others_are_better():
 )
 def test_the_trial_that_leaves_the_fewest_doubtful_texels_wins(left, offset, straight):
     """Of ten doubtful texels on a triangle, trials leave as many as `left` says."""
-    proposal = weight_proposal.best(one_triangle(), lambda painted, _: traced(left.get(trial_of(painted), 10)))
+    proposal = weights.best(one_triangle(), lambda painted, _: traced(left.get(trial_of(painted), 10)))
     assert (proposal.weights["offset_group"] == offset).all()
     assert (proposal.weights["straight_group"] == straight).all()
     assert (proposal.before, proposal.after) == (0.1, min([10, *(n for n in left.values() if n < 8)]) / 100)
@@ -131,15 +130,15 @@ def test_the_trial_that_leaves_the_fewest_doubtful_texels_wins(left, offset, str
 
 def test_weights_that_do_not_fit_together_are_not_proposed():
     """The trial leaves fewer doubtful texels, but what is made of all trials leaves more."""
-    counts = iter([10, *[0] * len(weight_proposal.TRIALS), 10, 11])
-    proposal = weight_proposal.best(one_triangle(), lambda *_: traced(next(counts)))
+    counts = iter([10, *[0] * len(weights.TRIALS), 10, 11])
+    proposal = weights.best(one_triangle(), lambda *_: traced(next(counts)))
     assert all((weights == 0.5).all() for weights in proposal.weights.values())
     assert (proposal.before, proposal.after) == (0.1, 0.1)
 
 
 def test_a_trial_that_changes_a_sure_texel_is_not_proposed():
     left = {("offset", 0.25): 2, ("offset", 0.125): 5}
-    proposal = weight_proposal.best(
+    proposal = weights.best(
         one_triangle(),
         lambda painted, _: traced(left.get(trial_of(painted), 10), moved=trial_of(painted) == ("offset", 0.25)),
     )
@@ -154,13 +153,13 @@ def test_the_result_is_checked_on_more_texels():
     def trace(painted, size):
         sizes.append(size)
         is_tried = trial_of(painted) == ("offset", 0.25)
-        return traced(2 if is_tried else 10, moved=is_tried and size == weight_proposal.CHECKED_TEXELS)
+        return traced(2 if is_tried else 10, moved=is_tried and size == weights.CHECKED_TEXELS)
 
-    proposal = weight_proposal.best(one_triangle(), trace)
+    proposal = weights.best(one_triangle(), trace)
     assert all((weights == 0.5).all() for weights in proposal.weights.values())
     assert (proposal.before, proposal.after) == (0.1, 0.1)
-    trials, checks = 1 + len(weight_proposal.TRIALS), 3
-    assert sizes == [weight_proposal.TEXELS] * trials + [weight_proposal.CHECKED_TEXELS] * checks
+    trials, checks = 1 + len(weights.TRIALS), 3
+    assert sizes == [weights.TEXELS] * trials + [weights.CHECKED_TEXELS] * checks
 
 
 def traced(doubtful, *, moved=False):
@@ -181,9 +180,9 @@ def test_sure_texels_keep_their_surface():
     report = bake(low, high, **rays)
     heights = pixels("lo_height")
     is_sure = pixels(locate_issues.draw_mask(bpy.context, report, "unsure").name) == 0.0
-    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    proposal = weights.propose(bpy.context, report, NONE)
 
-    groups = weight_proposal.apply(low, proposal, NONE)
+    groups = weights.apply(low, proposal, NONE)
     bake(low, high, **rays, **groups)
     changed = np.abs(pixels("lo_height") - heights) > 1e-3
 
@@ -200,7 +199,7 @@ def test_random_scenes_lose_no_texel_with_seed(seed):
     report = bake_pair(bpy.context, low, highs, settings)
     heights, is_hit = pixels("map_height"), pixels("map", 3) > 0.0
     is_unsure = pixels(locate_issues.draw_mask(bpy.context, report, "unsure").name) > 0.0
-    groups = weight_proposal.apply(low, weight_proposal.propose(bpy.context, report, NONE), NONE)
+    groups = weights.apply(low, weights.propose(bpy.context, report, NONE), NONE)
     bake_pair(bpy.context, low, highs, replace(settings, **groups, **report.distances))
     assert (pixels("map", 3) > 0.0)[is_hit].all()
     assert np.allclose(pixels("map_height")[is_hit & ~is_unsure], heights[is_hit & ~is_unsure], atol=2e-3)
@@ -253,17 +252,17 @@ def test_modifiers_may_not_change_the_vertices():
     low, highs = zoo.plane("lo", n=8), step_up()
     low.modifiers.new("Triangulate", "TRIANGULATE")
     report = bake(low, *highs, **STEP)
-    assert (weight_proposal.propose(bpy.context, report, NONE).weights["offset_group"] == 1.0).any()
+    assert (weights.propose(bpy.context, report, NONE).weights["offset_group"] == 1.0).any()
     low.modifiers.new("Mirror", "MIRROR").use_axis = (False, True, False)
     with pytest.raises(BakeError, match="The modifiers of 'lo' add or remove vertices"):
-        weight_proposal.propose(bpy.context, report, NONE)
+        weights.propose(bpy.context, report, NONE)
 
 
 def test_nothing_is_stored():
     low, highs = zoo.plane("lo", n=2), step_up()
     report = bake(low, *highs, **STEP)
     texels = list(bpy.data.images["lo_normal"].pixels)
-    weight_proposal.propose(bpy.context, report, NONE)
+    weights.propose(bpy.context, report, NONE)
     assert [image.name for image in bpy.data.images] == ["lo_normal"]
     assert list(bpy.data.images["lo_normal"].pixels) == texels
     assert not low.vertex_groups
@@ -279,7 +278,7 @@ def bake_file(path, **settings):
 @pytest.mark.parametrize("hit", ["OWN", "OUTERMOST"])
 def test_bolts_and_plates_stay(shared_assets, name, hit):
     report = bake_file(shared_assets / "layers" / f"{name}.blend", hit=hit)
-    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    proposal = weights.propose(bpy.context, report, NONE)
     assert all((weights == 0.5).all() for weights in proposal.weights.values())
 
 
@@ -289,6 +288,6 @@ def test_bolts_and_plates_stay(shared_assets, name, hit):
 def test_first_hits_of_other_layers_go(shared_assets, name, left):
     """The shares of the texels of another layer that are left: 0.003 and 0.44 where this was measured."""
     report = bake_file(shared_assets / "layers" / f"{name}.blend", hit="OUTERMOST")
-    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    proposal = weights.propose(bpy.context, report, NONE)
     assert proposal.before > 0.1
     assert proposal.after < left * proposal.before

@@ -1,26 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Proposes weights for the painted vertex groups: it tries other weights on the whole low mesh, and keeps at each vertex those
-that leave the fewest doubtful texels around it."""
+"""Vertex weights of low objects: the settings of each object by the groups that it has, and weights that are proposed from a bake."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import bpy
 import gpu
 import numpy as np
 
-from ...core import progress, udim
-from ...core.errors import BakeError
-from ...core.report import Report
-from ...core.settings import Run
-from ...engine import gpu_memory
-from ...engine.method_choice import choose_method
-from ...engine.rays import ray_casting, ray_doubts
-from ...engine.sources import normal_source
-from ...mesh.inputs import Meshes
-from ...scene import reading, vertex_weights
-from ..job import check_job
-from ..report_making import PastBake
+from ..core import progress, udim
+from ..core.declarations.choices import Method
+from ..core.errors import BakeError
+from ..core.report import Report
+from ..core.settings import Run, Settings
+from ..engine import gpu_memory
+from ..engine.method_choice import choose_method
+from ..engine.rays import ray_casting, ray_doubts
+from ..engine.sources import normal_source
+from ..mesh.inputs import Meshes
+from ..scene import reading, vertex_weights
+from .job import Job, check_job
+from .report_making import PastBake
+
+
+def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:
+    """The settings for each job. Where several are baked, a low object without a group is baked as unpainted.
+
+    Raises BakeError if none of several low objects has the group. One low object may lack a group that another object has,
+    as vertex_weights.weights reads it.
+    """
+    if len(jobs) < 2 or settings.tracing.method == Method.FLATTEN:
+        return [settings] * len(jobs)
+    lows = [job.low for job in jobs]
+    for name in filter(None, (getattr(settings.tracing, setting) for setting in vertex_weights.GROUPS)):
+        if not any(name in low.vertex_groups for low in lows):
+            raise BakeError(f"No low object has a vertex group {name!r}: name one that they have, or none.")
+    return [vertex_weights.without_missing(low, settings) for low in lows]
+
 
 GROUP_NAMES = {"offset_group": "Imprint Offset", "straight_group": "Imprint Straight"}
 """The names of groups that are created, by the settings."""
