@@ -68,7 +68,7 @@ def _numbers(text: str, what: str, most: float) -> list[float]:
 class Level:
     """One level of a chain.
 
-    name: of its object. limit: what it may deviate. degrees, bare_degrees, distance: as in deviation_measuring.Deviations.
+    name: of its object. limit: what it may deviate. degrees, bare_degrees, distance: as in lod.Deviations.
     beyond: the number of triangles of the coarser mesh that was measured beyond the limit, 0 if there is no coarser one.
     beyond_degrees, beyond_distance: of that mesh. bake: the report of its map.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a file holds of one object, as an engine reads it."""
+"""The low mesh of a finished bake, as the bake read it, and what a file holds of one object, as an engine reads it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Decodes tangent-space normals as the shaders of engines do, in double precision."""
+"""Measures what an engine would show of a file against what was baked: decodes normals as the shaders of engines do, in double
+precision."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

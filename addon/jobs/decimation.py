@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makes coarser meshes of an object with Blender's Decimate modifier, in a scene of their own."""
+"""Makes coarser meshes of an object with Blender's Decimate modifier, in a scene of their own, and finds the vertices that it
+must keep."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures how far a coarser level with its map is from the original surface: in degrees, and in distance."""
+"""Makes a chain of levels of detail: meshes as coarse as their limits allow, each with a map by Flatten.
+
+Each level is made step by step from finer ones, whose deviation from the original surface was measured with their maps, in
+degrees and in distance.
+"""
 
 import time
 from collections.abc import Callable, Iterator, Sequence

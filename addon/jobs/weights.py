@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vertex weights of low objects: the settings of each object by the groups that it has, and weights that are proposed from a bake."""
+"""Vertex groups of low meshes that change rays: which of them the objects of a call have, and a proposal of weights.
+
+A proposal tries other weights on the whole low mesh, and keeps at each vertex those that leave the fewest doubtful texels
+around it.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -16,7 +16,7 @@ CALLS = {
     ("jobs/bake_jobs.py", "with_gpu"): 1,
     ("jobs/convert.py", "with_gpu"): 1,
     ("ui/modal.py", "with_gpu"): 1,
-    ("jobs/lod/level_chain.py", "start_gpu"): 1,
+    ("jobs/lod.py", "start_gpu"): 1,
     ("output/map_nodes.py", "normal_map_values"): 2,
     ("output/map_nodes.py", "normal_map_color"): 1,
     ("export/staging.py", "exported_channels"): 1,

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The container of binary glTF (Khronos glTF 2.0 specification, section 4.4), its accessors and its images."""
+"""Binary glTF (Khronos glTF 2.0 specification, section 4.4): Blender's exporter writes it, with the tangents of the bake and
+levels of detail put in afterwards."""
 
 import json
 import struct
