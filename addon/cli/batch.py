@@ -2,6 +2,7 @@
 """Runs a bake of the command line in this process: opens its files, bakes, and saves what its options name."""
 
 import argparse
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
@@ -15,6 +16,7 @@ from .. import older_blender
 from ..core import levels, naming, progress
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
+from ..core.naming import printable
 from ..core.progress import startup
 from ..core.report import Report
 from ..core.settings import Settings
@@ -22,16 +24,18 @@ from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
 from ..scene import object_refs
-from . import input_checks, interruption, memory_check, read_files, side_files, standard_streams
+from . import blender_process, input_checks, interruption, memory_check, read_files, side_files, standard_streams
 from .done.contents import Content, Contents
 from .mesh_files.importers import Space
 from .plan import clashes, plans
 from .plan.plans import Plan, subject
-from .results import gates, report_file, run_report
+from .results import bake_result, gates, report_file, run_report, terminal
 from .results.bake_result import Result
 from .results.terminal import Meter
 from .scene_files import SceneLoader
 from .usage import arguments
+from .usage.options import STDOUT
+from .usage.run_options import RunOptions
 
 
 def need_all(planned: Sequence[Plan]) -> bool:
@@ -309,3 +313,59 @@ def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], 
     if not (options.high or options.convert or options.levels):
         input_checks.check_own_high(low, "--high")
     return [Job(low, highs, object_refs.by_name(options.cage) if options.cage else None)], []
+
+
+def run_single(plan: Plan, files: clashes.RunFiles, run_options: RunOptions, meter: Meter) -> int:
+    """Bake. files: must have the plan. Returns the exit code. Raises WrongPlace if the bake would harm a file."""
+    options, program, loader = plan.options, run_options.program, SceneLoader()
+    if need_all([plan]):
+        blender_process.complete()  # before a file is opened, as Baker does
+    start, is_begun = time.perf_counter(), False
+    meter.planned(1, 1)
+    meter.begin(Plan(plans.subject(options, bpy.data.filepath), options))
+    try:
+        opened = open_files(plan, loader, files, meter)
+        is_begun = True
+        result = run(opened, loader, files, meter)
+    except interruption.Stopped:
+        meter.clear()
+        print(f"{program}: stopped, nothing was finished.", file=sys.stderr)
+        return run_report.FAILED
+    except (BakeError, MemoryError) as error:
+        if isinstance(error, WrongPlace) and not is_begun:
+            raise
+        meter.clear()
+        result = bake_result.failure(plans.subject(options, bpy.data.filepath), error)
+        result.seconds = time.perf_counter() - start
+        return _report_failure(result, options.report, program, meter)
+    meter.clear()
+    out, entry = terminal.out(run_options), result.entry()
+    for warning in result.unsaid:
+        meter.report(f"{program}: warning: {warning}")
+    if result.is_stopped:
+        print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
+    for sentence in entry.gate:
+        print(printable(f"{program}: {sentence}"), file=sys.stderr)
+    lines = [
+        *terminal.saved(result.maps),
+        *terminal.summary(result),
+        terminal.wrote(result, opened.report),
+    ]
+    print("\n".join(map(printable, lines)), file=out)
+    if options.report == STDOUT:
+        print(report_file.as_text(run_report.document([entry])))
+    meter.ended(entry)
+    return run_report.exit_code(entry)
+
+
+def _report_failure(result: Result, report: str | None, program: str, meter: Meter) -> int:
+    """Say why a bake failed, on standard error and in its report. Returns the exit code."""
+    print(printable(f"{program}: {result.error}"), file=sys.stderr)
+    entry = result.entry()
+    meter.ended(entry)
+    document = run_report.document([entry])
+    if path := report_file.report_path(report):
+        report_file.write_failure(path, document)
+    elif report:
+        print(report_file.as_text(document))
+    return run_report.exit_code(entry)

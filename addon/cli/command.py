@@ -115,9 +115,9 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
             return many_bakes.run(options, chosen, head, files, meter, may_start_processes=may_start_processes)
         load_blender()
         with startup.spent("imprint"):
-            from . import one_bake  # needs Blender
+            from . import batch  # needs Blender
 
-        return one_bake.run(planned[0], files, options, meter)
+        return batch.run_single(planned[0], files, options, meter)
     except WrongPlace as error:
         meter.clear()
         return _refuse(program, error)
