@@ -152,7 +152,7 @@ def cost(options: argparse.Namespace) -> int:
     """
     maps = options.normal + len(arguments.settings(options).map.drawn_maps)
     texels = options.size[0] * options.size[1] * max(1, len(options.tiles)) * max(1, len(frames(options)))
-    return texels if options.convert else texels * options.samples * max(1, maps)
+    return texels if options.convert else texels * options.samples * maps
 
 
 def named_plans(planned: Sequence[Plan], patterns: Sequence[str]) -> list[Plan]:
