@@ -87,7 +87,7 @@ def _round_to_bytes(pixels: np.ndarray) -> None:
 
 
 PREMULTIPLIED = ":premultiplied"
-"""The end of keys of pages whose colors are multiplied with alpha."""
+"""The end of keys of textures whose colors are multiplied with alpha."""
 _UNREADABLE = {
     "MOVIE": "a movie",
     "SEQUENCE": "an image sequence",
@@ -121,7 +121,7 @@ class ImageTextures:
 
     _sizes: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
 
-    def page(self, image: Image, *, is_premultiplied: bool) -> ImageTexture:
+    def texture(self, image: Image, *, is_premultiplied: bool) -> ImageTexture:
         """The key and the tiles of an image.
 
         Raises UnreadableError for an image without pixels: a missing file, a movie, a render.
@@ -139,7 +139,7 @@ class ImageTextures:
         notes += [note for tile in existing if (note := _cut(image, tile))]
         if image.source == "TILED" and image.is_dirty:
             notes.append(f'the image "{image.name}" has changes that are not saved, which the map does not have')
-        # One key for both, where alpha has no influence on colors: then the page is loaded once.
+        # One key for both, where alpha has no influence on colors: then the texture is loaded once.
         is_premultiplied &= has_alpha_in_colors(image)
         key = f"{image.session_uid}{PREMULTIPLIED if is_premultiplied else ''}"
         return ImageTexture(key, existing if tiles else (), tuple(notes))
@@ -157,8 +157,8 @@ class ImageTextures:
 
     def measured_range(self, key: str, tiles: Collection[int] = ()) -> tuple[float, float]:
         """The smallest and the largest value of the pixels of an image. Loads them."""
-        pages = [self.load(key, tile).values for tile in tiles or (SINGLE,)]
-        return min(float(page.min()) for page in pages), max(float(page.max()) for page in pages)
+        found = [self.load(key, tile).values for tile in tiles or (SINGLE,)]
+        return min(float(values.min()) for values in found), max(float(values.max()) for values in found)
 
     def name(self, key: str) -> str:
         """The name of the image behind a key, for messages. Raises BakeError if the image is gone."""
@@ -174,7 +174,7 @@ class ImageTextures:
         return self._size(_image_of(key), tile)
 
     def load(self, key: str, tile: int = SINGLE) -> ImagePixels:
-        """The pixels of a page, in a new array for each call.
+        """The pixels of a texture, in a new array for each call.
 
         Colors are scene-linear, except that sRGB of 8 bits stays as it is stored; they are multiplied with alpha if the key
         says so. Images of data (Non-Color) have their stored values. Raises BakeError if the image has no pixels any more.
@@ -183,7 +183,7 @@ class ImageTextures:
         with _loaded(image, tile) as single:
             width, height = single.size
             if min(width, height) == 0:
-                raise BakeError(f"A page is missing: {_missing_tile(image, tile)}.")
+                raise BakeError(f"A texture is missing: {_missing_tile(image, tile)}.")
             stored = _stored(single)
             found = prepare_texture(stored, width, single, is_premultiplied=key.endswith(PREMULTIPLIED))
         return replace(found, values=found.values.reshape(height, width, 4))
@@ -276,7 +276,7 @@ def stored_tiles(image: Image) -> tuple[int, ...]:
     Raises BakeError for an image without pixels: a missing file, a movie, a render.
     """
     try:
-        found = ImageTextures().page(image, is_premultiplied=False)
+        found = ImageTextures().texture(image, is_premultiplied=False)
     except UnreadableError as error:
         raise BakeError(f"No normal map can be read: {error}.") from error
     return found.tiles or (udim.FIRST,)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests of reading sizes from the headers of image files. tests/scene/test_image_pages.py reads files that Blender wrote."""
+"""Tests of reading sizes from the headers of image files. tests/scene/test_textures.py reads files that Blender wrote."""
 
 import io
 import random

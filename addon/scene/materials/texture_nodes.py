@@ -192,20 +192,20 @@ def _image(values: NodeValues, output: Place) -> Signal:
     # Blender shows colors multiplied with alpha, unless the node's alpha is used.
     is_premultiplied = not values.links.has_use(node.outputs["Alpha"])
     try:
-        page = values.images.page(node.image, is_premultiplied=is_premultiplied)
+        texture = values.images.texture(node.image, is_premultiplied=is_premultiplied)
     except UnreadableError as error:
         raise NotFollowedError(str(error)) from error
     uv_layer, mapping = coordinates(values, output)
     feed = ImageFeed(
-        page.key,
-        tiles=page.tiles,
+        texture.key,
+        tiles=texture.tiles,
         uv_layer=uv_layer,
         mapping=mapping,
         extension=Extension(node.extension),
         channel=ALPHA if output.socket.identifier == "Alpha" else None,
         is_smooth=node.interpolation != "Closest",
     )
-    notes = page.notes
+    notes = texture.notes
     if node.interpolation in {"Cubic", "Smart"}:
         kind = node.interpolation.lower()
         notes = (*notes, f"the {kind} interpolation of the node {title(node)} is linear in the map")

@@ -36,9 +36,9 @@ def load(path, values, *, space="sRGB", alpha="STRAIGHT"):
     return image
 
 
-def page(image, tile=0, *, is_premultiplied=False) -> np.ndarray:
+def pixels_of(image, tile=0, *, is_premultiplied=False) -> np.ndarray:
     images = ImageTextures()
-    found = images.page(image, is_premultiplied=is_premultiplied)
+    found = images.texture(image, is_premultiplied=is_premultiplied)
     loaded = images.load(found.key, tile)
     assert loaded.values.shape[1::-1] == images.size(found.key, tile)
     assert loaded.values.dtype == np.float32
@@ -52,7 +52,7 @@ def test_colors_of_16_bits_are_multiplied_with_alpha_after_they_are_linear(tmp_p
     image = load(tmp_path / "image.png", values)
     shown = values / 65535
     expected = srgb_to_linear(shown[..., :3]) * shown[..., 3:]
-    assert np.abs(page(image, is_premultiplied=True)[..., :3] - expected).max() < TOLERANCE
+    assert np.abs(pixels_of(image, is_premultiplied=True)[..., :3] - expected).max() < TOLERANCE
 
 
 def write_tiff(path, values) -> str:
@@ -88,7 +88,7 @@ def test_alpha_of_rare_files_is_that_of_blenders_buffer(tmp_path, kind):
     straight = colors / alpha if image.is_float else srgb_to_linear(colors)
     multiplied = colors if image.is_float else srgb_to_linear(colors * alpha)
     for is_premultiplied, expected in ((False, straight), (True, multiplied)):
-        found = page(image, is_premultiplied=is_premultiplied)
+        found = pixels_of(image, is_premultiplied=is_premultiplied)
         assert np.abs(found - np.concatenate([expected, alpha], axis=-1)).max() < TOLERANCE
 
 
@@ -114,7 +114,7 @@ def test_pixels_are_those_of_cycles(tmp_path, bits, space, alpha, uses_alpha):
         return  # Cycles multiplies with alpha before it makes 16 bits linear; EEVEE does so afterwards
     image = load(tmp_path / "image.png", stored(bits, alpha=alpha), space=space, alpha=alpha)
     theirs = in_cycles(image, uses_alpha=uses_alpha)
-    mine = page(image, is_premultiplied=not uses_alpha)
+    mine = pixels_of(image, is_premultiplied=not uses_alpha)
     # Cycles rounds 8 bits after the multiplication with alpha, and divides them by it afterwards.
     rounds = (bits, space, alpha, uses_alpha) == (8, "sRGB", "STRAIGHT", True)
     assert np.abs(mine[..., :3] - theirs).max() < TOLERANCE * (2 if rounds else 1)
@@ -125,7 +125,7 @@ def test_pixels_are_those_of_cycles(tmp_path, bits, space, alpha, uses_alpha):
 def test_pixels_in_another_working_space(tmp_path, space):
     bpy.ops.wm.set_working_color_space(working_space="ACEScg", convert_colors=False)
     image = load(tmp_path / "image.png", stored(channels=3), space=space)
-    assert np.abs(page(image)[..., :3] - in_cycles(image, uses_alpha=False)).max() < TOLERANCE
+    assert np.abs(pixels_of(image)[..., :3] - in_cycles(image, uses_alpha=False)).max() < TOLERANCE
 
 
 @pytest.mark.parametrize(
@@ -142,28 +142,28 @@ def test_pixels_in_another_working_space(tmp_path, space):
         ((16, "Non-Color", "STRAIGHT", False), ""),
     ],
 )
-def test_pages_say_what_is_stored(tmp_path, settings, flags):
+def test_textures_say_what_is_stored(tmp_path, settings, flags):
     """8 bits stay 8 bits on the GPU where they suffice, and alpha weighs straight colors."""
     bits, space, alpha, is_premultiplied = settings
     image = load(tmp_path / "image.png", stored(bits), space=space, alpha=alpha)
     images = ImageTextures()
-    found = images.load(images.page(image, is_premultiplied=is_premultiplied).key)
+    found = images.load(images.texture(image, is_premultiplied=is_premultiplied).key)
     said = {"srgb": found.is_srgb, "byte": found.is_byte, "weighs": found.weighs_alpha}
     assert " ".join(name for name, value in said.items() if value) == flags
 
 
 def test_one_key_where_alpha_has_no_influence(tmp_path):
-    """The page is loaded once for the sockets that use alpha and for those that do not."""
+    """The texture is loaded once for the sockets that use alpha and for those that do not."""
     images = ImageTextures()
     for space, alpha, keys in (("sRGB", "STRAIGHT", 2), ("sRGB", "CHANNEL_PACKED", 1), ("Non-Color", "STRAIGHT", 1)):
         image = load(tmp_path / "image.png", stored(), space=space, alpha=alpha)
-        assert len({images.page(image, is_premultiplied=value).key for value in (True, False)}) == keys
+        assert len({images.texture(image, is_premultiplied=value).key for value in (True, False)}) == keys
 
 
 def test_what_is_transparent_has_finite_colors(tmp_path):
     values = stored(16)
     values[..., 3] = 0
-    assert np.isfinite(page(load(tmp_path / "image.png", values))).all()
+    assert np.isfinite(pixels_of(load(tmp_path / "image.png", values))).all()
 
 
 @pytest.mark.parametrize("alpha", ["STRAIGHT", "CHANNEL_PACKED"])
@@ -175,18 +175,18 @@ def test_the_alpha_mode_of_packed_tiles(tmp_path, alpha):
     image.pixels[0]
     image.pack()
     single = load(tmp_path / "single.png", values, alpha=alpha)
-    assert (page(image, 1001, is_premultiplied=True) == page(single, is_premultiplied=True)).all()
+    assert (pixels_of(image, 1001, is_premultiplied=True) == pixels_of(single, is_premultiplied=True)).all()
 
 
 def test_an_image_without_transparency_has_nothing_to_weigh(tmp_path):
     images = ImageTextures()
     image = load(tmp_path / "image.png", stored(channels=3))
-    assert not images.load(images.page(image, is_premultiplied=False).key).weighs_alpha
+    assert not images.load(images.texture(image, is_premultiplied=False).key).weighs_alpha
 
 
 def test_srgb_is_linear_by_the_exact_formula(tmp_path):
     levels = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, axis=2)
-    mine = page(load(tmp_path / "levels.png", levels))
+    mine = pixels_of(load(tmp_path / "levels.png", levels))
     assert np.abs(mine[..., 0] - srgb_to_linear(np.arange(256).reshape(16, 16) / 255)).max() < 1e-6
     assert (mine[..., 3] == 1.0).all()
 
@@ -194,7 +194,7 @@ def test_srgb_is_linear_by_the_exact_formula(tmp_path):
 def test_data_and_linear_bytes_are_raw(tmp_path):
     values = stored()
     for space in ("Non-Color", "Linear Rec.709"):
-        assert np.abs(page(load(tmp_path / "raw.png", values, space=space)) - values / 255).max() < 1e-6
+        assert np.abs(pixels_of(load(tmp_path / "raw.png", values, space=space)) - values / 255).max() < 1e-6
 
 
 def test_float_files(tmp_path):
@@ -206,7 +206,7 @@ def test_float_files(tmp_path):
     image.save()
     loaded = bpy.data.images.load(image.filepath_raw)
     loaded.colorspace_settings.name = "Non-Color"
-    assert np.abs(page(loaded) - values).max() < 0.002  # half floats
+    assert np.abs(pixels_of(loaded) - values).max() < 0.002  # half floats
 
 
 def tiled(tmp_path, names="tile.<UDIM>.png", tiles=(1001, 1002, 1011)):
@@ -235,15 +235,15 @@ def test_each_tile_has_its_own_pixels(tmp_path, names, is_packed, is_loaded):
             file.unlink()
     if is_loaded:
         image.pixels[0]
-    assert ImageTextures().page(image, is_premultiplied=True).tiles == (1001, 1002, 1011)
+    assert ImageTextures().texture(image, is_premultiplied=True).tiles == (1001, 1002, 1011)
     for tile, pixels in values.items():
-        assert np.abs(page(image, tile)[..., :3] - pixels / 255).max() < 1e-6
+        assert np.abs(pixels_of(image, tile)[..., :3] - pixels / 255).max() < 1e-6
 
 
 def test_a_missing_tile_is_named(tmp_path):
     image, _ = tiled(tmp_path)
     (tmp_path / "tile.1002.png").unlink()
-    found = ImageTextures().page(image, is_premultiplied=True)
+    found = ImageTextures().texture(image, is_premultiplied=True)
     assert found.tiles == (1001, 1011)
     (note,) = found.notes
     assert note == f'the image "tiles" has no pixels: {tmp_path / "tile.1002.png"} cannot be read'
@@ -252,14 +252,14 @@ def test_a_missing_tile_is_named(tmp_path):
 def test_generated_and_packed_images(tmp_path):
     grid = bpy.data.images.new("grid", 32, 16)
     grid.generated_type = "UV_GRID"
-    assert page(grid).shape == (16, 32, 4)
+    assert pixels_of(grid).shape == (16, 32, 4)
     assert not grid.has_data
     values = stored(channels=3)
     image = load(tmp_path / "packed.png", values, space="Non-Color")
     image.pack()
     image.buffers_free()
     (tmp_path / "packed.png").unlink()
-    assert np.abs(page(image)[..., :3] - values / 255).max() < 1e-6
+    assert np.abs(pixels_of(image)[..., :3] - values / 255).max() < 1e-6
 
 
 def test_unsaved_pixels_count():
@@ -267,7 +267,7 @@ def test_unsaved_pixels_count():
     image.colorspace_settings.name = "Non-Color"
     image.pixels.foreach_set(np.full(16, 0.25, np.float32))
     assert image.is_dirty
-    assert np.abs(page(image) - 0.25).max() < 0.003
+    assert np.abs(pixels_of(image) - 0.25).max() < 0.003
     assert image.is_dirty
     assert image.has_data
 
@@ -295,9 +295,9 @@ def test_nothing_is_left_behind(tmp_path):
 
     before = state()
     for image in images:
-        found = ImageTextures().page(image, is_premultiplied=True)
+        found = ImageTextures().texture(image, is_premultiplied=True)
         for tile in found.tiles or (0,):
-            page(image, tile)
+            pixels_of(image, tile)
         assert state() == before
 
 
@@ -311,13 +311,13 @@ def test_the_size_comes_from_the_header(tmp_path, ending, monkeypatch):
     loaded = bpy.data.images.load(image.filepath_raw)
     monkeypatch.setattr("addon.scene.textures._loaded", None)
     images = ImageTextures()
-    assert images.size(images.page(loaded, is_premultiplied=True).key) == (33, 17)
+    assert images.size(images.texture(loaded, is_premultiplied=True).key) == (33, 17)
     assert not loaded.has_data
 
 
 def problem(image) -> str:
     with pytest.raises(UnreadableError) as caught:
-        ImageTextures().page(image, is_premultiplied=True)
+        ImageTextures().texture(image, is_premultiplied=True)
     return str(caught.value)
 
 
@@ -354,7 +354,7 @@ def test_an_image_of_a_library_is_found_beside_it(tmp_path):
     with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, linked):
         linked.images = ["page.png"]
     assert bpy.data.images["page.png"].filepath == "//page.png"
-    assert page(bpy.data.images["page.png"]).shape == (HEIGHT, WIDTH, 4)
+    assert pixels_of(bpy.data.images["page.png"]).shape == (HEIGHT, WIDTH, 4)
 
 
 def test_an_image_of_several_layers_is_named(tmp_path):
@@ -385,7 +385,7 @@ def open_exr(names) -> bytes:
 def test_a_file_that_breaks_later_is_an_error(tmp_path):
     image = load(tmp_path / "page.png", stored())
     images = ImageTextures()
-    key = images.page(image, is_premultiplied=True).key
+    key = images.texture(image, is_premultiplied=True).key
     (tmp_path / "page.png").unlink()
     with pytest.raises(BakeError, match=r'the image "page.png" has no pixels: .*page.png cannot be read'):
         images.load(key)
@@ -397,7 +397,7 @@ def test_a_file_that_breaks_later_is_an_error(tmp_path):
 def test_an_image_may_be_renamed_meanwhile(tmp_path):
     image = load(tmp_path / "page.png", stored())
     images = ImageTextures()
-    key = images.page(image, is_premultiplied=True).key
+    key = images.texture(image, is_premultiplied=True).key
     image.name = "other"
     assert images.name(key) == "other"
     assert images.load(key).values.shape == (HEIGHT, WIDTH, 4)
@@ -405,6 +405,6 @@ def test_an_image_may_be_renamed_meanwhile(tmp_path):
 
 def test_pages_of_other_spaces_are_converted_in_parts(tmp_path, monkeypatch):
     image = load(tmp_path / "odd.png", stored(), space="Display P3")
-    whole = page(image)
+    whole = pixels_of(image)
     monkeypatch.setattr("addon.scene.image_files.PIXELS_AT_ONCE", 2 * WIDTH + 1)
-    assert (page(image) == whole).all()
+    assert (pixels_of(image) == whole).all()
