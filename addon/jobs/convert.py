@@ -21,7 +21,7 @@ from ..core.map_types import NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.settings import Run, SamplingSettings, Settings
 from ..engine import gpu_memory, margins
-from ..engine.converting.converted_map import ConvertedMap, Fit
+from ..engine.conversion import ConvertedMap, Fit
 from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..mesh import uv_layout

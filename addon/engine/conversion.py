@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import gpu
 import numpy as np
 
-from ...core.conversion import StoredNormals
-from ...core.declarations import bases
-from ...core.declarations.choices import Space
-from ...core.map_types import NORMAL
-from ...core.progress import Task
-from ...core.settings import MapSettings
-from ...mesh import stretch
-from ...mesh.triangle_mesh import Mesh
-from ...passes import lit, mesh_upload, target
-from ...passes.bake import map_normals, tangent
-from ..bands import Band
-from ..normal_channels import channels
-from ..rendering import BandMaps, upload_band
+from ..core.conversion import StoredNormals
+from ..core.declarations import bases
+from ..core.declarations.choices import Space
+from ..core.map_types import NORMAL
+from ..core.progress import Task
+from ..core.settings import MapSettings
+from ..mesh import stretch
+from ..mesh.triangle_mesh import Mesh
+from ..passes import lit, mesh_upload, target
+from ..passes.bake import map_normals, tangent
+from .bands import Band
+from .normal_channels import channels
+from .rendering import BandMaps, upload_band
 
 NEAR_UNIT = 0.25
 """How much the length of a stored normal may differ from 1. Means of normals are shorter."""
