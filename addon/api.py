@@ -161,9 +161,10 @@ def _objects(source: Source, name: str) -> list[bpy.types.Object]:
         return [source]
     if isinstance(source, str | os.PathLike):
         return import_meshes(os.fspath(source), PLAIN)
-    if hasattr(source, "vertices") and hasattr(source, "faces"):
+    if not isinstance(source, Surface) and hasattr(source, "vertices") and hasattr(source, "faces"):
         visual = getattr(source, "visual", None)
-        source = Surface(source.vertices, source.faces, getattr(visual, "uv", None), source.vertex_normals)
+        normals = getattr(source, "vertex_normals", None)
+        source = Surface(source.vertices, source.faces, getattr(visual, "uv", None), normals)
     if not isinstance(source, Surface):
         raise BakeError(
             f"{type(source).__name__} is no mesh: give a Surface, an object of Blender or the path of a file."

@@ -2,7 +2,7 @@
 """The meshes of one bake."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,6 +46,15 @@ class Meshes:
     material: str = ""
     lacks: list[str] = field(default_factory=list)
     is_reversed: bool = False
+
+    @classmethod
+    def of(cls, low: Mesh, highs: list[Mesh]) -> "Meshes":
+        """A low mesh with UVs and high meshes alone, for maps that are not in tangent space."""
+        labeled = [
+            replace(high, labels=np.tile(np.float32([number, 0]), (len(high.triangles), 1)))
+            for number, high in enumerate(highs, start=1)
+        ]
+        return cls(low, labeled, None, low.normals, None, "", is_own_base=False, materials=[])
 
     @property
     def listed_highs(self) -> list[Mesh]:

@@ -47,6 +47,32 @@ class Mesh:
     face_corners: FaceCorners | None = None
     stretch: np.ndarray | None = None
 
+    @classmethod
+    def of_arrays(cls, name: str, positions: np.ndarray, triangles: np.ndarray, uv: np.ndarray | None = None) -> "Mesh":
+        """A flat-shaded mesh in world space.
+
+        Args:
+            name: in messages.
+            positions: (V, 3).
+            triangles: (T, 3) indices of positions, counter-clockwise where seen from the front.
+            uv: (V, 2).
+        """
+        vertices = np.ascontiguousarray(triangles, np.int32).ravel()
+        points = np.ascontiguousarray(positions, np.float32)
+        a, b, c = (points[vertices[corner::3]].astype(np.float64) for corner in range(3))
+        normals = np.cross(b - a, c - a)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        return cls(
+            name,
+            points,
+            vertices,
+            np.repeat(normals.astype(np.float32), 3, axis=0),
+            np.arange(len(vertices), dtype=np.int32).reshape(-1, 3),
+            np.eye(4),
+            uv=None if uv is None else np.ascontiguousarray(uv, np.float32)[vertices],
+            faces=np.arange(len(vertices) // 3, dtype=np.int32),
+        )
+
     @property
     def normal_matrix(self) -> np.ndarray:
         """The (3, 3) matrix that transforms `normals` to world space, see the function of this name."""
