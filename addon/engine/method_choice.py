@@ -16,7 +16,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
 from ..mesh.spatial.neighbors import has_area
 from . import separation, uv_agreement
-from .rays import low_surface, tree_cache
+from .rays import tree_cache
 
 FAR_APART = 0.5
 """Share of the low mesh's radius. Meshes whose boxes have a larger gap between them do not belong together."""
@@ -114,7 +114,7 @@ def _measured(plan: Plan) -> Plan:
 def _can_cast(meshes: Meshes, texels: np.ndarray) -> bool:
     """Whether rays from the low mesh find what Flatten draws of the high ones. texels: as Plan.separation has them."""
     aside = np.linalg.norm(separation.offset(texels, Method.FLATTEN)) / local_space_of([meshes.low]).size
-    return aside < uv_agreement.CLOSE and tree_cache.fits(meshes.highs) and low_surface.fits(meshes.whole_low)
+    return aside < uv_agreement.CLOSE and tree_cache.fits(meshes.highs) and tree_cache.low_fits(meshes.whole_low)
 
 
 def _flattened(plan: Plan) -> Plan:

@@ -22,7 +22,7 @@ from .dense.high_batches import HighBatches
 from .dense.near_triangles import NearTriangles
 from .high_surface import HighSurface
 from .method_choice import Plan
-from .rays import ray_casting, ray_directions, ray_distances, tree_cache
+from .rays import ray_casting, ray_distances, tree_cache
 from .roles import role
 
 
@@ -116,7 +116,7 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     with timings.timed("upload"):
         ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, ray_scene.local_space)
     with timings.timed("distances"):
-        directions = ray_directions.choose(settings.tracing.directions, meshes, low_surface, ray_scene.tables)
+        directions = ray_distances.choose_directions(settings.tracing.directions, meshes, low_surface, ray_scene.tables)
     # With a cage, rays start exactly on it.
     extrusion, max_distance = 0.0 if has_cage else settings.tracing.extrusion, settings.tracing.max_distance
     is_measured = extrusion is None or max_distance is None
@@ -134,7 +134,9 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
                 settings.sampling.size,
                 plan.tiles,
             )
-            outside, inside = ray_distances.measure(probe, has_cage=has_cage, facing_only=settings.tracing.facing_only)
+            outside, inside = ray_distances.measure_distances(
+                probe, has_cage=has_cage, facing_only=settings.tracing.facing_only
+            )
             if settings.tracing.hit == Hit.OWN and not has_cage:
                 length = None if max_distance is None else max_distance / unit
                 outside, inside = ray_distances.with_room((outside, inside), length, probe, low_surface.owners)

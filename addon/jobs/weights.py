@@ -19,7 +19,7 @@ from ..core.report import Report
 from ..core.settings import Run, Settings
 from ..engine import gpu_memory
 from ..engine.method_choice import choose_method
-from ..engine.rays import ray_casting, ray_doubts
+from ..engine.rays import ray_casting, unsure_texels
 from ..engine.sources import normal_source
 from ..mesh.inputs import Meshes
 from ..scene import reading, vertex_weights
@@ -99,10 +99,12 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
         ray_cast = progress.finish(normal_source(plan, Run(settings))).ray_cast
         views = [udim.uv_to_clip(tile) for tile in past.tiles]
 
-        def trace(painted: Meshes, most: int) -> ray_doubts.Traced:
+        def trace(painted: Meshes, most: int) -> unsure_texels.Traced:
             most = max(TEXELS, int(most / len(views) ** 0.5))  # as much memory for many tiles as for one
             size = min(settings.sampling.width, most), min(settings.sampling.height, most)
-            return ray_doubts.trace(replace(ray_cast, ray_mesh=_ray_mesh(ray_cast, painted)), meshes.low, size, views)
+            return unsure_texels.trace_doubts(
+                replace(ray_cast, ray_mesh=_ray_mesh(ray_cast, painted)), meshes.low, size, views
+            )
 
         return best(meshes, trace)
 
@@ -116,7 +118,7 @@ def apply(low: bpy.types.Object, proposal: Proposal, groups: dict[str, str]) -> 
     return names
 
 
-def best(meshes: Meshes, trace: Callable[[Meshes, int], ray_doubts.Traced]) -> Proposal:
+def best(meshes: Meshes, trace: Callable[[Meshes, int], unsure_texels.Traced]) -> Proposal:
     """The best weights for `meshes`. trace: casts the rays of painted meshes, for at most so many texels a side.
 
     No weights are proposed that change what a sure texel shows.
@@ -139,7 +141,7 @@ def best(meshes: Meshes, trace: Callable[[Meshes, int], ray_doubts.Traced]) -> P
 
 def _checked(
     meshes: Meshes,
-    trace: Callable[[Meshes, int], ray_doubts.Traced],
+    trace: Callable[[Meshes, int], unsure_texels.Traced],
     present: dict[str, np.ndarray],
     found: dict[str, np.ndarray],
 ) -> Proposal:

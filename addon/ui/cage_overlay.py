@@ -10,7 +10,7 @@ import gpu
 from ..core.declarations.choices import Directions
 from ..core.errors import BakeError
 from ..core.settings import Settings
-from ..engine.rays import ray_directions
+from ..engine.rays import ray_distances
 from ..engine.rays.ray_casting import RayCast
 from ..jobs import ray_measuring
 from ..scene import object_refs
@@ -66,7 +66,7 @@ class Subject:
         panel = context.scene.imprint
         chosen = panel.chosen(context, low)
         cage = chosen.cage
-        is_blended = ray_directions.may_blend(panel.directions, has_cage=cage is not None)
+        is_blended = ray_distances.may_blend(panel.directions, has_cage=cage is not None)
         return cls(
             object_refs.ObjectRef.of(low),
             object_refs.ObjectRef.of(cage) if cage else None,

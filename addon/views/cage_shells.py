@@ -6,7 +6,7 @@ import gpu
 import numpy as np
 
 from ..core.settings import Settings
-from ..engine.rays import low_surface, ray_directions, ray_points
+from ..engine.rays import ray_casting, ray_distances, tree_cache
 from ..mesh import subdividing
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of
@@ -49,10 +49,10 @@ def upload(
     settings = vertex_weights.without_missing(low, settings)
     meshes = reading.read_low(depsgraph, low, cage, settings, is_own_base=is_own_base, with_uv=False)
     local_space = local_space_of([meshes.low])
-    edges = low_surface.upload_hard_edges(meshes.low, local_space)[0] if blend_width > 0.0 else rays.no_edges()
-    directions = ray_directions.of_width(settings.tracing.directions, edges, blend_width / local_space.size)
+    edges = tree_cache.upload_hard_edges(meshes.low, local_space)[0] if blend_width > 0.0 else rays.no_edges()
+    directions = ray_distances.of_width(settings.tracing.directions, edges, blend_width / local_space.size)
     pieces = subdividing.divide(parts(meshes, local_space, directions.blend_width))
-    found = ray_points.evaluate(meshes, pieces, local_space, directions, extrusion=1.0)
+    found = ray_casting.rays_at_points(meshes, pieces, local_space, directions, extrusion=1.0)
     starts = found.starts if meshes.cage is None else found.starts * np.float32(local_space.size)
     return mesh_upload.upload(
         pieces.triangles,

@@ -6,7 +6,7 @@ import pytest
 
 from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.engine.rays import ray_directions
+from addon.engine.rays import ray_distances
 from addon.engine.rays.tree_cache import TreeCache
 from addon.scene import reading
 from tests.support import zoo
@@ -21,7 +21,7 @@ def width(low, *highs) -> float:
     trees = TreeCache()
     scene = trees.ray_scene_of(meshes.highs, Timings())
     low_surface = trees.low_surface_of(meshes.low, scene.local_space, Timings())
-    directions = ray_directions.choose("BLENDED", meshes, low_surface, scene.tables)
+    directions = ray_distances.choose_directions("BLENDED", meshes, low_surface, scene.tables)
     return directions.blend_width * scene.local_space.size
 
 

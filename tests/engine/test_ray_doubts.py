@@ -10,7 +10,7 @@ import pytest
 from addon.core import progress, udim
 from addon.core.settings import Run, Settings
 from addon.engine.method_choice import choose_method
-from addon.engine.rays import ray_doubts
+from addon.engine.rays import unsure_texels
 from addon.engine.rays.unsure_texels import Doubts, Explorer
 from addon.engine.sources import normal_source
 from addon.scene import reading
@@ -35,7 +35,7 @@ def rays():
 
 
 def trace(rays):
-    return ray_doubts.trace(*rays, (SIZE, SIZE), [udim.uv_to_clip(), udim.uv_to_clip(1002)])
+    return unsure_texels.trace_doubts(*rays, (SIZE, SIZE), [udim.uv_to_clip(), udim.uv_to_clip(1002)])
 
 
 def doubtful(rays, monkeypatch, **doubts):
@@ -45,7 +45,7 @@ def doubtful(rays, monkeypatch, **doubts):
         def doubts(self, size, view):
             return replace(super().doubts(size, view), **doubts)
 
-    monkeypatch.setattr(ray_doubts, "Explorer", Doubting)
+    monkeypatch.setattr(unsure_texels, "Explorer", Doubting)
     found = trace(rays)
     assert len(found.triangles) == SIZE * SIZE  # nothing lies on the second tile
     return found.doubtful().tolist()
@@ -82,7 +82,7 @@ def texel(**values):
     """The rays of two triangles, with one texel that is on the second one. Its ray hits at a height of 0.1."""
     neutral = {"direction": (0, 0, 1), "hit": (0, 0, 0.1), "is_missed": False, "is_unsure": False, "is_doubtful": False}
     neutral |= values
-    return ray_doubts.Traced(
+    return unsure_texels.Traced(
         np.array([1]),
         np.array([neutral["direction"]], np.float32),
         np.array([neutral["hit"]], np.float32),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine.rays import low_surface, ray_points
+from addon.engine.rays import ray_casting, tree_cache
 from addon.mesh import subdividing
 from addon.mesh.local_space import local_space_of
 from addon.passes.bake import rays
@@ -29,9 +29,11 @@ def evaluate(meshes, parts=PARTS, **options):
     """The points, and the local space. options: of rays.Directions; the width is in scene units."""
     local_space = local_space_of([meshes.low])
     width = options.pop("blend_width", 0.0) / local_space.size
-    directions = rays.Directions(low_surface.build(meshes.low, local_space).edges, blend_width=width, **options)
+    directions = rays.Directions(
+        tree_cache.build_low_surface(meshes.low, local_space).edges, blend_width=width, **options
+    )
     pieces = subdividing.divide(np.full(len(meshes.low.triangles), parts))
-    return ray_points.evaluate(meshes, pieces, local_space, directions, extrusion=1.0), pieces, local_space
+    return ray_casting.rays_at_points(meshes, pieces, local_space, directions, extrusion=1.0), pieces, local_space
 
 
 def unit(vectors):

@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.engine.rays import ray_doubts
+from addon.engine.rays import unsure_texels
 from addon.jobs import bake_pair, locate_issues, weights
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import Mesh
@@ -167,7 +167,7 @@ def traced(doubtful, *, moved=False):
     hits = np.zeros((100, 3), np.float32)
     hits[-1] = moved
     number = np.arange(100)
-    return ray_doubts.Traced(
+    return unsure_texels.Traced(
         number * 0, hits * 0, hits, number * 0.0, number < 0, number < doubtful, number < doubtful, gap=1e-3, count=1
     )
 
