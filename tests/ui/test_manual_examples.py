@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Python examples of the manual work."""
+"""The examples of operators in the manual work."""
 
 import bpy
 import pytest
@@ -11,11 +11,11 @@ from tests.support.manual import blocks
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
 
-def test_the_examples_for_python_bake(tmp_path):
+def test_the_examples_of_operators_bake(tmp_path):
     zoo.plane("rock_low")
     zoo.plane("rock_high", slope=0.2)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rock.blend"))
-    (example,) = (text for language, text in blocks(ROOT / "docs" / "command-line.md") if language == "python")
+    (example,) = (text for _, text in blocks(ROOT / "docs" / "python.md") if text.startswith("import bpy"))
     exec(example.replace("1024", "32").replace("last=48", "last=2"))
     maps = {"rock.exr", "rock_ao.png", "rock_curvature.png", "rock_001.png", "rock_002.png"}
     assert {path.name for path in tmp_path.iterdir()} == {"rock.blend"} | maps

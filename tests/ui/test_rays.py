@@ -37,7 +37,7 @@ def test_measured_distances_are_shown_and_can_be_frozen(small):
     pair = object_pairs.of(bpy.data.objects["lo"])
     assert not pair.measure
     assert (pair.extrusion, pair.max_distance) == (found.extrusion, found.max_distance)
-    assert small.chosen(bpy.context).settings.extrusion == found.extrusion
+    assert small.chosen(bpy.context).settings.tracing.extrusion == found.extrusion
     assert small.measure  # the distances of other low objects are measured as before
 
 
