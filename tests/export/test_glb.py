@@ -10,7 +10,7 @@ from addon.core.settings import Settings
 from addon.export import engine_files
 from addon.jobs import bake_jobs, bake_pair
 from addon.jobs.job import Job
-from tests.support import angles, cycles, glb, lanes, maps, snapshot, zoo
+from tests.support import angles, cycles, glb, lanes, maps, scenes, snapshot, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -128,7 +128,7 @@ def test_other_channels_are_turned_into_those_of_gltf(tmp_path, channels):
 
 def test_nothing_is_left_in_the_file(tmp_path):
     low, high = bent_pair()
-    low.data.materials.append(bpy.data.materials.new("painted"))
+    scenes.material("painted", low)
     report = bake(low, high, maps=("AO", "ROUGHNESS"), rays=16)
     bpy.context.view_layer.objects.active = low
     low.select_set(True)
@@ -184,7 +184,7 @@ def test_levels_of_detail_hang_on_the_first(tmp_path):
 def test_texture_sets_have_a_material_each(tmp_path):
     low, high = bent_pair()
     for name in ("wood", "iron"):
-        low.data.materials.append(bpy.data.materials.new(name))
+        scenes.material(name, low)
     for face in low.data.polygons[:6]:
         face.material_index = 1
     settings = Settings(
@@ -297,8 +297,8 @@ def test_the_base_mesh_of_an_object_with_its_own_detail_is_exported(tmp_path):
 
 def test_a_linked_object_with_a_linked_material_is_exported(tmp_path):
     low, high = bent_pair()
-    low.data.materials.append(bpy.data.materials.new("painted"))
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+    scenes.material("painted", low)
+    scenes.save(tmp_path / "library.blend")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, here):
         here.objects = ["bent", "fine"]
@@ -316,8 +316,7 @@ def test_a_linked_object_with_a_linked_material_is_exported(tmp_path):
 
 def test_other_textures_of_the_material_stay(tmp_path):
     low, high = bent_pair()
-    material = bpy.data.materials.new("painted")
-    low.data.materials.append(material)
+    material = scenes.material("painted", low)
     nodes, links = material.node_tree.nodes, material.node_tree.links
     texture, place = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeUVMap")
     texture.image = bpy.data.images.new("paint", 8, 8)

@@ -9,7 +9,7 @@ from addon.core.errors import BakeError
 from addon.export import engine_files
 from addon.scene import mesh_reader
 from tests.export.test_glb import EIGHT_BITS_P99, bake, bent_pair, export
-from tests.support import maps, snapshot, zoo
+from tests.support import maps, scenes, snapshot, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -125,7 +125,7 @@ def test_materials_of_tiles_keep_their_maps(tmp_path, ending):
     low, high = bent_pair()
     triangulated(low)
     for obj in (low, high):
-        obj.data.materials.append(bpy.data.materials.new("skin"))
+        scenes.material("skin", obj)
         for face in obj.data.polygons:
             corners = range(face.loop_start, face.loop_start + face.loop_total)
             uvs = obj.data.uv_layers[zoo.LAYER].uv
@@ -145,7 +145,7 @@ def test_materials_of_tiles_keep_their_maps(tmp_path, ending):
 @pytest.mark.parametrize("ending", [".usda", ".fbx"])
 def test_nothing_is_left_in_the_file(tmp_path, ending):
     low, high = bent_pair()
-    low.data.materials.append(bpy.data.materials.new("painted"))
+    scenes.material("painted", low)
     report = bake(low, high, maps=("AO",), rays=16)
     bpy.context.view_layer.objects.active = low
     low.select_set(True)
@@ -191,7 +191,7 @@ def test_textures_of_the_same_name_stay_apart(tmp_path, ending, kind):
             texture = bpy.data.images.load(str(path))
         if kind == "packed":
             texture.pack()
-        low.data.materials.append(bpy.data.materials.new(name))
+        scenes.material(name, low)
         tree = low.data.materials[-1].node_tree
         node = tree.nodes.new("ShaderNodeTexImage")
         node.image = texture

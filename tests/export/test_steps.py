@@ -9,7 +9,7 @@ import pytest
 from addon.core import progress
 from addon.export import engine_files
 from tests.export.test_glb import bake, bent_pair, export
-from tests.support import snapshot
+from tests.support import scenes, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -51,7 +51,7 @@ def test_what_materials_of_one_object_lack_is_told_of_that_object(tmp_path):
     bpy.context.scene.collection.objects.link(other)
     for obj in (low, other):
         for number in range(2):
-            obj.data.materials.append(bpy.data.materials.new(f"{obj.name} {number}"))
+            scenes.material(f"{obj.name} {number}", obj)
         obj.data.polygons[0].material_index = 1
     first, second = (bake(obj, high, image=f"{obj.name} normal") for obj in (low, other))
     done = export(tmp_path / "out.glb", replace(first, slots=[0]), second)

@@ -31,7 +31,7 @@ FAMILIES = {
 def pair(folder):
     """A low plane with a material, and a high terrain that shows a file that is not loaded, and a normal map."""
     low, high = zoo.plane("lo", 2), zoo.terrain("hi", 24)
-    low.data.materials.append(bpy.data.materials.new("Skin"))
+    scenes.material("Skin", low)
     material = bpy.data.materials.new("painted")
     rng = np.random.default_rng(0)
     color = bpy.data.images.load(write_png(folder / "color.png", rng.integers(0, 255, (16, 16, 3)).astype(np.uint8)))

@@ -13,7 +13,7 @@ from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair, live_session, locate_issues, sequence
 from addon.output import datablocks
 from addon.ui.live_switch import live
-from tests.support import zoo
+from tests.support import scenes, zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
 
@@ -164,7 +164,7 @@ def namesakes(tmp_path):
     """A low plane, and two objects called "hi": a flat one, and a linked steep one."""
     zoo.plane("hi", slope=STEEP)
     path = str(tmp_path / "library.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
+    scenes.save(path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     low, flat = zoo.plane("lo"), zoo.plane("hi")
     with bpy.data.libraries.load(path, link=True) as (_, linked_data):
@@ -204,7 +204,7 @@ def library(tmp_path):
     """A library with the high object, a low object, and the linked high object."""
     path = tmp_path / "library.blend"
     zoo.terrain("hi", n=8)
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    scenes.save(path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with bpy.data.libraries.load(str(path), link=True) as (_, linked_data):
         linked_data.objects = ["hi"]
@@ -238,7 +238,7 @@ def test_checks_find_objects_of_a_reloaded_library(library, tmp_path, relative):
     report = bake_pair(bpy.context, low, [high], settings())
     if relative:  # Blender makes paths relative when it saves the scene
         (tmp_path / "scenes").mkdir()
-        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scenes" / "scene.blend"))
+        scenes.save(tmp_path / "scenes" / "scene.blend")
         source.filepath = "//../library.blend"
     source.reload()
     assert locate_issues.find(bpy.context, report, "polygons").tolist() == [0]
@@ -254,7 +254,7 @@ def test_an_object_with_a_missing_library_raises_an_error(tmp_path, linked, is_l
     """Blender replaces it by an empty, or by a mesh without faces."""
     library, scene = tmp_path / "library.blend", tmp_path / "scene.blend"
     zoo.terrain("linked", n=8)
-    bpy.ops.wm.save_as_mainfile(filepath=str(library))
+    scenes.save(library)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with bpy.data.libraries.load(str(library), link=True) as (there, linked_data):
         setattr(linked_data, linked, getattr(there, linked)[:1])
@@ -262,7 +262,7 @@ def test_an_object_with_a_missing_library_raises_an_error(tmp_path, linked, is_l
     obj = found if linked == "objects" else bpy.data.objects.new("linked", found)
     bpy.context.scene.collection.objects.link(obj)
     zoo.plane("other")
-    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    scenes.save(scene)
     library.unlink()
     bpy.ops.wm.open_mainfile(filepath=str(scene))
     names = ("linked", "other") if is_low else ("other", "linked")

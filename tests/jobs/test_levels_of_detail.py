@@ -13,7 +13,7 @@ from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import bake_jobs, decimation, lod
 from addon.scene import mesh_reader
-from tests.support import zoo
+from tests.support import scenes, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -67,7 +67,7 @@ def test_a_chain_is_within_its_limits_and_five_percent_fewer_are_not():
 
 def test_levels_are_objects_of_a_collection_with_maps_of_their_own_and_nothing_else_changes():
     original = zoo.terrain("Hill", 16)
-    original.data.materials.append(bpy.data.materials.new("Grass"))
+    scenes.material("Grass", original)
     original.location = 1.0, 2.0, 3.0
     group = original.vertex_groups.new(name="bones")
     group.add([0, 1, 2], 0.5, "REPLACE")
@@ -211,7 +211,7 @@ def test_a_chain_that_is_stopped_leaves_nothing():
 
 def test_a_map_that_fails_leaves_nothing(monkeypatch):
     obj = zoo.terrain("Hill", 12)
-    obj.data.materials.append(bpy.data.materials.new("Grass"))
+    scenes.material("Grass", obj)
     bake, calls = bake_jobs.bake_job, []
 
     def failing(*arguments):
@@ -229,8 +229,7 @@ def test_a_map_that_fails_leaves_nothing(monkeypatch):
 
 def test_bad_input_is_one_sentence_and_changes_nothing():
     obj = zoo.terrain("Hill", 8)
-    empty = bpy.data.objects.new("Empty", None)
-    bpy.context.scene.collection.objects.link(empty)
+    empty = scenes.link(bpy.data.objects.new("Empty", None))
     bare = zoo.plane("Bare")
     bare.data.uv_layers.remove(bare.data.uv_layers[0])
     aside = zoo.plane("Aside", 8)

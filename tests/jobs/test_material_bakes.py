@@ -11,7 +11,7 @@ from addon.core import map_types
 from addon.core.material_feeds import HighMaterial
 from addon.core.settings import Settings
 from addon.jobs import report_making
-from tests.support import feeds
+from tests.support import feeds, scenes
 from tests.support.maps import bake_all_maps
 from tests.support.shader_nodes import add, image, principled
 
@@ -26,9 +26,7 @@ def low_square():
     data = bpy.data.meshes.new("low")
     data.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
     data.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.array([0, 0, 1, 0, 1, 1, 0, 1], np.float32))
-    low = bpy.data.objects.new("low", data)
-    bpy.context.collection.objects.link(low)
-    return low
+    return scenes.link(bpy.data.objects.new("low", data))
 
 
 def baked(high, name):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.declarations import bases
-from tests.support import angles, cycles, lanes, zoo
+from tests.support import angles, cycles, lanes, scenes, zoo
 from tests.support.conversions import converted, percentile, picture
 from tests.support.maps import bake
 
@@ -192,8 +192,7 @@ def sculpt(obj):
 def baked_from_multires(obj):
     """The image of Blender's own bake from Multires."""
     image = picture("multires", np.zeros((128, 128, 4)))
-    material = bpy.data.materials.new("target")
-    obj.data.materials.append(material)
+    material = scenes.material("target", obj)
     node = material.node_tree.nodes.new("ShaderNodeTexImage")
     node.image, node.select = image, True
     material.node_tree.nodes.active = node

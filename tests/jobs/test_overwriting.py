@@ -10,7 +10,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_names
-from tests.support import zoo
+from tests.support import scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -53,7 +53,7 @@ def test_links_to_the_open_file_and_to_libraries_are_recognized(tmp_path, source
     with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, linked_data):
         linked_data.objects = ["lo"]
     high = zoo.plane("hi")
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scenes.save(tmp_path / "scene.blend")
     (tmp_path / "map.png").symlink_to(source)
     with pytest.raises(BakeError, match="would overwrite (the open file|a linked library)"):
         bake_pair(bpy.context, bpy.data.objects[("lo", None)], [high], settings("//map.png"))
@@ -103,12 +103,12 @@ def test_paths_in_a_library_are_relative_to_the_library(tmp_path):
     texture = bpy.data.textures.new("shape", "IMAGE")
     texture.image = save(tmp_path / "library" / "shape.png")
     zoo.plane("hi", n=4).modifiers.new("Displace", "DISPLACE").texture = texture
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library" / "library.blend"))
+    scenes.save(tmp_path / "library" / "library.blend")
     texture.image.filepath = "//shape.png"
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     low = zoo.plane("lo")
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scenes.save(tmp_path / "scene.blend")
     with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, linked_data):
         linked_data.objects = ["hi"]
     bpy.context.scene.collection.objects.link(linked_data.objects[0])

@@ -127,7 +127,7 @@ def test_a_failure_leaves_attributes_and_materials_as_they_were(monkeypatch):
 def test_linked_objects_are_refused_before_the_bake(tmp_path, chosen, message):
     planes()
     path = str(tmp_path / "library.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
+    scenes.save(path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with bpy.data.libraries.load(path, link=True) as (_, data):
         data.objects = ["lo", "lo high"]
@@ -166,7 +166,7 @@ def test_gltf_has_the_colors_of_the_high_mesh_with_the_usual_settings(tmp_path):
     principled.inputs["Base Color"].default_value = (*color, 1.0)
     principled.inputs["Roughness"].default_value, principled.inputs["Metallic"].default_value = roughness, metallic
     high.data.materials.append(material)
-    usual = {"storage": Settings.storage, "depth": Settings.depth}
+    usual = {"storage": Settings().storing.storage, "depth": Settings().storing.depth}
     bake(low, high, maps=("BASE_COLOR",), pack="GLTF", connect_maps=True, **usual)
     bpy.data.objects.remove(high)
     bpy.ops.export_scene.gltf(filepath=str(tmp_path / "low.gltf"), export_format="GLTF_SEPARATE")

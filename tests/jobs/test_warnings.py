@@ -15,7 +15,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all
 from tests.audit.test_unsure_hits import plates
-from tests.support import zoo
+from tests.support import scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -363,7 +363,7 @@ def two_materials():
     for number in range(4):
         layer[number + 4].vector = layer[number].vector
     for number in range(2):
-        low.data.materials.append(bpy.data.materials.new(f"Part {number}"))
+        scenes.material(f"Part {number}", low)
         low.data.polygons[number].material_index = number
     return case(placed(low, 0.9, (0.05, 0.05)), high)
 

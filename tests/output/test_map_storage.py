@@ -17,7 +17,7 @@ from addon.jobs import bake_pair
 from addon.output import image_file, map_storage
 from addon.output.files import atomic_file
 from addon.output.write_queue import Content
-from tests.support import zoo
+from tests.support import scenes, zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
 
@@ -84,7 +84,7 @@ def assert_is_data(image):
 def save_and_reload(tmp_path):
     """Save the scene and open it; return the map's image."""
     path = str(tmp_path / "scene.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
+    scenes.save(path)
     bpy.ops.wm.open_mainfile(filepath=path)
     return bpy.data.images["low_normal"]
 
@@ -146,7 +146,7 @@ def test_scene_settings_do_not_touch_the_file(texels, tmp_path):
 
 
 def test_a_path_relative_to_the_saved_scene(texels, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scenes.save(tmp_path / "scene.blend")
     image = store(texels, storage="FILE", output="//map.png")
     assert (tmp_path / "map.png").is_file()
     assert image.filepath == "//map.png"
@@ -411,7 +411,7 @@ def test_one_image_can_change_storage_size_and_depth(tmp_path):
 def test_a_linked_image_of_the_same_name_does_not_change(texels, tmp_path):
     bpy.data.images.new("low_normal", 4, 4).use_fake_user = True
     path = str(tmp_path / "library.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
+    scenes.save(path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with bpy.data.libraries.load(path, link=True) as (_, wanted):
         wanted.images = ["low_normal"]

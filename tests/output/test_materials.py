@@ -7,6 +7,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.output import materials, tree_editing
+from tests.support import scenes
 from tests.support.snapshot import difference, snapshot
 
 # Scenes
@@ -21,9 +22,7 @@ def make_low(*mats, faces=1, name="Low"):
         mesh.uv_layers.new(name=layer)
     for material in mats:
         mesh.materials.append(material)
-    low = bpy.data.objects.new(name, mesh)
-    bpy.context.collection.objects.link(low)
-    return low
+    return scenes.link(bpy.data.objects.new(name, mesh))
 
 
 def make_material(name="Skin"):
@@ -582,8 +581,7 @@ def test_single_user_copies_a_shared_material_once():
 def test_single_user_on_a_shared_mesh_moves_the_slot_to_the_object():
     material, *_ = make_material()
     low = make_low(material)
-    twin = bpy.data.objects.new("Twin", low.data)
-    bpy.context.collection.objects.link(twin)
+    twin = scenes.link(bpy.data.objects.new("Twin", low.data))
     (note,) = hook_up(low, make_image(), single_user=True)
     assert '"Twin"' in note
     assert low.material_slots[0].link == "OBJECT"
@@ -595,8 +593,7 @@ def test_single_user_on_a_shared_mesh_moves_the_slot_to_the_object():
 @pytest.mark.parametrize("single_user", [False, True])
 def test_a_new_material_on_a_shared_mesh(single_user, slots):
     low = make_low(*[None] * slots)
-    twin = bpy.data.objects.new("Twin", low.data)
-    bpy.context.collection.objects.link(twin)
+    twin = scenes.link(bpy.data.objects.new("Twin", low.data))
     notes = hook_up(low, make_image(), single_user=single_user)
     assert low.material_slots[0].material
     if single_user:

@@ -13,6 +13,7 @@ from addon.core.map_types import BY_NAME, NORMAL, Labeled
 from addon.core.settings import Settings
 from addon.output import datablocks, value_encoding
 from addon.output.outputs import Outputs, connect_maps
+from tests.support import scenes
 from tests.support.maps import pixels
 
 WIDTH, HEIGHT = 24, 16
@@ -260,7 +261,7 @@ def test_channels_in_packed_images_stay_after_saving_11_12_13(tmp_path, depth, s
     before = pixels(bpy.data.images["map_mask"])
     bpy.data.images["map_mask"].use_fake_user = True
     path = str(tmp_path / "scene.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
+    scenes.save(path)
     bpy.ops.wm.open_mainfile(filepath=path)
     assert (pixels(bpy.data.images["map_mask"]) == before).all()
     np.testing.assert_allclose(before[:, :-1, 3], 1 - sources["ROUGHNESS"][:, :-1], atol=step)
@@ -347,7 +348,7 @@ def test_without_a_normal_map_the_first_other_map_is_the_result(tmp_path, settin
 def material_of(stored):
     low = bpy.data.objects.new("Low", bpy.data.meshes.new("Low"))
     low.data.uv_layers.new(name="Layout")
-    low.data.materials.append(bpy.data.materials.new("Skin"))
+    scenes.material("Skin", low)
     warnings = connect_maps(low, stored.maps, "Layout", space="TANGENT", single_user=False)
     return warnings, low.active_material.node_tree.nodes["Principled BSDF"]
 

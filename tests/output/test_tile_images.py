@@ -14,7 +14,7 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, bake_pair
 from addon.output import map_names, map_storage
-from tests.support import maps, pictures, zoo
+from tests.support import maps, pictures, scenes, zoo
 from tests.support.snapshot import difference, snapshot
 
 SIZE = 32
@@ -136,7 +136,7 @@ def test_the_number_replaces_the_placeholder(output, map_files, mask_files, tmp_
 
 
 def test_a_path_relative_to_the_saved_scene(tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scenes.save(tmp_path / "scene.blend")
     image = store(*TILES, storage="FILE", output="//map.png")
     assert image.filepath == "//map.<UDIM>.png"
     assert (tmp_path / "map.1003.png").is_file()
@@ -274,7 +274,7 @@ def test_packed_tiles_survive_saving(depth, ending, tmp_path):
     assert image.filepath == f"//map.<UDIM>.{ending}"
     assert [part.filepath for part in image.packed_files] == [f"//map.{tile}.{ending}" for tile in TILES]
     image.use_fake_user = True
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scenes.save(tmp_path / "scene.blend")
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
     image = bpy.data.images["map"]
     assert (image.source, numbers(image)) == ("TILED", TILES)

@@ -9,7 +9,7 @@ import addon
 from addon.core.errors import Incomplete
 from addon.core.settings import Settings
 from addon.scene import complaints, dependencies, reading
-from tests.support import dependency_kinds, zoo
+from tests.support import dependency_kinds, scenes, zoo
 
 
 def shape(obj):
@@ -57,7 +57,7 @@ def test_what_imprint_keeps_with_a_low_object_is_no_part_of_its_mesh(tmp_path):
     low.imprint.highs.add().object, low.imprint.cage, low.imprint.maps.add().image = high, cage, image
     assert not dependencies.of([low])
     assert {each.path for each in dependencies.of([low, high])} == {high_path}
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scenes.save(tmp_path / "scene.blend")
     addon.unregister()
     try:
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
@@ -163,7 +163,7 @@ OF_FRAMES = [*IN_FOLDERS, "displace_image_sequence"]
 @pytest.mark.parametrize("name", OF_FRAMES)
 @pytest.mark.parametrize("is_cut", [False, True])
 def test_the_file_of_the_frame_that_is_shown_is_named_once(name, is_cut, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scenes.save(tmp_path / "scene.blend")
     obj = zoo.plane("rock", 8)
     path = dependency_kinds.PARTLY[name](obj, tmp_path)
     found = {each.path for each in dependencies.of([obj])}

@@ -17,7 +17,7 @@ from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
 from addon.scene import object_checks, reading
 from scripts import imprint
-from tests.support import maps, zoo
+from tests.support import maps, scenes, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -210,7 +210,7 @@ def bolt(name="bolt", n=3):
     obj.scale = (0.1, 0.1, 0.1)
     for vertex in obj.data.vertices:
         vertex.co.z += 0.3 * vertex.co.x
-    obj.data.materials.append(bpy.data.materials.new(f"{name} steel"))
+    scenes.material(f"{name} steel", obj)
     return obj
 
 
@@ -444,7 +444,7 @@ def test_auto_chooses_cast_for_instances_on_their_own_base(is_single):
 def test_instances_have_the_material_of_their_object_and_the_id_of_the_high_object(method):
     plane, first, second = low(), zoo.terrain("first", height=0.02), zoo.terrain("second", height=0.02)
     for obj, side in ((first, 1), (second, -1)):
-        obj.data.materials.append(bpy.data.materials.new(obj.name))
+        scenes.material(obj.name, obj)
         if method == "FLATTEN":
             layer = obj.data.uv_layers[0].uv
             layer.foreach_set(

@@ -10,7 +10,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from addon.scene import object_checks, object_refs
-from tests.support import angles, maps, zoo
+from tests.support import angles, maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -20,20 +20,15 @@ SCULPT_P99 = 0.05
 """Degrees. Multires stores displacements in tangent space, in single precision: its normals differ a little from the mesh's."""
 
 
-def link(obj):
-    bpy.context.scene.collection.objects.link(obj)
-    return obj
-
-
 def applied(obj):
     """A copy of an object with its modifiers applied, and the UVs that they give."""
     mesh = bpy.data.meshes.new_from_object(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()))
-    return link(bpy.data.objects.new("applied", mesh))
+    return scenes.link(bpy.data.objects.new("applied", mesh))
 
 
 def base(obj):
     """A copy of an object without modifiers."""
-    return link(bpy.data.objects.new("base", obj.data.copy()))
+    return scenes.link(bpy.data.objects.new("base", obj.data.copy()))
 
 
 def problem(low, *highs):
@@ -70,7 +65,7 @@ def test_no_low_object():
 
 def test_modifiers_may_add_faces_and_uvs():
     """Evaluating them to find out would be too slow for every redraw."""
-    low, empty = zoo.plane("lo"), link(bpy.data.objects.new("empty", bpy.data.meshes.new("empty")))
+    low, empty = zoo.plane("lo"), scenes.link(bpy.data.objects.new("empty", bpy.data.meshes.new("empty")))
     assert problem(low, empty).startswith("'empty' has no faces")
     empty.modifiers.new("Nodes", "NODES")
     assert problem(low, empty) == ""
@@ -81,7 +76,7 @@ def test_modifiers_may_add_faces_and_uvs():
 
 
 def test_the_outdated_mesh_of_an_object_in_edit_mode_is_not_checked():
-    low = link(bpy.data.objects.new("lo", bpy.data.meshes.new("lo")))
+    low = scenes.link(bpy.data.objects.new("lo", bpy.data.meshes.new("lo")))
     bpy.context.view_layer.objects.active = low
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.primitive_plane_add()
@@ -121,7 +116,7 @@ def test_transforms_of_parents_are_used():
     lean = mathutils.Matrix.LocRotScale((1, 2, 3), mathutils.Euler((0.3, 1.1, -0.7)), (1, -2, 0.5))
     turn = mathutils.Matrix.LocRotScale((-4, 0, 1), mathutils.Euler((1.0, -0.2, 0.4)), (3, 1, 1))
     for obj, matrix in ((low, lean), (high, turn)):
-        obj.parent = link(bpy.data.objects.new("parent", None))
+        obj.parent = scenes.link(bpy.data.objects.new("parent", None))
         obj.parent.matrix_basis = matrix
     texels = maps.bake(low, high, space="OBJECT", size=(16, 16))
     in_world = np.linalg.inv(np.array(turn))[:3, :3].T @ (0, 0, 1)

@@ -9,7 +9,7 @@ import pytest
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from addon.scene import mesh_reader
-from tests.support import maps, zoo
+from tests.support import maps, scenes, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -162,7 +162,7 @@ def test_a_file_saved_in_edit_mode(pair, tmp_path):
     enter("EDIT", low, high)
     lean(high)
     path = str(tmp_path / "editing.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
+    scenes.save(path)
     bpy.ops.wm.open_mainfile(filepath=path)
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     assert low.mode == high.mode == "EDIT"
@@ -206,7 +206,7 @@ def test_hidden_objects_are_baked_and_stay_hidden(way, name):
 def test_a_linked_hidden_high_object_is_baked(tmp_path):
     zoo.plane("hi", slope=SLOPE).hide_viewport = True
     path = str(tmp_path / "library.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
+    scenes.save(path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     low, namesake = zoo.plane("lo"), zoo.plane("hi")
     with bpy.data.libraries.load(path, link=True) as (_, wanted):

@@ -10,7 +10,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.scene.image_files import srgb_to_linear
 from addon.scene.textures import ImageTextures, UnreadableError
-from tests.support import feeds
+from tests.support import feeds, scenes
 
 TOLERANCE = 2 / 255
 WIDTH, HEIGHT = 7, 5
@@ -346,11 +346,11 @@ def test_an_image_of_a_library_is_found_beside_it(tmp_path):
         (tmp_path / folder).mkdir()
     image = load(tmp_path / "library" / "page.png", stored())
     image.use_fake_user = True
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library" / "library.blend"))
+    scenes.save(tmp_path / "library" / "library.blend")
     image.filepath = "//page.png"
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "own" / "own.blend"))
+    scenes.save(tmp_path / "own" / "own.blend")
     with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, linked):
         linked.images = ["page.png"]
     assert bpy.data.images["page.png"].filepath == "//page.png"

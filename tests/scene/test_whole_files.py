@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from addon.core.file_structure.whole_files import CUT, EMPTY, MISSING, NO_IMAGE, POINTER, problem
-from tests.support import dependency_kinds, zoo
+from tests.support import dependency_kinds, scenes, zoo
 
 PICTURES = {
     ".png": [{}, {"color_depth": "16"}],
@@ -152,7 +152,7 @@ def test_a_small_thumbnail_in_a_jpeg_is_not_its_end(tmp_path):
     ],
 )
 def test_a_file_of_points_or_letters_that_ends_too_early(name, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scenes.save(tmp_path / "scene.blend")
     kinds = {**dependency_kinds.KINDS, **dependency_kinds.PARTLY}
     path = kinds[name](zoo.plane("rock", 8), tmp_path)
     check(path, path.read_bytes())

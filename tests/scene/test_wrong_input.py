@@ -15,7 +15,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from tests.support import maps, zoo
+from tests.support import maps, scenes, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -36,8 +36,7 @@ def pair():
     other.select_set(True)
     low.select_set(True)
     bpy.context.view_layer.objects.active = other
-    material = bpy.data.materials.new("Skin")
-    low.data.materials.append(material)
+    scenes.material("Skin", low)
     render = bpy.context.scene.render
     render.engine, render.image_settings.color_depth, render.filepath = "CYCLES", "16", "//frame_"
     image = bpy.data.images.new("lo_normal", 8, 4)
@@ -54,11 +53,6 @@ def refusal(low, highs, **settings):
     message = str(refused.value)
     assert is_one_sentence(message), message
     return message
-
-
-def link(obj):
-    bpy.context.scene.collection.objects.link(obj)
-    return obj
 
 
 def into_collection(obj):
@@ -81,7 +75,7 @@ def empty_through_modifiers(obj):
 
 def child_of_flat_parent(obj):
     """The matrix has no zeros, only because of rounding."""
-    parent = link(bpy.data.objects.new("flat", None))
+    parent = scenes.link(bpy.data.objects.new("flat", None))
     parent.scale.z, parent.rotation_euler = 0.0, (1.0, 2.0, 3.0)
     obj.parent, obj.rotation_euler = parent, (0.4, 0.5, 0.6)
 
@@ -124,7 +118,7 @@ def test_objects_without_a_surface_are_refused(pair, kind, role):
         "CURVE": lambda: bpy.data.curves.new("odd", "CURVE"),
         "FONT": lambda: bpy.data.curves.new("odd", "FONT"),
     }[kind]()
-    odd = link(bpy.data.objects.new("odd", data))
+    odd = scenes.link(bpy.data.objects.new("odd", data))
     message = refusal(*((odd, [high]) if role == "low" else (low, [odd])))
     assert "'odd'" in message
     assert "mesh" in message
@@ -170,7 +164,7 @@ def linked(tmp_path, *names):
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
     with bpy.data.libraries.load(path, link=True) as (_, wanted):
         wanted.objects = list(names)
-    return [link(obj) for obj in wanted.objects]
+    return [scenes.link(obj) for obj in wanted.objects]
 
 
 def test_a_linked_low_object(pair, tmp_path):
@@ -273,7 +267,7 @@ def of_source(source):
 def render():
     """Render an empty picture of 4 x 4 pixels."""
     scene = bpy.context.scene
-    scene.camera = link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
+    scene.camera = scenes.link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
     scene.render.resolution_x = scene.render.resolution_y = 4
     scene.cycles.samples = 1
     bpy.ops.render.render()
