@@ -323,7 +323,7 @@ def figures() -> str:
         if code(name) not in names:
             names.append(code(name))
     return table(
-        ("figure", "unit", "what it is"),
+        ("metric", "unit", "what it is"),
         (
             (", ".join(names), unit, sentence(meaning[0].upper() + meaning[1:]))
             for (meaning, unit), names in rows.items()

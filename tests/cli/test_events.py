@@ -59,7 +59,7 @@ def checked(err):
     """The events in standard error, which holds nothing else, with the keys in the manual."""
     found = [json.loads(line) for line in err.splitlines()]
     documented = {
-        name: set(names(cells[1])) for cells in rows(section(PAGE, "### While it runs")) for name in names(cells[0])
+        name: set(names(cells[1])) for cells in rows(section(PAGE, "## Progress")) for name in names(cells[0])
     }
     for each in found:
         assert set(each) - {"event"} == documented[each["event"]], each
