@@ -54,7 +54,7 @@ def free() -> None:
     from . import passes
     from .engine import gpu_memory
 
-    for name, held in (("ui.live_switch", "live"), ("ui.view_mode", "viewer")):
+    for name, held in (("ui.live", "live"), ("ui.views", "viewer")):
         if module := sys.modules.get(f"{__name__}.{name}"):  # without a window, no module of the interface is imported
             getattr(module, held).free()
     gpu_memory.free()
@@ -65,45 +65,33 @@ def modules() -> tuple[ModuleType, ...]:
     """What has something to register, in this order: a panel after its parent. Imported only when Blender asks for it."""
     from .cli import command
     from .ui import (
+        bake_operators,
         bake_panel,
         bake_results,
-        batches,
         cage_overlay,
         checks,
         convert,
-        export,
-        fixes,
         levels,
         memory,
         modal,
-        object_slots,
-        operators,
-        presets,
         properties,
         settings_panels,
         translations,
-        view_mode,
-        view_panel,
+        views,
     )
 
     return (
         translations,
         properties,
-        operators,
-        bake_results,
-        object_slots,
-        export,
-        fixes,
-        cage_overlay,
-        presets,
         bake_panel,
+        checks,
+        views,
         settings_panels,
-        batches,
+        bake_operators,
         levels,
         convert,
-        checks,
-        view_panel,
-        view_mode,
+        bake_results,
+        cage_overlay,
         command,
         memory,
         modal,
@@ -116,11 +104,11 @@ def _stop() -> None:
 
     from .ui.bake_results import results
     from .ui.cage_overlay import overlay
-    from .ui.fixes import findings
-    from .ui.live_switch import live
+    from .ui.checks import findings
+    from .ui.live import live
     from .ui.memory import held
     from .ui.modal import runner
-    from .ui.view_mode import viewer
+    from .ui.views import viewer
 
     runner.stop(bpy.context)
     live.stop()

@@ -13,8 +13,7 @@ from ..core.declarations.choices import Method
 from ..core.map_types import BY_NAME
 from ..core.memory_need import Amounts, Need, sentence
 from ..core.settings import Settings
-from ..jobs import job as drawing
-from ..jobs.job import Job
+from ..jobs.job import Job, band_texels, draws_in_software
 from ..scene import image_files
 from .mesh_files import textures
 
@@ -31,7 +30,7 @@ def check(jobs: Sequence[Job], settings: Settings) -> tuple[str, bool, dict[str,
         return "", False, {}
     largest = max(needs, key=lambda need: need.peak)
     try:
-        is_software, free = drawing.draws_in_software(), free_bytes()
+        is_software, free = draws_in_software(), free_bytes()
     except (SystemError, RuntimeError):  # there is no GPU, as the bake will report
         return "", False, {}
     wanted = largest.of_machine(is_software=is_software)
@@ -54,7 +53,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
         Amounts(
             triangles=sum(len(obj.data.loops) - 2 * len(obj.data.polygons) for obj in objects),
             texels=settings.sampling.width * settings.sampling.height * max(1, len(settings.sampling.tiles)),
-            band_texels=drawing.band_texels(settings.sampling),
+            band_texels=band_texels(settings.sampling),
             samples=settings.sampling.samples,
             other_maps=len(settings.map.drawn_maps),
             is_adaptive=settings.sampling.are_adaptive(settings.tracing.method) and not settings.map.drawn_maps,

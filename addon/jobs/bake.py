@@ -1,45 +1,79 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One bake, step by step: read, choose a method, make a source, draw tile by tile, audit, store, hook up, report."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import bpy
+import gpu
 import numpy as np
 
-from ..audit import causes, stacked_detail
+from ..audit import causes, other_readers, stacked_detail
 from ..audit.causes import Warned
-from ..audit.checks import audit
+from ..audit.checks import Findings, audit
 from ..audit.deviations import Deviations
 from ..audit.other_readers import OtherReaders
 from ..audit.pictures.bake_pictures import BakePictures
 from ..audit.tally import Tally
+from ..core import fixes, map_types, progress
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError
+from ..core.errors import BakeError, shorten_list
 from ..core.lengths import Length
-from ..core.map_types import NORMAL
-from ..core.progress import Pace, Progress, Task, part
+from ..core.map_types import BY_NAME, NORMAL, Labeled
+from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.report import Report
-from ..core.settings import Run, Settings
+from ..core.settings import MapSettings, Run, Settings
 from ..engine import gpu_memory, margins, shared_uvs, sources
 from ..engine.hidden_parts import HiddenParts
+from ..engine.maps import ray_reach
 from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.maps.sampling import SampledMaps
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
 from ..engine.mips import mip_levels
+from ..engine.rays.ray_casting import RayCast
 from ..engine.rendering import Renderer
 from ..engine.sources import Source, normal_source
+from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
+from ..mesh.local_space import local_space_of
 from ..output import map_storage
-from ..output.outputs import Outputs, Stored, into_materials
+from ..output.outputs import HIDDEN_MISSES, Outputs, Stored, into_materials
+from ..passes.surface import finite_values
 from ..scene import object_checks, reading
-from . import readiness, texture_sets
-from .job import Job
-from .report_making import DrawnJob, report_of
+from . import checks
+from .job import Job, check_job, set_numbers
 
 READY = 0.2
 """The share of a bake that is done when drawing begins."""
+
+
+@dataclass(frozen=True)
+class DrawnJob:
+    """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
+    the objects. stopped_early, rays, readers, deviation, picture: as in Report."""
+
+    job: Job
+    settings: Settings
+    meshes: Meshes
+    plan: Plan
+    ray_cast: RayCast | None
+    findings: Findings
+    timings: Timings
+    warnings: Sequence[Warned] = ()
+    stopped_early: float = 0.0
+    rays: float = 0.0
+    readers: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    deviation: dict[str, float | int] = field(default_factory=dict)
+    picture: np.ndarray | None = None
+
+    @property
+    def labels(self) -> dict[Labeled, list[str]]:
+        """As Outputs.commit takes them."""
+        return {
+            Labeled.OBJECTS: [high.name for high in self.meshes.highs],
+            Labeled.MATERIALS: [material.name for material in self.meshes.materials],
+        }
 
 
 def bake_job(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace) -> Task[Report]:
@@ -113,11 +147,11 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
         )
         warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
     with timings.timed("audit"):
-        found = readiness.flipped_findings(meshes)
+        found = checks.flipped_findings(meshes)
         if job.is_for_others:
-            others = readiness.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
-            found += readiness.unsolved_by_export(others, is_exported=job.is_exported)
-        early = readiness.finding_warnings(found)
+            others = checks.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
+            found += checks.unsolved_by_export(others, is_exported=job.is_exported)
+        early = checks.finding_warnings(found)
     tiles = tiles_to_bake(meshes, settings.sampling)
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     with timings.timed("method"):
@@ -149,7 +183,7 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> DrawnJob:
         raise BakeError(nothing_drawn(ready.plan, ready.length))
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
-        materials = texture_sets.numbers(job.low, ready.plan.meshes) if not settings.map.texture_sets else None
+        materials = set_numbers(job.low, ready.plan.meshes) if not settings.map.texture_sets else None
         stacked = stacked_detail.check(ready.plan, ready.hidden, ready.truth, settings, materials)
         findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
     stopped = ready.renderer.stopped / tally.written
@@ -193,3 +227,142 @@ def draw_raw(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[Drawn
                 ready.deviations.add_raw(tile, maps[tile][NORMAL.name])
                 ready.pictures.add_raw(tile, maps[tile][NORMAL.name])
         return _audit(job, run, ready, tally), maps
+
+
+def measure_rays(
+    context: bpy.types.Context,
+    low: bpy.types.Object,
+    highs: Sequence[bpy.types.Object],
+    settings: Settings,
+    cage: bpy.types.Object | None = None,
+) -> RayCast | None:
+    """The rays of a bake of these objects; None if it would cast none. Raises BakeError as the bake does."""
+    # Nothing is stored, so it does not matter where.
+    settings = replace(settings.without_file(), material=False)
+    settings.check()
+    job = Job(low, highs, cage)
+    check_job(context, job, settings)
+    meshes = reading.read(context, low, highs, cage, settings)
+    with gpu_memory.trimmed():
+        tiles = tiles_to_bake(meshes, settings.sampling)
+        in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)
+        plan = choose_method(in_order, tiles, settings.tracing, reading.lengths_of(context.scene))
+        return progress.finish(normal_source(plan, Run(settings))).ray_cast
+
+
+def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin: float | None = None) -> Report:
+    """The report of a bake. notes: warnings about what was stored, in sentences. margin: of the stored map, if it differs from
+    the drawn one."""
+    settings, plan, ray_cast, findings = drawn.settings, drawn.plan, drawn.ray_cast, drawn.findings
+    return Report(
+        method=plan.method,
+        space=settings.map.space,
+        size=settings.sampling.size,
+        low=drawn.meshes.low.name,
+        material=drawn.job.material,
+        slots=list(drawn.job.slots or ()),
+        high=drawn.labels[Labeled.OBJECTS],
+        cage=drawn.meshes.cage.name if drawn.meshes.cage else "",
+        refs=drawn.job.refs,
+        settings=settings.flat(),
+        uv_layer=drawn.meshes.uv_layer,
+        why=plan.why,
+        triangles=findings.triangles,
+        distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
+        measured=ray_cast is not None and ray_cast.is_measured,
+        blend_width=ray_cast.blend_width if ray_cast else 0.0,
+        rays=drawn.rays,
+        missed=findings.missed,
+        coverage=findings.coverage,
+        stopped_early=drawn.stopped_early,
+        margin=findings.margin if margin is None else margin,
+        overlap=findings.checks["overlap"]["share"],
+        mirrored=findings.checks["mirrored"]["count"],
+        checks=findings.checks,
+        readers=drawn.readers,
+        deviation=drawn.deviation,
+        picture=drawn.picture,
+        tiles=[tile for tile in plan.tiles if tile in stored.tiles],
+        maps=_with_meanings(drawn, stored.maps),
+        attributes=stored.attributes,
+        loss=stored.loss,
+        image=stored.image.name,
+        output=stored.paths,
+        mip_files=stored.mip_files,
+        backend=gpu.platform.backend_type_get(),
+        renderer=gpu.platform.renderer_get(),
+        seconds=drawn.timings.seconds,
+        warnings=causes.remaining(
+            (
+                *drawn.warnings,
+                *map(Warned, material_notes(drawn.meshes, settings.map)),
+                *map(Warned, attribute_notes(drawn.meshes, settings.map)),
+                *map(Warned, slope_notes(settings)),
+                *map(Warned, plan.warnings),
+                *findings.warnings,
+                *(Warned(text, causes.REBUILT) for text in other_readers.warnings(drawn.readers)),
+                *(Warned(text, causes.HIDDEN_MISSES if text == HIDDEN_MISSES else "") for text in notes),
+            )
+        ),
+    )
+
+
+def material_notes(meshes: Meshes, settings: MapSettings) -> list[str]:
+    """What could not be read of the high meshes' materials, of those parts that the bake wanted."""
+    wanted = [BY_NAME[name].socket for name in settings.drawn_maps if BY_NAME[name].socket]
+    sockets = [*wanted, ""] if wanted else []
+    sockets += ["Normal"] if settings.detail_maps else []
+    notes = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))
+    return list(dict.fromkeys(notes))
+
+
+def attribute_notes(meshes: Meshes, settings: MapSettings) -> list[str]:
+    """The high meshes without the attribute that the attribute map shows, and attributes with values that are no numbers."""
+    lacking = [
+        repr(high.name) for high in meshes.highs if (triangle_mesh.ATTRIBUTE, settings.attribute) not in high.layers
+    ]
+    notes = []
+    for high in meshes.highs:
+        names: dict[int, str] = {}  # the attribute that is set to render can have been read by its name, too
+        for (kind, name), values in high.layers.items():
+            if kind == triangle_mesh.ATTRIBUTE:
+                wrong = finite_values.count_others(values)
+                names[wrong] = name or names.get(wrong, "")
+        notes += [
+            f"The {_attribute(name)} of {high.name!r} is not finite at {wrong:,} face corners: NaN counts as 0 there, "
+            f"infinity as {finite_values.LARGEST:,.0f}."
+            for wrong, name in names.items()
+            if wrong
+        ]
+    if lacking and map_types.ATTRIBUTE.name in settings.drawn_maps:
+        wanted = _attribute(settings.attribute)
+        notes.append(f"The attribute map is black where the high mesh has no {wanted}: {shorten_list(lacking)}.")
+    return notes
+
+
+def _attribute(name: str) -> str:
+    """An attribute in a sentence. name: empty for the color attribute that is set to render."""
+    return f"attribute {name!r}" if name else "color attribute"
+
+
+def slope_notes(settings: Settings) -> list[str]:
+    """That one sample does not show the detail in a texel."""
+    if settings.sampling.samples > 1 or map_types.WIDENED_ROUGHNESS.name not in settings.map.drawn_maps:
+        return []
+    return [
+        fixes.in_shell("With 1 sample in a texel, widened roughness is the roughness of the material.", fixes.SAMPLES)
+    ]
+
+
+def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:
+    """`maps` with what values mean that do not depend on the bake's other values, also in packed channels."""
+    settings = drawn.settings
+    if not any(BY_NAME[name].family in ray_reach.WITH_MEANING for name in settings.map.drawn_maps):
+        return maps
+    space = local_space_of(drawn.plan.meshes.highs)
+    meanings = {name.lower(): how for name, how in ray_reach.meanings(settings, space).items()}
+    found = {name: how | meanings.get(name, {}) for name, how in maps.items()}
+    for how in found.values():
+        for channel in how.get("channels", {}).values():
+            channel.update(meanings.get(channel.get("map", ""), {}))
+    return found

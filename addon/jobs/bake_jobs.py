@@ -23,10 +23,9 @@ from ..engine.mips import mip_levels
 from ..engine.rendering import DrawnMaps, Renderer
 from ..output import map_names, output_clashes
 from ..output.outputs import Outputs, into_materials
-from . import readiness, texture_sets, weights
-from .bake import bake_job, draw_raw
-from .job import Job, check_job, files_kept
-from .report_making import DrawnJob, report_of
+from . import checks, weights
+from .bake import DrawnJob, bake_job, draw_raw, report_of
+from .job import Job, by_material, check_job, files_kept
 
 
 class Atlas:
@@ -162,12 +161,12 @@ def work(
     """
     settings.check()  # before object names are filled in, which may contain anything
     for job in jobs:
-        job.is_for_others = readiness.is_for_others(settings, is_exported=job.is_exported)
+        job.is_for_others = checks.is_for_others(settings, is_exported=job.is_exported)
     settings = settings.read_by(context.scene.render.engine)
     if settings.map.texture_sets:
         if share_image:
             raise BakeError("Texture sets and one image for all low objects exclude each other: choose one of them.")
-        jobs = texture_sets.by_material(jobs, settings.storing)
+        jobs = by_material(jobs, settings.storing)
     filled = [
         for_low(own, ATLAS if share_image else job.low.name, job.material)
         for job, own in zip(jobs, weights.settings_by_job(jobs, settings), strict=True)

@@ -3,22 +3,26 @@
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import bpy
 import gpu
+import numpy as np
 
 from .. import older_blender
 from ..core import udim
-from ..core.declarations.choices import Storage, VertexDomain
+from ..core.declarations.choices import Method, Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
-from ..core.naming import Suffixes, match
+from ..core.naming import MATERIAL, Suffixes, match
+from ..core.report import Report
 from ..core.settings import SamplingSettings, Settings, StorageSettings
 from ..engine.bands import bands
+from ..mesh.inputs import Meshes
 from ..output import map_storage, materials, vertex_attributes
 from ..output.map_names import settings_by_map
 from ..passes.program import in_software
 from ..scene import dependencies, object_checks
-from ..scene.high_materials import MaterialSet
+from ..scene.high_materials import MaterialSet, sets_of
 from ..scene.object_refs import ObjectRef
 
 
@@ -183,3 +187,51 @@ def _files(path: str) -> Iterable[str]:
 def files_kept(jobs: Sequence[Job], settings: StorageSettings) -> list[tuple[str, str]]:
     """As `files_read_by`, if the settings write files."""
     return files_read_by(jobs) if settings.storage == Storage.FILE else []
+
+
+@dataclass(frozen=True)
+class PastBake:
+    """A finished bake: its objects and settings. method: AUTO if Flatten left texels to rays. distances: of its rays, in scene
+    units; empty without rays."""
+
+    job: Job
+    settings: Settings
+    method: str
+    distances: dict[str, float]
+    tiles: list[int]
+
+    @classmethod
+    def of(cls, report: Report) -> "PastBake":
+        """The bake of a report, also of one from a file. Raises BakeError if one of its objects was deleted."""
+        names = [report.low, *report.high, *([report.cage] if report.cage else [])]
+        refs = report.refs or [ObjectRef(0, name) for name in names]
+        low, *others = (ref.resolve() for ref in refs)
+        highs, cages = others[: len(report.high)], others[len(report.high) :]
+        settings = Settings.of_json(report.settings)
+        job = Job(low, highs, *cages)
+        if report.slots:
+            job.texture_set = MaterialSet(report.material, tuple(report.slots))
+        method = Method.AUTO if report.rays else report.method
+        return cls(job, settings, method, report.distances, report.tiles)
+
+
+def by_material(jobs: Sequence[Job], settings: StorageSettings) -> list[Job]:
+    """A job for each texture set of each of `jobs`. Raises BakeError for names that the sets would share."""
+    found = [job.of_set(one) for job in jobs for one in sets_of(job.low)]
+    if len(found) > len(jobs):
+        for text, what in ((settings.output, "file"), (settings.image, "image")):
+            if text and MATERIAL not in text:
+                raise BakeError(f"Texture sets need {MATERIAL} in the name of the {what}: {text!r} has none.")
+    return found
+
+
+def set_numbers(low: bpy.types.Object, meshes: Meshes) -> np.ndarray | None:
+    """The number (T,) int of the texture set of each triangle of the low mesh, as it was read; None if there is only one, or if
+    they were not read, as for maps without tangents."""
+    found = sets_of(low)
+    if len(found) < 2 or meshes.basis is None or len(meshes.basis.triangles) != len(meshes.low.triangles):
+        return None
+    of_slot = np.zeros(max(1, len(low.material_slots)), np.int64)
+    for number, one in enumerate(found):
+        of_slot[list(one.slots)] = number
+    return of_slot[meshes.basis.labels[:, 0].astype(np.int64).clip(0, len(of_slot) - 1)]

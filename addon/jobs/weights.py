@@ -23,8 +23,7 @@ from ..engine.rays import ray_casting, unsure_texels
 from ..engine.sources import normal_source
 from ..mesh.inputs import Meshes
 from ..scene import reading, vertex_weights
-from .job import Job, check_job
-from .report_making import PastBake
+from .job import Job, PastBake, check_job
 
 
 def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:

@@ -9,7 +9,7 @@ from ..engine import gpu_memory
 from ..output import datablocks
 from ..output.datablocks import UNPACKED
 from .callbacks import Handlers, Timer
-from .live_switch import live
+from .live import live
 from .progress_display import display
 
 MOST_HELD = 1 << 30

@@ -17,7 +17,7 @@ from ..core.errors import BakeError, sentence
 from ..core.fixes import in_window
 from ..core.progress import Pace, Progress, Task
 from .callbacks import Key
-from .live_switch import live
+from .live import live
 from .memory import held
 from .progress_display import display
 from .translations import tooltip

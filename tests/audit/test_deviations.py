@@ -11,7 +11,7 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import Job, bake_jobs, live_session
-from addon.views import view_shading
+from addon.ui import view_shading
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -11,8 +11,8 @@ from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import Job, bake_jobs, live_session
 from addon.passes import target
-from addon.views import view_shading
-from addon.views.view_shading import Mode
+from addon.ui import view_shading
+from addon.ui.view_shading import Mode
 from tests.engine.test_stacked_uvs import asymmetric, bump, half, mirrored
 from tests.support import angles, maps, raster, zoo
 

@@ -7,7 +7,7 @@ import pytest
 
 from addon.audit import mip_gaps, severity
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_all, locate_issues
+from addon.jobs import Job, bake_all, checks
 from tests.audit.test_checks import QUARTERS, bake, faces, mask, part, tiles
 from tests.support import zoo
 
@@ -252,8 +252,8 @@ def roof(name="lo", **options):
 
 def edges(report):
     """The ends of the hard edges of the low object."""
-    low = locate_issues.of_low(report)
-    return [tuple(low.data.edges[number].vertices) for number in locate_issues.find(bpy.context, report, "hard_edges")]
+    low = checks.of_low(report)
+    return [tuple(low.data.edges[number].vertices) for number in checks.find(bpy.context, report, "hard_edges")]
 
 
 def test_hard_edges_without_a_seam():
@@ -345,4 +345,4 @@ def test_what_a_number_means(kind, check, settings, expected):
 
 
 def test_each_kind_has_a_meaning():
-    assert {kind for kind, *_ in MEANINGS} == set(locate_issues.KINDS)
+    assert {kind for kind, *_ in MEANINGS} == set(checks.KINDS)

@@ -14,7 +14,7 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
-from addon.jobs import Job, bake_all, bake_pair, ray_measuring
+from addon.jobs import Job, bake, bake_all, bake_pair
 from addon.jobs.live_session import Session
 from tests.support import angles, cycles, lanes, maps, oracle, zoo
 
@@ -232,7 +232,7 @@ def test_objects_that_do_not_overlap_are_refused_with_the_distance():
     for refused in (
         lambda: cast(low, high),
         lambda: live.run(bpy.context),
-        lambda: ray_measuring.measure(bpy.context, low, [high], settings),
+        lambda: bake.measure_rays(bpy.context, low, [high], settings),
     ):
         with pytest.raises(BakeError, match="do not overlap: they are 10 m apart"):
             refused()

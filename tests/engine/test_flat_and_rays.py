@@ -13,7 +13,7 @@ from addon.core import progress
 from addon.core.settings import Settings
 from addon.engine import bands
 from addon.engine.rays import tree_cache
-from addon.jobs import Job, bake_pair, locate_issues
+from addon.jobs import Job, bake_pair, checks
 from addon.jobs.live_session import Session
 from tests.support import angles, zoo
 from tests.support.maps import bake_all_maps, pixels, raw_maps
@@ -205,7 +205,7 @@ def test_faces_of_a_check_are_found_by_the_same_method():
     low, high = pair()
     report, _ = bake(low, high)
     assert report.checks["uncovered"]["count"] == 0
-    assert len(locate_issues.find(bpy.context, report, "uncovered")) == 0
+    assert len(checks.find(bpy.context, report, "uncovered")) == 0
 
 
 def test_live_draws_what_a_bake_draws():

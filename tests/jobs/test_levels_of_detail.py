@@ -11,7 +11,7 @@ from addon.core.errors import BakeError
 from addon.core.levels import limits
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import bake_jobs, decimation, lod
+from addon.jobs import bake_jobs, lod
 from addon.scene import mesh_reader
 from tests.support import scenes, zoo
 from tests.support.snapshot import difference, snapshot
@@ -107,7 +107,7 @@ def step():
 @pytest.mark.slow
 def test_triangles_beyond_the_limit_are_kept_and_the_rest_becomes_coarser(monkeypatch):
     kept = chain(step(), "1", "5").levels[0]
-    monkeypatch.setattr(decimation, "frozen_vertices", lambda source, _: np.zeros(len(source.is_kept), bool))
+    monkeypatch.setattr(lod, "frozen_vertices", lambda source, _: np.zeros(len(source.is_kept), bool))
     free = chain(step(), "1", "5").levels[0]
     assert kept.triangles < 0.8 * free.triangles
 
@@ -118,22 +118,22 @@ def test_vertices_around_texels_are_found_on_all_layers():
     plane.data.uv_layers[0].uv.foreach_get("vector", uv)
     uv[::2] = np.abs(2.0 * uv[::2] - 1.0)
     plane.data.uv_layers[0].uv.foreach_set("vector", uv)
-    with decimation.Meshes() as meshes:
-        source = decimation.read(bpy.context, plane, "", "RENDER", meshes)
+    with lod.TemporaryMeshes() as meshes:
+        source = lod.read_original(bpy.context, plane, "", "RENDER", meshes)
         texels = np.zeros((64, 64), bool)
-        assert not decimation.frozen_vertices(source, texels).any()
+        assert not lod.frozen_vertices(source, texels).any()
         texels[:31] = True
-        points = source.surface.positions[decimation.frozen_vertices(source, texels)]
+        points = source.surface.positions[lod.frozen_vertices(source, texels)]
     assert sorted({(round(float(x), 3), round(float(y), 3)) for x, y, _ in points}) == [
         (x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0)
     ]
 
 
 def test_a_mesh_whose_vertices_are_all_kept_stays_as_it_is():
-    with decimation.Meshes() as meshes:
-        source = decimation.read(bpy.context, zoo.terrain("Hill", 12), "", "RENDER", meshes)
-        data = meshes.own(decimation.coarser(source, 20, np.ones(len(source.is_kept), bool)))
-        same = decimation.of_mesh(data, "UVMap", "same", np.eye(4))
+    with lod.TemporaryMeshes() as meshes:
+        source = lod.read_original(bpy.context, zoo.terrain("Hill", 12), "", "RENDER", meshes)
+        data = meshes.own(lod.decimated(source, 20, np.ones(len(source.is_kept), bool)))
+        same = lod.of_mesh(data, "UVMap", "same", np.eye(4))
         assert (same.triangles, len(data.vertices)) == (source.triangles, len(source.data.vertices))
 
 
@@ -175,13 +175,13 @@ def test_uvs_move_to_where_vertices_lie(monkeypatch):
         return np.stack([2 * u**2 - 1, 2 * v - 1, 0.1 * np.sin(9 * u) * np.sin(7 * v)], axis=1)
 
     obj = zoo.sheet("Sheet", surface, 48, 48)
-    with decimation.Meshes() as meshes:
-        original = decimation.read(bpy.context, obj, "", "RENDER", meshes)
+    with lod.TemporaryMeshes() as meshes:
+        original = lod.read_original(bpy.context, obj, "", "RENDER", meshes)
         separation = []
         for moves_uvs in (True, False):
             moved_to = original.data if moves_uvs else None
             none = np.zeros(len(original.is_kept), bool)
-            data = meshes.own(decimation.coarser(original, 400, none, moved_to))
+            data = meshes.own(lod.decimated(original, 400, none, moved_to))
             surface_of = mesh_reader.surface(data, "UVMap", "level", np.eye(4))
             points = surface_of.positions[surface_of.vertices]
             separation.append(np.abs(2 * surface_of.uv[:, 0] ** 2 - 1 - points[:, 0]).mean())

@@ -10,7 +10,7 @@ import pytest
 from addon.core import map_types
 from addon.core.material_feeds import HighMaterial
 from addon.core.settings import Settings
-from addon.jobs import report_making
+from addon.jobs import bake
 from tests.support import feeds, scenes
 from tests.support.maps import bake_all_maps
 from tests.support.shader_nodes import add, image, principled
@@ -74,8 +74,8 @@ def test_notes_have_the_order_of_the_maps():
     }
     meshes = SimpleNamespace(materials=[HighMaterial("Rust", notes=notes)])
     names = tuple(map_type.name for map_type in chosen)
-    found = report_making.material_notes(meshes, Settings(maps=names).map)
+    found = bake.material_notes(meshes, Settings(maps=names).map)
     assert found == [*(f"{socket} is left out" for socket in sockets), "shader", "detail"]
-    widened = report_making.material_notes(meshes, Settings(maps=(map_types.WIDENED_ROUGHNESS.name,)).map)
+    widened = bake.material_notes(meshes, Settings(maps=(map_types.WIDENED_ROUGHNESS.name,)).map)
     assert widened[0] == "Roughness is left out"
-    assert report_making.material_notes(meshes, Settings(detail_maps=False).map) == []
+    assert bake.material_notes(meshes, Settings(detail_maps=False).map) == []

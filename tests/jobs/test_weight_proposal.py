@@ -10,7 +10,8 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine.rays import unsure_texels
-from addon.jobs import bake_pair, locate_issues, weights
+from addon.jobs import bake_pair, weights
+from addon.jobs.checks import draw_mask
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import Mesh
 from addon.scene import vertex_weights
@@ -179,7 +180,7 @@ def test_sure_texels_keep_their_surface():
     rays = {"maps": ("HEIGHT",), "depth": 32, "margin": 0, "width": 128, "height": 128}
     report = bake(low, high, **rays)
     heights = pixels("lo_height")
-    is_sure = pixels(locate_issues.draw_mask(bpy.context, report, "unsure").name) == 0.0
+    is_sure = pixels(draw_mask(bpy.context, report, "unsure").name) == 0.0
     proposal = weights.propose(bpy.context, report, NONE)
 
     groups = weights.apply(low, proposal, NONE)
@@ -198,7 +199,7 @@ def test_random_scenes_lose_no_texel_with_seed(seed):
     settings = replace(settings, **same)
     report = bake_pair(bpy.context, low, highs, settings)
     heights, is_hit = pixels("map_height"), pixels("map", 3) > 0.0
-    is_unsure = pixels(locate_issues.draw_mask(bpy.context, report, "unsure").name) > 0.0
+    is_unsure = pixels(draw_mask(bpy.context, report, "unsure").name) > 0.0
     groups = weights.apply(low, weights.propose(bpy.context, report, NONE), NONE)
     bake_pair(bpy.context, low, highs, replace(settings, **groups, **report.distances))
     assert (pixels("map", 3) > 0.0)[is_hit].all()

@@ -16,8 +16,8 @@ from addon.engine import bands
 from addon.jobs import Job, live_session
 from addon.output import value_encoding
 from addon.passes import lit, mesh_upload, target
-from addon.views import view_shading
-from addon.views.view_shading import SHOWN
+from addon.ui import view_shading
+from addon.ui.view_shading import SHOWN
 from tests.support import decoders, oracle, raster, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

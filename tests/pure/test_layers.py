@@ -31,8 +31,7 @@ MAY_IMPORT = {
     "audit": {"core", "mesh", "passes", "engine"},
     "export": {"core", "mesh", "scene", "output", "older_blender"},
     "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit", "export", "older_blender"},
-    "views": {"core", "mesh", "passes", "scene", "output", "engine", "jobs"},
-    "ui": {"core", "scene", "output", "engine", "jobs", "views", "export", "flamenco", "older_blender"},
+    "ui": {"core", "mesh", "passes", "scene", "output", "engine", "jobs", "export", "flamenco", "older_blender"},
     "cli": {"core", "flamenco", "scene", "output", "jobs", "export", "older_blender"},
     "api": {"core", "jobs", "cli"},
     "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees

@@ -12,7 +12,7 @@ from addon.core.report import Report
 from scripts.imprint import ROOT
 
 PAST_BAKES = {
-    "addon/jobs/report_making.py": "finds the objects of a past bake, to locate its issues",
+    "addon/jobs/job.py": "finds the objects of a past bake, to locate its issues",
     "addon/jobs/sequence.py": "shows the frames that are done",
 }
 """Modules below ui/ and cli/ that read a report, and why."""

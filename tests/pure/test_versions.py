@@ -48,7 +48,7 @@ def test_any_code_that_bakes_changes_the_hash_and_that_of_the_window_does_not(tm
     before = code_after(tmp_path, "addon/jobs/bake.py", b"one\ntwo\n")
     for name in (
         "addon/ui/panel.py",
-        "addon/views/lit.py",
+        "addon/ui/live.py",
         "addon/presets/imprint/a.py",
         "addon/jobs/__pycache__/bake.pyc",
     ):

@@ -8,7 +8,7 @@ import numpy as np
 
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.ui.live_switch import live
+from addon.ui.live import live
 from tests.support.maps import pixels
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 
 import addon
-from addon.ui import checks, object_slots, sidebar
+from addon.ui import bake_panel, checks, sidebar
 
 
 class Layout:
@@ -84,7 +84,7 @@ class Layout:
         assert {name} <= set(data.bl_rna.properties.keys())
         assert {active_name} <= set(active_data.bl_rna.properties.keys())
         for item in getattr(data, name):
-            object_slots.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
+            bake_panel.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
 
     def operator(self, name, icon="NONE", **_):
         assert icon in self.ICONS

@@ -20,7 +20,7 @@ import numpy as np
 from addon.output import datablocks
 from addon.ui import bake_results, object_pairs
 from addon.ui.bake_results import results
-from addon.ui.live_switch import live
+from addon.ui.live import live
 from scripts import imprint
 from tests.support import snapshot, zoo
 

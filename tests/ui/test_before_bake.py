@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.jobs import bake_jobs, readiness
+from addon.jobs import bake_jobs, checks
 from addon.ui.bake_results import results
-from addon.ui.fixes import findings
+from addon.ui.checks import findings
 from tests.support import panel_layout, zoo
 from tests.support.panel import use
 
@@ -23,7 +23,7 @@ def set_up(low, *, green="-Y"):
 def found(low, **settings):
     bpy.context.view_layer.update()
     given = Settings(**{"green": "-Y"} | settings)
-    return {one.kind: one for one in readiness.viewport_findings(bpy.context, low, given, is_own_base=False)}
+    return {one.kind: one for one in checks.viewport_findings(bpy.context, low, given, is_own_base=False)}
 
 
 def fix(kind):
@@ -107,9 +107,9 @@ def test_mirrored_copies_are_found_and_harmless():
     ],
 )
 def test_only_maps_for_other_programs_are_asked_about(settings, asks):
-    assert readiness.is_for_others(Settings(**settings), is_exported=False) is asks
+    assert checks.is_for_others(Settings(**settings), is_exported=False) is asks
     in_tangent_space = settings.get("space", "TANGENT") == "TANGENT" and settings.get("normal", True)
-    assert readiness.is_for_others(Settings(**settings), is_exported=True) is in_tangent_space
+    assert checks.is_for_others(Settings(**settings), is_exported=True) is in_tangent_space
 
 
 # The panel

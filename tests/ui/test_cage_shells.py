@@ -12,7 +12,7 @@ from addon.core.settings import Settings
 from addon.mesh.local_space import local_space_of
 from addon.passes import target
 from addon.scene import reading
-from addon.views import cage_shells
+from addon.ui import cage_overlay
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -30,14 +30,14 @@ def outline(low, cage=None, *, scale=OUT, offset=0.0, blend_width=0.0, **setting
     """Which pixels (SIZE, SIZE) the shell covers; rows go up along z."""
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    batch = cage_shells.upload(
+    batch = cage_overlay.upload_shells(
         low, cage, depsgraph, Settings(method="CAST", **settings), blend_width=blend_width, is_own_base=False
     )
     front = mathutils.Matrix(((1, SHEAR, 0, 0), (0, SHEAR, 1, 0), (0, 0.1, 0, 0), (0, 0, 0, REACH))) * (1.0 / REACH)
     picture = target.Target(SIZE, SIZE, ("RGBA32F",))
     with picture.bound() as framebuffer:
         framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
-        cage_shells.draw_cage_shell(batch, front, (1.0, 1.0, 1.0, 1.0), scale=scale, offset=offset)
+        cage_overlay.draw_cage_shell(batch, front, (1.0, 1.0, 1.0, 1.0), scale=scale, offset=offset)
     texels = np.empty((SIZE, SIZE, 4), np.float32)
     picture.read(texels)
     return texels[..., 0] > 0.0
@@ -119,10 +119,10 @@ def test_flat_triangles_are_not_divided():
     )
     flat = replace(meshes, smooth_normals=meshes.low.normals)
     space = local_space_of([meshes.low])
-    assert (cage_shells.parts(flat, space, 0.1) == 1).all()
-    assert (cage_shells.parts(meshes, space, 0.1) == cage_shells.MOST_PARTS).all()
+    assert (cage_overlay.parts(flat, space, 0.1) == 1).all()
+    assert (cage_overlay.parts(meshes, space, 0.1) == cage_overlay.MOST_PARTS).all()
     many = replace(meshes.low, triangles=np.tile(meshes.low.triangles, (1000, 1)))
-    assert (cage_shells.parts(replace(meshes, low=many), space, 0.1) ** 2).sum() <= cage_shells.MOST_PIECES
+    assert (cage_overlay.parts(replace(meshes, low=many), space, 0.1) ** 2).sum() <= cage_overlay.MOST_PIECES
 
 
 def test_a_group_that_is_missing_counts_as_unpainted():

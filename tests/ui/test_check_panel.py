@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.jobs import locate_issues
+from addon.jobs.checks import KINDS, ON_TEXELS
 from addon.ui import bake_results, checks
 from addon.ui.bake_results import results
 from tests.support import maps, panel_layout, zoo
@@ -310,7 +310,7 @@ def test_the_panel_shows_an_icon_and_a_number_for_each_check(baked):
         ("imprint.select_flaws", {"kind": "POLYGONS", "low": "lo"}),
         ("imprint.add_triangulate", {"low": "lo"}),
     ]
-    for button, kinds in (("show_mask", locate_issues.ON_TEXELS), ("select_flaws", locate_issues.KINDS)):
+    for button, kinds in (("show_mask", ON_TEXELS), ("select_flaws", KINDS)):
         given = [given.kind for name, given in drawn.given if name == f"imprint.{button}"]
         assert sorted(given) == sorted(kind.upper() for kind in kinds)
 
@@ -355,8 +355,8 @@ def test_mirrored_islands_have_a_line(baked):
 @pytest.mark.parametrize(
     ("operator", "kinds"),
     [
-        (checks.IMPRINT_OT_select_flaws, locate_issues.KINDS),
-        (checks.IMPRINT_OT_show_mask, locate_issues.ON_TEXELS),
+        (checks.IMPRINT_OT_select_flaws, KINDS),
+        (checks.IMPRINT_OT_show_mask, ON_TEXELS),
     ],
     ids=["select_flaws", "show_mask"],
 )
@@ -400,4 +400,4 @@ def test_checks_of_the_last_successful_bake_stay(baked):
 
 
 def test_all_kinds_have_a_label_and_a_tooltip():
-    assert tuple(sorted(checks.CHECKS)) == tuple(sorted(locate_issues.KINDS))
+    assert tuple(sorted(checks.CHECKS)) == tuple(sorted(KINDS))

@@ -12,7 +12,7 @@ from addon.core import fixes
 from addon.jobs import bake_jobs
 from addon.ui import bake_panel
 from addon.ui.bake_results import results
-from addon.ui.fixes import FIXES
+from addon.ui.checks import FIXES
 from addon.ui.properties import Chosen
 from tests.support import panel_layout, zoo
 from tests.support.panel import use

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.ui.live_switch import live
+from addon.ui.live import live
 from tests.support import zoo
 from tests.support.following import follow, follows, is_fresh, shown
 from tests.support.panel import use

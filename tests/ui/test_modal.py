@@ -12,12 +12,12 @@ from addon.core.errors import BakeError
 from addon.engine import gpu_memory
 from addon.engine.rays import tree_cache
 from addon.passes import target
-from addon.ui import modal, operators, view_panel
-from addon.ui.live_switch import live
+from addon.ui import bake_operators, modal, views
+from addon.ui.live import live
 from addon.ui.memory import EVERY, idle_memory
 from addon.ui.progress_display import display
-from addon.ui.view_mode import viewer
-from addon.views.view_shading import Mode
+from addon.ui.view_shading import Mode
+from addon.ui.views import viewer
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -96,8 +96,8 @@ def is_clean():
 
 
 BUTTONS = {
-    "live": lambda: Button(operators.IMPRINT_OT_live),
-    "view": lambda: Button(view_panel.IMPRINT_OT_view_show, mode="MAP"),
+    "live": lambda: Button(bake_operators.IMPRINT_OT_live),
+    "view": lambda: Button(views.IMPRINT_OT_view_show, mode="MAP"),
 }
 
 
@@ -157,7 +157,7 @@ def test_esc_changes_nothing(pair, name, step):
 def test_esc_keeps_the_previous_view(pair):
     viewer.switch(bpy.context, Mode.MAP)
     own = viewer.own
-    button = Button(view_panel.IMPRINT_OT_view_refresh)
+    button = Button(views.IMPRINT_OT_view_refresh)
     button.press()
     button.event()
     button.event("ESC")
@@ -170,14 +170,14 @@ def test_esc_while_the_last_other_maps_are_drawn_leaves_live_on(pair):
     settings = bpy.context.scene.imprint
     settings.maps, settings.rays = {"AO"}, 16
     assert bpy.ops.imprint.live() == {"FINISHED"}
-    before, button = snapshot(), Button(operators.IMPRINT_OT_live)
+    before, button = snapshot(), Button(bake_operators.IMPRINT_OT_live)
     button.press()
     assert button.event() == {"RUNNING_MODAL"}
     assert display.current.what != "Starting"
     assert button.event("ESC") == {"CANCELLED"}
     assert live.is_on
     assert difference(before, snapshot()) == {}
-    button = Button(operators.IMPRINT_OT_live)
+    button = Button(bake_operators.IMPRINT_OT_live)
     button.press()
     assert button.run() == {"FINISHED"}
     assert not live.is_on
@@ -186,7 +186,7 @@ def test_esc_while_the_last_other_maps_are_drawn_leaves_live_on(pair):
 
 @pytest.mark.usefixtures("tiny")
 def test_changes_while_live_starts_are_in_the_map(pair):
-    button = Button(operators.IMPRINT_OT_live)
+    button = Button(bake_operators.IMPRINT_OT_live)
     button.press()
     for _ in range(4):
         button.event()
@@ -224,7 +224,7 @@ def test_opening_another_file_ends_running_tasks(pair, name):
 
 def _running_bake():
     steps = (progress.Progress("Baking", number / 10) for number in range(10))
-    button = Button(operators.IMPRINT_OT_live)
+    button = Button(bake_operators.IMPRINT_OT_live)
     button.task = lambda *_: steps
     return button
 
@@ -237,7 +237,7 @@ def _running_bake():
     ],
 )
 def test_an_error_is_reported_and_frees_the_window(pair, error, message):
-    button = Button(operators.IMPRINT_OT_live)
+    button = Button(bake_operators.IMPRINT_OT_live)
 
     def fails(*_):
         yield progress.Progress("Reading", 0.0)
@@ -259,10 +259,10 @@ def test_adjust_last_operation_shows_the_summary_and_no_settings(pair):
         texts.append(text)
 
     layout = SimpleNamespace(column=lambda *, align: SimpleNamespace(label=label))
-    operators.IMPRINT_OT_bake.draw(SimpleNamespace(layout=layout), bpy.context)
+    bake_operators.IMPRINT_OT_bake.draw(SimpleNamespace(layout=layout), bpy.context)
     assert "64 x 64" in " ".join(texts)
     assert max(map(len, texts)) <= modal.LAST_OPERATION
-    assert "REGISTER" not in operators.IMPRINT_OT_live.bl_options
+    assert "REGISTER" not in bake_operators.IMPRINT_OT_live.bl_options
 
 
 def test_cached_memory_is_freed_when_idle(pair, monkeypatch):
@@ -285,7 +285,7 @@ def test_the_picture_stays_until_the_next_one(pair):
     """Rays for other maps take many steps between two pictures."""
     settings = bpy.context.scene.imprint
     settings.maps, settings.rays, settings.show_result = {"AO"}, 64, False
-    button = Button(operators.IMPRINT_OT_bake)
+    button = Button(bake_operators.IMPRINT_OT_bake)
     assert button.press() == {"RUNNING_MODAL"}
     assert display.picture is None
     without, is_any = 0, False

@@ -6,10 +6,10 @@ import pytest
 
 import addon
 from addon.scene import evaluation
-from addon.ui.live_switch import live
+from addon.ui import view_shading
+from addon.ui.live import live
 from addon.ui.object_hiding import hiding
-from addon.ui.view_mode import viewer
-from addon.views import view_shading
+from addon.ui.views import viewer
 from tests.support import zoo
 from tests.ui.test_view_mode import drawn_pixels, view, viewport
 

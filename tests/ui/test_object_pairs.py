@@ -13,7 +13,7 @@ import pytest
 from addon.core.settings import Settings
 from addon.ui import bake_results, object_pairs
 from addon.ui.bake_results import results
-from addon.ui.live_switch import live
+from addon.ui.live import live
 from scripts.imprint import ROOT
 from tests.support import maps, zoo
 from tests.support.panel import select, use

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from addon.core import map_types, naming, progress
-from addon.ui import batches
+from addon.ui import bake_operators
 from addon.ui.bake_results import results
-from addon.ui.live_switch import live
+from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
 from tests.support import maps, zoo
 from tests.support.panel import add, refusal, select, use
@@ -497,7 +497,7 @@ def test_names_are_matched_again_only_after_a_change(pair, monkeypatch):
     asked = []
     match = naming.match
     monkeypatch.setattr(naming, "match", lambda *names: asked.append(names) or match(*names))
-    batches.pairs.cache_clear()
+    bake_operators.pairs.cache_clear()
     low, high = pair
     for _ in range(3):
         draw()

@@ -9,7 +9,7 @@ import addon
 from addon.engine.rays import tree_cache
 from addon.ui import object_pairs
 from addon.ui.cage_overlay import CageState, RayLengths, Subject, overlay
-from addon.ui.live_switch import live
+from addon.ui.live import live
 from tests.support import maps, zoo
 from tests.support.panel import use
 

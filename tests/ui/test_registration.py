@@ -11,7 +11,7 @@ import addon
 from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
-from addon.ui import modal, operators, presets, properties, settings_panels, sidebar, view_mode, view_panel
+from addon.ui import bake_operators, modal, properties, settings_panels, sidebar, views
 from tests.support import maps, zoo
 
 MODULES = [module for module in addon.modules() if hasattr(module, "CLASSES")]
@@ -20,7 +20,7 @@ PANELS = [
     cls
     for module in MODULES
     for cls in module.CLASSES
-    if issubclass(cls, bpy.types.Panel) and cls is not presets.IMPRINT_PT_conventions
+    if issubclass(cls, bpy.types.Panel) and cls is not settings_panels.IMPRINT_PT_conventions
 ]
 
 
@@ -29,7 +29,7 @@ def traces():
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.Menu, bpy.types.PropertyGroup)
     kinds += (bpy.types.AddonPreferences,)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
-    gizmos = {view_mode.IMPRINT_GT_split: bpy.types.Gizmo, view_mode.IMPRINT_GGT_split: bpy.types.GizmoGroup}
+    gizmos = {views.IMPRINT_GT_split: bpy.types.Gizmo, views.IMPRINT_GGT_split: bpy.types.GizmoGroup}
     found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}
     found |= {f"Scene.{name}" for name in dir(bpy.types.Scene) if name.startswith("imprint")}
     return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
@@ -78,7 +78,7 @@ def test_gpu_objects_are_freed_when_blender_ends(monkeypatch):
     assert at_exit == []
 
 
-@pytest.mark.parametrize("module", [operators, settings_panels, modal], ids=lambda module: module.__name__)
+@pytest.mark.parametrize("module", [bake_operators, settings_panels, modal], ids=lambda module: module.__name__)
 def test_errors_while_registering_are_raised_and_leave_nothing(monkeypatch, module):
     """Also where the module has registered some of its classes."""
 
@@ -104,7 +104,7 @@ class TestWords:
         for button in buttons:
             assert button.description, button.identifier
         structs = [*buttons, properties.ImprintSettings.bl_rna, properties.ImprintHigh.bl_rna]
-        structs.append(view_panel.ImprintView.bl_rna)
+        structs.append(views.ImprintView.bl_rna)
         for struct in structs:
             for prop in struct.properties:
                 if prop.identifier not in {"rna_type", "name"}:

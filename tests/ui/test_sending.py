@@ -8,7 +8,7 @@ import pytest
 
 from addon import flamenco
 from addon.core.errors import BakeError
-from addon.ui import batches
+from addon.ui import bake_operators
 from tests.support.panel_layout import draw
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 @pytest.fixture
 def address(monkeypatch):
     """A Flamenco Manager in the preferences."""
-    monkeypatch.setattr(batches, "flamenco_address", lambda _context: "http://farm")
+    monkeypatch.setattr(bake_operators, "flamenco_address", lambda _context: "http://farm")
     return "http://farm"
 
 
@@ -26,7 +26,7 @@ def sent(monkeypatch):
     """The jobs that are sent, in place of sending them. Blender is online."""
     jobs = []
     monkeypatch.setattr(flamenco, "submit", lambda url, job: jobs.append((url, job)) or f"{url}/app/jobs/1")
-    monkeypatch.setattr(batches.bpy, "app", SimpleNamespace(online_access=True), raising=False)
+    monkeypatch.setattr(bake_operators.bpy, "app", SimpleNamespace(online_access=True), raising=False)
     return jobs
 
 
@@ -35,12 +35,12 @@ def test_the_button_is_there_if_an_address_is_set(address):
 
 
 def test_without_an_address_there_is_no_button():
-    assert batches.flamenco_address(bpy.context) == ""
+    assert bake_operators.flamenco_address(bpy.context) == ""
     assert "imprint.send_to_flamenco" not in {name for name, _ in draw().buttons}
 
 
 def test_without_online_access_nothing_is_sent(address, sent, monkeypatch, tmp_path):
-    monkeypatch.setattr(batches.bpy, "app", SimpleNamespace(online_access=False))
+    monkeypatch.setattr(bake_operators.bpy, "app", SimpleNamespace(online_access=False))
     with pytest.raises(RuntimeError, match="poll"):
         bpy.ops.imprint.send_to_flamenco(filepath=str(tmp_path / "jobs.toml"))
     assert sent == []

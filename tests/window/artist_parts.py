@@ -21,7 +21,7 @@ for loaded in [name for name in sys.modules if name.startswith(f"{MODULE}.addon"
 import addon  # noqa: E402
 from addon.ui import modal, object_pairs  # noqa: E402
 from addon.ui.bake_results import results  # noqa: E402
-from addon.ui.live_switch import live  # noqa: E402
+from addon.ui.live import live  # noqa: E402
 from tests.support import saved_scenes, window  # noqa: E402
 from tests.support.window import click_row, keys, press  # noqa: E402
 from tests.window import live_strokes  # noqa: E402

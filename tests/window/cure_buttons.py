@@ -17,7 +17,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[2]), str(Path(__file__).res
 
 
 import addon  # noqa: E402
-from addon.ui.fixes import findings  # noqa: E402
+from addon.ui.checks import findings  # noqa: E402
 from tests.support import window, zoo  # noqa: E402
 
 KINDS = ("LAYER", "HARD_EDGES", "POLYGONS")

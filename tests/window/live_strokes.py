@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import addon  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
 from addon.jobs import bake_pair  # noqa: E402
-from addon.ui.live_switch import live  # noqa: E402
+from addon.ui.live import live  # noqa: E402
 from tests.support import window  # noqa: E402
 
 BRUSHES = "brushes/essentials_brushes-mesh_sculpt.blend/Brush/"

@@ -17,7 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
-from addon.ui.live_switch import live  # noqa: E402
+from addon.ui.live import live  # noqa: E402
 from tests.support import window  # noqa: E402
 from tests.window import live_strokes as strokes  # noqa: E402
 

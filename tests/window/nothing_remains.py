@@ -19,12 +19,12 @@ import addon  # noqa: E402
 from addon.engine.rays import tree_cache  # noqa: E402
 from addon.passes import target  # noqa: E402
 from addon.ui.cage_overlay import overlay  # noqa: E402
-from addon.ui.live_switch import LiveState, live  # noqa: E402
+from addon.ui.live import LiveState, live  # noqa: E402
 from addon.ui.modal import runner  # noqa: E402
 from addon.ui.object_hiding import hiding  # noqa: E402
 from addon.ui.progress_display import display  # noqa: E402
-from addon.ui.view_mode import viewer  # noqa: E402
-from addon.views.view_shading import Mode  # noqa: E402
+from addon.ui.view_shading import Mode  # noqa: E402
+from addon.ui.views import viewer  # noqa: E402
 from tests.support import window  # noqa: E402
 
 HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_pre", "load_post")

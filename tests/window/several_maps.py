@@ -21,7 +21,7 @@ import live_strokes  # noqa: E402
 
 import addon  # noqa: E402
 from addon.ui import modal  # noqa: E402
-from addon.ui.live_switch import live  # noqa: E402
+from addon.ui.live import live  # noqa: E402
 from addon.ui.progress_display import display  # noqa: E402
 from tests.support import window  # noqa: E402
 

@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators that bake: one pair, all pairs by name, a sequence, Live. The panels of pairs and sequences, and how job files get
+to a render farm."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+from bpy.props import CollectionProperty, IntProperty, StringProperty
+
+from .. import flamenco
+from ..core import naming, progress
+from ..core.declarations.choices import Method, Storage
+from ..core.errors import BakeError
+from ..core.report import Report
+from ..core.settings import Settings
+from ..jobs import bake_jobs, sequence
+from ..jobs.job import Job, jobs_by_name
+from ..scene import object_refs, reading
+from . import bake_results, modal, object_pairs
+from .bake_results import results
+from .live import live
+from .modal import QuickOperator
+from .progress_display import display
+from .properties import Chosen, Options
+from .sidebar import SettingsPanel, draw_paragraphs
+from .translations import LABEL, label, message, tooltip
+
+MODULE = __package__.partition(".addon.")[0]
+"""Blender's name for the extension."""
+
+
+class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
+    """What the extension keeps in Blender's preferences."""
+
+    bl_idname = MODULE
+
+    flamenco: StringProperty(
+        name="Flamenco Manager",
+        description="Address of the Flamenco Manager that gets job files, as http://flamenco.local:8080",
+        translation_context=LABEL,
+    )
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        self.layout.prop(self, "flamenco")
+
+
+def flamenco_address(context: bpy.types.Context) -> str:
+    """The address of the Flamenco Manager, or "" if none is set, or if this is no installed extension."""
+    own = context.preferences.addons.get(MODULE)
+    return own.preferences.flamenco.strip() if own and own.preferences else ""
+
+
+class _Bake(modal.MapOperator):
+    """An operator that bakes maps; `task` returns their reports."""
+
+    def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
+        lines = [line for report in result for line in report.summary(reading.lengths_of(context.scene))]
+        self.show(context, lines, [warning for report in result for warning in report.warnings])
+        results.remember(context, result)
+        if self.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
+            bake_results.show_bake(context, result)
+
+
+class _OnePair(_Bake, Options):
+    """Bakes one low object, from the panel or from the arguments."""
+
+    # Names are not remembered for the next call: the button bakes what the panel shows.
+    low: StringProperty(
+        name="Low",
+        description="Name of the low object; empty for the slot or the active object",
+        options={"SKIP_SAVE"},
+        translation_context=LABEL,
+    )
+    high: CollectionProperty(
+        type=bpy.types.OperatorFileListElement,
+        name="High",
+        description='Names of the high objects, as [{"name": "sculpt"}]; empty for the slots or the selection',
+        options={"SKIP_SAVE"},
+        translation_context=LABEL,
+    )
+    cage: StringProperty(
+        name="Cage",
+        description="Name of the cage; empty for the slot, which only rays use",
+        options={"SKIP_SAVE"},
+        translation_context=LABEL,
+    )
+
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
+        job, settings = self.job(context)
+        return (yield from bake_jobs.work(context, [job], settings, pace))
+
+    def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
+        """The objects and settings from the arguments, or from the panel where an argument is missing."""
+        panel = context.scene.imprint
+        chosen = panel.chosen(context, object_refs.by_name(self.low) if self.low else None)
+        if self.high:  # a script that names the high objects makes another pair, with the settings of the scene
+            chosen = Chosen(panel, chosen.low, [object_refs.by_name(item.name) for item in self.high])
+        chosen.check(context)
+        settings = self.to_settings(panel, chosen.rays, object_pairs.CHOSEN)
+        cage = None if settings.tracing.method == Method.FLATTEN else chosen.rays.cage
+        job = Job(chosen.low, chosen.highs, object_refs.by_name(self.cage) if self.cage else cage)
+        job.is_exported = bool(panel.export)
+        return job, settings
+
+
+class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):
+    """Bake the detail of the high-poly objects into a normal map for the low-poly object"""
+
+    bl_idname = "imprint.bake"
+    bl_label = "Bake Normal Map"
+    bl_options = {"REGISTER", "UNDO"}
+
+
+class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
+    """Bake each frame of the scene's range into a numbered file, for example for wrinkle maps"""
+
+    bl_idname = "imprint.bake_sequence"
+    bl_label = "Bake Sequence"
+    bl_options = {"REGISTER", "UNDO"}
+
+    first: IntProperty(
+        name="First", description="First frame; below 0 for that of the scene", default=-1, translation_context=LABEL
+    )
+    last: IntProperty(
+        name="Last", description="Last frame; below 0 for that of the scene", default=-1, translation_context=LABEL
+    )
+
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
+        job, settings = self.job(context)
+        scene = context.scene
+        first = self.first if self.first >= 0 else scene.frame_start
+        last = self.last if self.last >= 0 else scene.frame_end
+        return (yield from sequence.work(context, job, settings, range(first, last + 1), pace))
+
+
+class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
+    """Bake again whenever the high or low objects change, until it is switched off"""
+
+    bl_idname = "imprint.live"
+    bl_label = "Live"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return display.current is None
+
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[None]:
+        if live.is_on:
+            yield from live.finishing()
+            return
+        job, settings = context.scene.imprint.chosen(context).job(context)
+        yield from live.starting(context, job, settings, pace)
+
+
+class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
+    """Bake each low object of the scene against the high objects with a matching name"""
+
+    bl_idname = "imprint.bake_pairs"
+    bl_label = "Bake Pairs by Name"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
+        settings = context.scene.imprint
+        jobs, problems = jobs_by_name(context, settings.suffixes())
+        for problem in problems:
+            self.report({"WARNING"}, problem)
+        steps = bake_jobs.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)
+        return (yield from steps)
+
+
+class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
+    """Send a job file to the Flamenco Manager in the add-on's preferences. All its machines must see the file"""
+
+    bl_idname = "imprint.send_to_flamenco"
+    bl_label = "Send to Flamenco"
+
+    filepath: StringProperty(
+        name="Job File",
+        description="Job file with the bakes, .toml or .json",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+        translation_context=LABEL,
+    )
+    filter_glob: StringProperty(
+        name="File Filter",
+        description="Names of the files that the file browser lists",
+        default="*.toml;*.json",
+        options={"HIDDEN", "SKIP_SAVE"},
+        translation_context=LABEL,
+    )
+    shards: IntProperty(
+        name="Parts",
+        description="Number of parts of about the same cost, each a task",
+        default=16,
+        min=1,
+        max=1000,
+        translation_context=LABEL,
+    )
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        if not bpy.app.online_access:
+            cls.poll_message_set(tooltip("Allow online access in Blender's preferences first"))
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def apply(self, context: bpy.types.Context) -> str:
+        path = Path(bpy.path.abspath(self.filepath)).absolute()
+        job = flamenco.Job(path.stem, {"jobs": str(path), "shards": self.shards})
+        if not path.is_file():
+            raise BakeError(f"There is no file {str(path)!r}: choose a job file.")
+        return f"Sent: {flamenco.submit(flamenco_address(context), job)}"
+
+
+class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
+    """Bakes many low objects at once: pairs of objects by name."""
+
+    bl_idname = "IMPRINT_PT_pairs"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Pairs by Name"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        settings = context.scene.imprint
+        row = layout.row(align=True)
+        for name in ("low_suffix", "high_suffix", "cage_suffix"):
+            row.prop(settings, name, text="")
+        try:
+            found, problems = pairs(tuple(context.view_layer.objects.keys()), settings.suffixes())
+        except BakeError as error:
+            found, problems = [], [str(error)]
+        box = layout.box()
+        draw_paragraphs(box, context, [f"{pair.low}: {', '.join(pair.highs)}" for pair in found], "CHECKMARK")
+        draw_paragraphs(box, context, problems, "ERROR")
+        if not found and not problems:
+            draw_paragraphs(box, context, [message("No object name ends with one of these suffixes.")], "INFO")
+        layout.prop(settings, "share_image")
+        row = layout.row()
+        row.enabled = bool(found)
+        row.operator("imprint.bake_pairs", icon="RENDER_STILL")
+        if flamenco_address(context):
+            layout.operator("imprint.send_to_flamenco", icon="EXPORT")
+
+
+@lru_cache(maxsize=1)
+def pairs(names: tuple[str, ...], suffixes: naming.Suffixes) -> tuple[list[naming.Pair], list[str]]:
+    """As naming.match. Cached: a redraw matches names only if a name or a suffix has changed."""
+    return naming.match(names, suffixes)
+
+
+class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):
+    """Bakes a map for each frame."""
+
+    bl_idname = "IMPRINT_PT_sequence"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Sequence"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        row = layout.row(align=True)
+        row.prop(context.scene, "frame_start", text=label("First"))
+        row.prop(context.scene, "frame_end", text=label("Last"))
+        row = layout.row()
+        row.enabled = context.scene.imprint.storage == Storage.FILE
+        row.operator("imprint.bake_sequence", icon="RENDER_ANIMATION")
+        if not row.enabled:
+            draw_paragraphs(layout, context, [message("Set Store to File to bake a sequence.")], "INFO")
+
+
+CLASSES = (
+    IMPRINT_AP_preferences,
+    IMPRINT_OT_bake,
+    IMPRINT_OT_bake_sequence,
+    IMPRINT_OT_live,
+    IMPRINT_OT_bake_pairs,
+    IMPRINT_OT_send_to_flamenco,
+    IMPRINT_PT_pairs,
+    IMPRINT_PT_sequence,
+)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
