@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core import fixes, texel_state, udim
+from ..core import fixes, udim
 from ..core.declarations.choices import Method, Space
-from ..core.errors import shorten_list
-from ..core.lengths import Length
+from ..core.errors import Length, shorten_list
+from ..core.map_types import WRITTEN
 from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
 from ..engine import separation, uv_agreement
 from ..engine.method_choice import Plan
@@ -159,7 +159,7 @@ def _texels(plan: Plan, tally: Tally, settings: SamplingSettings) -> Checks:
     for counts, state in zip(covering(low, size, tiles), tally.states, strict=True):
         covered += int(np.count_nonzero(counts))
         shared += int(np.count_nonzero(counts > 1.0))
-        uncovered += int(np.count_nonzero((counts > 0.0) & (state != texel_state.WRITTEN)))
+        uncovered += int(np.count_nonzero((counts > 0.0) & (state != WRITTEN)))
     overlap_check = _overlap(low, size, tiles, covered, shared)
     missed = _share(tally.missed, tally.missed + tally.written)
     return {

@@ -7,9 +7,8 @@ from functools import cached_property
 import gpu
 import numpy as np
 
-from ..core import texel_state
+from ..core.map_types import WRITTEN, Map
 from ..core.settings import Settings
-from ..core.texel_state import Map
 from ..engine import bands, normal_channels, uv_agreement
 from ..engine.bands import Band
 from ..engine.hidden_parts import HiddenParts, Layer
@@ -84,7 +83,7 @@ class Deviations:
             part = np.arange(band.start, band.stop) * len(elsewhere) // len(state)
             texels_of_band = np.ascontiguousarray(self._kept(np.ascontiguousarray(texels[rows], np.float32)))
             angles = self._angles(band.without_halo, texels_of_band, elsewhere[part], drawn)
-            is_drawn = state[rows] == texel_state.WRITTEN
+            is_drawn = state[rows] == WRITTEN
             if drawn.layer is not None:
                 is_drawn &= (angles[..., 3] != 0.0) & self._hidden.is_hidden(drawn.layer, band)
             is_known = is_drawn & (angles[..., 3] > 0.0)

@@ -4,11 +4,10 @@
 import gpu
 import numpy as np
 
-from ..core import texel_state
 from ..core.declarations import bases, readers
 from ..core.declarations.choices import Space
+from ..core.map_types import WRITTEN, Map
 from ..core.settings import Settings
-from ..core.texel_state import Map
 from ..engine import bands, normal_channels
 from ..mesh import stretch
 from ..mesh.triangle_mesh import Mesh
@@ -53,7 +52,7 @@ class OtherReaders:
             rows = np.ascontiguousarray(texels[band.start : band.stop], np.float32)
             data = gpu.types.Buffer("FLOAT", rows.shape, rows)
             texture = gpu.types.GPUTexture((band.width, len(rows)), format="RGBA32F", data=data)
-            is_written = state[band.start : band.stop] == texel_state.WRITTEN
+            is_written = state[band.start : band.stop] == WRITTEN
             to_clip = band.without_halo.uv_to_clip
             for reader in self.readers:
                 other = normal_channels.reading_by(reader, self.settings)

@@ -3,9 +3,9 @@
 
 from collections.abc import Callable
 
-from ..core import fixes, lengths
+from ..core import fixes
 from ..core.declarations.choices import Hit, Method, Space
-from ..core.lengths import Length
+from ..core.errors import Length, plain_length
 from ..core.settings import Settings
 
 GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
@@ -48,7 +48,7 @@ def rate(kind: str, check: Check, settings: Settings) -> str:
     return WRONG if kind in _HARMS and _HARMS[kind](check, settings) else LOOK
 
 
-def warning(kind: str, check: Check, low: str, settings: Settings, length: Length = lengths.plain) -> str:
+def warning(kind: str, check: Check, low: str, settings: Settings, length: Length = plain_length) -> str:
     """The warning about the map of the object `low`, as a sentence. check: one that `rate` finds WRONG. length: a length in
     scene units as text."""
     values = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..core import texel_state
 from ..core.declarations.choices import Space
+from ..core.map_types import MARGIN, MISSED, WRITTEN, Map, states_of_raw
 from ..core.settings import MapSettings
-from ..core.texel_state import Map
 from ..engine import normal_channels
 from .sparse_maps import Sparse, at_most
 
@@ -51,29 +50,29 @@ class Tally:
     def add_raw(self, normals: np.ndarray, settings: MapSettings) -> None:
         """Count a tile of normals as rendering.Renderer.raw returns them."""
         alpha = normals[..., 3]
-        state = texel_state.of_raw(alpha)
+        state = states_of_raw(alpha)
         self._add_state(state)
         if settings.space == Space.TANGENT:
             self._add_upwards(state, lambda which: 0.5 * normals[which][..., 2])
             self.backwards += int(np.count_nonzero((normals[..., 2] <= 0.0) & (alpha > 0.0)))
 
     def _add_state(self, state: np.ndarray) -> None:
-        self.written += int(np.count_nonzero(state == texel_state.WRITTEN))
-        self.margin += int(np.count_nonzero(state == texel_state.MARGIN))
-        self.missed += int(np.count_nonzero(state == texel_state.MISSED))
+        self.written += int(np.count_nonzero(state == WRITTEN))
+        self.margin += int(np.count_nonzero(state == MARGIN))
+        self.missed += int(np.count_nonzero(state == MISSED))
         self.texels += state.size
         columns, rows = sampled(state.shape[::-1]).steps
         self.states.append(state[::rows, ::columns].copy())
 
     def _add_upwards(self, state: np.ndarray, upwards: Callable[[tuple[slice, ...]], np.ndarray]) -> None:
         """upwards: half the component along the low mesh's normals of the normals of some texels, such as COMPARED."""
-        is_written = state[COMPARED] == texel_state.WRITTEN
+        is_written = state[COMPARED] == WRITTEN
         found = upwards(COMPARED)[is_written]
         self.compared += int(np.count_nonzero(is_written))
         self.turned_away += int(np.count_nonzero(found < 0.0))
         self.leaning += int(np.count_nonzero(found < FLAT))
         if not self.leaning:  # a few bolts can lie between the compared texels
-            self.leaning += int(np.count_nonzero(upwards(np.s_[:, :])[state == texel_state.WRITTEN] < FLAT))
+            self.leaning += int(np.count_nonzero(upwards(np.s_[:, :])[state == WRITTEN] < FLAT))
 
 
 def sampled(size: tuple[int, int]) -> Sparse:

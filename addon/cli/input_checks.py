@@ -9,12 +9,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import map_types, placement, udim
+from ..core import map_types, udim
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError, shorten_list
 from ..core.file_formats import BY_ENDING
 from ..core.file_structure import usd_layers
 from ..core.file_structure.whole_files import MISSING
+from ..core.preflight import placement_hint, rounding_hint
 from ..core.settings import MapSettings
 from ..jobs.job import Job
 from ..scene import complaints, dependencies, object_checks
@@ -79,7 +80,7 @@ def fit_hints(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
         highs = [_box(high) for high in job.highs if high != job.low and high.type == "MESH"]
         if highs:
             corners = np.concatenate(highs)
-            hint = placement.hint(_box(job.low), np.array([corners.min(axis=0), corners.max(axis=0)]))
+            hint = placement_hint(_box(job.low), np.array([corners.min(axis=0), corners.max(axis=0)]))
             if hint and "offsets" in hint and options.origin is None:
                 hint += " --origin X,Y,Z moves files that are far away to where the low mesh is."
             if hint and "turned" in hint and options.high_file and not options.high_up:
@@ -96,7 +97,7 @@ def rounded_coordinates(options: argparse.Namespace, jobs: Sequence[Job]) -> lis
     for obj in dict.fromkeys(obj for job in jobs for obj in (job.low, *job.highs) if obj.type == "MESH"):
         corners = np.array(obj.bound_box, np.float64)
         box = np.array([corners.min(axis=0), corners.max(axis=0)])
-        text = placement.rounding(box, np.array(obj.matrix_world, np.float64)[:3, 3])
+        text = rounding_hint(box, np.array(obj.matrix_world, np.float64)[:3, 3])
         found += [f"{obj.name!r} {text}"] if text else []
     return found
 

@@ -11,7 +11,7 @@ import bpy
 
 from ..core.declarations.choices import Method
 from ..core.map_types import BY_NAME
-from ..core.memory_need import Amounts, Need, sentence
+from ..core.preflight import Amounts, Need, memory_sentence
 from ..core.settings import Settings
 from ..jobs.job import Job, band_texels, draws_in_software
 from ..scene import image_files
@@ -36,7 +36,7 @@ def check(jobs: Sequence[Job], settings: Settings) -> tuple[str, bool, dict[str,
     wanted = largest.of_machine(is_software=is_software)
     numbers = {"needed": wanted, "on_gpu": largest.on_gpu, "free": free or 0}
     return (
-        sentence(largest, free, is_software=is_software),
+        memory_sentence(largest, free, is_software=is_software),
         free is not None and wanted > WORTH_A_LINE * free,
         numbers,
     )

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Errors whose messages the user reads."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 
 class BakeError(Exception):
@@ -32,3 +32,14 @@ def shorten_list(items: Iterable[object], most: int = 3) -> str:
     words = list(map(str, items))
     more = len(words) - most
     return ", ".join(words) if more < 1 else f"{', '.join(words[:most])} and {more} more"
+
+
+Length = Callable[[float], str]
+"""A function that gives a length in scene units as text."""
+LENGTH_DIGITS = 4
+"""Significant digits of a length without a unit, and the most after the point of one with a unit."""
+
+
+def plain_length(value: float) -> str:
+    """A length without a unit."""
+    return f"{value:.{LENGTH_DIGITS}g}"

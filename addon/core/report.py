@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from . import lengths, udim
+from . import udim
 from .declarations import bases, readers
 from .declarations.choices import Space
-from .lengths import Length
+from .errors import Length, plain_length
 from .map_types import BY_NAME, Kind
 from .progress import STAGES, Timings
 
@@ -199,7 +199,7 @@ class Report:
         how = f", which differs from theirs on {differing:.1%} of their texels" if differing else ""
         return [f"Shared UVs: {overlap['hidden']:,} triangles show the detail of other parts{how}"]
 
-    def summary(self, length: Length = lengths.plain) -> list[str]:
+    def summary(self, length: Length = plain_length) -> list[str]:
         """Lines for the user: what was baked, and how long it took. length: a length in scene units as text."""
         width, height = self.size
         stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])

@@ -13,9 +13,8 @@ from .declarations import bases
 from .declarations.all_settings import DECLARED
 from .declarations.choices import Method, Pack, Storage
 from .declarations.map_settings import ADAPTIVE_FROM
-from .declarations.packing import CUSTOM_SUFFIX, PRESETS, WHITE, Packing
 from .errors import BakeError
-from .map_types import BY_NAME, NAMES, WIDENED_ROUGHNESS
+from .map_types import BY_NAME, CUSTOM_SUFFIX, NAMES, PACKINGS, WHITE, WIDENED_ROUGHNESS, Packing
 from .naming import LOW, MATERIAL
 from .progress import Pace, Timings
 from .udim import TOKEN
@@ -65,7 +64,7 @@ class MapSettings:
         """The layout of the packed image, or None without one."""
         if self.pack == Pack.CUSTOM:
             return Packing.of(CUSTOM_SUFFIX, self.pack_red, self.pack_green, self.pack_blue, self.pack_alpha)
-        layout = PRESETS.get(self.pack)
+        layout = PACKINGS.get(self.pack)
         return layout.of_widened_roughness() if layout and WIDENED_ROUGHNESS.name in self.maps else layout
 
     @cached_property

@@ -2,9 +2,9 @@
 """The engine's door: meshes as arrays in, maps as arrays out, without files and without Blender's data."""
 
 from ..core.errors import BakeError
+from ..core.map_types import Map
 from ..core.progress import Task, part
 from ..core.settings import Run
-from ..core.texel_state import Map
 from ..mesh.inputs import Meshes
 from . import margins, shared_uvs
 from .maps.maps_of_bake import maps_of_bake
@@ -25,7 +25,7 @@ def bake(meshes: Meshes, run: Run) -> Task[dict[int, dict[str, Map]]]:
 
     Returns:
         The maps by UDIM tile (1001 without UDIM) and name: texels (H, W, 4) float32 with row 0 at v = 0, and their states
-        (H, W) uint8, see core.texel_state.
+        (H, W) uint8, see core.map_types.
     """
     tiles = tiles_to_bake(meshes, run.settings.sampling)
     in_order = shared_uvs.ordered(meshes, tiles, run.settings.sampling)

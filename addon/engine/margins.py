@@ -6,9 +6,8 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
-from ..core import texel_state
 from ..core.declarations.choices import MarginType, Space
-from ..core.map_types import BY_NAME, NORMAL, Kind
+from ..core.map_types import BY_NAME, DEFERRED, MARGIN, MISSED, NORMAL, WRITTEN, Kind
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
@@ -119,7 +118,7 @@ class PostProcess:
         for start in range(0, len(state), ROWS):
             rows = slice(start, start + ROWS)
             begins = texels[rows, :, 3]
-            y, x = np.nonzero((state[rows] == texel_state.DEFERRED) & (begins >= band.start) & (begins < band.stop))
+            y, x = np.nonzero((state[rows] == DEFERRED) & (begins >= band.start) & (begins < band.stop))
             y += start
             if not len(y):
                 continue
@@ -133,7 +132,7 @@ class PostProcess:
             )
             is_known = colors[:, 3] > 0.0
             y, x = y[is_known], x[is_known]
-            texels[y, x], state[y, x] = colors[is_known], texel_state.MARGIN
+            texels[y, x], state[y, x] = colors[is_known], MARGIN
 
     def _values(self, texels: np.ndarray, state: np.ndarray) -> np.ndarray:
         """The values of stored texels, with the alpha that `draw` takes."""
@@ -142,18 +141,18 @@ class PostProcess:
         for start in range(0, len(state), ROWS):
             rows = slice(start, start + ROWS)
             values[rows, :, :3] = texels[rows, :, :3] @ decode[:3, :3].T + decode[:3, 3]
-            values[rows, :, 3] = state[rows] == texel_state.WRITTEN
-            values[rows, :, 3] -= state[rows] == texel_state.MISSED
+            values[rows, :, 3] = state[rows] == WRITTEN
+            values[rows, :, 3] -= state[rows] == MISSED
         return values
 
 
 def _take_nearest(texels: np.ndarray, state: np.ndarray) -> None:
     """Fill the texels that are still deferred with the nearest written ones."""
     for start in range(0, len(state), ROWS):
-        y, x = np.nonzero(state[start : start + ROWS] == texel_state.DEFERRED)
+        y, x = np.nonzero(state[start : start + ROWS] == DEFERRED)
         y += start
         right, up = texels[y, x, 1:3].astype(np.int64).T
-        texels[y, x], state[y, x] = texels[y + up, x + right], texel_state.MARGIN
+        texels[y, x], state[y, x] = texels[y + up, x + right], MARGIN
 
 
 def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
@@ -164,7 +163,7 @@ def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> N
     for row, column in np.ndindex(COARSE, COARSE):
         part = state[row::COARSE, column::COARSE]
         block = values[: part.shape[0], : part.shape[1]]
-        is_first = (part == texel_state.WRITTEN) & (block[..., 3] == 0.0)
+        is_first = (part == WRITTEN) & (block[..., 3] == 0.0)
         np.copyto(block, texels[row::COARSE, column::COARSE], where=is_first[..., None])
     uploaded = _uploaded(values)
     stored = target.get("coarse", width, height, "RGBA32F", "R8")
@@ -177,7 +176,7 @@ def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> N
         found = values[y // COARSE, x // COARSE]
         is_found = found[:, 3] > 0.0
         y, x = y[is_found], x[is_found]
-        texels[y, x], state[y, x] = found[is_found], texel_state.MARGIN
+        texels[y, x], state[y, x] = found[is_found], MARGIN
 
 
 def _uploaded(values: np.ndarray) -> gpu.types.GPUTexture:

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core import lengths, udim
+from ..core import udim
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError, shorten_list
-from ..core.lengths import Length
+from ..core.errors import BakeError, Length, plain_length, shorten_list
 from ..core.settings import SamplingSettings, TracingSettings
 from ..mesh import triangle_mesh, uv_layout
 from ..mesh.inputs import Meshes
@@ -46,7 +45,7 @@ class Plan:
 
 
 def choose_method(
-    meshes: Meshes, tiles: Sequence[int], settings: TracingSettings, length: Length = lengths.plain
+    meshes: Meshes, tiles: Sequence[int], settings: TracingSettings, length: Length = plain_length
 ) -> Plan:
     """Decide between Flatten and Cast, and drop the parts of meshes that the method cannot use.
 
@@ -76,7 +75,7 @@ def tiles_to_bake(meshes: Meshes, settings: SamplingSettings) -> list[int]:
     return wanted
 
 
-def nothing_drawn(plan: Plan, length: Length = lengths.plain) -> str:
+def nothing_drawn(plan: Plan, length: Length = plain_length) -> str:
     """Why no texel was written, as a sentence. length: a length in scene units as text."""
     low, highs, tiles = plan.meshes.low, plan.meshes.listed_highs, plan.tiles
     if not set(tiles).intersection(uv_layout.tiles(low)):

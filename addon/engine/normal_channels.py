@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core import texel_state
 from ..core.declarations import bases
 from ..core.declarations.choices import Space
 from ..core.declarations.readers import Reader
+from ..core.map_types import WRITTEN, Map, states_of_raw
 from ..core.settings import MapSettings, Settings
-from ..core.texel_state import Map
 from ..passes import lit
 
 
@@ -41,7 +40,7 @@ def stored(normals: np.ndarray, settings: Settings) -> Map:
     """Normals as rendering.Renderer.raw returns them, as they are stored in a map of these settings, before rounding."""
     texels = np.ones_like(normals)
     texels[..., :3] = normals[..., :3] @ (0.5 * channels(settings.map).T).astype(np.float32) + 0.5
-    return texels, texel_state.of_raw(normals[..., 3])
+    return texels, states_of_raw(normals[..., 3])
 
 
 def backwards(texels: np.ndarray, state: np.ndarray, settings: MapSettings) -> int:
@@ -49,7 +48,7 @@ def backwards(texels: np.ndarray, state: np.ndarray, settings: MapSettings) -> i
     z = channels(settings)[:, 2]
     stored = texels[..., int(np.argmax(np.abs(z)))]
     half = np.float32(0.5)
-    return int(np.count_nonzero((stored <= half if z.sum() > 0.0 else stored >= half) & (state == texel_state.WRITTEN)))
+    return int(np.count_nonzero((stored <= half if z.sum() > 0.0 else stored >= half) & (state == WRITTEN)))
 
 
 def upwards(texels: np.ndarray, settings: MapSettings) -> np.ndarray:

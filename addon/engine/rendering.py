@@ -7,11 +7,9 @@ from collections.abc import Callable, Iterator
 import gpu
 import numpy as np
 
-from ..core import texel_state
-from ..core.map_types import NORMAL
+from ..core.map_types import NORMAL, WRITTEN, Map
 from ..core.progress import Task, part
 from ..core.settings import Run
-from ..core.texel_state import Map
 from ..passes import target
 from .bands import Band, bands
 from .margins import PostProcess
@@ -79,7 +77,7 @@ class Renderer:
                 texels, state = (array[band.start : band.stop] for array in maps[name])
                 stored.read(texels)
                 stored.read(state, 1)
-            self._count(name, state, texel_state.WRITTEN)
+            self._count(name, state, WRITTEN)
 
         yield from self._banded(tile, self.settings.sampling.margin, keep)
         with self.timings.timed("draw"):

@@ -18,8 +18,7 @@ from ..audit.pictures.bake_pictures import BakePictures
 from ..audit.tally import Tally
 from ..core import fixes, map_types, progress
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError, shorten_list
-from ..core.lengths import Length
+from ..core.errors import BakeError, Length, shorten_list
 from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.report import Report

@@ -10,10 +10,10 @@ import numpy as np
 
 from .. import older_blender
 from ..audit import severity
-from ..core import naming, progress, texel_state
+from ..core import naming, progress
 from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
-from ..core.map_types import BY_NAME, NORMAL, Labeled
+from ..core.map_types import BY_NAME, MARGIN, NORMAL, Labeled
 from ..core.naming import ATLAS
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
@@ -78,7 +78,7 @@ class Atlas:
                 renderer = Renderer(DrawnMaps(maps), run)
                 finished = progress.finish(renderer.texels(tile, post_processes))
                 state = finished[NORMAL.name][1]
-                margin += int(np.count_nonzero(state == texel_state.MARGIN))
+                margin += int(np.count_nonzero(state == MARGIN))
                 texels += state.size
                 outputs.add(tile, finished, progress.finish(mip_levels.of(finished, tile, run)))
         return margin / texels

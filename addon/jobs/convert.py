@@ -11,13 +11,13 @@ import numpy as np
 
 from .. import older_blender
 from ..audit import checks, severity
-from ..core import conversion, naming, progress, texel_state
+from ..core import conversion, naming, progress
 from ..core.conversion import ConversionReport, StoredNormals, in_words
 from ..core.declarations import bases
 from ..core.declarations.choices import Method, Space, Storage, VertexDomain
 from ..core.declarations.map_settings import MAX_SIZE, MIN_SIZE
 from ..core.errors import BakeError
-from ..core.map_types import NORMAL, Labeled
+from ..core.map_types import MARGIN, NORMAL, WRITTEN, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.settings import Run, SamplingSettings, Settings
 from ..engine import gpu_memory, margins
@@ -325,5 +325,5 @@ def _sized(image: bpy.types.Image, stored: dict[int, np.ndarray], settings: Sett
 
 def _counts(state: np.ndarray) -> tuple[int, int, int]:
     """The numbers of written texels, of those in the margin, and of all."""
-    found = (np.count_nonzero(state == which) for which in (texel_state.WRITTEN, texel_state.MARGIN))
+    found = (np.count_nonzero(state == which) for which in (WRITTEN, MARGIN))
     return *map(int, found), state.size

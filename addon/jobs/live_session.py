@@ -12,10 +12,9 @@ import numpy as np
 from ..core import progress, udim
 from ..core.declarations.choices import Modifiers, VertexDomain
 from ..core.errors import BakeError
-from ..core.map_types import BY_NAME, NORMAL, Labeled
+from ..core.map_types import BY_NAME, NORMAL, Labeled, Map
 from ..core.progress import Pace, Progress, Task, part
 from ..core.settings import Run, Settings
-from ..core.texel_state import Map
 from ..engine import margins, rendering, shared_uvs, sources
 from ..engine.bands import Band
 from ..engine.hidden_parts import HiddenParts

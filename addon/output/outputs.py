@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core import fixes, texel_state
+from ..core import fixes
 from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import shorten_list
-from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
+from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, Kind, Labeled, Map
 from ..core.settings import Settings
-from ..core.texel_state import Map
 from . import datablocks, map_names, map_storage, materials, value_encoding
 from .map_names import settings_by_map, stored_maps
 from .vertex_attributes import VertexMaps
@@ -120,9 +119,9 @@ class Outputs:
         if NORMAL.name in self._writers:
             self._writers[NORMAL.name].add(tile, texels)
         if MASK.name in self._writers:
-            self._writers[MASK.name].add(tile, map_storage.black_and_white(state == texel_state.MISSED))
+            self._writers[MASK.name].add(tile, map_storage.black_and_white(state == MISSED))
         elif self.settings.storing.storage == Storage.FILE and not self.settings.storing.alpha:
-            self._hides_misses |= bool((state == texel_state.MISSED).any())
+            self._hides_misses |= bool((state == MISSED).any())
         self._empty -= {name for name in self._empty if (maps[name][0][..., 3] > 0.0).any()}
         self._add_others(tile, 0, maps)
         for level, level_maps in enumerate(levels, start=1):

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..core.declarations.packing import Packing
-from ..core.map_types import Kind, MapType, Range
+from ..core.map_types import Kind, MapType, Packing, Range
 from ..core.settings import StorageSettings
 
 HALF, MOST_HALF = 16, np.float32(65504.0)

@@ -10,9 +10,8 @@ import numpy as np
 from ..core import udim
 from ..core.declarations.choices import VertexDomain
 from ..core.errors import BakeError
-from ..core.map_types import BY_NAME, NORMAL, Kind, MapType
+from ..core.map_types import BY_NAME, NORMAL, Kind, Map, MapType
 from ..core.settings import Settings
-from ..core.texel_state import Map
 from . import value_encoding
 
 INWARD = 0.75

@@ -12,7 +12,7 @@ from bpy.types import Image
 from mathutils import Color
 
 from ..core import udim
-from ..core.file_structure.image_headers import image_size, is_of_whole_numbers
+from ..core.file_structure.whole_files import image_size, is_of_whole_numbers
 from ..core.threads import for_blocks
 
 

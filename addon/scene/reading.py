@@ -7,10 +7,8 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..core import lengths
 from ..core.declarations.choices import Method, Modifiers, Space
-from ..core.errors import BakeError, Incomplete
-from ..core.lengths import Length
+from ..core.errors import LENGTH_DIGITS, BakeError, Incomplete, Length, plain_length
 from ..core.settings import Settings, TracingSettings
 from ..mesh import stretch
 from ..mesh.inputs import Meshes
@@ -27,8 +25,8 @@ def lengths_of(scene: bpy.types.Scene) -> Length:
     units = scene.unit_settings
     system, scale = units.system, units.scale_length
     if system == "NONE":
-        return lengths.plain
-    return lambda value: bpy.utils.units.to_string(system, "LENGTH", value * scale, precision=lengths.DIGITS).strip()
+        return plain_length
+    return lambda value: bpy.utils.units.to_string(system, "LENGTH", value * scale, precision=LENGTH_DIGITS).strip()
 
 
 SMALLEST, LARGEST = 5e-9, 1e9

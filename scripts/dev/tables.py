@@ -22,10 +22,10 @@ from addon.cli.usage.option_types import word_for  # noqa: E402
 from addon.cli.usage.options import FILE, JOBS, OBJECTS, OPTIONS, CommandOption, option_word  # noqa: E402
 from addon.cli.usage.run_options import RUN_OPTIONS, TITLE  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
-from addon.core.declarations import kinds, packing, readers  # noqa: E402
+from addon.core.declarations import kinds, readers  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
 from addon.core.declarations.choices import Pack  # noqa: E402
-from addon.core.map_types import Family, Kind  # noqa: E402
+from addon.core.map_types import CUSTOM_SUFFIX, PACKINGS, RGBA, Channel, Family, Kind, Packing  # noqa: E402  # noqa: E402
 from addon.core.naming import USUAL  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -216,7 +216,7 @@ def endings_of(one: map_types.MapType) -> str:
     return " or ".join(map(code, filter(None, (one.suffix, one.short_suffix))))
 
 
-def channel_of(channel: packing.Channel) -> str:
+def channel_of(channel: Channel) -> str:
     """What a channel of a packed image holds."""
     if not channel.map:
         return f"{channel.constant:g}"
@@ -227,12 +227,12 @@ def channel_of(channel: packing.Channel) -> str:
 def layouts() -> str:
     """The layouts of packed images; those that are alike in one row."""
     labels = {item.value: item.label for item in DECLARED["pack"].items}
-    names: dict[packing.Packing, list[str]] = {}
-    for pack, layout in packing.PRESETS.items():
+    names: dict[Packing, list[str]] = {}
+    for pack, layout in PACKINGS.items():
         names.setdefault(layout, []).append(labels[pack])
     rows = [(", ".join(same), code(layout.suffix), *map(channel_of, layout.channels)) for layout, same in names.items()]
-    own = (labels[Pack.CUSTOM], code(packing.CUSTOM_SUFFIX), *["as set"] * len(packing.RGBA))
-    return table(("**Pack**", "ending", *packing.RGBA), [*rows, own])
+    own = (labels[Pack.CUSTOM], code(CUSTOM_SUFFIX), *["as set"] * len(RGBA))
+    return table(("**Pack**", "ending", *RGBA), [*rows, own])
 
 
 def tiles() -> str:

@@ -1,4 +1,4 @@
-// The states of a texel, as in core/texel_state.py.
+// The states of a texel, as in core/map_types.py.
 
 const float STATE_MARGIN = 1.0 / 255.0;
 const float STATE_WRITTEN = 2.0 / 255.0;

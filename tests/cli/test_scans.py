@@ -16,8 +16,8 @@ from addon.cli.mesh_files.importers import PLAIN, Space, import_file
 from addon.cli.mesh_files.ply import Texture
 from addon.cli.results import run_report
 from addon.cli.scene_files import SceneLoader
-from addon.core import memory_need
 from addon.core.errors import BakeError
+from addon.core.preflight import PAGE_PIXEL, PAGE_PIXEL_ON_GPU
 from addon.core.settings import Settings
 from tests.support import angles, maps, reports, scans
 
@@ -468,7 +468,7 @@ def test_the_largest_page_counts_if_a_map_shows_it(incomplete):
         scans.page(incomplete / name, scans.COLORS[0], side=64)
     job = SceneLoader().job("low.obj", ["scan.obj"])
     pages = [memory_check.need_of(job, Settings(maps=maps)).page for maps in ((), ("AO",), ("BASE_COLOR",))]
-    assert pages == [0, 0, 64 * 64 * (memory_need.PAGE_PIXEL + memory_need.PAGE_PIXEL_ON_GPU)]
+    assert pages == [0, 0, 64 * 64 * (PAGE_PIXEL + PAGE_PIXEL_ON_GPU)]
     assert not any(image.has_data for image in bpy.data.images)
 
 

@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.core import texel_state
+from addon.core.map_types import MARGIN, MISSED, WRITTEN
 from addon.core.settings import Settings
 from addon.engine import bands, margins
 from addon.jobs import Job, bake_all
@@ -68,8 +68,8 @@ def test_texels_between_two_islands_take_the_nearer_one():
     values = np.zeros((40, 46, 4), np.float32)
     values[10:30, 5:20], values[10:30, 26:41] = (0, 0, 1, 1), (0.6, 0, 0.8, 1)
     texels, state = finished(values, [], margin=None)
-    assert ((state == texel_state.WRITTEN) == (values[..., 3] > 0.0)).all()
-    assert ((state == texel_state.MARGIN) == (values[..., 3] == 0.0)).all()
+    assert ((state == WRITTEN) == (values[..., 3] > 0.0)).all()
+    assert ((state == MARGIN) == (values[..., 3] == 0.0)).all()
     assert (texels[..., 3] == 1.0).all()
     assert np.allclose(texels[:, :23, :3], (0.5, 0.5, 1.0))
     assert np.allclose(texels[:, 23:, :3], (0.8, 0.5, 0.9))
@@ -151,13 +151,13 @@ def test_bands_give_the_same_map_as_the_whole(in_bands, margin_type, name):
     in_bands(30, 64)
     texels, state = finished(values, lows, margin=16, margin_type=margin_type)
     assert np.array_equal(state, whole_state)
-    assert np.count_nonzero(state == texel_state.MARGIN) > 1000
+    assert np.count_nonzero(state == MARGIN) > 1000
     if margin_type == "EXTEND":
         assert np.array_equal(texels, whole)
     else:
         # A position between two texels may be rounded either way.
         off = np.abs(texels - whole).max(axis=-1) > 1e-5
-        assert np.count_nonzero(off) < 1e-3 * np.count_nonzero(state == texel_state.MARGIN)
+        assert np.count_nonzero(off) < 1e-3 * np.count_nonzero(state == MARGIN)
 
 
 @pytest.mark.parametrize("margin", [20, None])
@@ -168,9 +168,9 @@ def test_texels_far_from_a_band_take_almost_the_nearest_texel_seed(in_bands, see
     in_bands(30, 8)
     texels, state = finished(values, [], name="POSITION", margin=margin)
     taken, nearest = squares(values, texels)
-    assert np.array_equal(state == texel_state.WRITTEN, alpha > 0.0)
-    assert np.array_equal(state == texel_state.MISSED, alpha < 0.0)
-    filled = state == texel_state.MARGIN
+    assert np.array_equal(state == WRITTEN, alpha > 0.0)
+    assert np.array_equal(state == MISSED, alpha < 0.0)
+    filled = state == MARGIN
     if margin is None:
         assert filled[alpha == 0.0].all()
     assert np.array_equal(taken[filled & (nearest <= 64)], nearest[filled & (nearest <= 64)])
@@ -312,12 +312,12 @@ def test_surface_continues_across_a_seam(name, space, parted):
     )
     plain, plain_state = finished(values, [mesh_of(islands)], space=space, margin=16)
     assert np.array_equal(state, plain_state)
-    assert np.array_equal(texels[state != texel_state.MARGIN], plain[state != texel_state.MARGIN])
+    assert np.array_equal(texels[state != MARGIN], plain[state != MARGIN])
     for island, neighbor in (islands, islands[::-1]):
         z = island.point(place)
         # Beside the seam, away from its ends and from the margin of the other island.
         beside = (
-            (state == texel_state.MARGIN)
+            (state == MARGIN)
             & (np.abs(z.imag) < 0.8)
             & (np.sign(z.real) == -np.sign(island.low.real + island.high.real))
         )
@@ -335,7 +335,7 @@ def test_nearest_texel_stays_where_the_surface_ends():
     texels, state = finished(values, lows, margin=16, margin_type="ADJACENT_FACES")
     plain, _ = finished(values, lows, margin=16)
     left = islands[0].point(place)
-    beyond = (state == texel_state.MARGIN) & (left.real < -1.02)
+    beyond = (state == MARGIN) & (left.real < -1.02)
     assert np.count_nonzero(beyond) > 500
     assert np.array_equal(texels[beyond], plain[beyond])
     assert not np.array_equal(texels, plain)
@@ -357,7 +357,7 @@ def test_margin_across_a_narrow_island_has_nothing_of_the_next_island_on_the_map
     values = np.stack([numbers, numbers, numbers, numbers > 0.0], axis=-1).astype(np.float32)
     texels, state = finished(values, [mesh_of(islands)], name="OBJECT_ID", margin=12, margin_type="ADJACENT_FACES")
     z = islands[0].point(places())
-    beside = (state == texel_state.MARGIN) & (z.real > 0.0) & (z.real * 45.0 < 12.5) & (np.abs(z.imag) < 0.9)
+    beside = (state == MARGIN) & (z.real > 0.0) & (z.real * 45.0 < 12.5) & (np.abs(z.imag) < 0.9)
     far = z.real[beside] * 45.0
     assert np.array_equal(texels[beside][:, 0], np.where(far < 0.15 * 45.0, 2.0, 1.0))
     assert (far > 8.0).any()
@@ -438,7 +438,7 @@ def test_nearest_texel_stays_where_normals_cancel_out_across_a_seam(in_bands, na
         values, [mesh_of(islands, size)], name=name, space="OBJECT", margin=4, margin_type="ADJACENT_FACES"
     )
     assert np.isfinite(texels).all()
-    assert (state[beside] == texel_state.MARGIN).all()
+    assert (state[beside] == MARGIN).all()
     assert np.array_equal(np.unique(texels[right][:, 2]), [0.0, 1.0] if name == "NORMAL" else [-1.0, 1.0])
     nearest = texels[64, 64, 2]  # the last column of the left island
     assert (texels[beside][:, 2] == (nearest if name == "NORMAL" else 0.0)).all()
@@ -472,9 +472,9 @@ def test_a_hole_across_a_seam_is_not_continued():
     texels, state = finished(values, [low], margin=16, margin_type="ADJACENT_FACES")
     plain, plain_state = finished(values, [low], margin=16)
     assert np.array_equal(state, plain_state)
-    assert (state[hole] == texel_state.MISSED).all()
+    assert (state[hole] == MISSED).all()
     left = islands[0].point(places())
-    beside = (state == texel_state.MARGIN) & (np.abs(left.imag) < 0.15) & (left.real > 0.0) & (left.real < 0.2)
+    beside = (state == MARGIN) & (np.abs(left.imag) < 0.15) & (left.real > 0.0) & (left.real < 0.2)
     assert np.array_equal(texels[beside], plain[beside])
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from addon.core import file_formats, texel_state
+from addon.core import file_formats
 from addon.core.errors import BakeError
-from addon.core.map_types import NORMAL, Labeled
+from addon.core.map_types import MISSED, NORMAL, WRITTEN, Labeled
 from addon.core.settings import Settings
 from addon.output import map_storage
 from addon.output.outputs import Outputs
@@ -113,8 +113,8 @@ def test_an_alpha_that_holds_a_map_is_refused(packing, what):
 )
 def test_hidden_misses_are_reported(settings, is_missed, is_reported, tmp_path):
     values = {"storage": "FILE", "output": str(tmp_path / "map.png"), "width": WIDTH, "height": HEIGHT, "image": "map"}
-    state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
-    state[3, 4] = texel_state.MISSED if is_missed else texel_state.WRITTEN
+    state = np.full((HEIGHT, WIDTH), WRITTEN, np.uint8)
+    state[3, 4] = MISSED if is_missed else WRITTEN
     with Outputs(Settings(**values | settings)) as outputs:
         outputs.add(1001, {NORMAL.name: (texels_with_background(), state)})
         stored = outputs.commit(LABELS, [])

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from addon.core import texel_state
-from addon.core.map_types import BY_NAME, NORMAL, Labeled
+from addon.core.map_types import BY_NAME, NORMAL, WRITTEN, Labeled
 from addon.core.settings import Settings
 from addon.output import datablocks, value_encoding
 from addon.output.outputs import Outputs, connect_maps
@@ -42,7 +41,7 @@ def store(drawn, **settings):
     """Store maps by name; a normal map is added. Returns what Outputs.commit does."""
     settings = Settings(**{"width": WIDTH, "height": HEIGHT, "image": "map"} | settings)
     settings.check()
-    state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
+    state = np.full((HEIGHT, WIDTH), WRITTEN, np.uint8)
     with Outputs(settings) as outputs:
         outputs.add(1001, {name: (texels.copy(), state) for name, texels in {NORMAL.name: values(0), **drawn}.items()})
         return outputs.commit(LABELS, [])
@@ -140,7 +139,7 @@ def test_each_map_knows_its_high_objects():
 @pytest.mark.parametrize("with_value", [0, 1])
 def test_a_map_is_empty_if_all_its_tiles_are(tmp_path, with_value):
     settings = of_tiles(tmp_path, maps=("BASE_COLOR", "METALLIC"))
-    state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
+    state = np.full((HEIGHT, WIDTH), WRITTEN, np.uint8)
     none = np.zeros((HEIGHT, WIDTH, 4), np.float32)
     with Outputs(settings) as outputs:
         for number, tile in enumerate((1001, 1002)):
@@ -412,7 +411,7 @@ def test_tiles_of_colors_and_of_packed_images_21(tmp_path, storage, depth, space
         pack="URP",
     )
     settings.check()
-    state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
+    state = np.full((HEIGHT, WIDTH), WRITTEN, np.uint8)
     tiles = {}
     with Outputs(settings) as outputs:
         for tile in (1001, 1002):
@@ -443,7 +442,7 @@ def test_tiles_of_colors_and_of_packed_images_21(tmp_path, storage, depth, space
 
 def test_tiles_in_files_do_not_stay_in_memory_unless_their_range_counts(tmp_path):
     settings = of_tiles(tmp_path, maps=("HEIGHT", "AO", "BASE_COLOR", "OBJECT_ID"), pack="GLTF")
-    state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
+    state = np.full((HEIGHT, WIDTH), WRITTEN, np.uint8)
     with Outputs(settings) as outputs:
         for tile in (1001, 1002):
             drawn = {name: gray(tile) for name in (NORMAL.name, *settings.map.drawn_maps)}

@@ -5,7 +5,7 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.core import texel_state
+from addon.core import map_types
 from addon.passes import margin_fill, target
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -72,9 +72,9 @@ def test_the_margin_repeats_the_nearest_written_texel(name, reach):
     before = np.where(written, WRITTEN, NOTHING)
     place, alpha, state = resolved(before, reach)
     rows, columns = np.indices(written.shape)
-    filled = state == texel_state.MARGIN
+    filled = state == map_types.MARGIN
 
-    assert np.array_equal(state == texel_state.WRITTEN, written)
+    assert np.array_equal(state == map_types.WRITTEN, written)
     assert np.array_equal(alpha, (written | filled).astype(np.float32))
     assert np.array_equal(place[written], np.stack([columns, rows], axis=-1)[written])
     assert np.array_equal(filled, in_reach(before, reach) & ~written)
@@ -95,10 +95,10 @@ def test_missed_texels_stay_holes_seed_7(reach):
     alpha = np.random.default_rng(7).choice([NOTHING, WRITTEN, MISSED], (40, 50), p=[0.8, 0.05, 0.15])
     place, out, state = resolved(alpha, reach)
     missed = alpha == MISSED
-    assert np.array_equal(state == texel_state.MISSED, missed)
+    assert np.array_equal(state == map_types.MISSED, missed)
     assert (out[missed] == 0.0).all()
     assert (place[missed] == (0.25, 0.5)).all()
-    assert np.array_equal(state == texel_state.MARGIN, (alpha == NOTHING) & in_reach(alpha, reach))
+    assert np.array_equal(state == map_types.MARGIN, (alpha == NOTHING) & in_reach(alpha, reach))
 
 
 def test_an_empty_map_gets_no_margin():

@@ -17,7 +17,7 @@ from addon.cli.results.report_command import REPORT_OPTIONS
 from addon.cli.usage import arguments, job_file
 from addon.cli.usage.options import OPTIONS
 from addon.cli.usage.run_options import RUN_OPTIONS
-from addon.core import texel_state
+from addon.core import map_types
 from addon.core.report import STAGES, Report
 from scripts import imprint
 from scripts.imprint import ROOT
@@ -245,7 +245,7 @@ def test_the_tree_has_all_folders():
 def test_the_table_of_states_has_the_values_in_the_code():
     cells = rows(section(ROOT / "docs" / "shaders.md", "## States"))
     assert {name: int(number) for number, name, _ in cells if name} == {
-        name: value for name, value in vars(texel_state).items() if isinstance(value, int)
+        name: value for name, value in vars(map_types).items() if isinstance(value, int)
     }
 
 

@@ -7,7 +7,7 @@ import struct
 
 import pytest
 
-from addon.core.file_structure.image_headers import image_size
+from addon.core.file_structure.whole_files import image_size
 
 PNG = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 300, 200)
 

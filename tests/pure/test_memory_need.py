@@ -3,7 +3,7 @@
 
 import pytest
 
-from addon.core.memory_need import Amounts, Need, sentence
+from addon.core.preflight import Amounts, Need, memory_sentence
 
 MOST = 4 / 3
 """The largest estimate, as a share of what is needed. The smallest is what is needed."""
@@ -70,9 +70,11 @@ NEED = Need(program=10**8, meshes=10**9, tree=10**9, maps=2 * 10**9, storing=10*
 
 
 def test_the_sentence_has_what_is_needed_and_what_is_free():
-    assert sentence(NEED, 9 * 10**9, is_software=True) == "The bake needs about 4.1 GB of memory; 9.0 GB are free."
-    assert sentence(NEED, None, is_software=True) == "The bake needs about 4.1 GB of memory."
-    assert sentence(NEED, 9 * 10**9, is_software=False) == (
+    assert (
+        memory_sentence(NEED, 9 * 10**9, is_software=True) == "The bake needs about 4.1 GB of memory; 9.0 GB are free."
+    )
+    assert memory_sentence(NEED, None, is_software=True) == "The bake needs about 4.1 GB of memory."
+    assert memory_sentence(NEED, 9 * 10**9, is_software=False) == (
         "The bake needs about 2.1 GB of memory, and 2.0 GB on the GPU; 9.0 GB are free."
     )
 
@@ -87,6 +89,6 @@ LACKS = {
 
 @pytest.mark.parametrize("words", LACKS)
 def test_a_lack_of_memory_names_the_largest_part(words):
-    text = sentence(LACKS[words], 10**9, is_software=True)
+    text = memory_sentence(LACKS[words], 10**9, is_software=True)
     assert f"and 1.0 GB are free: {words}" in text
     assert text.endswith(".")

@@ -4,9 +4,8 @@
 import pytest
 
 from addon.core.declarations.choices import Pack
-from addon.core.declarations.packing import Channel
 from addon.core.errors import BakeError
-from addon.core.map_types import AO, METALLIC, ROUGHNESS
+from addon.core.map_types import AO, METALLIC, ROUGHNESS, Channel
 from addon.core.settings import Settings
 
 AMBIENT, ROUGH, METAL = (Channel(kind.name) for kind in (AO, ROUGHNESS, METALLIC))

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...core import udim
-from ...core.map_types import NORMAL
+from ...core.map_types import NORMAL, Map
 from ...core.settings import Settings
-from ...core.texel_state import Map
 from ...engine import normal_channels
 from ...mesh.triangle_mesh import Mesh
 from ...passes import mesh_upload, target, viewport

@@ -4,7 +4,7 @@
 from dataclasses import replace
 
 from .. import map_types
-from ..map_types import AO, METALLIC, NORMAL, ROUGHNESS, Kind
+from ..map_types import AO, METALLIC, NORMAL, ONE, ROUGHNESS, SMOOTHNESS, ZERO, Kind
 from . import bases, readers
 from .choices import DistanceUnit, Fade, MarginType, Method, Modifiers, Occluders, Pack, Space, Stacked, VertexDomain
 from .kinds import Choice, Distance, Flags, Item, Option, Reach, Setting, Switch, Text, WholeNumber
@@ -262,9 +262,6 @@ THICKNESS_SHARE = 0.1
 """The thickness distance as a share of the diagonal, unless it is set."""
 CURVATURE_SHARE = 0.02
 """The curvature radius as a share of the diagonal, unless it is set."""
-ZERO, ONE, SMOOTHNESS = "ZERO", "ONE", "SMOOTHNESS"
-"""What a channel of a packed image can store beside a map. SMOOTHNESS is 1 - roughness."""
-
 PACKABLE = tuple(kind for kind in map_types.OTHERS if kind.kind is Kind.VALUE and kind.is_scalar)
 """The maps that a channel can store."""
 

@@ -7,12 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core import texel_state
 from ...core.declarations.choices import MarginType
-from ...core.map_types import BY_NAME, NORMAL, WIDENED_ROUGHNESS, Kind
+from ...core.map_types import BY_NAME, MISSED, NORMAL, WIDENED_ROUGHNESS, WRITTEN, Kind, Map
 from ...core.progress import Progress, Task, finish
 from ...core.settings import MapSettings, Run
-from ...core.texel_state import Map
 from .. import margins
 from ..normal_channels import channels
 from ..rendering import DrawnMaps, Renderer
@@ -87,8 +85,8 @@ class Mean:
         return np.concatenate([values, (hits - misses)[..., None]], axis=-1)
 
     def _written(self, rows: slice) -> "Sums":
-        hits = (self.state[rows] == texel_state.WRITTEN).astype(np.float32)
-        misses = (self.state[rows] == texel_state.MISSED).astype(np.float32)
+        hits = (self.state[rows] == WRITTEN).astype(np.float32)
+        misses = (self.state[rows] == MISSED).astype(np.float32)
         values = self.texels[rows, :, :3]
         return Sums(((values - 0.5) @ self.decode if self.is_normal else values) * hits[..., None], hits, misses)
 

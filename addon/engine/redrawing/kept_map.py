@@ -4,11 +4,10 @@
 import gpu
 import numpy as np
 
-from ...core import texel_state, udim
-from ...core.map_types import NORMAL
+from ...core import udim
+from ...core.map_types import NORMAL, WRITTEN, Map
 from ...core.progress import Task, finish
 from ...core.settings import Run, Settings
-from ...core.texel_state import Map
 from ...mesh.inputs import Meshes
 from ...passes import drawn_part, margin_fill, target
 from ...passes.mesh_upload import UploadCache
@@ -47,7 +46,7 @@ class MapInBands:
         """As KeptMap has it."""
         maps = yield from renderer.texels(udim.FIRST, {NORMAL.name: process})
         texels, state = maps[NORMAL.name]
-        is_any = bool((state == texel_state.WRITTEN).any())
+        is_any = bool((state == WRITTEN).any())
         if is_any:
             self.map = texels, state
         return is_any
@@ -172,7 +171,7 @@ class KeptMap:
             self._nearest = process.search(self.band, values)
             stored = process.fill(self.band, values, self._nearest)
             stored.read(state, 1)
-        if not (state == texel_state.WRITTEN).any():
+        if not (state == WRITTEN).any():
             self._stored = self._nearest = None  # it was drawn over the last map; what was read of it stays
             return False
         self._stored, self._texels, self.state = stored, None, state

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Estimates the memory that a bake needs, from the sizes of its meshes, maps and images.
+"""What is known before a bake: the memory that it needs, and whether the boxes of low and high meshes fit."""
 
-The numbers were measured as the largest resident size of processes that draw in software, where the GPU's memory is the
-machine's: scripts/bench/scan_memory.py. They are rounded up, so that a bake needs at most the estimate.
-"""
-
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 PROGRAM = 530 * 10**6
 """Bytes that Blender and its graphics driver take without a scene."""
@@ -105,7 +105,7 @@ def _meshes_on_gpu(amounts: Amounts) -> int:
     return FLAT_PART if amounts.triangles >= LARGE else amounts.triangles * FLAT_TRIANGLE_ON_GPU
 
 
-def sentence(need: Need, free: int | None, *, is_software: bool) -> str:
+def memory_sentence(need: Need, free: int | None, *, is_software: bool) -> str:
     """What a bake needs, and what is free. free: bytes for this process, or None where the system does not say."""
     wanted = need.of_machine(is_software=is_software)
     gpu = "" if is_software else f", and {_size(need.on_gpu)} on the GPU"
@@ -136,3 +136,74 @@ def _way_out(need: Need) -> str:
 
 def _size(count: int) -> str:
     return f"{count / GIGABYTE:.1f} GB"
+
+
+UNITS = (10.0, 100.0, 1000.0, 0.3048, 0.0254)
+"""Ratios between units that programs mix up: meters to deci-, centi- and millimeters, feet and inches."""
+ALIKE = 0.05
+"""How much the sides of a low and a high mesh may differ. A simplified mesh is a little smaller."""
+FLAT = 0.01
+"""A side this much shorter than the longest one is not compared: the meshes may be flat."""
+FAR = 10.0
+"""A distance in diagonals at which meshes belong to different coordinate systems."""
+COARSE = 1e-5
+"""The steps of single precision as a share of a mesh's size, above which its details suffer."""
+
+
+def placement_hint(low: np.ndarray, high: np.ndarray) -> str:
+    """Why two meshes may not fit, as a sentence; empty if nothing is known. low, high: the boxes (2, 3), in one space."""
+    low_sides, high_sides = low[1] - low[0], high[1] - high[0]
+    diagonal = float(np.linalg.norm(high_sides))
+    if not (low_sides.any() and high_sides.any() and np.isfinite([*low_sides, *high_sides]).all()):
+        return ""
+    for unit in (*UNITS, *(1.0 / unit for unit in UNITS)):
+        if _are_alike(low_sides * unit, high_sides):
+            times = unit if unit > 1.0 else 1.0 / unit
+            return (
+                f"The high mesh is {times:.4g} times as {'large' if unit > 1.0 else 'small'} as the low one: "
+                "they seem to have different units. Export both with the same unit."
+            )
+    if not _are_alike(low_sides, high_sides) and _are_alike(low_sides[[0, 2, 1]], high_sides):
+        return (
+            "The high mesh seems to be turned by 90 degrees about X: one of the files has Z up where its format has Y up. "
+            "Export both with the same axis up."
+        )
+    distance = float(np.linalg.norm(np.maximum(np.maximum(low[0] - high[1], high[0] - low[1]), 0.0)))
+    if distance > FAR * max(diagonal, float(np.linalg.norm(low_sides))):
+        centers = (_place(low.mean(axis=0)), _place(high.mean(axis=0)))
+        return (
+            f"The low mesh lies around {centers[0]} and the high one around {centers[1]}: "
+            "they seem to be exported with different offsets."
+        )
+    return ""
+
+
+def rounding_hint(box: np.ndarray, location: np.ndarray) -> str:
+    """A sentence about coordinates that single precision has rounded; empty if the mesh is near the origin.
+
+    box (2, 3): of the mesh, in its object's space. location (3,): of the object.
+    """
+    size = float(np.linalg.norm(box[1] - box[0]))
+    # Whole numbers are exact: they are offsets that were chosen to be.
+    inexact = location[location != np.round(location)]
+    largest = max(np.abs(box).max(), np.abs(inexact).max(initial=0.0))
+    if not (np.isfinite(largest) and size > 0.0):
+        return ""
+    step = float(np.spacing(np.float32(largest)))
+    if step <= COARSE * size:
+        return ""
+    return (
+        f"lies {largest:.3g} from its origin, where single precision rounds coordinates to {step:.2g}. "
+        "Export it with an offset, or as .obj, or as .ply in double precision."
+    )
+
+
+def _are_alike(first: np.ndarray, second: np.ndarray) -> bool:
+    """Whether two boxes have the same sides (3,), nearly."""
+    longest = max(first.max(), second.max())
+    matters = np.maximum(first, second) > FLAT * longest
+    return bool((np.abs(first - second) <= ALIKE * np.maximum(first, second))[matters].all())
+
+
+def _place(point: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:.6g}' if math.isfinite(value) else '?' for value in point)})"
