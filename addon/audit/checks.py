@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core import fixes, udim
+from ..core import udim
 from ..core.declarations.choices import Method, Space
-from ..core.errors import Length, shorten_list
+from ..core.errors import Fix, Length, shorten_list
 from ..core.map_types import WRITTEN
 from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
 from ..engine import separation, uv_agreement
@@ -240,7 +240,7 @@ def _placement_warnings(
         thinned = [separation.thinned(high) for high in meshes.drawn_highs]
         differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, placement.offset)
         if differing:
-            yield Warned(fixes.in_shell(f"{differing[:1].upper()}{differing[1:]}.", fixes.AUTO), causes.LAYOUTS)
+            yield Warned(Fix.AUTO.after(f"{differing[:1].upper()}{differing[1:]}."), causes.LAYOUTS)
             return
     is_missed = plan.casts_rays and missed["severity"] == severity.WRONG
     are_backs = unsure["severity"] == severity.WRONG and unsure["backs"] > 0.5 * unsure["count"]
@@ -279,7 +279,7 @@ def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterato
                 f"Parts of {low.name!r} share UVs, and on {share:.1%} of the texels the high normals are those of one part, "
                 "and the tangents those of another."
             )
-            yield Warned(fixes.in_shell(text, fixes.CAST), causes.CROSSED)
+            yield Warned(Fix.CAST.after(text), causes.CROSSED)
 
 
 def _other_detail_warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
@@ -287,7 +287,7 @@ def _other_detail_warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
         return
     if stacked["under_others"] > 0.5 * stacked["hidden"]:
         text = f"Materials of {low.name!r} share UVs, and its map has the detail of one of them."
-        yield Warned(fixes.in_shell(text, fixes.TEXTURE_SETS), causes.MATERIALS)
+        yield Warned(Fix.TEXTURE_SETS.after(text), causes.MATERIALS)
         return
     yield Warned(
         f"{stacked['hidden']:,} triangles of {low.name!r} show the detail of other parts with the same UVs, and on "

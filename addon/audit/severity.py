@@ -3,9 +3,8 @@
 
 from collections.abc import Callable
 
-from ..core import fixes
 from ..core.declarations.choices import Hit, Method, Space
-from ..core.errors import Length, plain_length
+from ..core.errors import Fix, Length, plain_length
 from ..core.settings import Settings
 
 GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
@@ -110,18 +109,16 @@ _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
 _MISSED = (
     "{share:.2%} of the rays from {low} hit nothing: the high mesh has no surface there, and those texels have alpha 0."
 )
-_OUT_OF_REACH = fixes.in_shell(
+_OUT_OF_REACH = Fix.MEASURE.after(
     "{share:.2%} of the rays from {low} hit nothing within the extrusion and the maximum distance that were set: those texels "
-    "have alpha 0.",
-    fixes.MEASURE,
+    "have alpha 0."
 )
 _NOT_CAST = (
     "{share:.2%} of the texels of {low} have no high triangle and stay empty. Auto casts rays there if high and low are two "
     "objects in the same place."
 )
-_OTHER_LAYER = fixes.in_shell(
-    "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none.",
-    fixes.OWN_HIT,
+_OTHER_LAYER = Fix.OWN_HIT.after(
+    "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none."
 )
 _BACKS = (
     "{share:.2%} of the texels of {low} may be wrong: most of their rays hit only backs of high faces. Recalculate the normals "
@@ -134,7 +131,7 @@ HARD_EDGES = (
 _SENTENCES = {
     "overlap": "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the "
     "detail of only one of them.",
-    "uncovered": fixes.in_shell("{share:.2%} of the texels of {low} have no high triangle and stay empty.", fixes.CAST),
+    "uncovered": Fix.CAST.after("{share:.2%} of the texels of {low} have no high triangle and stay empty."),
     "far": "On {share:.2%} of the texels of {low}, the high surface is farther away than {limit}, at most {maximum}.",
     "unsure": "{share:.2%} of the texels of {low} may show the wrong layer of the high mesh: their rays hit several. Move "
     "{low} closer to the right layer there, or paint an offset group.",

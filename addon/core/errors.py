@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Errors whose messages the user reads."""
+"""Messages that the user reads: errors, what fixes their cause, and lengths and lists in words."""
 
 from collections.abc import Callable, Iterable
+from enum import Enum
+from typing import Any
+
+from .declarations.choices import Hit, Method
 
 
 class BakeError(Exception):
@@ -25,6 +29,45 @@ def sentence(error: BakeError | MemoryError) -> str:
     if isinstance(error, BakeError):
         return str(error)
     return f"There is not enough memory{f' ({error})' if str(error) else ''}: choose a smaller map, or bake less at a time."
+
+
+class Fix(Enum):
+    """What fixes the cause of a warning or an error: an option in a shell, a button in a window.
+
+    Reports and errors have the clause for the shell at their end. A window removes it and draws the button.
+    """
+
+    AUTO = "--method auto casts rays where they do", "method", Method.AUTO.value
+    CAST = "--method cast casts rays instead", "method", Method.CAST.value
+    OWN_HIT = "--hit own chooses the layer that belongs to each texel", "hit", Hit.OWN.value
+    MEASURE = "without --extrusion and --max-distance they are measured", "measure", True
+    DEPTH = "--depth 32 keeps them", "depth", "32"
+    SAMPLES = "--samples 16 shows it", "samples", "16"
+    NO_MATERIAL = "--no-material leaves them as they are", "material", False
+    TEXTURE_SETS = "--texture-sets bakes an image for each", "texture_sets", True
+    MISS_MASK = "--mask shows them", "mask", True
+
+    def __init__(self, in_shell: str, setting: str, value: Any):
+        """Describe a fix.
+
+        Args:
+            in_shell: A clause.
+            setting: The name of the setting that the button changes.
+            value: What it becomes.
+        """
+        self.in_shell, self.setting, self.new_value = in_shell, setting, value
+
+    def after(self, cause: str) -> str:
+        """The sentence `cause`, which goes on with what fixes it in a shell."""
+        return f"{cause.removesuffix('.')}; {self.in_shell}."
+
+
+def in_window(text: str) -> tuple[str, str]:
+    """A sentence as a window shows it, and the name of its Fix; empty if it has none."""
+    for fix in Fix:
+        if fix.in_shell in text:
+            return text.replace(f"; {fix.in_shell}", ""), fix.name
+    return text, ""
 
 
 def shorten_list(items: Iterable[object], most: int = 3) -> str:

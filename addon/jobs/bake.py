@@ -16,9 +16,9 @@ from ..audit.deviations import Deviations
 from ..audit.other_readers import OtherReaders
 from ..audit.pictures.bake_pictures import BakePictures
 from ..audit.tally import Tally
-from ..core import fixes, map_types, progress
+from ..core import map_types, progress
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError, Length, shorten_list
+from ..core.errors import BakeError, Fix, Length, shorten_list
 from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.report import Report
@@ -348,9 +348,7 @@ def slope_notes(settings: Settings) -> list[str]:
     """That one sample does not show the detail in a texel."""
     if settings.sampling.samples > 1 or map_types.WIDENED_ROUGHNESS.name not in settings.map.drawn_maps:
         return []
-    return [
-        fixes.in_shell("With 1 sample in a texel, widened roughness is the roughness of the material.", fixes.SAMPLES)
-    ]
+    return [Fix.SAMPLES.after("With 1 sample in a texel, widened roughness is the roughness of the material.")]
 
 
 def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:

@@ -11,9 +11,8 @@ import numpy as np
 from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 
 from .. import older_blender
-from ..core import fixes
 from ..core.declarations.choices import Space
-from ..core.errors import BakeError, shorten_list
+from ..core.errors import BakeError, Fix, shorten_list
 from ..core.map_types import BY_NAME, MARK, MapType
 from . import datablocks, map_nodes
 from .map_nodes import MapImage
@@ -85,7 +84,7 @@ def check(low: Object, *, can_be_off: bool = True) -> None:
     as they are without the setting Material."""
     if not low.is_editable:
         cause = f'"{low.name}" is linked from a library, so its materials cannot be set: make it local first.'
-        raise BakeError(fixes.in_shell(cause, fixes.NO_MATERIAL) if can_be_off else cause)
+        raise BakeError(Fix.NO_MATERIAL.after(cause) if can_be_off else cause)
     if not low.material_slots and not _is_local(low.data):
         raise BakeError(
             f'"{low.name}" has no material, and its mesh "{low.data.name}" is linked from a library and cannot be '

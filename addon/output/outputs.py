@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core import fixes
 from ..core.declarations.choices import Storage, VertexDomain
-from ..core.errors import shorten_list
+from ..core.errors import Fix, shorten_list
 from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, Kind, Labeled, Map
 from ..core.settings import Settings
 from . import datablocks, map_names, map_storage, materials, value_encoding
@@ -18,9 +17,7 @@ from .map_names import settings_by_map, stored_maps
 from .vertex_attributes import VertexMaps
 from .write_queue import WriteQueue
 
-HIDDEN_MISSES = fixes.in_shell(
-    "Rays of some texels hit nothing, and files without alpha do not show which.", fixes.MISS_MASK
-)
+HIDDEN_MISSES = Fix.MISS_MASK.after("Rays of some texels hit nothing, and files without alpha do not show which.")
 """A warning."""
 
 
@@ -172,7 +169,7 @@ class Outputs:
         if self._cut_off:
             titles = shorten_list(BY_NAME[name].title for name in self.settings.map.drawn_maps if name in self._cut_off)
             cause = f"16-bit floats cut off values beyond 65,504 of the {titles}."
-            warnings.append(fixes.in_shell(cause, fixes.DEPTH))
+            warnings.append(Fix.DEPTH.after(cause))
         attributes = {}
         for vertices, low in zip(self._vertices, lows, strict=False):  # without attributes, there are only low objects
             names, more = vertices.store(low)

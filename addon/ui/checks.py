@@ -5,8 +5,7 @@ found something, and the buttons that fix it."""
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ..core import fixes
-from ..core.errors import BakeError
+from ..core.errors import BakeError, Fix, in_window
 from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import checks
@@ -145,35 +144,35 @@ FIXES = {
         "detail of the others",
         "MOD_MIRROR",
     ),
-    fixes.AUTO: (
+    Fix.AUTO.name: (
         "Choose Auto",
         "Set Method to Auto, which casts rays where the UV layouts differ",
         "SETTINGS",
     ),
-    fixes.CAST: ("Cast Rays", "Set Method to Cast, which needs no UVs of the high mesh", "SETTINGS"),
-    fixes.OWN_HIT: (
+    Fix.CAST.name: ("Cast Rays", "Set Method to Cast, which needs no UVs of the high mesh", "SETTINGS"),
+    Fix.OWN_HIT.name: (
         "Use Own Hit",
         "Set Hit to Own, which chooses the layer that belongs to each texel",
         "SETTINGS",
     ),
-    fixes.MEASURE: (
+    Fix.MEASURE.name: (
         "Measure Distances",
         "Measure how far the high surface lies from the low one, instead of using distances that were set",
         "SETTINGS",
     ),
-    fixes.DEPTH: ("Use 32 Bits", "Set Depth to 32, which holds larger values", "SETTINGS"),
-    fixes.SAMPLES: ("Use 16 Samples", "Set Samples to 16", "SETTINGS"),
-    fixes.NO_MATERIAL: (
+    Fix.DEPTH.name: ("Use 32 Bits", "Set Depth to 32, which holds larger values", "SETTINGS"),
+    Fix.SAMPLES.name: ("Use 16 Samples", "Set Samples to 16", "SETTINGS"),
+    Fix.NO_MATERIAL.name: (
         "Switch Material Off",
         "Leave the materials of the low object as they are",
         "SETTINGS",
     ),
-    fixes.TEXTURE_SETS: (
+    Fix.TEXTURE_SETS.name: (
         "Use Texture Sets",
         "Switch Texture Sets on, which bakes an image for each material of the low object",
         "SETTINGS",
     ),
-    fixes.MISS_MASK: (
+    Fix.MISS_MASK.name: (
         "Make Miss Mask",
         "Also make an image that is white where the rays hit nothing",
         "SETTINGS",
@@ -214,17 +213,17 @@ class IMPRINT_OT_cure(QuickOperator, bpy.types.Operator):
         chosen = context.scene.imprint.chosen(context, object_refs.by_name(self.low) if self.low else None)
         if chosen.low is None or chosen.low.type != "MESH":
             raise BakeError("No low object: select it, or fill the slot.")
-        change = fixes.FIXES.get(self.kind)
+        change = Fix.__members__.get(self.kind)
         if change is None:
             return checks.fix(context, chosen.low, chosen.highs, chosen.settings, self.kind)
         owner = chosen.rays if change.setting in chosen.rays.bl_rna.properties else chosen.panel
-        setattr(owner, change.setting, change.value)
+        setattr(owner, change.setting, change.new_value)
         return f"{owner.bl_rna.properties[change.setting].name}: {FIXES[self.kind][0]}"
 
 
 def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
     """A sentence of a report or an error, without what fixes it in a shell, and the button that fixes it."""
-    shown, kind = fixes.in_window(text)
+    shown, kind = in_window(text)
     draw_paragraphs(layout, context, [shown], icon)
     if kind:
         draw_button(layout, kind)

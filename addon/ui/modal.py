@@ -13,8 +13,7 @@ import bpy
 
 from .. import older_blender
 from ..core import progress
-from ..core.errors import BakeError, sentence
-from ..core.fixes import in_window
+from ..core.errors import BakeError, in_window, sentence
 from ..core.progress import Pace, Progress, Task
 from .callbacks import Key
 from .live import live

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from addon.core import fixes
-from addon.core.errors import BakeError
+from addon.core.errors import BakeError, Fix, in_window
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all
 from tests.audit.test_unsure_hits import plates
@@ -417,10 +416,10 @@ WRONG = {
     "materials that share UVs": (
         materials,
         "Materials of 'lo' share UVs, and its map has the detail of one of them",
-        fixes.TEXTURE_SETS,
+        Fix.TEXTURE_SETS.name,
     ),
     "halves of other detail": (other_halves, "8 triangles of 'lo' show the detail of other parts"),
-    "two materials on one place": (two_materials, "Materials of 'lo' share UVs", fixes.TEXTURE_SETS),
+    "two materials on one place": (two_materials, "Materials of 'lo' share UVs", Fix.TEXTURE_SETS.name),
     "halves in object space": (
         lambda: case(zoo.mirrored("lo", slope=0.3), zoo.mirrored("hi", 24, slope=0.5), space="OBJECT"),
         "100.00% of the texels of 'lo' belong to two or more",
@@ -465,17 +464,17 @@ WRONG = {
     "distances too short": (
         lambda: ring(method="CAST", extrusion=0.001, max_distance=0.001),
         ".+ hit nothing within the extrusion and the maximum distance that were set",
-        fixes.MEASURE,
+        Fix.MEASURE.name,
     ),
     "beyond a limit": (
         lambda: case(zoo.cube("lo"), crate("hi"), limit=0.01),
         ".+ farther away than 1 cm, at most 8 cm",
     ),
-    "Flatten with other UVs": (lambda: ring(method="FLATTEN"), "The UV layout of 'hi' differs", fixes.AUTO),
+    "Flatten with other UVs": (lambda: ring(method="FLATTEN"), "The UV layout of 'hi' differs", Fix.AUTO.name),
     "a layer of another part": (
         lambda: case(plates("lo", 0.0, 0.3), displaced(plates("hi", 0.01, 0.31)), **FAR_RAYS),
         ".+ show a layer of the high mesh that belongs to another part",
-        fixes.OWN_HIT,
+        Fix.OWN_HIT.name,
     ),
     "image missing": (missing_image, 'Material "Paint": Base Color is left out, because the image "rock"'),
     "procedural material": (procedural, 'Material "Paint": Base Color is left out, because Imprint cannot follow'),
@@ -488,7 +487,7 @@ WRONG = {
     "one sample of slopes": (
         lambda: case(zoo.plane("lo"), terrain(), maps=("WIDENED_ROUGHNESS",)),
         "With 1 sample in a texel, widened roughness",
-        fixes.SAMPLES,
+        Fix.SAMPLES.name,
     ),
     "a part out of reach": (
         lambda: case(zoo.plane("lo"), turned(terrain()), moved(zoo.terrain("far", 8), 0, 0, 50)),
@@ -522,7 +521,7 @@ def test_wrong_bakes_give_one_warning_that_names_the_cause(name):
     make, beginning, *kinds = WRONG[name]
     (said,) = said_of(make())
     assert re.match(beginning, said)
-    shown, kind = fixes.in_window(said)
+    shown, kind = in_window(said)
     assert [kind] == (kinds or [""])
     assert "--" not in shown
     assert ("--" in said) == bool(kind)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.cli.usage.arguments import parser
-from addon.core import fixes
+from addon.core.errors import Fix, in_window
 from addon.jobs import bake_jobs
 from addon.ui import bake_panel
 from addon.ui.bake_results import results
@@ -41,21 +41,21 @@ def drawn_fixes():
 # Options and buttons
 
 
-@pytest.mark.parametrize("kind", fixes.FIXES)
+@pytest.mark.parametrize("kind", Fix.__members__)
 def test_each_fix_is_an_option_of_the_shell_and_a_button(kind):
-    fix, settings = fixes.FIXES[kind], bpy.context.scene.imprint
+    fix, settings = Fix[kind], bpy.context.scene.imprint
     words = re.findall(r"--([a-z-]+)", fix.in_shell)
     known = set(re.findall(r"^ +(?:-\w, )?--([a-z-]+)", parser("imprint").format_help(), re.MULTILINE))
     assert words
     assert set(words) <= known
     assert kind in FIXES
     assert settings.bl_rna.properties[fix.setting]
-    assert fixes.in_window(fixes.in_shell("Something is wrong.", kind)) == ("Something is wrong.", kind)
+    assert in_window(Fix[kind].after("Something is wrong.")) == ("Something is wrong.", kind)
 
 
-@pytest.mark.parametrize("kind", fixes.FIXES)
+@pytest.mark.parametrize("kind", Fix.__members__)
 def test_a_button_sets_its_setting(kind):
-    fix = fixes.FIXES[kind]
+    fix = Fix[kind]
     others = {
         "method": "FLATTEN",
         "hit": "OUTERMOST",
@@ -67,7 +67,7 @@ def test_a_button_sets_its_setting(kind):
     settings = set_up(zoo.plane("lo"), zoo.terrain("hi", 8))
     setattr(settings, fix.setting, others.get(fix.setting, False))
     assert bpy.ops.imprint.cure(kind=kind) == {"FINISHED"}
-    assert getattr(settings, fix.setting) == fix.value
+    assert getattr(settings, fix.setting) == fix.new_value
 
 
 def test_a_warning_of_a_bake_is_a_sentence_and_a_button(gpu_context):
@@ -79,7 +79,7 @@ def test_a_warning_of_a_bake_is_a_sentence_and_a_button(gpu_context):
     text, kinds = drawn_fixes()
     assert "hit nothing within the extrusion" in text
     assert "--" not in text
-    assert kinds == [fixes.MEASURE]
+    assert kinds == [Fix.MEASURE.name]
     bpy.ops.imprint.cure(kind=kinds[0])
     assert settings.chosen(bpy.context, low).rays.measure
     assert not settings.measure  # that of other low objects
@@ -101,10 +101,10 @@ def test_a_linked_low_object_is_named_before_the_bake_with_a_button(tmp_path, gp
     text, kinds = drawn_fixes()
     assert "make it local first." in text
     assert "--" not in text
-    assert kinds == [fixes.NO_MATERIAL]
+    assert kinds == [Fix.NO_MATERIAL.name]
     with pytest.raises(RuntimeError, match=r"make it local first\.\n?$"):
         bpy.ops.imprint.bake()
-    bpy.ops.imprint.cure(kind=fixes.NO_MATERIAL)
+    bpy.ops.imprint.cure(kind=Fix.NO_MATERIAL.name)
     assert not settings.material
     assert bake_panel.bake_problem(bpy.context, Chosen(settings, low, [high])) == ""
     settings.connect_maps = True  # the same is checked for other maps
