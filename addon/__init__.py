@@ -70,30 +70,24 @@ def modules() -> tuple[ModuleType, ...]:
         bake_results,
         cage_overlay,
         checks,
-        convert,
-        levels,
-        memory,
         modal,
         properties,
         settings_panels,
-        translations,
+        texts,
         views,
     )
 
     return (
-        translations,
+        texts,
         properties,
         bake_panel,
         checks,
         views,
         settings_panels,
         bake_operators,
-        levels,
-        convert,
         bake_results,
         cage_overlay,
         command,
-        memory,
         modal,
     )
 
@@ -106,8 +100,7 @@ def _stop() -> None:
     from .ui.cage_overlay import overlay
     from .ui.checks import findings
     from .ui.live import live
-    from .ui.memory import held
-    from .ui.modal import runner
+    from .ui.modal import held, runner
     from .ui.views import viewer
 
     runner.stop(bpy.context)

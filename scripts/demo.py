@@ -23,7 +23,7 @@ from addon.cli import standard_streams  # noqa: E402
 from addon.core.errors import BakeError  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
 from addon.jobs import bake_pair  # noqa: E402
-from addon.output.files.atomic_file import replacing  # noqa: E402
+from addon.output.atomic_file import replacing  # noqa: E402
 
 ELEVATIONS = ROOT / "scripts/data/jacksboro_fault_dem.npz"
 KM_PER_DEGREE = 111.2  # of latitude; one unit of the scene is a kilometer

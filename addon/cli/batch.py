@@ -20,10 +20,11 @@ from ..core.naming import printable
 from ..core.progress import startup
 from ..core.report import Report
 from ..core.settings import Settings
-from ..jobs import bake_jobs, sequence
+from ..jobs import bake_jobs
+from ..jobs.bake_jobs import work_on_frames
 from ..jobs.job import Job, files_read_by, jobs_by_name
-from ..output.files.atomic_file import all_or_none, check_writable
-from ..scene import object_refs
+from ..output.atomic_file import all_or_none, check_writable
+from ..scene.object_checks import object_by_name
 from . import blender_process, input_checks, interruption, memory_check, read_files, side_files, standard_streams
 from .done.contents import Content, Contents
 from .mesh_files.importers import Space
@@ -250,7 +251,7 @@ def _baked(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
         chain = progress.finish(lod.work(bpy.context, jobs[0].low, limits, settings, speed), on_step)
         return _Baked([level.bake for level in chain.levels], chain=chain)
     if options.frames:
-        work = sequence.work(bpy.context, jobs[0], settings, plans.frames(options), speed, reports=reports)
+        work = work_on_frames(bpy.context, jobs[0], settings, plans.frames(options), speed, reports=reports)
     else:
         work = bake_jobs.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
     try:
@@ -287,9 +288,9 @@ def _rival_jobs(plan: Plan) -> Iterator[Job]:
             if options.pairs:
                 yield from jobs_by_name(bpy.context, options.suffixes)[0]
             elif options.low:
-                low = object_refs.by_name(options.low)
-                cage = object_refs.by_name(options.cage) if options.cage else None
-                yield Job(low, [object_refs.by_name(name) for name in options.high] or [low], cage)
+                low = object_by_name(options.low)
+                cage = object_by_name(options.cage) if options.cage else None
+                yield Job(low, [object_by_name(name) for name in options.high] or [low], cage)
 
 
 def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], list[str]]:
@@ -308,11 +309,11 @@ def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], 
         loader.take()
     if options.pairs:
         return jobs_by_name(bpy.context, options.suffixes)
-    low = object_refs.by_name(options.low)
-    highs = [object_refs.by_name(name) for name in options.high] or [low]
+    low = object_by_name(options.low)
+    highs = [object_by_name(name) for name in options.high] or [low]
     if not (options.high or options.convert or options.levels):
         input_checks.check_own_high(low, "--high")
-    return [Job(low, highs, object_refs.by_name(options.cage) if options.cage else None)], []
+    return [Job(low, highs, object_by_name(options.cage) if options.cage else None)], []
 
 
 def run_single(plan: Plan, files: clashes.RunFiles, run_options: RunOptions, meter: Meter) -> int:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..core import naming, udim
 from ..core.errors import WrongPlace
-from ..output.files.atomic_file import make_folder
+from ..output.atomic_file import make_folder
 from .usage import arguments
 from .usage.run_options import RunOptions
 

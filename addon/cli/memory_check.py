@@ -14,7 +14,7 @@ from ..core.map_types import BY_NAME
 from ..core.preflight import Amounts, Need, memory_sentence
 from ..core.settings import Settings
 from ..jobs.job import Job, band_texels, draws_in_software
-from ..scene import image_files
+from ..scene.textures import header_size
 from .mesh_files import textures
 
 WORTH_A_LINE = 0.5
@@ -68,7 +68,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
 def _pixels(image: bpy.types.Image) -> int:
     """The number of pixels of an image, or of its largest tile, by the headers of files; 0 for headers that are not known."""
     tiles = [tile.number for tile in image.tiles] if image.source == "TILED" else [0]
-    sizes = (image_files.header_size(image, tile) or (0, 0) for tile in tiles)
+    sizes = (header_size(image, tile) or (0, 0) for tile in tiles)
     return max((width * height for width, height in sizes), default=0)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ..core.errors import WrongPlace
 from ..core.naming import printable
-from ..output.files.atomic_file import make_folder
+from ..output.atomic_file import make_folder
 from .bounds import Bounds, is_below
 
 try:

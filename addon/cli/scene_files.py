@@ -13,7 +13,7 @@ from ..core.errors import BakeError
 from ..core.file_formats import OPENED
 from ..core.file_structure import blend_files, whole_files
 from ..jobs.job import Job
-from ..output.files.atomic_file import reason
+from ..output.atomic_file import reason
 from ..scene import dependencies
 from ..scene.evaluation import set_until
 from . import interruption, read_files, standard_streams

@@ -8,7 +8,7 @@ import bpy
 
 from ..core import naming
 from ..core.report import Report
-from ..output.files.atomic_file import replacing
+from ..output.atomic_file import replacing
 from . import blender_process, standard_streams
 
 EXPORTERS = {".fbx": ("io_scene_fbx",)}

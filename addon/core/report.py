@@ -36,7 +36,7 @@ class Report:
     slots: list[int] = field(default_factory=list)
     """The numbers of the low object's material slots in the texture set; empty for all faces."""
     refs: list = field(default_factory=list)
-    """A scene.object_refs.ObjectRef for the low object, each high object and the cage. Empty in a report from a file."""
+    """A scene.object_checks.ObjectRef for the low object, each high object and the cage. Empty in a report from a file."""
     settings: dict = field(default_factory=dict)
     """The settings of the bake, by the names in settings.Settings."""
     uv_layer: str = ""

@@ -8,7 +8,6 @@ from contextlib import ExitStack, redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
@@ -18,19 +17,15 @@ from ..core.declarations import readers
 from ..core.errors import BakeError
 from ..core.progress import Progress, Task
 from ..core.report import VISIBLE, Report
-from ..output import datablocks
-from ..output.files import atomic_file
-from ..output.files.atomic_file import Partial, all_or_none
-from ..output.files.path_clashes import Places
+from ..output import atomic_file, datablocks
+from ..output.atomic_file import Partial, all_or_none
+from ..output.path_clashes import Places
 from . import baked_low, comparison, map_pictures, staging
 from .baked_low import BakedLow, FileMesh
 from .comparison import Baked, Measured
-from .formats import fbx, glb, usd
+from .formats import FORMATS, MeshFormat
 from .staging import Staged
 
-FORMATS: dict[str, ModuleType] = dict(zip(file_formats.MESHES, (glb, usd, usd, usd, fbx), strict=True))
-"""By the ending of the file. A module has `write`, `read`, `check`, CHANNELS, HAS_TANGENTS, LINKS_LEVELS,
-NAMES_FILES and SHARES_FOLDER."""
 WRITTEN = 0.3
 """The share of the work that is done when the file is written."""
 
@@ -89,7 +84,7 @@ def work(
     """
     file_format = _format(path)
     file_format.check()
-    if are_levels and not file_format.LINKS_LEVELS:
+    if are_levels and not file_format.links_levels:
         raise BakeError(f"{str(path)!r} cannot hold levels of detail: only a {file_formats.MESHES[0]} file can.")
     atomic_file.check_writable(path)
     yield Progress("Writing the file", 0.0)
@@ -111,7 +106,7 @@ def work(
     return [replace(one, paths=paths) for one in done]
 
 
-def _format(path: Path) -> ModuleType:
+def _format(path: Path) -> MeshFormat:
     found = FORMATS.get(path.suffix.lower())
     if found is None:
         raise BakeError(f"{str(path)!r} is no file for an engine: {', '.join(file_formats.MESHES)} are.")
@@ -120,7 +115,7 @@ def _format(path: Path) -> ModuleType:
 
 def _written(
     context: bpy.types.Context,
-    file_format: ModuleType,
+    file_format: MeshFormat,
     lows: Sequence[BakedLow],
     temporary: Path,
     path: Path,
@@ -132,10 +127,10 @@ def _written(
         context,
         lows,
         temporary.parent,
-        file_format.CHANNELS,
-        with_tangents=file_format.HAS_TANGENTS,
-        names_files=file_format.NAMES_FILES,
-        before_names=f"{path.stem}_" if file_format.SHARES_FOLDER else "",
+        file_format.channels,
+        with_tangents=file_format.has_tangents,
+        names_files=file_format.names_files,
+        before_names=f"{path.stem}_" if file_format.shares_folder else "",
     ) as stage:
         first = stage.objects[0].object
         try:
@@ -180,7 +175,7 @@ def _move(files: Sequence[Path], targets: Sequence[Path]) -> None:
             partial.commit()
 
 
-def _exported(file_format: ModuleType, one: Staged, path: Path) -> Exported:
+def _exported(file_format: MeshFormat, one: Staged, path: Path) -> Exported:
     """Read one object back, and measure it. Raises BakeError if the file has something else than was baked."""
     low = one.baked
     found = file_format.read(path, one)
@@ -199,9 +194,9 @@ def _exported(file_format: ModuleType, one: Staged, path: Path) -> Exported:
         measured = comparison.measure(
             baked,
             found,
-            _kept(lambda page: _texels_in(found, page, file_format.CHANNELS or one.channels(page), path.parent)),
+            _kept(lambda page: _texels_in(found, page, file_format.channels or one.channels(page), path.parent)),
             [readers.BY_NAME[name] for name in low.reports[0].settings["readers"]],
-            () if file_format.CHANNELS else one.channels(0),
+            () if file_format.channels else one.channels(0),
         )
     about = low.name, [], len(one.faces), low.basis.name, low.has_applied_scale
     return Exported(*about, measured, _warnings(one, measured))

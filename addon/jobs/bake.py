@@ -36,8 +36,8 @@ from ..engine.sources import Source, normal_source
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
-from ..output import map_storage
-from ..output.outputs import HIDDEN_MISSES, Outputs, Stored, into_materials
+from ..output.materials import into_materials
+from ..output.outputs import HIDDEN_MISSES, Outputs, Stored, kept
 from ..passes.surface import finite_values
 from ..scene import object_checks, reading
 from . import checks
@@ -161,13 +161,14 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     low = in_order.basis or in_order.low
     pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
     is_wanted = (job.is_measured or job.is_pictured) and settings.map.normal
-    kept = partial(map_storage.kept, settings=settings)
     truth = drawn
     if is_wanted and sources.hits_are_chosen(plan, settings.tracing):
         source_of_truth = yield from part(sources.own_source(plan, run), 1.0, 1.0)
         truth = maps_of_bake(in_order, source_of_truth, replace(run, settings=settings.without_other_maps()))
     hidden = HiddenParts(plan, truth.source, settings, is_shared=in_order is not meshes)
-    deviations = Deviations(plan, truth, settings, pictures, kept=kept, is_wanted=is_wanted, hidden=hidden)
+    deviations = Deviations(
+        plan, truth, settings, pictures, kept=partial(kept, settings=settings), is_wanted=is_wanted, hidden=hidden
+    )
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
     if plan.method == Method.CAST:
         warnings += [Warned(text, causes.UNFIT) for text in job.hints]

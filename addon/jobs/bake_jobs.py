@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bakes several jobs, each into its own image or all into a shared one: fills in names, checks for clashes, counts maps."""
+"""Bakes several jobs, each into its own image, all into a shared one, or one job for each frame of an animation.
 
+Fills in names, checks for clashes, and counts maps.
+"""
+
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import PurePath
 
 import bpy
 import numpy as np
@@ -11,7 +16,7 @@ import numpy as np
 from .. import older_blender
 from ..audit import severity
 from ..core import naming, progress
-from ..core.declarations.choices import Occluders
+from ..core.declarations.choices import Occluders, Storage, VertexDomain
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, MARGIN, NORMAL, Labeled
 from ..core.naming import ATLAS
@@ -21,11 +26,14 @@ from ..core.settings import Run, Settings, TracingSettings
 from ..engine import gpu_memory, margins
 from ..engine.mips import mip_levels
 from ..engine.rendering import DrawnMaps, Renderer
-from ..output import map_names, output_clashes
-from ..output.outputs import Outputs, into_materials
+from ..output import datablocks, map_names, materials, outputs
+from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_low_name
+from ..output.materials import into_materials
+from ..output.outputs import Outputs
+from ..scene.object_checks import scene_by_uid
 from . import checks, weights
 from .bake import DrawnJob, bake_job, draw_raw, report_of
-from .job import Job, by_material, check_job, files_kept
+from .job import Job, by_material, check_clashes, check_file_clashes, check_job, files_kept
 
 
 class Atlas:
@@ -174,9 +182,9 @@ def work(
     _find_occluders(jobs, settings.tracing)
     read = files_kept(jobs, settings.storing)
     if share_image:
-        output_clashes.check(settings.storing, filled[:1], [ATLAS], read)
+        check_clashes(settings.storing, filled[:1], [ATLAS], read)
     else:
-        output_clashes.check(settings.storing, filled, [job.title for job in jobs], read)
+        check_clashes(settings.storing, filled, [job.title for job in jobs], read)
     for job, job_settings in zip(jobs, filled, strict=True):
         check_job(context, job, job_settings)
     if share_image:
@@ -217,3 +225,115 @@ def for_low(settings: Settings, name: str, material: str = "") -> Settings:
         image=map_names.name_for(name, settings.storing, material),
         output=naming.fill(settings.storing.output, name, material),
     )
+
+
+FRAME_IMAGE = "Imprint frame"
+"""The image that shows each frame while the sequence is baked."""
+
+
+def work_on_frames(
+    context: bpy.types.Context,
+    job: Job,
+    settings: Settings,
+    frames: Sequence[int],
+    pace: Pace,
+    *,
+    reports: list[Report] | None = None,
+) -> Task[list[Report]]:
+    """Bake each of `frames`, and put the image sequence into the low object's materials. A generator, as bake_jobs.work.
+
+    If it is closed early, finished frames stay. reports: receives the report of each finished frame. Raises BakeError.
+    """
+    _check_frames(settings, frames)
+    scene, before = context.scene.session_uid, context.scene.frame_current_final
+    low = job.low.name
+    settings = replace(with_low_name(settings, low), image=map_names.name_for(low, settings.storing))
+    frame_base = replace(
+        settings, image=FRAME_IMAGE, material=False, connect_maps=False, vertex_domain=VertexDomain.NONE
+    )
+    image = datablocks.get(settings.storing.image)
+    if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
+        raise BakeError(f"The image {image.name!r} is not a picture or sequence: choose another name for the map.")
+    if settings.storing.material:
+        materials.check(job.low)  # the bakes of frames do not change it
+    frame_settings = [of_frame(frame_base, frame) for frame in frames]
+    advice = "put the frame number into the name with #"
+    check_file_clashes(frame_settings, [low] * len(frames), advice, files_kept([job], settings.storing))
+    reports = [] if reports is None else reports
+    try:
+        for number, frame in enumerate(frames):
+            _go_to(scene, frame)
+            steps = part(
+                work(context, [job], frame_settings[number], pace),
+                number / len(frames),
+                (number + 1) / len(frames),
+            )
+            reports += yield from relay(steps, partial(_of_frame, frame, number))
+        yield Progress("Storing", 1.0, finished=len(frames))
+    finally:
+        if scene_by_uid(scene) is not None:
+            _go_to(scene, before)
+        for map_settings in settings_by_map(frame_base).values():
+            image = datablocks.get(map_settings.storing.image)
+            if image is not None:
+                bpy.data.images.remove(image)
+        if reports:
+            reports[:] = _show_frames(job, settings, frames, reports)
+    return reports
+
+
+def _of_frame(frame: float, number: int, step: Progress) -> Progress:
+    """A step of the bake of a frame, after `number` others."""
+    return replace(step, what=f"Frame {frame}: {step.what}", finished=number)
+
+
+def _go_to(uid: int, frame: float) -> None:
+    scene = scene_by_uid(uid)
+    if scene is None:
+        raise BakeError("The scene of the sequence was deleted: bring it back with Undo, or choose another one.")
+    scene.frame_set(int(frame), subframe=frame - int(frame))
+
+
+def _check_frames(settings: Settings, frames: Sequence[int]) -> None:
+    """Raise BakeError for what cannot be a sequence."""
+    if settings.storing.storage != Storage.FILE:
+        raise BakeError("A sequence needs files: set Store to File.")
+    if not settings.map.normal:
+        raise BakeError("A sequence shows the normal map: switch Normal Map on.")
+    if settings.sampling.udim:
+        raise BakeError("A sequence has only one tile: turn UDIM Tiles off.")
+    if settings.map.texture_sets:
+        raise BakeError("A sequence has one image for all materials: turn Texture Sets off.")
+    if any(frame < 0 for frame in frames):
+        raise BakeError("A sequence cannot have frames below 0: Blender would not find their files.")
+    if re.search(r"#[^#]*\d", PurePath(settings.storing.output).stem):
+        raise BakeError(
+            f"{settings.storing.output!r} has a number after the frame number, and Blender would read it as the frame: "
+            "put it before."
+        )
+    if not frames:
+        raise BakeError("There is no frame to bake: set the end frame to the start frame or later.")
+
+
+def _show_frames(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence[Report]) -> list[Report]:
+    """Make the image a sequence of the finished frames, also if the low object was deleted.
+
+    Returns the reports of these frames with that image.
+    """
+    image = datablocks.show(settings.storing.image, output_of_frame(settings.storing.output, frames[0]))
+    image.source = "SEQUENCE"
+    first, *others = (replace(report, image=image.name) for report in reports)
+    done = [first.with_warnings(outputs.sign(image, [ref.name for ref in job.high_refs])), *others]
+    low = job.low_ref.find()
+    if low is not None:
+        datablocks.note_maps(low, [image])
+    if low is None or not settings.storing.material:
+        return done
+    done[-1] = done[-1].with_warnings(materials.show_normal_map(low, image, done[-1].uv_layer, settings))
+    for material in filter(None, (slot.material for slot in low.material_slots)):
+        for node in material.node_tree.nodes:
+            if node.bl_idname == "ShaderNodeTexImage" and node.image == image:
+                user = node.image_user
+                user.frame_start, user.frame_duration = frames[0], len(reports)
+                user.frame_offset, user.use_auto_refresh = frames[0] - 1, True
+    return done

@@ -28,7 +28,7 @@ from ..engine.sources import Source, normal_source
 from ..mesh import edges, face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..output import map_storage
+from ..output import outputs
 from ..passes import audit, mesh_upload, target
 from ..scene import evaluation, mesh_elements, mesh_reader, reading
 from .job import Job, PastBake, check_job
@@ -364,11 +364,11 @@ def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.type
     """
     view = _view(context, report, kind)
     mask = np.empty((view.settings.sampling.height, view.settings.sampling.width), bool)
-    with map_storage.Writer("", view.settings) as writer:
+    with outputs.MapWriter("", view.settings) as writer:
         for band, rows, _ in _masks(view, kind):
             mask[band.start : band.stop] = rows
             if band.stop == len(mask):
-                writer.add(band.tile, map_storage.black_and_white(mask))
+                writer.add(band.tile, outputs.black_and_white(mask))
         return writer.commit()
 
 

@@ -26,11 +26,12 @@ from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..mesh import uv_layout
 from ..mesh.triangle_mesh import Mesh
-from ..output import datablocks, output_clashes, value_encoding
-from ..output.outputs import Outputs, into_materials
+from ..output import datablocks, value_encoding
+from ..output.materials import into_materials
+from ..output.outputs import Outputs
 from ..scene import evaluation, object_checks, reading, textures
-from ..scene.object_refs import ObjectRef
-from .job import Job, check_outputs, files_kept
+from ..scene.object_checks import ObjectRef
+from .job import Job, check_file_clashes, check_outputs, files_kept
 
 
 class SourceMap:
@@ -249,7 +250,7 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     settings = _sized(image, tiles, settings)
     check_outputs(low, settings)
     read = [(bpy.path.abspath(image.filepath, library=image.library), "the map to convert")] if image.filepath else []
-    output_clashes.check_files([settings], [low.name], "", [*read, *files_kept([Job(low, [])], settings.storing)])
+    check_file_clashes([settings], [low.name], "", [*read, *files_kept([Job(low, [])], settings.storing)])
     has_basis = Space.TANGENT in (before.from_space, settings.map.space)
     # The tangents as they were read: ConvertedMap makes those of both bases.
     space = Space.TANGENT if has_basis else Space.OBJECT

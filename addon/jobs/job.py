@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The objects of one bake: references to them, their match by name, and checks before any mesh is read."""
+"""The objects of one bake: references to them, their match by name, and checks before any mesh is read: whether they can be
+baked, whether their maps can be stored, and whether two maps would be written to one place.
+"""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -10,7 +12,7 @@ import gpu
 import numpy as np
 
 from .. import older_blender
-from ..core import udim
+from ..core import naming, udim
 from ..core.declarations.choices import Method, Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
 from ..core.naming import MATERIAL, Suffixes, match
@@ -18,12 +20,13 @@ from ..core.report import Report
 from ..core.settings import SamplingSettings, Settings, StorageSettings
 from ..engine.bands import bands
 from ..mesh.inputs import Meshes
-from ..output import map_storage, materials, vertex_attributes
-from ..output.map_names import settings_by_map
+from ..output import datablocks, materials, outputs, vertex_attributes
+from ..output.map_names import map_title, planned_files, settings_by_map
+from ..output.path_clashes import Places
 from ..passes.program import in_software
 from ..scene import dependencies, object_checks
 from ..scene.high_materials import MaterialSet, sets_of
-from ..scene.object_refs import ObjectRef
+from ..scene.object_checks import ObjectRef
 
 
 class Job:
@@ -137,7 +140,7 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
 def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
     """Raise BakeError if the maps cannot be stored or drawn."""
     for image_settings in settings_by_map(settings).values():
-        map_storage.check(low.name, image_settings)
+        outputs.check_storage(low.name, image_settings)
     if settings.changes_materials:
         materials.check(low, can_be_off=not settings.storing.connect_maps)
     if settings.storing.vertex_domain != VertexDomain.NONE:
@@ -235,3 +238,50 @@ def set_numbers(low: bpy.types.Object, meshes: Meshes) -> np.ndarray | None:
     for number, one in enumerate(found):
         of_slot[list(one.slots)] = number
     return of_slot[meshes.basis.labels[:, 0].astype(np.int64).clip(0, len(of_slot) - 1)]
+
+
+def check_clashes(
+    settings: StorageSettings, bakes: Sequence[Settings], objects: Sequence[str], read: Iterable[tuple[str, str]]
+) -> None:
+    """Raise BakeError if two maps would be written to one image or file, or if a map would replace a file that is read.
+
+    bakes: the settings of each bake, which are `settings` with names filled in. objects: the name of its low object, or of
+    another subject for messages. read: the files that the bakes read beside those of datablocks.sources, and what they are.
+    """
+    _check_images(bakes, objects, _advice(settings.image))
+    check_file_clashes(bakes, objects, _advice(settings.output), read)
+
+
+def check_file_clashes(
+    bakes: Sequence[Settings], objects: Sequence[str], advice: str, read: Iterable[tuple[str, str]]
+) -> None:
+    """Raise WrongPlace if two files would be the same, or if a file is one that the scene uses.
+
+    bakes, objects, read: see `check_clashes`. advice: for two files that would be the same, the end of the message.
+    """
+    places = Places(advice)
+    for path, source in (*datablocks.sources(), *read):
+        places.read(path, source)
+    for settings, low in zip(bakes, objects, strict=True):
+        for path, title in planned_files(settings):
+            places.write(bpy.path.abspath(path), f"{title} of {low!r}")
+
+
+def _check_images(bakes: Sequence[Settings], objects: Sequence[str], advice: str) -> None:
+    """Raise BakeError if two maps would fill one image. See `check_clashes`."""
+    owners: dict[str, str] = {}
+    for settings, low in zip(bakes, objects, strict=True):
+        for name, of_map in settings_by_map(settings).items():
+            owner = f"{map_title(settings.map, name)} of {low!r}"
+            other = owners.setdefault(of_map.storing.image.casefold(), owner)
+            if other != owner:
+                raise BakeError(
+                    f"T{owner[1:]} and {other} would both fill the image {of_map.storing.image!r}: {advice}."
+                )
+
+
+def _advice(name: str) -> str:
+    """How to avoid two maps with the same `name`, the one in the settings."""
+    if not name or naming.LOW in name:  # without a name, an image is named after the low object
+        return "rename one of the objects"
+    return f"put {naming.LOW} into the name, or let them share it"

@@ -26,13 +26,13 @@ from ..engine.redrawing import kept_map
 from ..engine.sources import Source
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..output import datablocks, output_clashes, outputs
+from ..output import datablocks, materials, outputs
 from ..passes import target
 from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
 from . import bake_jobs
 from .bake import READY
-from .job import Job, check_job, files_kept
+from .job import Job, check_clashes, check_job, files_kept
 
 
 class LiveMaps:
@@ -83,7 +83,7 @@ class LiveMaps:
             writers.add(udim.FIRST, {NORMAL.name: normals, **self.copies()})
             stored = writers.commit(labels, [low])
         if not self._is_stored:
-            outputs.into_materials(low, stored, uv_layer, settings)
+            materials.into_materials(low, stored, uv_layer, settings)
         self._is_stored = True
 
 
@@ -113,7 +113,7 @@ class Session:
         self._all_settings = settings
         self.settings = replace(settings.without_other_maps(), normal=True)
         self.others = LiveMaps(settings)
-        output_clashes.check(settings.storing, [settings], [job.low.name], files_kept([job], settings.storing))
+        check_clashes(settings.storing, [settings], [job.low.name], files_kept([job], settings.storing))
         check_job(context, job, settings)
         self.pace = pace
         self.drawn = 0
@@ -325,7 +325,7 @@ class Session:
         if is_new or not self._is_stored:
             datablocks.note_maps(self.job.low, [image])
         if settings.storing.material and (is_new or not self._is_stored):
-            outputs.hook_up(self.job.low, image, self._meshes.uv_layer, settings)
+            materials.show_normal_map(self.job.low, image, self._meshes.uv_layer, settings)
         self._is_stored = True
 
     def store_others(self) -> None:
@@ -344,7 +344,7 @@ class Session:
         with outputs.Outputs(settings) as writers:
             writers.add(udim.FIRST, {NORMAL.name: self._kept.map, **self.others.copies()})
             stored = writers.commit(self._labels, [low])
-            outputs.into_materials(low, stored, self._meshes.uv_layer, settings)
+            materials.into_materials(low, stored, self._meshes.uv_layer, settings)
 
     @property
     def _labels(self) -> dict[Labeled, list[str]]:

@@ -31,13 +31,13 @@ from ..mesh import stretch
 from ..mesh.inputs import Meshes
 from ..mesh.levels import kept_borders, uv_moves
 from ..mesh.triangle_mesh import Mesh
-from ..output import map_names, map_storage, output_clashes
-from ..output.files.atomic_file import all_or_none
+from ..output import map_names, outputs
+from ..output.atomic_file import all_or_none
 from ..passes import audit, lit, mesh_upload, target, viewport
 from ..scene import evaluation, mesh_reader, object_checks
-from ..scene.object_refs import ObjectRef
+from ..scene.object_checks import ObjectRef
 from . import bake_jobs
-from .job import Job, files_kept
+from .job import Job, check_clashes, files_kept
 
 SIDE = 1024
 """The most texels a side of the map that is measured. It is not filtered, so that a larger one would show the same."""
@@ -307,10 +307,10 @@ def _check(context: bpy.types.Context, obj: bpy.types.Object, count: int, settin
     if settings.sampling.udim:
         raise BakeError("Levels of detail are measured on one tile: turn UDIM Tiles off.")
     bakes = [bake_jobs.for_low(settings, name) for name in names(obj, count)]
-    output_clashes.check(settings.storing, bakes, names(obj, count), files_kept([Job(obj, [obj])], settings.storing))
+    check_clashes(settings.storing, bakes, names(obj, count), files_kept([Job(obj, [obj])], settings.storing))
     for job_settings in bakes:
         for image_settings in map_names.settings_by_map(job_settings).values():
-            map_storage.check(obj.name, image_settings)
+            outputs.check_storage(obj.name, image_settings)
     try:
         older_blender.start_gpu()
     except (SystemError, RuntimeError) as error:

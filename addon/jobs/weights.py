@@ -22,7 +22,8 @@ from ..engine.method_choice import choose_method
 from ..engine.rays import ray_casting, unsure_texels
 from ..engine.sources import normal_source
 from ..mesh.inputs import Meshes
-from ..scene import reading, vertex_weights
+from ..scene import reading
+from ..scene.mesh_elements import GROUPS, UNPAINTED, without_missing, write_weights
 from .job import Job, PastBake, check_job
 
 
@@ -30,15 +31,15 @@ def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:
     """The settings for each job. Where several are baked, a low object without a group is baked as unpainted.
 
     Raises BakeError if none of several low objects has the group. One low object may lack a group that another object has,
-    as vertex_weights.weights reads it.
+    as mesh_elements.weights reads it.
     """
     if len(jobs) < 2 or settings.tracing.method == Method.FLATTEN:
         return [settings] * len(jobs)
     lows = [job.low for job in jobs]
-    for name in filter(None, (getattr(settings.tracing, setting) for setting in vertex_weights.GROUPS)):
+    for name in filter(None, (getattr(settings.tracing, setting) for setting in GROUPS)):
         if not any(name in low.vertex_groups for low in lows):
             raise BakeError(f"No low object has a vertex group {name!r}: name one that they have, or none.")
-    return [vertex_weights.without_missing(low, settings) for low in lows]
+    return [without_missing(low, settings) for low in lows]
 
 
 GROUP_NAMES = {"offset_group": "Imprint Offset", "straight_group": "Imprint Straight"}
@@ -83,9 +84,7 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
     """
     past = PastBake.of(report)
     low = past.job.low
-    settings = vertex_weights.without_missing(
-        low, replace(past.settings.without_other_maps(), method=past.method, **groups)
-    )
+    settings = without_missing(low, replace(past.settings.without_other_maps(), method=past.method, **groups))
     settings = replace(settings.without_file(), material=False, mask=False, **past.distances)
     check_job(context, past.job, settings)
     meshes = reading.read(context, low, past.job.highs, past.job.cage, settings)
@@ -112,7 +111,7 @@ def apply(low: bpy.types.Object, proposal: Proposal, groups: dict[str, str]) -> 
     """Write the weights of `proposal` into `groups`, as in `propose`. Returns the names of all groups, with those created."""
     names = {}
     for setting, weights in proposal.weights.items():
-        names[setting] = vertex_weights.write(low, groups[setting] or GROUP_NAMES[setting], weights)
+        names[setting] = write_weights(low, groups[setting] or GROUP_NAMES[setting], weights)
     low.vertex_groups.active = low.vertex_groups[names["offset_group"]]  # which is painted more often
     return names
 
@@ -178,7 +177,7 @@ def _around_vertices(meshes: Meshes, by_triangle: np.ndarray) -> np.ndarray:
 
 def _by_vertex(meshes: Meshes, by_corner: np.ndarray | None) -> np.ndarray:
     """Weights (V,) float32 by vertex, from weights by corner; neutral where there are none."""
-    result = np.full(len(meshes.low.positions), vertex_weights.UNPAINTED, np.float32)
+    result = np.full(len(meshes.low.positions), UNPAINTED, np.float32)
     if by_corner is not None:
         result[meshes.low.vertices] = by_corner
     return result

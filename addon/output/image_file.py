@@ -17,7 +17,7 @@ from ..core import file_formats, threads
 from ..core.errors import BakeError
 from ..core.file_formats import FileFormat
 from . import png_writer, value_encoding
-from .files.atomic_file import Partial
+from .atomic_file import Partial
 from .write_queue import Content, WriteQueue, for_rows, top_first
 
 TARGA_END = b"TRUEVISION-XFILE.\0"

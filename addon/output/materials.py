@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finds the images of the maps of a bake, also the channels of a packed one, for the nodes of materials."""
+"""Shows the maps of a bake in the materials of the low object: finds their images, also the channels of a packed one."""
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
@@ -14,8 +14,10 @@ from .. import older_blender
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError, Fix, shorten_list
 from ..core.map_types import BY_NAME, MARK, MapType
+from ..core.settings import Settings
 from . import datablocks, map_nodes
 from .map_nodes import MapImage
+from .outputs import Stored
 from .tree_editing import Coordinates
 
 
@@ -137,6 +139,63 @@ def connect_maps(
     coordinates = _coordinates(low, uv_layer)
     connect = partial(map_nodes.connect_surface, images=images, coordinates=coordinates)
     return _edit(low, connect, single_user=single_user, slots=slots)
+
+
+def into_materials(
+    low: Object, stored: Stored, uv_layer: str, settings: Settings, *, slots: Sequence[int] | None = None
+) -> list[str]:
+    """Show the stored maps in the materials of `low`, as far as the settings say. Returns warnings.
+
+    slots: the numbers of the material slots that a texture set belongs to; None for all.
+    """
+    warnings = []
+    if settings.storing.material and settings.map.normal:
+        warnings += show_normal_map(low, stored.image, uv_layer, settings, slots=slots)
+    if settings.storing.connect_maps:
+        warnings += connect_maps_of_report(
+            low, stored.maps, uv_layer, space=settings.map.space, single_user=settings.storing.single_user, slots=slots
+        )
+    return list(dict.fromkeys(warnings))
+
+
+def show_normal_map(
+    low: Object,
+    image: Image,
+    uv_layer: str,
+    settings: Settings,
+    *,
+    slots: Sequence[int] | None = None,
+) -> list[str]:
+    """Show `image` as the normal map in the materials of `low`. Returns warnings. slots: as in `into_materials`."""
+    return hook_up(
+        low,
+        image,
+        space=settings.map.space,
+        uv_layer=uv_layer,
+        channels=settings.map.channels,
+        single_user=settings.storing.single_user,
+        slots=slots,
+    )
+
+
+def connect_maps_of_report(
+    low: Object,
+    maps: dict[str, dict],
+    uv_layer: str,
+    *,
+    space: str,
+    single_user: bool,
+    slots: Sequence[int] | None = None,
+) -> list[str]:
+    """Connect maps other than the normal map, as in Report.maps, in the materials of `low`. Returns warnings.
+
+    Maps whose images are no longer there are left out, with a warning. space, single_user: as in Settings. slots: as in
+    `into_materials`.
+    """
+    images, warnings = images_of_report(maps, space)
+    if not images:
+        return warnings
+    return warnings + connect_maps(low, images, uv_layer=uv_layer, single_user=single_user, slots=slots)
 
 
 def _coordinates(low: Object, uv_layer: str) -> Coordinates:

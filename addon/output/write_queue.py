@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..core import threads
-from .files.atomic_file import Partial
+from .atomic_file import Partial
 
 MOST_UNFINISHED = 2
 """The files that may be in memory at once, packed or not."""

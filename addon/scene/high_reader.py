@@ -14,8 +14,9 @@ from ..core.material_feeds import HighMaterial, ImagePixels
 from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
-from ..mesh.triangle_mesh import Mesh
-from . import mesh_reader, moved_vertices, object_checks
+from ..mesh.spatial.face_corners import FaceCorners
+from ..mesh.triangle_mesh import Mesh, changed_rows, changed_share
+from . import mesh_reader, object_checks
 from .high_materials import MaterialNumbers, Shown, read_layers
 from .materials.material_reading import NORMAL
 from .textures import ImageTextures
@@ -115,7 +116,7 @@ class Reader:
             has_labels = has_labels or any(material.detail is not None for material in shown)
         known, mesh = self.known.get(number), None
         if known is not None and known.name == name and not known.instances:
-            mesh = moved_vertices.read(data, layer, known, to_world, with_faces=has_labels)
+            mesh = read_moved(data, layer, known, to_world, with_faces=has_labels)
         if mesh is None:
             is_drawn_in_uv = method == Method.FLATTEN
             mesh = mesh_reader.surface(
@@ -200,3 +201,115 @@ def _no_faces(high: bpy.types.Object) -> str:
     if high.type == "META" and "." in high.name:
         return f"{high.name!r} has no faces: the surface of its metaballs belongs to {high.name.rpartition('.')[0]!r}."
     return f"{high.name!r} has no faces."
+
+
+MOVED_SHARE = 0.25
+"""Share of the vertices. If more have moved, reading the whole mesh takes as long."""
+
+
+def read_moved(
+    data: bpy.types.Mesh, uv_layer: str, known: Mesh, to_world: np.ndarray, *, with_faces: bool = False
+) -> Mesh | None:
+    """What mesh_reader.surface returns for `data`, if it differs from `known` at most in the positions of few vertices, and in
+    the normals and triangles that follow from them; otherwise None. Arrays that are the same are those of `known`, but labels
+    and layers are left out: they follow from materials, which may have changed."""
+    if not known.normals_domain or known.not_finite or mesh_reader.normals_domain(data) != known.normals_domain:
+        return None
+    if (len(data.vertices), len(data.loops)) != (len(known.positions), len(known.vertices)):
+        return None
+    positions = mesh_reader.points(data)
+    if changed_share(positions, known.positions) > 2.0 * MOVED_SHARE:
+        return None
+    moved = changed_rows(positions, known.positions)
+    if len(moved) > MOVED_SHARE * len(positions) or (known.uv is not None) != bool(uv_layer):
+        return None
+    if uv_layer and not _holds(data.uv_layers[uv_layer].uv, known.uv, lambda: mesh_reader.uvs(data, uv_layer)):
+        return None
+    corners = data.attributes[".corner_vert"].data
+    if not _holds(corners, known.vertices, lambda: mesh_reader.corner_vertices(data)):
+        return None
+    known = _with_triangles(data, known)
+    if known is None:
+        return None
+    faces = mesh_reader.triangle_faces(data) if with_faces else None
+    known = replace(known, to_world=to_world, faces=faces, labels=None, layers={})
+    if not len(moved):
+        return known
+    corners, around = _normals_around(positions, known.face_corners, moved, known.normals_domain)
+    if not (np.isfinite(around).all() and np.isfinite(positions[moved]).all()):
+        return None
+    normals = known.normals.copy()
+    normals[corners] = around
+    return replace(known, positions=positions, normals=normals)
+
+
+def _with_triangles(data: bpy.types.Mesh, known: Mesh) -> Mesh | None:
+    """`known` with the triangles of `data`, which has the same corners, and with its face_corners. None for other faces."""
+    data.calc_loop_triangles()
+    if len(data.loop_triangles) != len(known.triangles):
+        return None
+    is_same = _holds(data.loop_triangles, known.triangles, lambda: mesh_reader.triangles(data))
+    if is_same and known.face_corners is not None:
+        return known
+    faces = mesh_reader.triangle_faces(data)
+    # Blender takes three times as long to list the faces themselves.
+    starts = np.zeros(len(data.polygons) + 1, np.int32)
+    np.cumsum(np.bincount(faces, minlength=len(data.polygons)) + 2, out=starts[1:])
+    found = FaceCorners(starts, known.vertices)
+    if is_same:
+        return replace(known, face_corners=found)
+    triangles = mesh_reader.triangles(data)
+    other = changed_rows(triangles, known.triangles)
+    if not _are_of_faces(known.triangles[other], faces[other], starts):
+        return None
+    return replace(known, triangles=triangles, face_corners=known.face_corners or found)
+
+
+def _are_of_faces(triangles: np.ndarray, faces: np.ndarray, starts: np.ndarray) -> bool:
+    """Whether the corners of each of `triangles` (T, 3) belong to the face in `faces` (T,): then they divide these faces."""
+    first, end = starts[faces], starts[faces + 1]
+    return all(((corner >= first) & (corner < end)).all() for corner in triangles.T)
+
+
+def _holds(collection: bpy.types.bpy_prop_collection, known: np.ndarray, read: Callable[[], np.ndarray]) -> bool:
+    """Whether a collection of Blender has the values `known`, to the bit. read: reads it.
+
+    Compares Blender's memory itself if the elements lie one after the other: copying it takes longer.
+    """
+    memory = mesh_reader.memory_of(collection, known.size // max(1, len(collection)))
+    if memory is not None:
+        return np.array_equal(memory.reshape(-1), known.reshape(-1).view(np.int32))
+    return np.array_equal(read(), known)
+
+
+def _normals_around(
+    positions: np.ndarray, faces: FaceCorners, moved: np.ndarray, domain: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """The corners (N,) whose normals depend on the `moved` vertices, and their normals (N, 3) float32."""
+    touched = faces.faces_of(faces.corners_at(moved, len(positions)))
+    corners = faces.corners_of(touched)
+    if domain == "FACE":
+        normals = _normals_of(positions, faces.vertices[corners], faces.sizes(touched), "polygon_normals")
+        return corners, np.repeat(normals, faces.sizes(touched), axis=0)
+    corners = faces.corners_at(np.unique(faces.vertices[corners]), len(positions))
+    around = faces.faces_of(corners)
+    used, numbers = np.unique(faces.vertices[faces.corners_of(around)], return_inverse=True)
+    normals = _normals_of(positions[used], numbers.astype(np.int32), faces.sizes(around), "vertex_normals")
+    return corners, normals[np.searchsorted(used, faces.vertices[corners])]
+
+
+def _normals_of(positions: np.ndarray, vertices: np.ndarray, sizes: np.ndarray, kind: str) -> np.ndarray:
+    """The "vertex_normals" or "polygon_normals" (N, 3) float32 of faces with these sizes and vertices by corner."""
+    # Outside of bpy.data: a new mesh in the open file would make Blender look at the whole scene again.
+    with bpy.data.temp_data() as temporary:
+        data = temporary.meshes.new("Imprint vertices")
+        data.vertices.add(len(positions))
+        data.attributes["position"].data.foreach_set("vector", positions.reshape(-1))
+        data.loops.add(len(vertices))
+        data.loops.foreach_set("vertex_index", vertices)
+        data.polygons.add(len(sizes))
+        data.polygons.foreach_set("loop_start", (np.cumsum(sizes) - sizes).astype(np.int32))
+        found = getattr(data, kind)
+        normals = np.empty((len(found), 3), np.float32)
+        found.foreach_get("vector", normals.reshape(-1))
+    return normals

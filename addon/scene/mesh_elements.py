@@ -1,10 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads which elements of a mesh belong together, and its attributes, UV layers and tangents by face corner."""
+"""Elements of meshes: which belong together, their attributes, UV layers and tangents by face corner, and their selection."""
 
+import difflib
+from collections.abc import Sequence
+from dataclasses import replace
+from operator import itemgetter, methodcaller
+
+import bmesh
 import bpy
 import numpy as np
 
-from . import mesh_reader
+from ..core.declarations.choices import Method
+from ..core.errors import BakeError
+from ..core.settings import Settings, TracingSettings
+from . import evaluation, mesh_reader
 from .mesh_reader import corner_vertices
 
 
@@ -168,3 +177,142 @@ def _offsets(data: bpy.types.Mesh) -> np.ndarray:
     totals = np.empty(len(data.polygons), np.int32)
     data.polygons.foreach_get("loop_total", totals)
     return np.concatenate(([0], np.cumsum(totals)))
+
+
+def selection_problem(obj: bpy.types.Object) -> str:
+    """Why faces of `obj` cannot be selected, as a sentence; empty if they can."""
+    if not (obj.is_editable and obj.data.is_editable):
+        return f"{obj.name!r} is linked from another file: make it local, so that its faces can be selected."
+    if not evaluation.is_visible(obj):
+        return f"{obj.name!r} is hidden: show it, so that its faces can be selected."
+    return ""
+
+
+def select_elements(
+    context: bpy.types.Context, obj: bpy.types.Object, chosen: np.ndarray, domain: str = "FACE"
+) -> None:
+    """Enter Edit Mode with only `obj`, and select only the faces with the `chosen` indices; edges for the domain "EDGE"."""
+    layer = context.view_layer
+    _leave_mode(layer.objects.active)
+    for other in layer.objects.selected:
+        other.select_set(False)
+    layer.objects.active = obj
+    obj.select_set(True)
+    _leave_mode(obj)
+    for name, indices in elements(obj.data, chosen, domain).items():
+        part = getattr(obj.data, name)
+        flags = np.zeros(len(part), bool)
+        flags[indices] = True
+        part.foreach_set("select", flags)
+        hidden = np.empty_like(flags)
+        part.foreach_get("hide", hidden)
+        if (hidden & flags).any():  # hidden elements are not visible and do not stay selected
+            part.foreach_set("hide", hidden & ~flags)
+    obj.data.update_tag()
+    context.tool_settings.mesh_select_mode = (False, domain == "EDGE", domain == "FACE")
+    # In Edit Mode, the first Undo only leaves the mode. The changes above need their own undo step.
+    bpy.ops.ed.undo_push(message="Select Faces")
+    bpy.ops.object.mode_set(mode="EDIT")
+
+
+def _leave_mode(active: bpy.types.Object | None) -> None:
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
+GROUPS = ("offset_group", "straight_group")
+"""The settings that name a vertex group."""
+UNPAINTED = 0.5
+"""The weight of vertices outside the group. It changes nothing."""
+
+
+def weights(
+    obj: bpy.types.Object, data: bpy.types.Mesh, names: Sequence[str], *, outside: float = UNPAINTED
+) -> list[np.ndarray | None]:
+    """The weights (V,) float32 in the groups `names` of the vertices of `data`, 0 to 1.
+
+    None for an empty name, and for a group that only other objects have: the settings name groups for all low objects.
+
+    obj: the owner of `data`: an evaluated object, or the object itself for its own mesh. outside: the value for vertices that
+    are not in the group. Raises BakeError for a group that no object has.
+    """
+    numbers = [_number(obj, name) if name else None for name in names]
+    if all(number is None for number in numbers):
+        return [None] * len(numbers)
+    # Weights cannot be read as whole arrays. Of all ways that leave the scene as it is, this is the fastest one.
+    copy = bmesh.new(use_operators=False)
+    try:
+        copy.from_mesh(data, face_normals=False, vertex_normals=False)
+        layer = copy.verts.layers.deform.active
+        # A mesh on which no vertex was ever painted has no layer.
+        by_vertex = [{}] * len(copy.verts) if layer is None else list(map(itemgetter(layer), copy.verts))
+        return [
+            None
+            if number is None
+            else np.fromiter(map(methodcaller("get", number, outside), by_vertex), np.float32, len(by_vertex))
+            for number in numbers
+        ]
+    finally:
+        copy.free()
+
+
+def write_weights(obj: bpy.types.Object, name: str, values: np.ndarray) -> str:
+    """Give the vertices of the mesh of `obj` the weights `values` (V,) float32 in the group `name`. Creates a missing group.
+
+    Returns the group's name, in which Blender may have cut or numbered `name`. `obj` must not be in Edit Mode.
+    """
+    group = obj.vertex_groups.get(name) or obj.vertex_groups.new(name=name)
+    # All vertices join the group: a brush raises the weights of others from 0, which is not neutral.
+    (present,) = weights(obj, obj.data, [group.name], outside=-1.0)
+    is_changed = present != values
+    for value in np.unique(values[is_changed]):
+        group.add(np.flatnonzero(is_changed & (values == value)).tolist(), float(value), "REPLACE")
+    return group.name
+
+
+def without_missing(obj: bpy.types.Object, settings: Settings) -> Settings:
+    """`settings` without the groups that `obj` does not have."""
+    return replace(
+        settings, **{name: "" for name in GROUPS if getattr(settings.tracing, name) not in obj.vertex_groups}
+    )
+
+
+def weights_problem(obj: bpy.types.Object, settings: TracingSettings) -> str:
+    """Why `obj` cannot be baked with the groups of `settings`, as a sentence; empty if no reason is known.
+
+    Fast enough for every redraw: it evaluates no modifiers, which may add groups.
+    """
+    if settings.method == Method.FLATTEN or obj.modifiers:
+        return ""
+    names = filter(None, (getattr(settings, name) for name in GROUPS))
+    return next((_missing(obj, name) for name in names if not _is_known(obj, name)), "")
+
+
+def _is_known(obj: bpy.types.Object, name: str) -> bool:
+    """Whether `obj` or another object has a vertex group of this name."""
+    return name in obj.vertex_groups or any(name in other.vertex_groups for other in bpy.data.objects)
+
+
+def _number(obj: bpy.types.Object, name: str) -> int | None:
+    """The number of the vertex group `name`. Modifiers may have removed it, or given it another number.
+
+    None for a group that only other objects have.
+    """
+    own = obj.original
+    # Blender evaluates nothing for a new group, so without modifiers the object's own list is the current one.
+    group = (obj if own.modifiers else own).vertex_groups.get(name)
+    if group is not None:
+        return group.index
+    if name in own.vertex_groups:
+        raise BakeError(
+            f"The modifiers of {obj.name!r} remove its vertex group {name!r}: change them, or name no group."
+        )
+    if not _is_known(own, name):
+        raise BakeError(_missing(obj, name))
+    return None
+
+
+def _missing(obj: bpy.types.Object, name: str) -> str:
+    close = difflib.get_close_matches(name, obj.vertex_groups.keys(), n=1)
+    hint = f"did you mean {close[0]!r}?" if close else "name one that it has, or none."
+    return f"{obj.name!r} has no vertex group {name!r}: {hint}"

@@ -14,10 +14,11 @@ from ..mesh import stretch
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import complaints, evaluation, high_materials, mesh_reader, vertex_weights
+from . import complaints, evaluation, high_materials, mesh_reader
 from .high_materials import MaterialSet
 from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
+from .mesh_elements import weights
 
 
 def lengths_of(scene: bpy.types.Scene) -> Length:
@@ -190,7 +191,7 @@ def _painted(
     """`offset` and `straight`, as Meshes has them. owner: of `data`, which `low` was read from."""
     if settings.method == Method.FLATTEN:
         return None, None
-    offset, straight = vertex_weights.weights(owner, data, (settings.offset_group, settings.straight_group))
+    offset, straight = weights(owner, data, (settings.offset_group, settings.straight_group))
     return (
         None if offset is None else 2.0 * offset[low.vertices],
         None if straight is None else 2.0 * straight[low.vertices] - 1.0,

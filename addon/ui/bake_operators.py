@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators that bake: one pair, all pairs by name, a sequence, Live. The panels of pairs and sequences, and how job files get
-to a render farm."""
+"""Operators that make maps: of one pair, of all pairs by name, of a sequence, of levels of detail, of another map, and Live.
 
+Here are also the panels of pairs, sequences, levels and conversions, and the button that sends job files to a render farm.
+"""
+
+from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
 
@@ -9,22 +12,28 @@ import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
 from .. import flamenco
-from ..core import naming, progress
-from ..core.declarations.choices import Method, Storage
+from ..core import levels, naming
+from ..core.conversion import ConversionReport, StoredNormals
+from ..core.declarations.choices import Method, Space, Storage
 from ..core.errors import BakeError
+from ..core.levels import ChainReport
+from ..core.progress import Pace, Task
 from ..core.report import Report
 from ..core.settings import Settings
-from ..jobs import bake_jobs, sequence
+from ..export import engine_files
+from ..jobs import bake_jobs, convert, lod
+from ..jobs.bake_jobs import work_on_frames
+from ..jobs.convert import Conversion
 from ..jobs.job import Job, jobs_by_name
-from ..scene import object_refs, reading
+from ..scene import reading
+from ..scene.object_checks import object_by_name
 from . import bake_results, modal, object_pairs
 from .bake_results import results
 from .live import live
 from .modal import QuickOperator
 from .progress_display import display
 from .properties import Chosen, Options
-from .sidebar import SettingsPanel, draw_paragraphs
-from .translations import LABEL, label, message, tooltip
+from .texts import LABEL, SettingsPanel, draw_paragraphs, label, message, split_layout, tooltip
 
 MODULE = __package__.partition(".addon.")[0]
 """Blender's name for the extension."""
@@ -86,20 +95,20 @@ class _OnePair(_Bake, Options):
         translation_context=LABEL,
     )
 
-    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         job, settings = self.job(context)
         return (yield from bake_jobs.work(context, [job], settings, pace))
 
     def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
         """The objects and settings from the arguments, or from the panel where an argument is missing."""
         panel = context.scene.imprint
-        chosen = panel.chosen(context, object_refs.by_name(self.low) if self.low else None)
+        chosen = panel.chosen(context, object_by_name(self.low) if self.low else None)
         if self.high:  # a script that names the high objects makes another pair, with the settings of the scene
-            chosen = Chosen(panel, chosen.low, [object_refs.by_name(item.name) for item in self.high])
+            chosen = Chosen(panel, chosen.low, [object_by_name(item.name) for item in self.high])
         chosen.check(context)
         settings = self.to_settings(panel, chosen.rays, object_pairs.CHOSEN)
         cage = None if settings.tracing.method == Method.FLATTEN else chosen.rays.cage
-        job = Job(chosen.low, chosen.highs, object_refs.by_name(self.cage) if self.cage else cage)
+        job = Job(chosen.low, chosen.highs, object_by_name(self.cage) if self.cage else cage)
         job.is_exported = bool(panel.export)
         return job, settings
 
@@ -126,12 +135,12 @@ class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
         name="Last", description="Last frame; below 0 for that of the scene", default=-1, translation_context=LABEL
     )
 
-    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         job, settings = self.job(context)
         scene = context.scene
         first = self.first if self.first >= 0 else scene.frame_start
         last = self.last if self.last >= 0 else scene.frame_end
-        return (yield from sequence.work(context, job, settings, range(first, last + 1), pace))
+        return (yield from work_on_frames(context, job, settings, range(first, last + 1), pace))
 
 
 class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
@@ -145,7 +154,7 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
     def poll(cls, _context: bpy.types.Context) -> bool:
         return display.current is None
 
-    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[None]:
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task[None]:
         if live.is_on:
             yield from live.finishing()
             return
@@ -160,7 +169,7 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
     bl_label = "Bake Pairs by Name"
     bl_options = {"REGISTER", "UNDO"}
 
-    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         settings = context.scene.imprint
         jobs, problems = jobs_by_name(context, settings.suffixes())
         for problem in problems:
@@ -274,6 +283,99 @@ class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):
             draw_paragraphs(layout, context, [message("Set Store to File to bake a sequence.")], "INFO")
 
 
+class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
+    """Make coarser copies of the active mesh with the same UV layout, each with its own map, as coarse as the limits allow"""
+
+    bl_idname = "imprint.make_levels"
+    bl_label = "Make Levels of Detail"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task[ChainReport]:
+        settings = context.scene.imprint
+        if context.active_object is None:
+            raise BakeError("No object is active: select the mesh to make levels of.")
+        limits = levels.limits(settings.level_degrees, settings.level_distance)
+        if settings.export:
+            engine_files.check_levels(settings.export, len(limits))
+        return (yield from lod.work(context, context.active_object, limits, settings.to_settings(), pace))
+
+    def finish(self, context: bpy.types.Context, result: ChainReport) -> None:
+        lines, warnings = result.summary(), list(result.warnings)
+        if context.scene.imprint.export:
+            try:
+                done = engine_files.export_levels(
+                    context, [level.bake for level in result.levels], context.scene.imprint.export
+                )
+            except BakeError as error:  # the levels are made
+                warnings.append(str(error))
+            else:
+                warnings += dict.fromkeys(text for each in done for text in each.warnings)
+                paths = dict.fromkeys(path for each in done for path in each.paths)
+                lines.append(f"Wrote {', '.join(paths)}")
+        self.show(context, lines, warnings)
+
+
+class IMPRINT_PT_levels(SettingsPanel, bpy.types.Panel):
+    """Makes coarser meshes with the UV layout of the active one."""
+
+    bl_idname = "IMPRINT_PT_levels"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Levels of Detail"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        column = split_layout(layout.column())
+        for name in ("level_degrees", "level_distance", "export"):
+            column.prop(context.scene.imprint, name)
+        layout.operator("imprint.make_levels", icon="MOD_DECIM")
+
+
+class IMPRINT_OT_convert(modal.MapOperator, bpy.types.Operator):
+    """Make a new normal map for the low-poly object of the chosen one, in the space and the basis of the panel Map"""
+
+    bl_idname = "imprint.convert"
+    bl_label = "Convert"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task[ConversionReport]:
+        settings = context.scene.imprint
+        chosen = settings.chosen(context)
+        if chosen.low is None:
+            raise BakeError("No low object: select it, or fill the slot.")
+        if settings.convert_image is None:
+            raise BakeError("No map to convert: choose an image.")
+        before = StoredNormals(**{field.name: getattr(settings, field.name) for field in fields(StoredNormals)})
+        conversion = Conversion(chosen.low, settings.convert_image, before, is_own_base=chosen.low in chosen.highs)
+        return (yield from convert.work(context, conversion, settings.to_settings(), pace))
+
+    def finish(self, context: bpy.types.Context, result: ConversionReport) -> None:
+        self.show(context, result.summary(), result.warnings)
+
+
+class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):
+    """Converts an existing map into the space and the basis of the panel Map."""
+
+    bl_idname = "IMPRINT_PT_convert"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Convert Map"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        settings = context.scene.imprint
+        layout.template_ID(settings, "convert_image", open="image.open", text=label("Map"), translate=False)
+        layout.prop(settings, "from_space")
+        if settings.from_space == Space.TANGENT:
+            layout.prop(settings, "from_basis")
+        column = layout.column(align=True)
+        for name in ("from_red", "from_green", "from_blue"):
+            column.prop(settings, name)
+        row = layout.row()
+        row.enabled = settings.convert_image is not None
+        row.operator("imprint.convert", icon="FILE_REFRESH")
+
+
 CLASSES = (
     IMPRINT_AP_preferences,
     IMPRINT_OT_bake,
@@ -283,5 +385,9 @@ CLASSES = (
     IMPRINT_OT_send_to_flamenco,
     IMPRINT_PT_pairs,
     IMPRINT_PT_sequence,
+    IMPRINT_OT_make_levels,
+    IMPRINT_PT_levels,
+    IMPRINT_OT_convert,
+    IMPRINT_PT_convert,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -16,8 +16,9 @@ from ..core.settings import Settings
 from ..jobs import bake_jobs
 from ..jobs.checks import Finding
 from ..jobs.job import Job, by_material
-from ..output import datablocks, map_names, map_storage, materials
-from ..scene import evaluation, object_checks, reading, vertex_weights
+from ..output import datablocks, map_names, materials, outputs
+from ..scene import evaluation, object_checks, reading
+from ..scene.mesh_elements import weights_problem
 from . import bake_results, object_pairs
 from .bake_results import high_objects, results
 from .checks import draw_button, draw_fixable, findings
@@ -25,8 +26,7 @@ from .live import live
 from .modal import QuickOperator
 from .progress_display import display
 from .properties import Chosen, ImprintSettings
-from .sidebar import SidebarPanel, draw_paragraphs
-from .translations import LABEL, label, message
+from .texts import LABEL, SidebarPanel, draw_paragraphs, label, message
 
 
 class IMPRINT_UL_highs(bpy.types.UIList):
@@ -152,12 +152,7 @@ def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
     if not reason and low is not None and not highs and (waiting := chosen.hidden(context)):
         reason = describe_hidden(waiting)
     reason = reason or object_checks.problem(context, low, highs, chosen.cage, values.tracing.method)
-    return (
-        reason
-        or _material_problem(low, values)
-        or vertex_weights.problem(low, values.tracing)
-        or _clash(low, chosen.panel)
-    )
+    return reason or _material_problem(low, values) or weights_problem(low, values.tracing) or _clash(low, chosen.panel)
 
 
 def _material_problem(low: bpy.types.Object, values: Settings) -> str:
@@ -214,7 +209,7 @@ def describe_bake(chosen: Chosen) -> str:
         f"{settings.width} x {settings.height}",
         target.format(repr(first.name)),
     ]
-    replaced = map_storage.replaced(first.name, [high.name for high in highs])
+    replaced = outputs.replaced(first.name, [high.name for high in highs])
     if replaced:
         parts.append(message("which holds a map of {}").format(replaced))
     if first.file:

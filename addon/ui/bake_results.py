@@ -13,13 +13,13 @@ from ..core.progress import Pace, Task
 from ..core.report import Report
 from ..export import engine_files
 from ..export.engine_files import Exported
-from ..output import materials, outputs
+from ..output import materials
 from ..scene import evaluation
 from . import modal, object_pairs
 from .callbacks import redraw
 from .modal import QuickOperator
 from .progress_display import display
-from .translations import LABEL, message, tooltip
+from .texts import LABEL, message, tooltip
 
 
 class BakeResults:
@@ -193,7 +193,7 @@ class IMPRINT_OT_connect_maps(QuickOperator, bpy.types.Operator):
         low = reports[0].refs[0].resolve()
         materials.check(low, can_be_off=False)
         for report in reports:
-            warnings += outputs.connect_maps(
+            warnings += materials.connect_maps_of_report(
                 low,
                 report.maps,
                 report.uv_layer,

@@ -20,7 +20,9 @@ from ..mesh.local_space import LocalSpace, local_space_of
 from ..passes import mesh_upload
 from ..passes.bake import rays
 from ..passes.viewport import draw_cage_shell
-from ..scene import object_refs, reading, vertex_weights
+from ..scene import reading
+from ..scene.mesh_elements import without_missing
+from ..scene.object_checks import ObjectRef
 from .bake_results import results
 from .callbacks import DrawCallbacks, Handlers, Timer, redraw
 from .live import live
@@ -72,8 +74,8 @@ class RayLengths:
 class Subject:
     """What the shells are of. settings: only those of rays that give the shells their shape. blend_width: in scene units."""
 
-    low: object_refs.ObjectRef
-    cage: object_refs.ObjectRef | None
+    low: ObjectRef
+    cage: ObjectRef | None
     settings: Settings
     blend_width: float
     is_own_base: bool
@@ -86,8 +88,8 @@ class Subject:
         cage = chosen.cage
         is_blended = ray_distances.may_blend(panel.directions, has_cage=cage is not None)
         return cls(
-            object_refs.ObjectRef.of(low),
-            object_refs.ObjectRef.of(cage) if cage else None,
+            ObjectRef.of(low),
+            ObjectRef.of(cage) if cage else None,
             Settings(directions=panel.directions, offset_group=panel.offset_group, straight_group=panel.straight_group),
             blend_width if is_blended else 0.0,
             chosen.highs == [low],
@@ -266,7 +268,7 @@ def upload_shells(
     vertex group that does not exist counts as unpainted. blend_width: in scene units; 0 if directions do not blend.
     is_own_base: whether rays start on the low mesh without its modifiers.
     """
-    settings = vertex_weights.without_missing(low, settings)
+    settings = without_missing(low, settings)
     meshes = reading.read_low(depsgraph, low, cage, settings, is_own_base=is_own_base, with_uv=False)
     local_space = local_space_of([meshes.low])
     edges = tree_cache.upload_hard_edges(meshes.low, local_space)[0] if blend_width > 0.0 else rays.no_edges()

@@ -10,14 +10,15 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import checks
 from ..jobs.checks import Finding
-from ..scene import face_selection, object_refs, reading
+from ..scene import reading
+from ..scene.mesh_elements import select_elements, selection_problem
+from ..scene.object_checks import object_by_name
 from . import bake_results
 from .bake_results import results
 from .callbacks import Handlers
 from .modal import QuickOperator
 from .progress_display import display
-from .sidebar import SidebarPanel, draw_paragraphs
-from .translations import LABEL, label, message, tooltip
+from .texts import LABEL, SidebarPanel, draw_paragraphs, label, message, tooltip
 
 
 class PanelFindings:
@@ -210,7 +211,7 @@ class IMPRINT_OT_cure(QuickOperator, bpy.types.Operator):
         return display.current is None
 
     def apply(self, context: bpy.types.Context) -> str:
-        chosen = context.scene.imprint.chosen(context, object_refs.by_name(self.low) if self.low else None)
+        chosen = context.scene.imprint.chosen(context, object_by_name(self.low) if self.low else None)
         if chosen.low is None or chosen.low.type != "MESH":
             raise BakeError("No low object: select it, or fill the slot.")
         change = Fix.__members__.get(self.kind)
@@ -341,14 +342,14 @@ class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
     def apply(self, context: bpy.types.Context) -> str:
         report = self.last_bake(context)
         low, kind = checks.of_low(report), self.kind.lower()
-        problem = face_selection.problem(low)
+        problem = selection_problem(low)
         if problem:
             raise BakeError(problem)
         found, is_edge = checks.find(context, report, kind), kind in checks.ON_EDGES
         which = "edge" if is_edge else "face"
         if not len(found):
             raise BakeError(f"No {which} of {low.name!r} has this issue: {CHECKS[kind][0].lower()}.")
-        face_selection.select(context, low, found, "EDGE" if is_edge else "FACE")
+        select_elements(context, low, found, "EDGE" if is_edge else "FACE")
         if self.options.is_invoke and context.window is not None:
             bake_results.show_selection(context)
         many = len(found) > 1

@@ -23,7 +23,7 @@ from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import DistanceUnit, Storage
 from ..core.map_types import MapType
 from ..core.settings import PART_OF, Settings
-from .translations import LABEL
+from .texts import LABEL
 
 
 def declared(name: str, **more: Any):

@@ -14,11 +14,12 @@ from ..core.settings import Settings
 from ..jobs import live_session
 from ..jobs.job import Job
 from ..output import datablocks
-from ..scene import evaluation, object_refs
+from ..scene import evaluation
+from ..scene.object_checks import scene_by_uid
 from . import object_pairs
 from .callbacks import Handlers, Timer
 from .progress_display import display
-from .translations import message
+from .texts import message
 
 ANSWER = 1.0
 """Seconds after `apply_delayed` in which updates of objects with delayed strokes are Blender's answer, and not new strokes."""
@@ -130,7 +131,7 @@ class Following:
     @property
     def panel(self) -> bpy.types.PropertyGroup | None:
         """The settings of the scene in which Live was switched on, whichever scene is shown; None if it was deleted."""
-        scene = object_refs.scene_by_uid(self._scene)
+        scene = scene_by_uid(self._scene)
         return scene and scene.imprint
 
     @property

@@ -29,9 +29,9 @@ from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringP
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
 from ..scene import object_checks
-from ..scene.object_refs import GONE, ObjectRef
+from ..scene.object_checks import GONE, ObjectRef
 from .declared_properties import declared
-from .translations import LABEL
+from .texts import LABEL
 
 CHOSEN = ("method", "measure", "extrusion", "max_distance")
 """The settings that a pair has, and the scene for low objects that have no pair."""

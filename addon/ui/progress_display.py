@@ -11,7 +11,7 @@ from gpu_extras.presets import draw_texture_2d
 
 from ..core.progress import Progress, Redraws
 from .callbacks import DrawCallbacks, redraw
-from .translations import label, message
+from .texts import label, message
 
 TEXT_SIZE = 12.0
 """Font size, in pixels at a scale of 1."""

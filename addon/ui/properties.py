@@ -19,7 +19,7 @@ from . import bake_results, object_pairs
 from .bake_results import results
 from .declared_properties import MapList, Options, declared
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
-from .translations import LABEL
+from .texts import LABEL
 
 
 def _set_size(settings: "ImprintSettings", texels: int) -> None:

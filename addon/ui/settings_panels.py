@@ -22,8 +22,7 @@ from .cage_overlay import overlay
 from .modal import QuickOperator
 from .progress_display import display
 from .properties import ImprintSettings
-from .sidebar import SettingsPanel, split_layout
-from .translations import LABEL, label, tooltip
+from .texts import LABEL, SettingsPanel, label, split_layout, tooltip
 
 FOLDER = "imprint"
 """Below "presets", here and in the user's scripts."""

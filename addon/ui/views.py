@@ -23,8 +23,7 @@ from .live import live
 from .modal import SlicedOperator
 from .object_hiding import hiding
 from .progress_display import display
-from .sidebar import SidebarPanel, draw_paragraphs, split_layout
-from .translations import LABEL, label, message
+from .texts import LABEL, SidebarPanel, draw_paragraphs, label, message, split_layout
 from .view_shading import ITEMS, OWN, READERS, Mode
 
 HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))

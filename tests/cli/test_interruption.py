@@ -230,7 +230,7 @@ ENDS = """
 import signal, sys
 from pathlib import Path
 from addon.cli import interruption
-from addon.output.files.atomic_file import Partial
+from addon.output.atomic_file import Partial
 with interruption.listening():
     partial = Partial(Path(sys.argv[1]))
     partial.temporary.write_text("half")
@@ -325,7 +325,7 @@ TWICE = """
 import os, signal, sys
 from pathlib import Path
 from addon.cli import interruption
-from addon.output.files.atomic_file import Partial
+from addon.output.atomic_file import Partial
 with interruption.listening():
     partial = Partial(Path(sys.argv[1]))
     partial.temporary.write_text("half")

@@ -17,7 +17,7 @@ ENDED = """
 import os, signal, sys
 from pathlib import Path
 from addon.cli import interruption
-from addon.output.files.atomic_file import all_or_none, replacing
+from addon.output.atomic_file import all_or_none, replacing
 folder, has_parts, moment = Path(sys.argv[1]), sys.argv[2] == "parts", sys.argv[3]
 def end():
     signal.raise_signal(signal.SIGTERM)

@@ -9,7 +9,7 @@ from addon.core.settings import Settings
 from addon.engine import bands, margins
 from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all, bake_pair
-from addon.output import map_names, map_storage
+from addon.output import map_names, outputs
 from addon.passes import target
 from tests.support import zoo
 from tests.support.maps import pixels, texel_uv
@@ -327,7 +327,7 @@ def test_only_8_bits_are_dithered_and_only_integers_lose_precision(dither):
     texels = np.full((16, 16, 4), 0.3, np.float32)
     for depth, values, is_lossy in ((8, 2 if dither else 1, True), (16, 1, False), (32, 1, False)):
         settings = Settings(width=16, height=16, depth=depth, dither=dither, image="map", storage="MEMORY")
-        with map_storage.Writer("lo", settings, is_normal=True) as writer:
+        with outputs.MapWriter("lo", settings, is_normal=True) as writer:
             writer.add(1001, texels)
             assert bool(writer.loss) == is_lossy
             assert len(np.unique(pixels(writer.commit())[..., 0])) == values
@@ -337,7 +337,7 @@ def test_the_loss_includes_all_tiles():
     settings = Settings(width=16, height=16, udim=True, depth=8, image="map")
     exact, rough = np.ones((16, 16, 4), np.float32), np.random.default_rng(0).random((16, 16, 4), np.float32)
     rough[..., 3] = 1.0
-    with map_storage.Writer("lo", settings, is_normal=True) as writer:
+    with outputs.MapWriter("lo", settings, is_normal=True) as writer:
         writer.add(1001, rough)
         writer.add(1002, exact)
         assert writer.loss["maximum"] > 0.1

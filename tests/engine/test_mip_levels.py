@@ -10,7 +10,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
-from addon.output import map_storage
+from addon.output import outputs
 from tests.engine.test_slope_maps import SLOPE, roof, widened
 from tests.support import scenes, zoo
 from tests.support.maps import pixels
@@ -205,7 +205,7 @@ def test_a_bake_that_fails_leaves_no_levels(tmp_path, monkeypatch):
     def fail(_writers):
         raise BakeError("stopped")
 
-    monkeypatch.setattr(map_storage, "commit_all", fail)
+    monkeypatch.setattr(outputs, "commit_all", fail)
     with pytest.raises(BakeError, match="stopped"):
         bake(zoo.plane("low"), zoo.plane("high"), tmp_path)
     assert list(tmp_path.iterdir()) == []

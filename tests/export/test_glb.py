@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Exports .glb files, and reads them by the specification: what a reader shows of them is the object-space map."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -250,7 +252,8 @@ def test_a_failure_leaves_the_old_file_and_nothing_in_the_scene(tmp_path, monkey
             found.positions[0, 0, 0] += 1.0
             return found
 
-        patch.setattr(engine_files.FORMATS[".glb"], "read", wrong)
+        glb = replace(engine_files.FORMATS[".glb"], read=wrong)
+        patch.setattr(engine_files, "FORMATS", {**engine_files.FORMATS, ".glb": glb})
         with pytest.raises(BakeError, match="other triangles"):
             export(tmp_path / "out.glb", report)
     assert (tmp_path / "out.glb").read_bytes() == b"old"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.export import engine_files
+from addon.export import engine_files, formats
 from addon.scene import mesh_reader
 from tests.export.test_glb import EIGHT_BITS_P99, bake, bent_pair, export
 from tests.support import maps, scenes, snapshot, zoo
@@ -233,8 +233,7 @@ def test_blenders_without_an_exporter_say_so(tmp_path, monkeypatch, ending):
 
         wm = ()
 
-    for module in set(engine_files.FORMATS.values()):
-        monkeypatch.setattr(module, "bpy", type("Blender", (), {"types": Types, "ops": Operators}))
+    monkeypatch.setattr(formats, "bpy", type("Blender", (), {"types": Types, "ops": Operators}))
     with pytest.raises(BakeError, match=r"is off: enable it|without USD"):
         export(tmp_path / f"out{ending}", report)
     assert snapshot.difference(before, snapshot.snapshot()) == {}

@@ -10,7 +10,8 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_all, bake_jobs, bake_pair, checks, live_session, sequence
+from addon.jobs import Job, bake_all, bake_jobs, bake_pair, checks, live_session
+from addon.jobs.bake_jobs import work_on_frames
 from addon.output import datablocks
 from addon.ui.live import live
 from tests.support import scenes, zoo
@@ -115,7 +116,7 @@ def test_an_atlas_is_not_replaced():
 
 def of_frames(tmp_path):
     files = settings(storage="FILE", depth=32, output=str(tmp_path / "map.exr"))
-    return sequence.work(bpy.context, pairs("a")[0], files, range(3, 6), Pace(SLICED))
+    return work_on_frames(bpy.context, pairs("a")[0], files, range(3, 6), Pace(SLICED))
 
 
 @pytest.mark.parametrize("name", ["a", "a high"])

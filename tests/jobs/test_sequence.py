@@ -10,7 +10,8 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_pair, sequence
+from addon.jobs import Job, bake_pair
+from addon.jobs.bake_jobs import FRAME_IMAGE, work_on_frames
 from addon.output import datablocks, map_names
 from tests.support import zoo
 from tests.support.maps import pixels
@@ -54,7 +55,7 @@ def settings(tmp_path, name="map.exr", **values):
 def test_each_frame_has_the_map_of_its_surface(job, tmp_path):
     bpy.context.scene.frame_set(3)
     frames = range(1, 12, 5)
-    reports = finish(sequence.work(bpy.context, job, settings(tmp_path), frames, Pace()))
+    reports = finish(work_on_frames(bpy.context, job, settings(tmp_path), frames, Pace()))
     assert [report.output for report in reports] == [[str(tmp_path / f"map_{frame:04}.exr")] for frame in frames]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map_0001.exr", "map_0006.exr", "map_0011.exr"]
     for frame, report in zip(frames, reports, strict=True):
@@ -69,12 +70,12 @@ def test_each_frame_has_the_map_of_its_surface(job, tmp_path):
     (texture,) = [node for node in nodes if node.bl_idname == "ShaderNodeTexImage"]
     assert texture.image == image
     assert (texture.image_user.frame_start, texture.image_user.frame_duration) == (1, 3)
-    assert sequence.FRAME_IMAGE not in bpy.data.images
-    finish(sequence.work(bpy.context, job, settings(tmp_path), frames, Pace()))  # again, over the same files
+    assert FRAME_IMAGE not in bpy.data.images
+    finish(work_on_frames(bpy.context, job, settings(tmp_path), frames, Pace()))  # again, over the same files
 
 
 def test_each_frame_shows_its_own_map(job, tmp_path):
-    finish(sequence.work(bpy.context, job, settings(tmp_path), range(5, 9), Pace()))
+    finish(work_on_frames(bpy.context, job, settings(tmp_path), range(5, 9), Pace()))
     for frame, shown in ((5, 5), (7, 7), (8, 8), (20, 8)):
         bpy.context.scene.frame_set(frame)
         shown_object = job.low.evaluated_get(bpy.context.evaluated_depsgraph_get())
@@ -93,7 +94,7 @@ def test_the_frame_number_is_in_the_file_name(name, expected):
 
 def test_finished_frames_stay_when_a_sequence_is_stopped(job, tmp_path):
     bpy.context.scene.frame_set(3)
-    work = sequence.work(bpy.context, job, settings(tmp_path), range(1, 49), Pace())
+    work = work_on_frames(bpy.context, job, settings(tmp_path), range(1, 49), Pace())
     while next(work).finished < 2:
         pass
     work.close()
@@ -102,12 +103,12 @@ def test_finished_frames_stay_when_a_sequence_is_stopped(job, tmp_path):
     assert bpy.data.images["lo_normal"].source == "SEQUENCE"
     nodes = job.low.data.materials[0].node_tree.nodes
     assert [node.image_user.frame_duration for node in nodes if node.bl_idname == "ShaderNodeTexImage"] == [2]
-    assert sequence.FRAME_IMAGE not in bpy.data.images
+    assert FRAME_IMAGE not in bpy.data.images
 
 
 def test_a_sequence_stopped_at_its_first_frame_leaves_nothing(job, tmp_path):
     before = snapshot()
-    work = sequence.work(bpy.context, job, settings(tmp_path), range(1, 49), Pace())
+    work = work_on_frames(bpy.context, job, settings(tmp_path), range(1, 49), Pace())
     next(work)
     work.close()
     assert difference(before, snapshot()) == {}
@@ -116,7 +117,7 @@ def test_a_sequence_stopped_at_its_first_frame_leaves_nothing(job, tmp_path):
 
 def test_other_maps_of_a_sequence_leave_no_image(job, tmp_path):
     bpy.context.scene.frame_set(3, subframe=0.5)
-    work = sequence.work(bpy.context, job, settings(tmp_path, maps=("HEIGHT",), mask=True), range(1, 3), Pace())
+    work = work_on_frames(bpy.context, job, settings(tmp_path, maps=("HEIGHT",), mask=True), range(1, 3), Pace())
     finish(work)
     assert [image.name for image in bpy.data.images] == ["lo_normal"]
     assert len(list(tmp_path.iterdir())) == 6
@@ -140,7 +141,7 @@ def test_settings_that_cannot_be_a_sequence(job, tmp_path, wrong, frames):
     values = {"name": "map.exr"} | wrong
     asked = replace(settings(tmp_path, values.pop("name")), **values)
     with pytest.raises(BakeError):
-        finish(sequence.work(bpy.context, job, asked, frames, Pace()))
+        finish(work_on_frames(bpy.context, job, asked, frames, Pace()))
     assert difference(before, snapshot()) == {}
     assert list(tmp_path.iterdir()) == []
 
@@ -148,7 +149,7 @@ def test_settings_that_cannot_be_a_sequence(job, tmp_path, wrong, frames):
 def test_a_sequence_takes_no_texture_sets(job, tmp_path):
     chosen = settings(tmp_path, "{material}_#.exr", texture_sets=True)
     with pytest.raises(BakeError, match="turn Texture Sets off"):
-        finish(sequence.work(bpy.context, job, chosen, range(1, 3), Pace()))
+        finish(work_on_frames(bpy.context, job, chosen, range(1, 3), Pace()))
     assert not any(tmp_path.iterdir())
 
 
@@ -160,7 +161,7 @@ def test_a_low_object_that_cannot_have_a_material_raises_an_error_before_any_fra
     bpy.context.scene.collection.objects.link(linked_data.objects[0])
     linked = Job(linked_data.objects[0], job.highs)
     with pytest.raises(BakeError, match="is linked from a library"):
-        finish(sequence.work(bpy.context, linked, settings(tmp_path), range(1, 3), Pace()))
+        finish(work_on_frames(bpy.context, linked, settings(tmp_path), range(1, 3), Pace()))
     assert [path.name for path in tmp_path.iterdir()] == ["library.blend"]
 
 
@@ -172,7 +173,7 @@ def test_a_frame_that_would_overwrite_a_file_of_the_scene_raises_an_error_before
     taken.write_text("a scene")
     monkeypatch.setattr(datablocks, "sources", lambda: iter([(str(taken), source)]))
     with pytest.raises(BakeError, match=f"would overwrite {source}"):
-        finish(sequence.work(bpy.context, job, settings(tmp_path), range(1, 3), Pace()))
+        finish(work_on_frames(bpy.context, job, settings(tmp_path), range(1, 3), Pace()))
     assert [path.name for path in tmp_path.iterdir()] == ["map_0002.exr"]
 
 
@@ -182,7 +183,7 @@ def test_a_sequence_that_replaces_the_map_of_another_high_object_raises_a_warnin
     bake_pair(bpy.context, job.low, [other], still)
     settings_of_sequence = replace(still, output=str(tmp_path / "map.exr"))
     for expected in (["The map of 'hi' replaced a map of 'other' in the image 'm'."], []):
-        reports = finish(sequence.work(bpy.context, job, settings_of_sequence, range(1, 3), Pace()))
+        reports = finish(work_on_frames(bpy.context, job, settings_of_sequence, range(1, 3), Pace()))
         warnings = [text for report in reports for text in report.warnings if "replaced" in text]
         assert warnings == expected
         assert datablocks.origin("m") == ["hi"]

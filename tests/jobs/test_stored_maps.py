@@ -12,7 +12,7 @@ from PIL import Image
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
-from addon.output import map_storage, outputs, value_encoding
+from addon.output import materials, outputs, value_encoding
 from tests.support import scenes, zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -110,7 +110,7 @@ def test_a_failure_leaves_attributes_and_materials_as_they_were(monkeypatch):
     def fail(_):
         raise BakeError("no room")
 
-    monkeypatch.setattr(map_storage, "commit_all", fail)
+    monkeypatch.setattr(outputs, "commit_all", fail)
     before = snapshot()
     with pytest.raises(BakeError, match="no room"):
         bake(low, high, maps=("HEIGHT",), vertex_domain="CORNER", connect_maps=True)
@@ -234,7 +234,10 @@ def test_detail_that_is_in_the_normal_map_and_in_the_heights_counts_once(tmp_pat
     principled.inputs["Specular IOR Level"].default_value, principled.inputs["Roughness"].default_value = 0.0, 1.0
     before = brightness(tmp_path / "before.exr")
     material.displacement_method = method
-    assert outputs.connect_maps(low, report.maps, report.uv_layer, space="TANGENT", single_user=False)[1:] == []
+    assert (
+        materials.connect_maps_of_report(low, report.maps, report.uv_layer, space="TANGENT", single_user=False)[1:]
+        == []
+    )
     after = brightness(tmp_path / "after.exr")
     assert np.ptp(before) > 0.2
     assert np.abs(after - before).mean() < SHADE

@@ -14,7 +14,7 @@ from addon.jobs import bake_pair, weights
 from addon.jobs.checks import draw_mask
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import Mesh
-from addon.scene import vertex_weights
+from addon.scene import mesh_elements
 from tests.support import layered_scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -100,7 +100,7 @@ def test_parts_that_stand_off_stay():
 def test_painted_weights_stay_where_no_others_are_better():
     low, highs = zoo.plane("lo", n=8), step_up()
     painted = np.where(x_of(low) < 0.0, np.float32(0.375), np.float32(0.5))
-    names = NONE | {"offset_group": vertex_weights.write(low, "far", painted)}
+    names = NONE | {"offset_group": mesh_elements.write_weights(low, "far", painted)}
     report = bake(low, *highs, **STEP, **names)
     proposal = weights.propose(bpy.context, report, names)
     assert (proposal.weights["offset_group"][x_of(low) < -0.1] == 0.375).all()
@@ -243,8 +243,8 @@ def test_writing_keeps_other_groups_and_adds_all_vertices():
     low.vertex_groups.new(name="other").add([0, 1], 0.25, "REPLACE")
     low.vertex_groups.new(name="far").add([3], 1.0, "REPLACE")
     values = np.float32([0.5, 0.5, 0.125, 1.0, 0.5, 0.5, 0.5, 0.5, 0.0])
-    assert vertex_weights.write(low, "far", values) == "far"
-    far, other = vertex_weights.weights(low, low.data, ["far", "other"], outside=-1.0)
+    assert mesh_elements.write_weights(low, "far", values) == "far"
+    far, other = mesh_elements.weights(low, low.data, ["far", "other"], outside=-1.0)
     assert np.array_equal(far, values)
     assert np.array_equal(other, [0.25, 0.25] + [-1.0] * 7)
 

@@ -13,7 +13,7 @@ import pytest
 from addon.core import file_formats
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.output import image_file, map_storage
+from addon.output import image_file, outputs
 
 SIZES = [(1, 1), (1, 7), (300, 1), (2, 3), (17, 33), (129, 65), (40, 700)]
 ZIP_ROWS = 16
@@ -180,13 +180,13 @@ def test_a_blender_without_openimageio_names_it_before_the_bake_and_writes_png(t
         output, depth = str(tmp_path / f"map{ending}"), file_format.depths[0]
         settings = Settings(storage="FILE", output=output, depth=depth)
         if file_format is file_formats.PNG:
-            map_storage.check("low", settings)
+            outputs.check_storage("low", settings)
             continue
         with pytest.raises(BakeError, match="lacks the Python module OpenImageIO, .*: choose PNG, or install"):
-            map_storage.check("low", settings)
+            outputs.check_storage("low", settings)
     with pytest.raises(BakeError, match="OpenImageIO"):
-        map_storage.check("low", Settings(storage="PACK", udim=True, depth=32))
-    map_storage.check("low", Settings(storage="PACK", udim=True, depth=8))
+        outputs.check_storage("low", Settings(storage="PACK", udim=True, depth=32))
+    outputs.check_storage("low", Settings(storage="PACK", udim=True, depth=8))
     assert sys.path == path
 
 

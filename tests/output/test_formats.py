@@ -18,7 +18,7 @@ from addon.core.file_structure.whole_files import tiff_directory
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, bake_pair
-from addon.output import image_file, map_storage, value_encoding
+from addon.output import image_file, outputs, value_encoding
 from scripts.imprint import ROOT
 from tests.support import lanes, pictures, zoo
 from tests.support.maps import pixels
@@ -76,8 +76,8 @@ def store(texels, **settings):
     height, width = texels.shape[:2]
     settings = Settings(width=width, height=height, **settings)
     settings.check()
-    map_storage.check("low", settings)
-    with map_storage.Writer("low", settings, is_normal=True) as writer:
+    outputs.check_storage("low", settings)
+    with outputs.MapWriter("low", settings, is_normal=True) as writer:
         writer.add(1001, texels)
         return writer.commit(), writer.loss
 
@@ -148,7 +148,7 @@ def kinds_of_maps(size=640):
     gray[..., :3] = (np.round(waviness * 16) / 64 + 0.5)[..., None]  # as few rays make it
     heights = np.ones((size, size, 4), np.float32)
     heights[..., :3] = (waviness * 0.2 + 0.5)[..., None]
-    mask = map_storage.black_and_white(np.hypot(u - 4, v - 3) > 2)
+    mask = outputs.black_and_white(np.hypot(u - 4, v - 3) > 2)
     flat = np.full((size, size, 4), FLAT, np.float32)
     noise = np.random.default_rng(8).random((size, size, 4), np.float32)
     noise[..., 3] = 1.0  # Blender divides by alpha
@@ -299,7 +299,7 @@ def test_discard_removes_all_temporary_files(tmp_path):
     path = tmp_path / "map.png"
     path.write_bytes(b"an old picture")
     settings = Settings(storage="FILE", output=str(path))
-    writer = map_storage.Writer("low", settings)
+    writer = outputs.MapWriter("low", settings)
     writer.add(1001, some_texels())
     assert len(list(tmp_path.glob("*.png"))) == 2
     writer.discard()
@@ -340,7 +340,7 @@ def test_a_stopped_bake_leaves_no_files(tmp_path):
 FOREVER = """
 import os, sys
 import numpy as np
-from addon.output import map_storage
+from addon.output import outputs
 from addon.core.settings import Settings
 
 texels = np.ones((128, 128, 4), np.float32)
@@ -348,7 +348,7 @@ turn = 0
 while True:
     for name in sys.argv[1:]:
         texels[..., :3] = np.random.default_rng(turn % 2).random((128, 128, 3))
-        with map_storage.Writer("low", Settings(storage="FILE", output=name, depth=8)) as writer:
+        with outputs.MapWriter("low", Settings(storage="FILE", output=name, depth=8)) as writer:
             writer.add(1001, texels)
             writer.commit()
     turn += 1

@@ -7,8 +7,8 @@ import socket
 import pytest
 
 from addon.core.errors import BakeError, WrongPlace
-from addon.output.files.atomic_file import Partial, check_writable, replacing
-from addon.output.files.path_clashes import Places
+from addon.output.atomic_file import Partial, check_writable, replacing
+from addon.output.path_clashes import Places
 from tests.support import clashes
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")

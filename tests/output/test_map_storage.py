@@ -14,8 +14,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.output import image_file, map_storage
-from addon.output.files import atomic_file
+from addon.output import atomic_file, image_file, outputs
 from addon.output.write_queue import Content
 from tests.support import scenes, zoo
 from tests.support.maps import pixels
@@ -60,8 +59,8 @@ def some_texels(width=WIDTH, height=HEIGHT, seed=1):
 def store(texels, **settings):
     height, width = texels.shape[:2]
     settings = Settings(width=width, height=height, **settings)
-    map_storage.check("low", settings)
-    with map_storage.Writer("low", settings) as writer:
+    outputs.check_storage("low", settings)
+    with outputs.MapWriter("low", settings) as writer:
         writer.add(1001, texels)
         return writer.commit()
 
@@ -184,7 +183,7 @@ def test_texels_may_change_when_they_were_added(texels, tmp_path):
     """Threads write what they were, so that the caller can draw the next map over them."""
     settings = Settings(width=WIDTH, height=HEIGHT, storage="FILE", output=str(tmp_path / "map.png"))
     drawn = texels.copy()
-    with map_storage.Writer("low", settings) as writer:
+    with outputs.MapWriter("low", settings) as writer:
         writer.add(1001, drawn)
         drawn[:] = 0.25
         assert_texels(writer.commit(), texels, STEP_16)
@@ -217,7 +216,7 @@ def test_what_is_discarded_while_it_is_written_leaves_nothing(tmp_path, monkeypa
 
     monkeypatch.setattr(image_file, "content", slow)
     settings = Settings(width=300, height=200, storage="FILE", output=str(tmp_path / "new" / "map.png"))
-    with map_storage.Writer("low", settings) as writer:
+    with outputs.MapWriter("low", settings) as writer:
         writer.add(1001, texels)
         assert begun.wait(10)
         assert len(os.listdir(tmp_path / "new")) == 2  # with the guard
@@ -294,12 +293,12 @@ def test_a_second_file_that_cannot_be_moved_into_place_leaves_the_first_one(texe
         path.write_bytes(b"an old picture")
     before = snapshot()
     made = [Settings(width=WIDTH, height=HEIGHT, image=path.stem, storage="FILE", output=str(path)) for path in paths]
-    with map_storage.Writer("", made[0]) as first, map_storage.Writer("", made[1]) as second:
+    with outputs.MapWriter("", made[0]) as first, outputs.MapWriter("", made[1]) as second:
         for writer in (first, second):
             writer.add(1001, texels.copy())
         monkeypatch.setattr(atomic_file.os, "replace", fail)
         with pytest.raises(BakeError, match=r"second\.png' could not be written: Permission denied"):
-            map_storage.commit_all([first, second])
+            outputs.commit_all([first, second])
         monkeypatch.undo()
     assert [path.read_bytes() for path in paths] == [b"an old picture"] * 2
     assert sorted(os.listdir(tmp_path)) == ["first.png", "second.png"]

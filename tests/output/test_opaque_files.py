@@ -10,8 +10,7 @@ from addon.core import file_formats
 from addon.core.errors import BakeError
 from addon.core.map_types import MISSED, NORMAL, WRITTEN, Labeled
 from addon.core.settings import Settings
-from addon.output import map_storage
-from addon.output.outputs import Outputs
+from addon.output.outputs import MapWriter, Outputs
 from tests.support.maps import pixels
 
 WIDTH, HEIGHT = 33, 20
@@ -29,7 +28,7 @@ def texels_with_background(seed=1):
 def store(texels, **settings):
     settings = Settings(width=WIDTH, height=HEIGHT, image="map", **settings)
     settings.check()
-    with map_storage.Writer("low", settings) as writer:
+    with MapWriter("low", settings) as writer:
         writer.add(1001, texels)
         return writer.commit()
 

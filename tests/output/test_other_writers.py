@@ -10,8 +10,8 @@ import time
 import pytest
 
 from addon.core.errors import BakeError
-from addon.output.files import temporary_paths
-from addon.output.files.atomic_file import Partial, check_writable
+from addon.output import atomic_file
+from addon.output.atomic_file import Partial, check_writable
 from scripts.imprint import ROOT
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="locks of POSIX, and files removed while they are open")
@@ -24,7 +24,7 @@ def names(folder):
 WRITER = """
 import sys
 from pathlib import Path
-from addon.output.files.atomic_file import Partial
+from addon.output.atomic_file import Partial
 partial = Partial(Path(sys.argv[1]))
 partial.temporary.write_text("half")
 partial.temporary.with_name(partial.temporary.name + "@").write_text("half")  # as Blender does with a .blend
@@ -46,7 +46,7 @@ def writer(tmp_path):
 def test_temporary_files_of_a_running_process_are_kept(tmp_path, writer):
     before = names(tmp_path)
     assert len(before) == 3
-    temporary_paths.sweep(tmp_path)
+    atomic_file.sweep(tmp_path)
     check_writable(tmp_path / "map.blend")
     assert names(tmp_path) == before
 
@@ -63,16 +63,16 @@ def test_temporary_files_of_another_machine_are_kept_for_a_week(tmp_path, writer
     writer.kill()
     writer.wait()
     before = names(tmp_path)
-    monkeypatch.setattr(temporary_paths, "machine", lambda: "elsewhere")
-    temporary_paths.sweep(tmp_path)
+    monkeypatch.setattr(atomic_file, "machine", lambda: "elsewhere")
+    atomic_file.sweep(tmp_path)
     assert names(tmp_path) == before
-    long_ago = time.time() - temporary_paths.WEEK - 1
+    long_ago = time.time() - atomic_file.WEEK - 1
     for name in before[1:]:
         os.utime(tmp_path / name, (long_ago, long_ago))
-    temporary_paths.sweep(tmp_path)
+    atomic_file.sweep(tmp_path)
     assert names(tmp_path) == before  # one file is recent, so its process may be writing
     os.utime(tmp_path / before[0], (long_ago, long_ago))
-    temporary_paths.sweep(tmp_path)
+    atomic_file.sweep(tmp_path)
     assert names(tmp_path) == []
 
 
@@ -91,15 +91,15 @@ def test_a_folder_replaced_by_a_file_during_the_bake_raises_only_a_bake_error(tm
 
 def test_a_guard_that_is_removed_before_it_is_locked_is_made_again(tmp_path, monkeypatch):
     """Another process may find it unlocked, and remove it as that of an ended process."""
-    lock = temporary_paths._lock
+    lock = atomic_file._lock
 
     def late(descriptor):
-        monkeypatch.setattr(temporary_paths, "_lock", lock)
+        monkeypatch.setattr(atomic_file, "_lock", lock)
         for name in names(tmp_path):
             (tmp_path / name).unlink()
         lock(descriptor)
 
-    monkeypatch.setattr(temporary_paths, "_lock", late)
+    monkeypatch.setattr(atomic_file, "_lock", late)
     partial = Partial(tmp_path / "map.png")
     assert partial.temporary.with_suffix("").exists()
     partial.discard()

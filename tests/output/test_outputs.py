@@ -11,7 +11,8 @@ from PIL import Image
 from addon.core.map_types import BY_NAME, NORMAL, WRITTEN, Labeled
 from addon.core.settings import Settings
 from addon.output import datablocks, value_encoding
-from addon.output.outputs import Outputs, connect_maps
+from addon.output.materials import connect_maps_of_report
+from addon.output.outputs import Outputs
 from tests.support import scenes
 from tests.support.maps import pixels
 
@@ -348,7 +349,7 @@ def material_of(stored):
     low = bpy.data.objects.new("Low", bpy.data.meshes.new("Low"))
     low.data.uv_layers.new(name="Layout")
     scenes.material("Skin", low)
-    warnings = connect_maps(low, stored.maps, "Layout", space="TANGENT", single_user=False)
+    warnings = connect_maps_of_report(low, stored.maps, "Layout", space="TANGENT", single_user=False)
     return warnings, low.active_material.node_tree.nodes["Principled BSDF"]
 
 
@@ -386,7 +387,7 @@ def test_an_image_that_is_gone_is_named():
 def test_maps_that_no_input_takes_change_no_material():
     stored = store({"CURVATURE": gray(16)}, maps=("CURVATURE",))
     low = bpy.data.objects.new("Low", bpy.data.meshes.new("Low"))
-    assert connect_maps(low, stored.maps, "", space="TANGENT", single_user=False) == []
+    assert connect_maps_of_report(low, stored.maps, "", space="TANGENT", single_user=False) == []
     assert len(low.material_slots) == 0
 
 

@@ -13,7 +13,7 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, bake_pair
-from addon.output import map_names, map_storage
+from addon.output import map_names, outputs
 from tests.support import maps, pictures, scenes, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -33,8 +33,8 @@ def store(*tiles, seed=0, **settings):
     """Store tiles with the Writer. Returns the image."""
     settings = Settings(**{"width": SIZE, "height": SIZE, "udim": True, "image": "map", **settings})
     settings.check()
-    map_storage.check("low", settings)
-    with map_storage.Writer("low", settings) as writer:
+    outputs.check_storage("low", settings)
+    with outputs.MapWriter("low", settings) as writer:
         for tile in tiles:
             writer.add(tile, texels(tile, seed))
         return writer.commit()
@@ -146,7 +146,7 @@ def test_a_path_relative_to_the_saved_scene(tmp_path):
 def test_tiles_are_written_when_they_are_added(tmp_path):
     """So that memory does not grow with their number. No file is in place before all of them are complete."""
     settings = Settings(width=SIZE, height=SIZE, udim=True, storage="FILE", output=str(tmp_path / "map.png"))
-    with map_storage.Writer("low", settings) as writer:
+    with outputs.MapWriter("low", settings) as writer:
         for count, tile in enumerate(TILES):
             assert len(list(tmp_path.glob("*.png"))) == count
             writer.add(tile, texels(tile))
@@ -345,7 +345,7 @@ def test_a_file_in_place_of_a_folder(tmp_path):
     (tmp_path / "no").touch()
     settings = Settings(udim=True, storage="FILE", output=str(tmp_path / "no" / "map.png"))
     with pytest.raises(BakeError, match="could not be written|cannot be written"):
-        map_storage.check("low", settings)
+        outputs.check_storage("low", settings)
 
 
 def test_a_full_disk_while_tiles_are_written(tmp_path):
@@ -356,7 +356,7 @@ def test_a_full_disk_while_tiles_are_written(tmp_path):
     before, limits = snapshot(), resource.getrlimit(resource.RLIMIT_FSIZE)
     with (
         pytest.raises(BakeError, match=r"map.100[12].tga' could not be written"),
-        map_storage.Writer("map", settings) as writer,
+        outputs.MapWriter("map", settings) as writer,
     ):
         writer.add(1001, texels(1001, seed=1))
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
@@ -501,7 +501,7 @@ def test_a_stopped_bake_of_tiles_leaves_no_files(storage, tmp_path, monkeypatch)
     temporary, folder = tmp_path / "temporary", tmp_path / "maps"
     temporary.mkdir()
     folder.mkdir()
-    monkeypatch.setattr(map_storage.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(outputs.tempfile, "tempdir", str(temporary))
     low, high = wide("low", 0.0), wide("high", 1.0)
     settings = Settings(
         method="FLATTEN",

@@ -10,8 +10,8 @@ from addon.cli.results.report_file import ReportFile
 from addon.cli.results.run_report import Entry
 from addon.cli.results.sheet import SheetFile
 from addon.core.errors import BakeError
-from addon.output.files import atomic_file
-from addon.output.files.atomic_file import Partial, Replaced, all_or_none, check_writable, make_folder, replacing
+from addon.output import atomic_file
+from addon.output.atomic_file import Partial, Replaced, all_or_none, check_writable, make_folder, replacing
 from tests.support.deep_paths import DEEP, few_calls
 
 

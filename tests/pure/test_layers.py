@@ -49,7 +49,7 @@ WITHOUT = {
 WITHOUT_BLENDER = (
     *("addon/cli/done", "addon/cli/plan", "addon/cli/results", "addon/cli/results/sheets", "addon/cli/usage"),
     *("addon/cli/bounds", "addon/cli/farm_command", "addon/cli/lod_command"),
-    "addon/output/files",
+    *("addon/output/atomic_file", "addon/output/path_clashes"),
 )
 """Folders and modules that need no Blender, although others of their package do. They import only what needs none."""
 

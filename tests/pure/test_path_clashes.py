@@ -7,7 +7,7 @@ import unicodedata
 import pytest
 
 from addon.core.errors import WrongPlace
-from addon.output.files.path_clashes import Places
+from addon.output.path_clashes import Places
 from tests.support import clashes
 from tests.support.deep_paths import DEEP, few_calls
 

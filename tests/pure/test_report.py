@@ -13,7 +13,7 @@ from scripts.imprint import ROOT
 
 PAST_BAKES = {
     "addon/jobs/job.py": "finds the objects of a past bake, to locate its issues",
-    "addon/jobs/sequence.py": "shows the frames that are done",
+    "addon/jobs/bake_jobs.py": "shows the frames that are done",
 }
 """Modules below ui/ and cli/ that read a report, and why."""
 BELOW = ("mesh", "passes", "engine", "audit", "scene", "output", "jobs")

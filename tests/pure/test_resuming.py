@@ -30,8 +30,8 @@ from addon.cli.usage import arguments
 from addon.cli.usage.options import OPTIONS
 from addon.core import versions
 from addon.core.errors import BakeError
-from addon.output.files import temporary_paths
-from addon.output.files.atomic_file import all_or_none, replacing
+from addon.output import atomic_file
+from addon.output.atomic_file import all_or_none, replacing
 from scripts.imprint import ROOT
 
 
@@ -748,7 +748,7 @@ def test_a_run_after_a_kill_does_what_is_left_and_what_was_cut_off(folder, seed)
 def test_the_claim_of_a_process_that_was_killed_after_its_record_is_removed(folder):
     run([plan(folder)])
     lock = folder / "out" / f"a_low.png.imprint.json{records.CLAIM}"
-    lock.write_text(json.dumps({"machine": temporary_paths.machine()}))
+    lock.write_text(json.dumps({"machine": atomic_file.machine()}))
     assert why(plan(folder)) == ""
     assert not lock.exists()
 

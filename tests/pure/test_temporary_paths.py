@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from addon.output.files import temporary_paths
-from addon.output.files.atomic_file import Partial
+from addon.output import atomic_file
+from addon.output.atomic_file import Partial
 
 
 def names(folder):
@@ -36,7 +36,7 @@ def test_processes_with_the_same_id_have_different_files(tmp_path, monkeypatch):
 
 
 def test_a_name_is_never_shared(tmp_path, monkeypatch):
-    monkeypatch.setattr(temporary_paths.secrets, "token_hex", lambda _: "same")
+    monkeypatch.setattr(atomic_file.secrets, "token_hex", lambda _: "same")
     first, second = Partial(tmp_path / "map.png"), Partial(tmp_path / "map.png")
     first.temporary.write_text("whole")
     with pytest.raises(FileExistsError):
@@ -51,14 +51,14 @@ def test_other_files_are_not_removed(tmp_path):
         (tmp_path / name).touch()
         os.utime(tmp_path / name, (0, 0))
     before = names(tmp_path)
-    temporary_paths.sweep(tmp_path)
+    atomic_file.sweep(tmp_path)
     assert names(tmp_path) == before
 
 
 def test_a_process_that_exits_at_once_leaves_no_files(tmp_path):
     partial = Partial(tmp_path / "map.png")
     partial.temporary.write_text("half")
-    temporary_paths.remove_all()
+    atomic_file.remove_all()
     assert names(tmp_path) == []
 
 
@@ -74,8 +74,8 @@ def test_files_that_cannot_be_removed_raise_no_error(tmp_path, monkeypatch):
     with monkeypatch.context() as folder:
         folder.setattr(Path, "unlink", refuses)
         first.discard()
-        temporary_paths.remove_all()
-    temporary_paths.sweep(tmp_path)  # their process still runs, but has unlocked them
+        atomic_file.remove_all()
+    atomic_file.sweep(tmp_path)  # their process still runs, but has unlocked them
     assert names(tmp_path) == []
 
 

@@ -11,7 +11,7 @@ from addon.core import udim
 from addon.core.errors import BakeError, WrongPlace
 from addon.core.file_structure import mesh_references
 from addon.engine.bands import Band
-from addon.output.files.path_clashes import Places
+from addon.output.path_clashes import Places
 
 SIZE = 64, 48
 

@@ -15,7 +15,7 @@ import pytest
 from addon.core import threads
 from addon.core.errors import BakeError
 from addon.output import png_writer, value_encoding, write_queue
-from addon.output.files.atomic_file import Partial
+from addon.output.atomic_file import Partial
 from addon.output.write_queue import MOST_UNFINISHED, Content, WriteQueue
 
 SIZES = [(1, 1), (1, 7), (300, 1), (2, 3), (17, 33), (129, 65)]

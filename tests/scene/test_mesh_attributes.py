@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.scene.image_files import srgb_to_linear
 from addon.scene.mesh_elements import attribute_by_corner, tangents_by_corner, uv_by_corner
+from addon.scene.textures import srgb_to_linear
 
 CORNERS = [0, 1, 2, 3, 3, 2, 4]
 """The vertices of the corners of `two_faces`."""

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from addon.mesh.triangle_mesh import ATTRIBUTE
-from addon.scene import mesh_reader, moved_vertices
+from addon.scene import mesh_reader
+from addon.scene.high_reader import _holds, read_moved
 from tests.support import zoo
 
 FIELDS = ("positions", "vertices", "normals", "triangles", "to_world", "uv")
@@ -20,7 +21,7 @@ def whole(obj):
 
 
 def again(obj, known):
-    return moved_vertices.read(obj.data, zoo.LAYER, known, mesh_reader.matrix(obj))
+    return read_moved(obj.data, zoo.LAYER, known, mesh_reader.matrix(obj))
 
 
 def move(obj, seed, share=0.1):
@@ -228,8 +229,8 @@ def test_a_mesh_with_nan_is_read_whole_when_it_is_mended():
 def test_a_mesh_read_with_uvs_is_not_one_without_them(then, now):
     obj = zoo.terrain("hi", n=12)
     known = mesh_reader.surface(obj.data, then, obj.name, mesh_reader.matrix(obj))
-    assert moved_vertices.read(obj.data, then, known, mesh_reader.matrix(obj)) is not None
-    assert moved_vertices.read(obj.data, now, known, mesh_reader.matrix(obj)) is None
+    assert read_moved(obj.data, then, known, mesh_reader.matrix(obj)) is not None
+    assert read_moved(obj.data, now, known, mesh_reader.matrix(obj)) is None
 
 
 @pytest.mark.parametrize(("step", "number", "reads"), [(1, 4, 0), (2, 4, 1), (1, 1, 1)])
@@ -239,7 +240,7 @@ def test_memory_is_compared_only_where_values_lie_one_after_the_other(step, numb
     collection = [element(values.ctypes.data + 4 * step * each) for each in range(number)]
     done = []
     known = values[::step][:number].copy()
-    assert moved_vertices._holds(collection, known, lambda: done.append(1) or known)
+    assert _holds(collection, known, lambda: done.append(1) or known)
     assert len(done) == reads
 
 

@@ -9,7 +9,8 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.scene import object_checks, object_refs
+from addon.scene import object_checks
+from addon.scene.object_checks import object_by_name
 from tests.support import angles, maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -41,7 +42,7 @@ def problem(low, *highs):
 
 def test_an_object_is_found_by_its_name():
     cube = zoo.cube("Cube")
-    assert object_refs.by_name("Cube") == cube
+    assert object_by_name("Cube") == cube
 
 
 @pytest.mark.parametrize(("typo", "hint"), [("Kube", "did you mean 'Cube'?"), ("xyz", "it has '")])
@@ -49,7 +50,7 @@ def test_an_unknown_name_gets_a_hint(typo, hint):
     zoo.cube("Cube")
     zoo.plane("Plane")
     with pytest.raises(BakeError) as refused:
-        object_refs.by_name(typo)
+        object_by_name(typo)
     assert repr(typo) in str(refused.value)
     assert hint in str(refused.value)
 

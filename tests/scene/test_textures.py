@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.scene.image_files import srgb_to_linear
-from addon.scene.textures import ImageTextures, UnreadableError
+from addon.scene.textures import ImageTextures, UnreadableError, srgb_to_linear
 from tests.support import feeds, scenes
 
 TOLERANCE = 2 / 255
@@ -406,5 +405,5 @@ def test_an_image_may_be_renamed_meanwhile(tmp_path):
 def test_pages_of_other_spaces_are_converted_in_parts(tmp_path, monkeypatch):
     image = load(tmp_path / "odd.png", stored(), space="Display P3")
     whole = pixels_of(image)
-    monkeypatch.setattr("addon.scene.image_files.PIXELS_AT_ONCE", 2 * WIDTH + 1)
+    monkeypatch.setattr("addon.scene.textures.PIXELS_AT_ONCE", 2 * WIDTH + 1)
     assert (pixels_of(image) == whole).all()

@@ -3,7 +3,7 @@
 import pytest
 
 from addon.core.errors import WrongPlace
-from addon.output.files.path_clashes import Places
+from addon.output.path_clashes import Places
 
 
 def check_same(path, same):

@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 
 from addon.core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, AttributeFeed, Constant, Extension
-from addon.scene.image_files import srgb_to_linear
 from addon.scene.mesh_elements import attribute_by_corner, uv_by_corner
+from addon.scene.textures import srgb_to_linear
 
 BAKED = "baked"
 """The UV layer of the square that bakes use: the square's own coordinates, from 0 to 1."""

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import bpy
 
 import addon
-from addon.ui import bake_panel, checks, sidebar
+from addon.ui import bake_panel, checks
+from addon.ui.texts import SidebarPanel
 
 
 class Layout:
@@ -99,7 +100,7 @@ PANELS = [
     cls
     for module in addon.modules()
     for cls in getattr(module, "CLASSES", ())
-    if issubclass(cls, sidebar.SidebarPanel) and cls is not checks.IMPRINT_PT_checks
+    if issubclass(cls, SidebarPanel) and cls is not checks.IMPRINT_PT_checks
 ]
 """The panels in the order in which they are registered, without that of the checks."""
 

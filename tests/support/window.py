@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from addon.ui.sidebar import SidebarPanel
+from addon.ui.texts import SidebarPanel
 
 STEP = 14
 """Pixels between the places where `find` looks for a button, which is 20 high."""

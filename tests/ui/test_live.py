@@ -12,7 +12,8 @@ import addon
 from addon.core import progress
 from addon.core.settings import Settings
 from addon.jobs import Job, live_session
-from addon.scene import mesh_reader, object_refs
+from addon.scene import mesh_reader
+from addon.scene.object_checks import ObjectRef
 from addon.ui import live as live_module
 from addon.ui.live import LiveState, live
 from tests.support import zoo
@@ -754,7 +755,7 @@ def test_live_looks_up_its_objects_once_per_change(pair, monkeypatch):
     follow()
     looked, resolve = [], live_module.uids_in_scenes
     monkeypatch.setattr(live_module, "uids_in_scenes", lambda: (looked.append(1), resolve())[1])
-    monkeypatch.setattr(object_refs.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
+    monkeypatch.setattr(ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
     for _ in range(5):
         live.tick()
     assert looked == []

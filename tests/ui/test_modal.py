@@ -14,7 +14,7 @@ from addon.engine.rays import tree_cache
 from addon.passes import target
 from addon.ui import bake_operators, modal, views
 from addon.ui.live import live
-from addon.ui.memory import EVERY, idle_memory
+from addon.ui.modal import EVERY, idle_memory
 from addon.ui.progress_display import display
 from addon.ui.view_shading import Mode
 from addon.ui.views import viewer

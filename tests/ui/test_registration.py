@@ -11,7 +11,8 @@ import addon
 from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
-from addon.ui import bake_operators, modal, properties, settings_panels, sidebar, views
+from addon.ui import bake_operators, modal, properties, settings_panels, views
+from addon.ui.texts import SidebarPanel
 from tests.support import maps, zoo
 
 MODULES = [module for module in addon.modules() if hasattr(module, "CLASSES")]
@@ -121,7 +122,7 @@ class TestWords:
 
     def test_the_panels_are_one_tab(self):
         for cls in PANELS:
-            assert issubclass(cls, sidebar.SidebarPanel)
+            assert issubclass(cls, SidebarPanel)
             assert (cls.bl_space_type, cls.bl_region_type, cls.bl_category) == ("VIEW_3D", "UI", "Imprint")
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon.scene import object_refs
+from addon.scene.object_checks import ObjectRef
 from addon.ui import bake_panel, bake_results
 from addon.ui.bake_results import results
 from tests.support import zoo
@@ -218,7 +218,7 @@ def test_objects_with_the_name_of_a_high_object_stay_visible(baked, tmp_path):
     (linked,) = here.objects
     bpy.context.scene.collection.objects.link(linked)
     for own, other in ((high, linked), (linked, high)):
-        report = SimpleNamespace(high=["hi"], refs=[object_refs.ObjectRef.of(low), object_refs.ObjectRef.of(own)])
+        report = SimpleNamespace(high=["hi"], refs=[ObjectRef.of(low), ObjectRef.of(own)])
         bake_results.hide_high(bpy.context, report, hide=True)
         assert (own.visible_get(), other.visible_get()) == (False, True)
         bake_results.hide_high(bpy.context, report, hide=False)

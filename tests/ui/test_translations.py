@@ -18,8 +18,8 @@ import pytest
 
 from addon.core.declarations import readers
 from addon.engine.maps import ray_maps
-from addon.ui import translations
-from addon.ui.translations import FOLDER, LABEL, OPERATOR, SENTENCE
+from addon.ui import texts
+from addon.ui.texts import FOLDER, LABEL, OPERATOR, SENTENCE
 from scripts.imprint import ROOT
 
 Text = tuple[str, str]
@@ -137,11 +137,11 @@ def stop(text: str) -> str:
 @pytest.fixture(params=LOCALES)
 def entries(request):
     """The translations into one of the languages, by context and English text."""
-    return translations.read_translations(request.param)
+    return texts.read_translations(request.param)
 
 
 def test_each_file_is_a_language():
-    assert translations.locales() == list(LOCALES)
+    assert texts.locales() == list(LOCALES)
 
 
 @pytest.mark.usefixtures("registered")
@@ -177,7 +177,7 @@ class TestEntries:
         ] == []
 
     def test_each_differs_from_the_english_text_in_a_language(self):
-        tables = [translations.read_translations(locale) for locale in LOCALES]
+        tables = [texts.read_translations(locale) for locale in LOCALES]
         assert [key for key in tables[0] if all(table[key] == key[1] for table in tables)] == []
 
 
@@ -186,7 +186,7 @@ class TestFiles:
     def test_each_entry_is_there_once_and_translated(self, locale):
         """An entry that is marked as fuzzy, or has no translation yet, is not shown."""
         text = (FOLDER / f"{locale}.po").read_text(encoding="utf-8")
-        assert len(translations.read_translations(locale)) == text.count("\nmsgid ") - 1
+        assert len(texts.read_translations(locale)) == text.count("\nmsgid ") - 1
 
     @pytest.mark.skipif(not shutil.which("msgfmt"), reason="needs gettext")
     @pytest.mark.parametrize("locale", LOCALES)
@@ -195,7 +195,7 @@ class TestFiles:
         subprocess.run(["msgfmt", "--check", "-o", compiled, FOLDER / f"{locale}.po"], check=True)
         with compiled.open("rb") as file:
             catalog = gettext.GNUTranslations(file)
-        for (context, text), translation in translations.read_translations(locale).items():
+        for (context, text), translation in texts.read_translations(locale).items():
             found = catalog.gettext(text) if context == SENTENCE else catalog.pgettext(context, text)
             assert found == translation
 
@@ -228,7 +228,7 @@ msgstr "dudoso"
 msgid "untranslated"
 msgstr ""
 """
-        assert list(translations.po_entries(text)) == [
+        assert list(texts.po_entries(text)) == [
             {"msgid": "", "msgstr": "Language: es\n"},
             {"msgctxt": "Imprint", "msgid": "High", "msgstr": "Alto"},
             {"msgid": 'without a blank line, wrapped: "{}"', "msgstr": 'ajustado: "{}"'},
@@ -250,19 +250,19 @@ def test_texts_are_looked_up_in_their_contexts(monkeypatch):
         pgettext_iface=lambda text, context: ("interface", text, context),
         pgettext_tip=lambda text, context: ("tooltip", text, context),
     )
-    monkeypatch.setattr(translations, "bpy", SimpleNamespace(app=SimpleNamespace(translations=asked)))
-    assert translations.label("a") == ("interface", "a", LABEL)
-    assert translations.message("a") == ("interface", "a", SENTENCE)
-    assert translations.tooltip("a") == ("tooltip", "a", SENTENCE)
+    monkeypatch.setattr(texts, "bpy", SimpleNamespace(app=SimpleNamespace(translations=asked)))
+    assert texts.label("a") == ("interface", "a", LABEL)
+    assert texts.message("a") == ("interface", "a", SENTENCE)
+    assert texts.tooltip("a") == ("tooltip", "a", SENTENCE)
 
 
 def test_blender_gets_the_texts_of_each_language(monkeypatch):
     registered = {}
     given = SimpleNamespace(register=registered.__setitem__, unregister=registered.pop)
-    monkeypatch.setattr(translations, "bpy", SimpleNamespace(app=SimpleNamespace(translations=given)))
-    translations.register()
-    (texts,) = registered.values()
-    assert texts == {locale: translations.read_translations(locale) for locale in LOCALES}
-    assert all(texts.values())
-    translations.unregister()
+    monkeypatch.setattr(texts, "bpy", SimpleNamespace(app=SimpleNamespace(translations=given)))
+    texts.register()
+    (found,) = registered.values()
+    assert found == {locale: texts.read_translations(locale) for locale in LOCALES}
+    assert all(found.values())
+    texts.unregister()
     assert registered == {}

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.scene import vertex_weights
+from addon.scene import mesh_elements
 from addon.ui.bake_results import results
 from tests.support import zoo
 from tests.support.panel import use
@@ -26,7 +26,7 @@ def settings():
 
 def weights(name):
     low = bpy.data.objects["lo"]
-    return vertex_weights.weights(low, low.data, [name], outside=-1.0)[0]
+    return mesh_elements.weights(low, low.data, [name], outside=-1.0)[0]
 
 
 def test_the_groups_are_created_named_and_used_by_the_next_bake(settings):

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
 from addon.ui import settings_panels  # noqa: E402
-from addon.ui.translations import OPERATOR, locales, read_translations  # noqa: E402
+from addon.ui.texts import OPERATOR, locales, read_translations  # noqa: E402
 
 
 def main() -> None:

@@ -18,9 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...output.files import temporary_paths
-from ...output.files.atomic_file import make_folder
-from ...output.files.temporary_paths import TemporaryPath
+from ...output import atomic_file
+from ...output.atomic_file import TemporaryPath, make_folder
 from . import claim_beats
 from .claim_beats import Beats
 
@@ -76,7 +75,7 @@ class Claims:
     ):
         """clock: in seconds. machine: an identifier of this machine. is_busy: whether this process bakes, so that another one
         has to change its claims as well."""
-        self._clock, self._machine, self._every = clock, machine or temporary_paths.machine(), beat
+        self._clock, self._machine, self._every = clock, machine or atomic_file.machine(), beat
         self._held: dict[Path, _Held] = {}
         self._watched: dict[Path, tuple[bytes, float]] = {}
         """What claims of others contain, and since when."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from ...core import naming, versions
 from ...core.errors import BakeError
-from ...output.files.atomic_file import replacing
+from ...output.atomic_file import replacing
 from ..bounds import Bounds
 from ..plan import plans
 from ..plan.plans import Plan

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from ...core.errors import BakeError
-from ...output.files.atomic_file import reason
+from ...output.atomic_file import reason
 from .. import blender_process, standard_streams
 from . import far_coordinates, ply, textures
 from .textures import Materials

@@ -13,7 +13,7 @@ from ... import older_blender
 from ...core import udim
 from ...core.file_formats import OPEN_EXR
 from ...core.file_structure import mesh_references
-from ...scene import image_files
+from ...scene.textures import location
 from .ply import Texture
 
 _COLORS = ("map_kd", "map_ke", "map_ks", "map_ka")
@@ -156,7 +156,7 @@ def _missing_files(image: bpy.types.Image) -> Iterator[str]:
     if image.packed_file or not image.filepath or image.source not in {"FILE", "TILED"}:
         return
     for tile in [tile.number for tile in image.tiles] if image.source == "TILED" else [0]:
-        path = image_files.location(image, tile)
+        path = location(image, tile)
         if _is_missing(Path(path)):
             yield path
 

@@ -17,8 +17,8 @@ from ...core.file_formats import OPENED
 from ...core.file_structure import blend_files, mesh_references
 from ...core.naming import ATLAS
 from ...output import map_names
-from ...output.files.atomic_file import reason
-from ...output.files.path_clashes import Places
+from ...output.atomic_file import reason
+from ...output.path_clashes import Places
 from .. import bounds
 from ..bounds import Bounds
 from ..results import report_file

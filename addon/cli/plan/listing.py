@@ -14,7 +14,7 @@ from ...core.errors import BakeError
 from ...core.file_formats import OPENED
 from ...core.file_structure import blend_files, usd_layers, whole_files
 from ...core.naming import match
-from ...output.files.atomic_file import check_writable
+from ...output.atomic_file import check_writable
 from ..results import run_report
 from ..usage.options import STDOUT
 from ..usage.run_options import RunOptions

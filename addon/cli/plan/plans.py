@@ -14,7 +14,7 @@ from pathlib import Path
 from ...core.errors import BakeError
 from ...core.file_formats import OPENED
 from ...core.naming import Pair, Suffixes, match, printable
-from ...output.files.atomic_file import reason
+from ...output.atomic_file import reason
 from ..usage import arguments
 from ..usage.arguments import WrongUsage
 

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...core.errors import BakeError, WrongPlace
-from ...output.files.atomic_file import check_writable, make_folder, reason, replacing
-from ...output.files.temporary_paths import check_folder
+from ...output.atomic_file import check_folder, check_writable, make_folder, reason, replacing
 from ..usage.options import STDOUT
 from . import run_report
 from .run_report import Entry, State

@@ -13,7 +13,7 @@ from typing import IO, Any
 
 from ...core.errors import BakeError
 from ...core.file_formats import PNG
-from ...output.files.atomic_file import check_writable, make_folder, reason, replacing
+from ...output.atomic_file import check_writable, make_folder, reason, replacing
 from . import report_file, run_report
 from .bake_result import Done
 from .run_report import Entry, State

@@ -16,7 +16,7 @@ from typing import Any
 
 from ...core.errors import BakeError, NoGpu, WrongPlace
 from ...core.progress import Progress
-from ...output.files.atomic_file import reason
+from ...output.atomic_file import reason
 from .. import interruption
 from ..done import records
 from ..done.turns import Chains, Resumed, Turns

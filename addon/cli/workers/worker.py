@@ -21,7 +21,7 @@ import numpy as np
 from ...core.errors import BakeError, WrongPlace
 from ...core.progress import Progress
 from ...output import png_writer
-from ...output.files.atomic_file import make_folder, reason
+from ...output.atomic_file import make_folder, reason
 from .. import batch, blender_process, interruption, read_files, standard_streams
 from ..done import records
 from ..done.contents import Contents

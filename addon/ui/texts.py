@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The interface in other languages: reads addon/locale/ for Blender, and looks texts up in the language that is set.
+"""Texts of the interface: in the language that is set, and in the panels of the sidebar.
 
-Blender looks up by itself what it draws of registered classes.
+addon/locale/ has the translations. Blender looks up by itself what it draws of registered classes.
 """
 
 import json
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -83,3 +84,34 @@ def register() -> None:
 
 def unregister() -> None:
     bpy.app.translations.unregister(__name__)
+
+
+class SidebarPanel:
+    """A panel in the "Imprint" tab of the 3D viewport's sidebar."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Imprint"
+    bl_translation_context = LABEL
+
+
+class SettingsPanel(SidebarPanel):
+    """A panel of settings, below the panels about the last bake."""
+
+    bl_order = 1
+
+
+def split_layout(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """The same layout, which draws properties as a name on the left and a field on the right."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    return layout
+
+
+def draw_paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: list[str], icon: str) -> None:
+    """Draw lines, translated and wrapped to the width of the sidebar; Blender's labels do not wrap by themselves."""
+    width = max(20, int(context.region.width / (7.0 * context.preferences.system.ui_scale)) - 6)
+    column = layout.column(align=True)
+    for line in lines:
+        for number, part in enumerate(textwrap.wrap(message(line), width)):
+            column.label(text=part, icon="BLANK1" if number else icon, translate=False)

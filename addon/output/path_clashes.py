@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from ...core import udim
-from ...core.errors import WrongPlace
-from ...core.udim import TOKEN
+from ..core import udim
+from ..core.errors import WrongPlace
+from ..core.udim import TOKEN
 from . import atomic_file
 
 _UNFINISHED = re.compile(r"\.imprint\..*\.partial")
