@@ -18,9 +18,9 @@ from ..core.naming import ATLAS
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import Run, Settings, TracingSettings
-from ..engine import gpu_memory, margins
-from ..engine.mips import mip_levels
-from ..engine.rendering import DrawnMaps, Renderer
+from ..engine import gpu_memory, margins, mip_levels
+from ..engine.baking import Renderer
+from ..engine.bands import DrawnMaps
 from ..output import map_names, output_clashes
 from ..output.outputs import Outputs, into_materials
 from . import checks, weights

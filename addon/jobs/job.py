@@ -20,7 +20,7 @@ from ..engine.bands import bands
 from ..mesh.inputs import Meshes
 from ..output import map_storage, materials, vertex_attributes
 from ..output.map_names import settings_by_map
-from ..passes.program import in_software
+from ..passes.shader import is_software
 from ..scene import dependencies, object_checks
 from ..scene.high_materials import MaterialSet, sets_of
 from ..scene.object_refs import ObjectRef
@@ -160,7 +160,7 @@ def band_texels(settings: SamplingSettings) -> int:
 
 def draws_in_software() -> bool:
     """Whether the GPU, which is started, is a program on the CPU."""
-    return in_software(gpu.platform.renderer_get())
+    return is_software(gpu.platform.renderer_get())
 
 
 def _tallest_band(settings: SamplingSettings) -> int:

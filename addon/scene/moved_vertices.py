@@ -11,8 +11,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..mesh.spatial.face_corners import FaceCorners
-from ..mesh.triangle_mesh import Mesh, changed_rows, changed_share
+from ..mesh.triangle_mesh import FaceCorners, Mesh, changed_rows, changed_share
 from . import mesh_reader
 
 MOST = 0.25
