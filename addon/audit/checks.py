@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks a finished map: coverage, missed rays, overlaps, and problems of the low mesh."""
+"""Checks a finished map: coverage, missed rays, overlaps, unsure hits, and problems of the low mesh."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -12,18 +12,21 @@ from ..core.declarations.choices import Method, Space
 from ..core.errors import Fix, Length, shorten_list
 from ..core.map_types import WRITTEN
 from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
-from ..engine import separation, uv_agreement
+from ..engine import ray_casting, separation, uv_agreement
+from ..engine.bands import Band
 from ..engine.method_choice import Plan
-from ..engine.rays import ray_casting
+from ..engine.ray_casting import RayCast
+from ..engine.sampling import SampledMaps
+from ..engine.shared_uvs import HiddenParts
+from ..engine.unsure_texels import REASONS, Explorer
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import audit as audit_module
 from ..passes import mesh_upload, target
-from . import causes, mip_gaps, severity, stacked_detail, unsure_hits
-from .causes import Warned
-from .severity import Check
-from .tally import Tally, sampled
+from . import mip_gaps, severity
+from .severity import MUCH_OVERLAP, Check, Warned
+from .tally import Tally, at_most, sampled
 
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
@@ -60,12 +63,12 @@ def audit(
     stacked: Check,
 ) -> Findings:
     """Check a map. ray_cast: the rays that were cast, or None. length: a length in scene units as text. stacked: from
-    stacked_detail.check."""
+    check_stacked."""
     meshes, low = plan.meshes, plan.meshes.low
     uv_checks, uv_warnings = _uv_layout(plan, settings.sampling)
     texel_checks = _texels(plan, tally, settings.sampling)
     # Where rays only fill up Flatten, UVs say which layer is meant.
-    unsure, distances = unsure_hits.check(plan, settings.sampling, None if plan.has_rays else ray_cast)
+    unsure, distances = check_unsure(plan, settings.sampling, None if plan.has_rays else ray_cast)
     if plan.has_rays:
         texels = separation.sample(separation.full_probe(meshes, ray_cast), settings.sampling.size, plan.tiles)
         distances = separation.distances(texels, np.zeros(3))[texels[..., 3] > 0.0]
@@ -102,13 +105,14 @@ def _direction_warnings(meshes: Meshes, tally: Tally, settings: MapSettings) -> 
     if tally.turned_away > TURNED_AWAY * max(1, tally.compared):
         yield Warned(
             f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them.",
-            causes.TURNED,
+            severity.TURNED,
         )
     if settings.normal and tally.compared and not tally.leaning:
         names = (repr(high.name) for high in meshes.listed_highs)
         compared = "its own modifiers" if meshes.is_own_base else shorten_list(names)
         yield Warned(
-            f"The map is flat: nothing of {compared} differs from {low!r}. Is that the right high object?", causes.FLAT
+            f"The map is flat: nothing of {compared} differs from {low!r}. Is that the right high object?",
+            severity.FLAT,
         )
 
 
@@ -131,7 +135,7 @@ def _uv_layout(plan: Plan, settings: SamplingSettings) -> tuple[Checks, list[War
         "no_area": _count(areas == 0.0, count),
     }
     counts = [
-        (mesh, mesh.not_finite, "are left out: their coordinates are NaN or infinite", causes.NOT_FINITE)
+        (mesh, mesh.not_finite, "are left out: their coordinates are NaN or infinite", severity.NOT_FINITE)
         for mesh in (low, *highs)
     ]
     if not plan.casts_rays:
@@ -240,7 +244,7 @@ def _placement_warnings(
         thinned = [separation.thinned(high) for high in meshes.drawn_highs]
         differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, placement.offset)
         if differing:
-            yield Warned(Fix.AUTO.after(f"{differing[:1].upper()}{differing[1:]}."), causes.LAYOUTS)
+            yield Warned(Fix.AUTO.after(f"{differing[:1].upper()}{differing[1:]}."), severity.LAYOUTS)
             return
     is_missed = plan.casts_rays and missed["severity"] == severity.WRONG
     are_backs = unsure["severity"] == severity.WRONG and unsure["backs"] > 0.5 * unsure["count"]
@@ -249,7 +253,7 @@ def _placement_warnings(
         yield Warned(
             f"{min(1.0, share):.2%} of the rays from the cage {meshes.cage.name!r} hit nothing, or only backs of faces: it is "
             f"below the surface of {highs} there. Move it outward until it encloses {highs}.",
-            causes.CAGE,
+            severity.CAGE,
         )
     if not plan.casts_rays:
         return  # what UVs put together may have any place and size
@@ -262,7 +266,7 @@ def _placement_warnings(
         found = "the surfaces are far apart"
     else:
         return
-    yield Warned(f"{highs} and {low} differ in place or size: {found}. Put them in the same place.", causes.ELSEWHERE)
+    yield Warned(f"{highs} and {low} differ in place or size: {found}. Put them in the same place.", severity.ELSEWHERE)
 
 
 def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[Warned]:
@@ -279,7 +283,7 @@ def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterato
                 f"Parts of {low.name!r} share UVs, and on {share:.1%} of the texels the high normals are those of one part, "
                 "and the tangents those of another."
             )
-            yield Warned(Fix.CAST.after(text), causes.CROSSED)
+            yield Warned(Fix.CAST.after(text), severity.CROSSED)
 
 
 def _other_detail_warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
@@ -287,13 +291,13 @@ def _other_detail_warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
         return
     if stacked["under_others"] > 0.5 * stacked["hidden"]:
         text = f"Materials of {low.name!r} share UVs, and its map has the detail of one of them."
-        yield Warned(Fix.TEXTURE_SETS.after(text), causes.MATERIALS)
+        yield Warned(Fix.TEXTURE_SETS.after(text), severity.MATERIALS)
         return
     yield Warned(
         f"{stacked['hidden']:,} triangles of {low.name!r} show the detail of other parts with the same UVs, and on "
-        f"{stacked['differing']:.1%} of their texels it is more than {stacked_detail.DIFFERENT:.0f} degrees from their own. "
+        f"{stacked['differing']:.1%} of their texels it is more than {DIFFERENT:.0f} degrees from their own. "
         "Give these parts UVs of their own.",
-        causes.OTHER_DETAIL,
+        severity.OTHER_DETAIL,
     )
 
 
@@ -335,3 +339,66 @@ def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRS
         audit_module.draw_overlap(drawn, uploaded, sparse.uv_to_clip(tile))
         drawn.read(counts)
         yield counts
+
+
+UNSURE_SIDE = 128
+"""Texels a side, at most, whose rays are followed farther."""
+
+
+def check_unsure(plan: Plan, settings: SamplingSettings, ray_cast: RayCast | None) -> tuple[Check, np.ndarray]:
+    """The check "unsure" of Report.checks, without its severity, and the distances (N,) float32 of the hits, in scene units.
+
+    ray_cast: the rays of the bake, or None: then both are empty.
+    """
+    names = "count", "of", "not_owned", *REASONS
+    counts, distances = dict.fromkeys(names, 0), [np.empty(0, np.float32)]
+    if ray_cast is not None:
+        explorer = Explorer(ray_cast, plan.meshes.whole_low)
+        sparse = at_most(settings.size, UNSURE_SIDE)
+        for tile in plan.tiles:
+            doubts, far = explorer.sample(sparse.small, sparse.uv_to_clip(tile), sparse.uv_to_clip(tile, shift=1))
+            found = doubts.unsure, doubts.on_low, doubts.not_owned, *(getattr(doubts, reason) for reason in REASONS)
+            for name, texels in zip(names, found, strict=True):
+                counts[name] += int(np.count_nonzero(texels))
+            distances.append(far)
+    return counts | {"share": counts["count"] / max(1, counts["of"])}, np.concatenate(distances)
+
+
+STACKED_SIDE = 256
+"""Texels a side, at most, on which detail is compared."""
+DIFFERENT = 2.0
+"""Degrees, in tangent space, above which parts do not have the same detail."""
+
+
+def check_stacked(
+    plan: Plan, hidden: HiddenParts, drawn: SampledMaps, settings: Settings, materials: np.ndarray | None = None
+) -> Check:
+    """What Report.checks has of hidden parts, for the check "overlap". drawn: the maps of the bake. materials (T,) int: the
+    number of each low triangle's material; None to leave them out."""
+    found = {"hidden": hidden.triangles, "under_others": 0, "differing": 0.0}
+    if hidden.share <= MUCH_OVERLAP:  # decimation leaves slivers on other triangles
+        return found | {"hidden": 0}
+    if settings.map.space != Space.TANGENT or not settings.map.normal:  # each part has other normals in other spaces
+        return found
+    if materials is not None:
+        found["under_others"] = hidden.under_others(materials)
+    compared = differing = 0
+    size = min(settings.sampling.width, STACKED_SIDE), min(settings.sampling.height, STACKED_SIDE)
+    with target.using(target.TargetPool()):
+        for tile in plan.tiles:
+            band = Band(0, size[1], size, 0, tile)
+            shown, is_shown = _detail(drawn, band)
+            for layer in hidden.layers:
+                own, is_known = _detail(layer.maps, band)
+                both = is_known & is_shown & hidden.is_hidden(layer, band)
+                cosines = (shown[both] * own[both]).sum(axis=1)
+                compared += len(cosines)
+                differing += int(np.count_nonzero(cosines < np.cos(np.radians(DIFFERENT))))
+    return found | {"differing": differing / max(1, compared)}
+
+
+def _detail(maps: SampledMaps, band: Band) -> tuple[np.ndarray, np.ndarray]:
+    """The normals of the high surface (height, width, 3) in tangent space, and where they are known (height, width) bool."""
+    texels = np.empty((band.height, band.width, 4), np.float32)
+    target.read(maps.space.of_sample(maps.high_normals(band), band), texels)
+    return texels[..., :3], texels[..., 3] > 0.0

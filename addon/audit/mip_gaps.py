@@ -10,7 +10,7 @@ from ..core.settings import SamplingSettings
 from ..mesh import uv_islands
 from ..mesh.triangle_mesh import Mesh
 from ..passes import audit
-from .sparse_maps import Sparse, at_most
+from .tally import Sparse, at_most
 
 QUICK = 256
 """Texels a side, at most, of a quick check, unless gaps are too narrow for it."""

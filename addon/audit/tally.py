@@ -1,16 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Counts the texels of a map by their state, tile by tile."""
+"""Counts the texels of a map by their state, tile by tile, and selects those that are checked."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..core import udim
 from ..core.declarations.choices import Space
 from ..core.map_types import MARGIN, MISSED, WRITTEN, Map, states_of_raw
 from ..core.settings import MapSettings
-from ..engine import normal_channels
-from .sparse_maps import Sparse, at_most
+from ..core.udim import UvToClip
+from ..engine import normal_space
+
+
+@dataclass(frozen=True)
+class Sparse:
+    """A map of `size` (width, height) in texels, on which every `steps`-th texel along u and v is checked."""
+
+    size: tuple[int, int]
+    steps: tuple[int, int]
+
+    @property
+    def small(self) -> tuple[int, int]:
+        """How many texels along u and v are checked."""
+        return tuple(-(-side // step) for side, step in zip(self.size, self.steps, strict=True))
+
+    def uv_to_clip(self, tile: int, shift: int = 0) -> UvToClip:
+        """As udim.uv_to_clip. Texel i of the small map lies on texel i * step + shift of the map."""
+        (step_u, step_v), (count_u, count_v) = self.steps, self.small
+        start = (1 - step_u) / 2 + shift, (1 - step_v) / 2 + shift
+        return udim.uv_to_clip(tile, self.size, start, (step_u * count_u, step_v * count_v))
+
+
+def at_most(size: tuple[int, int], most: int) -> Sparse:
+    """A map of `size` on which at most `most` texels a side are checked."""
+    return Sparse(size, tuple(-(-side // most) for side in size))
+
 
 SAMPLES_A_SIDE = 1024
 """Texels a side, at most, on which overlaps are counted."""
@@ -44,11 +70,11 @@ class Tally:
         texels, state = stored
         self._add_state(state)
         if settings.space == Space.TANGENT:
-            self._add_upwards(state, lambda which: normal_channels.upwards(texels[which], settings))
-            self.backwards += normal_channels.backwards(texels, state, settings)
+            self._add_upwards(state, lambda which: normal_space.upwards(texels[which], settings))
+            self.backwards += normal_space.backwards(texels, state, settings)
 
     def add_raw(self, normals: np.ndarray, settings: MapSettings) -> None:
-        """Count a tile of normals as rendering.Renderer.raw returns them."""
+        """Count a tile of normals as baking.Renderer.raw returns them."""
         alpha = normals[..., 3]
         state = states_of_raw(alpha)
         self._add_state(state)

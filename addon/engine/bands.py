@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Large maps are drawn in bands of rows, one after another."""
+"""Large maps are drawn in bands of rows, one after another: where these lie, and what draws them."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import gpu
+import numpy as np
+
 from ..core import udim
+from ..core.progress import Task
 from ..core.udim import UvToClip
 
 BAND_TEXELS = 4096 * 4096
@@ -63,3 +68,42 @@ def bands(width: int, height: int, margin_texels: int | None, tile: int = udim.F
     halo = math.ceil(math.sqrt(2.0) * min(REACH if margin_texels is None else margin_texels, REACH))
     for start in range(0, height, rows):
         yield Band(start, min(start + rows, height), (width, height), halo, tile)
+
+
+class BandMaps(ABC):
+    """Draws all maps of a band."""
+
+    takes_time = False
+    """Whether a coarse picture is worth its time."""
+    stopped: np.ndarray | None = None
+    """Which texels (rows, width) bool of the last band, without its halo, took fewer samples than the settings say; None if
+    none did."""
+
+    @abstractmethod
+    def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
+        """The names and textures (RGBA32F) of the maps. Each texture is valid until the next one is asked for."""
+
+    def coarse(self, _tile: int) -> Task[None]:
+        """A first, coarse picture of the whole map, if `takes_time`."""
+        yield from ()
+
+
+class DrawnMaps(BandMaps):
+    """Maps that were drawn before, by name: (height, width, 4) float32, as Renderer.raw returns them."""
+
+    def __init__(self, maps: dict[str, np.ndarray]):
+        self.maps = maps
+
+    def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
+        yield from ()
+        return ((name, upload_band(values, band)) for name, values in self.maps.items())
+
+
+def upload_band(values: np.ndarray, band: Band) -> gpu.types.GPUTexture:
+    """The rows of a map (height, width, 4) float32 that a band shows, with its halo. Rows outside the map are 0."""
+    texels = np.zeros((band.height, band.width, 4), np.float32)
+    first, last = band.start - band.halo, band.stop + band.halo
+    rows = slice(max(0, first), min(last, len(values)))
+    texels[rows.start - first : rows.stop - first] = values[rows]
+    data = gpu.types.Buffer("FLOAT", texels.shape, texels)
+    return gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)

@@ -13,13 +13,11 @@ from ..core.declarations.choices import Space
 from ..core.map_types import NORMAL
 from ..core.progress import Task
 from ..core.settings import MapSettings
-from ..mesh import stretch
+from ..mesh import triangle_mesh
 from ..mesh.triangle_mesh import Mesh
-from ..passes import lit, mesh_upload, target
-from ..passes.bake import map_normals, tangent
-from .bands import Band
-from .normal_channels import channels
-from .rendering import BandMaps, upload_band
+from ..passes import lit, low_in_uv, mesh_upload, target
+from .bands import Band, BandMaps, upload_band
+from .normal_space import channels
 
 NEAR_UNIT = 0.25
 """How much the length of a stored normal may differ from 1. Means of normals are shorter."""
@@ -39,9 +37,9 @@ class Fit:
     away: int = 0
 
     def add(self, lengths: np.ndarray) -> None:
-        """Count texels. lengths: as the second texture of map_normals.draw."""
+        """Count texels. lengths: as the second texture of low_in_uv.draw_map_normals."""
         found = np.abs(lengths[lengths != 0.0])
-        is_missed, is_directed = found == map_normals.MISSED, found < map_normals.NO_DIRECTION
+        is_missed, is_directed = found == low_in_uv.MISSED, found < low_in_uv.NO_DIRECTION
         self.covered += len(found)
         self.missed += int(np.count_nonzero(is_missed))
         self.directed += int(np.count_nonzero(is_directed))
@@ -57,8 +55,8 @@ class ConvertedMap(BandMaps):
     """
 
     def __init__(self, low: Mesh, before: StoredNormals, settings: MapSettings):
-        shown = stretch.as_read(low, before.from_basis) if before.from_space == Space.TANGENT else low
-        self._wanted = stretch.as_read(low, settings.basis) if settings.space == Space.TANGENT else low
+        shown = triangle_mesh.with_stretch(low, before.from_basis) if before.from_space == Space.TANGENT else low
+        self._wanted = triangle_mesh.with_stretch(low, settings.basis) if settings.space == Space.TANGENT else low
         self._before = _upload(shown)
         self._after = self._before if self._wanted.stretch is shown.stretch else _upload(self._wanted)
         self._shading = _shading(shown, before, settings)
@@ -73,14 +71,16 @@ class ConvertedMap(BandMaps):
 
     def _drawn(self, band: Band) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         decoded = target.get("map normals", band.width, band.height, "RGBA32F", "R16F")
-        map_normals.draw(decoded, self._before, upload_band(self.texels, band), band.uv_to_clip, self._shading)
+        low_in_uv.draw_map_normals(
+            decoded, self._before, upload_band(self.texels, band), band.uv_to_clip, self._shading
+        )
         self._count(decoded, band)
         if self._flags is None:
             yield NORMAL.name, decoded.texture
             return
         into = target.get("low", band.width, band.height, "RGBA32F")
         how = {"basis_flags": self._flags, "stretch": self._wanted.stretch}
-        tangent.draw(into, self._after, decoded.texture, band.uv_to_clip, **how)
+        low_in_uv.draw_in_tangent_space(into, self._after, decoded.texture, band.uv_to_clip, **how)
         yield NORMAL.name, into.texture
 
     def _count(self, decoded: target.Target, band: Band) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..passes import target
-from .rays import tree_cache
+from . import tree_cache
 
 
 @contextmanager

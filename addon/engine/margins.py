@@ -13,7 +13,7 @@ from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
 from ..passes import margin_fill, target
 from .bands import REACH, Band, bands
-from .normal_channels import channels
+from .normal_space import channels
 
 ROWS = 256
 """How many rows of a large map are completed at a time, so that memory does not grow with the map."""

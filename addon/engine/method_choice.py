@@ -11,11 +11,10 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError, Length, plain_length, shorten_list
 from ..core.settings import SamplingSettings, TracingSettings
 from ..mesh import triangle_mesh, uv_layout
+from ..mesh.edges import has_area
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
-from ..mesh.spatial.neighbors import has_area
-from . import separation, uv_agreement
-from .rays import tree_cache
+from . import separation, tree_cache, uv_agreement
 
 FAR_APART = 0.5
 """Share of the low mesh's radius. Meshes whose boxes have a larger gap between them do not belong together."""

@@ -15,10 +15,9 @@ from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of, world_box
 from ..mesh.triangle_mesh import Mesh
-from ..passes import mesh_upload, target
-from ..passes.bake import cast, points
-from .dense.high_batches import DENSE
-from .rays import ray_casting
+from ..passes import cast, high_in_uv, mesh_upload, target
+from . import ray_casting
+from .high_meshes import DENSE
 
 PROBE_SIZE = 128
 """Texels a side, at most, of a quick sample."""
@@ -189,7 +188,7 @@ def upload(mesh: Mesh, local_space: LocalSpace) -> gpu.types.GPUBatch:
 def draw_points(meshes: Sequence[gpu.types.GPUBatch], size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
     """The points, in local space, of `meshes` drawn in UV space: (height, width, 4) float32, alpha 0 where there is no mesh."""
     drawn = target.get("audit points", *size, "RGBA32F", "RGBA32F")
-    points.draw(drawn, meshes, uv_to_clip)
+    high_in_uv.draw_points(drawn, meshes, uv_to_clip)
     texels = np.empty((size[1], size[0], 4), np.float32)
     drawn.read(texels)
     return texels

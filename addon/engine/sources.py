@@ -12,18 +12,15 @@ from ..core.declarations.choices import Hit, Method, Space
 from ..core.map_types import BY_NAME
 from ..core.progress import Progress, Task, Timings
 from ..core.settings import MapSettings, Run, Settings, TracingSettings
+from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..passes import mesh_upload, target
-from ..passes.adaptive import Active
-from ..passes.bake import cast, flat_hits, joined_hits
+from ..passes import cast, high_in_uv, mesh_upload, samples, target
+from ..passes.samples import Active
+from . import ray_casting, ray_distances, tree_cache
 from .bands import Band
-from .dense.high_batches import HighBatches
-from .dense.near_triangles import NearTriangles
-from .high_surface import HighSurface
+from .high_meshes import HighBatches, HighSurface
 from .method_choice import Plan
-from .rays import ray_casting, ray_distances, tree_cache
-from .roles import role
 
 
 class Source(ABC):
@@ -55,11 +52,11 @@ class Source(ABC):
 
     def drawn(self, slot: int = 0) -> target.Target:
         """The target of the last `normals` with this slot."""
-        return target.get(role("high", slot), *self._size, "RGBA32F")
+        return target.get(_role("high", slot), *self._size, "RGBA32F")
 
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         """The hits (RGBA32UI) of the last `normals` with this slot."""
-        return target.get(role("hits", slot), band.width, band.height, "RGBA32UI")
+        return target.get(_role("hits", slot), band.width, band.height, "RGBA32UI")
 
 
 def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | None = None) -> Task[Source]:
@@ -194,16 +191,16 @@ class Flat(Source):
 
     def drawn(self, slot: int = 0) -> target.Target:
         make = target.get if self.is_changed_later else target.offscreen
-        return make(role("high", slot), *self._size, "RGBA32F")
+        return make(_role("high", slot), *self._size, "RGBA32F")
 
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         into = super().hits(band, slot)
         if self._in_uv is None:
             numbers = self.surface.numbers if self.is_drawn is None else self.surface.numbers[self.is_drawn]
             with self.timings.timed("upload"):
-                self._in_uv = flat_hits.upload(self.surface.uv, numbers)
+                self._in_uv = high_in_uv.upload_for_hits(self.surface.uv, numbers)
         with self.timings.timed("draw"):
-            flat_hits.draw(into, self._in_uv, band.uv_to_clip)
+            high_in_uv.draw_hits(into, self._in_uv, band.uv_to_clip)
         return into
 
 
@@ -296,7 +293,7 @@ class FlatAndRays(Rays):
         uv = self.surface.uv
         is_finite = np.isfinite(uv).reshape(-1, 6).all(axis=1)
         with run.timings.timed("upload"):
-            self._in_uv = flat_hits.upload(uv, numbers[is_finite[numbers]])
+            self._in_uv = high_in_uv.upload_for_hits(uv, numbers[is_finite[numbers]])
         self._counts: dict[tuple[int, int], np.ndarray] = {}
 
     @property
@@ -311,13 +308,13 @@ class FlatAndRays(Rays):
     def _left(self, rays: target.Target, band: Band, some: Active | None = None) -> target.Target:
         size = band.width, band.height
         hits = target.get("flat hits", *size, "RGBA32UI")
-        flat_hits.draw(hits, self._in_uv, band.uv_to_clip)
+        high_in_uv.draw_hits(hits, self._in_uv, band.uv_to_clip)
         normals, points = target.get("flat normals", *size, "RGBA32F"), target.get("rays left", *size, "RGBA32F")
         tables = self.ray_cast.ray_scene.tables
         cast.look_up(normals, hits, rays, tables, np.eye(3))
         # All rows at once with `some`, which are few texels.
         for rows in [None] if some else self.pace.slices(band.height, "rays left"):
-            joined_hits.left(
+            high_in_uv.draw_left(
                 points,
                 rays,
                 hits,
@@ -355,10 +352,42 @@ class FlatAndRays(Rays):
         some: Active | None = None,
     ) -> None:
         flat = target.get("flat hits", hits.width, hits.height, "RGBA32UI")
-        joined_hits.join(hits, rays, left, flat, rows=rows, some=some)
+        high_in_uv.join_hits(hits, rays, left, flat, rows=rows, some=some)
 
 
 def world_to_space(low: Mesh, settings: MapSettings) -> np.ndarray:
     """The matrix (3, 3) from world normals to the space in which sources draw normals."""
     matrix = low.to_world[:3, :3]
     return np.eye(3) if settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
+
+
+MOST_RANGES = 256
+"""The most ranges of triangles that are drawn one after the other: with more, drawing them takes longer than what they save."""
+
+
+class NearTriangles:
+    """The triangles of `mesh` near the texels that were asked for last."""
+
+    def __init__(self, mesh: Mesh):
+        self.mesh = mesh
+        self._some: Active | None = None
+        self._parts: list[tuple[int, int]] = []
+
+    def parts(self, band: Band, some: Active | None) -> list[tuple[int, int]] | None:
+        """As mesh_upload.draw takes them, for a batch with the triangles of the mesh in their order."""
+        if some is None:
+            return None
+        if some is not self._some:
+            self._some, self._parts = some, uv_layout.runs(_near(self.mesh, band, some), MOST_RANGES)
+        return self._parts
+
+
+def _near(mesh: Mesh, band: Band, some: Active) -> np.ndarray:
+    """Which triangles (T,) bool may cover a sample of these texels."""
+    size = band.width, band.height
+    return uv_layout.touching(mesh, replace(band, offset=(0.0, 0.0)).uv_to_clip, size, some.blocks, samples.BLOCK)
+
+
+def _role(name: str, slot: int) -> str:
+    """The role of a target for samples in this slot, which stay beside those in other slots."""
+    return f"{name} {slot}" if slot else name

@@ -13,8 +13,7 @@ from ..core.udim import UvToClip
 from ..mesh import uv_layout
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
-from ..passes import mesh_upload, target
-from ..passes.bake import gbuffer
+from ..passes import low_in_uv, mesh_upload, target
 from . import separation
 from .separation import PROBE_SIZE
 
@@ -226,7 +225,7 @@ class _Surface:
         Where triangles share texels, the last triangle counts, or the first one if not `is_last`.
         """
         drawn = target.get("audit rays", self.side, self.side, "RGBA32F", "RGBA32F")
-        gbuffer.draw(drawn, self.uploaded[is_last], uv_to_clip)
+        low_in_uv.draw_points(drawn, self.uploaded[is_last], uv_to_clip)
         texels = [np.empty((self.side, self.side, 4), np.float32) for _ in range(2)]
         for slot, array in enumerate(texels):
             drawn.read(array, slot=slot)

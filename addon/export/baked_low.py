@@ -12,7 +12,7 @@ from ..core.declarations.bases import Basis
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.report import Report
-from ..mesh import stretch
+from ..mesh import triangle_mesh
 from ..mesh.triangle_mesh import Mesh
 from ..scene import evaluation, mesh_reader
 
@@ -133,7 +133,7 @@ def _with_scale(mesh: Mesh, report: Report) -> tuple[Mesh, bool]:
 
     Raises BakeError for a normal map that fits only the mesh without it.
     """
-    is_uneven, is_mirrored = stretch.is_uneven(mesh.to_world), np.linalg.det(mesh.to_world[:3, :3]) < 0.0
+    is_uneven, is_mirrored = triangle_mesh.is_uneven(mesh.to_world), np.linalg.det(mesh.to_world[:3, :3]) < 0.0
     if not (is_uneven or is_mirrored):
         return mesh, False
     basis = bases.of_name(report.settings["basis"])
@@ -142,8 +142,8 @@ def _with_scale(mesh: Mesh, report: Report) -> tuple[Mesh, bool]:
             f"{mesh.name!r} is scaled more along one axis than along another, and only {basis.label} can show its normal map "
             "then: bake it for the basis of your engine, or apply the scale (Object > Apply > Scale) and bake again."
         )
-    scale = stretch.of(mesh.to_world)
-    normals, tangents = stretch.applied(scale, mesh.normals, mesh.tangents, basis)
+    scale = triangle_mesh.scale_of(mesh.to_world)
+    normals, tangents = triangle_mesh.stretched(scale, mesh.normals, mesh.tangents, basis)
     to_world = mesh.to_world.copy()
     to_world[:3, :3] = mesh.to_world[:3, :3] @ np.linalg.inv(scale)
     positions = (mesh.positions @ scale.T).astype(np.float32)

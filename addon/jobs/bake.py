@@ -9,12 +9,11 @@ import bpy
 import gpu
 import numpy as np
 
-from ..audit import causes, other_readers, stacked_detail
-from ..audit.causes import Warned
-from ..audit.checks import Findings, audit
-from ..audit.deviations import Deviations
-from ..audit.other_readers import OtherReaders
-from ..audit.pictures.bake_pictures import BakePictures
+from ..audit import deviations, severity
+from ..audit.checks import Findings, audit, check_stacked
+from ..audit.deviations import Deviations, OtherEngines
+from ..audit.pictures import BakePictures
+from ..audit.severity import Warned
 from ..audit.tally import Tally
 from ..core import map_types, progress
 from ..core.declarations.choices import Method
@@ -23,22 +22,19 @@ from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, Settings
-from ..engine import gpu_memory, margins, shared_uvs, sources
-from ..engine.hidden_parts import HiddenParts
-from ..engine.maps import ray_reach
-from ..engine.maps.maps_of_bake import maps_of_bake
-from ..engine.maps.sampling import SampledMaps
+from ..engine import gpu_memory, margins, mip_levels, ray_maps, shared_uvs, sources
+from ..engine.baking import Renderer
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
-from ..engine.mips import mip_levels
-from ..engine.rays.ray_casting import RayCast
-from ..engine.rendering import Renderer
+from ..engine.ray_casting import RayCast
+from ..engine.sampling import SampledMaps, maps_of_bake
+from ..engine.shared_uvs import HiddenParts
 from ..engine.sources import Source, normal_source
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..output.materials import into_materials
 from ..output.outputs import HIDDEN_MISSES, Outputs, Stored, kept
-from ..passes.surface import finite_values
+from ..passes import surface_tables
 from ..scene import object_checks, reading
 from . import checks
 from .job import Job, check_job, set_numbers
@@ -121,7 +117,7 @@ class _Ready:
     plan: Plan
     source: Source
     renderer: Renderer
-    others: OtherReaders
+    others: OtherEngines
     truth: SampledMaps
     hidden: HiddenParts
     deviations: Deviations
@@ -157,7 +153,7 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
         in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)
         plan = choose_method(in_order, tiles, settings.tracing, length)
     source = yield from part(normal_source(plan, run), 0.5, 1.0)
-    drawn, others = maps_of_bake(in_order, source, run), OtherReaders(in_order.basis, settings)
+    drawn, others = maps_of_bake(in_order, source, run), OtherEngines(in_order.basis, settings)
     low = in_order.basis or in_order.low
     pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
     is_wanted = (job.is_measured or job.is_pictured) and settings.map.normal
@@ -171,7 +167,7 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     )
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
     if plan.method == Method.CAST:
-        warnings += [Warned(text, causes.UNFIT) for text in job.hints]
+        warnings += [Warned(text, severity.UNFIT) for text in job.hints]
     renderer = Renderer(drawn, run)
     return _Ready(meshes, warnings, plan, source, renderer, others, truth, hidden, deviations, pictures, length)
 
@@ -184,7 +180,7 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> DrawnJob:
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
         materials = set_numbers(job.low, ready.plan.meshes) if not settings.map.texture_sets else None
-        stacked = stacked_detail.check(ready.plan, ready.hidden, ready.truth, settings, materials)
+        stacked = check_stacked(ready.plan, ready.hidden, ready.truth, settings, materials)
         findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
     stopped = ready.renderer.stopped / tally.written
     read = ready.others.results(tally.backwards)
@@ -292,7 +288,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         backend=gpu.platform.backend_type_get(),
         renderer=gpu.platform.renderer_get(),
         seconds=drawn.timings.seconds,
-        warnings=causes.remaining(
+        warnings=severity.remaining(
             (
                 *drawn.warnings,
                 *map(Warned, material_notes(drawn.meshes, settings.map)),
@@ -300,8 +296,8 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
                 *map(Warned, slope_notes(settings)),
                 *map(Warned, plan.warnings),
                 *findings.warnings,
-                *(Warned(text, causes.REBUILT) for text in other_readers.warnings(drawn.readers)),
-                *(Warned(text, causes.HIDDEN_MISSES if text == HIDDEN_MISSES else "") for text in notes),
+                *(Warned(text, severity.REBUILT) for text in deviations.engine_warnings(drawn.readers)),
+                *(Warned(text, severity.HIDDEN_MISSES if text == HIDDEN_MISSES else "") for text in notes),
             )
         ),
     )
@@ -326,11 +322,11 @@ def attribute_notes(meshes: Meshes, settings: MapSettings) -> list[str]:
         names: dict[int, str] = {}  # the attribute that is set to render can have been read by its name, too
         for (kind, name), values in high.layers.items():
             if kind == triangle_mesh.ATTRIBUTE:
-                wrong = finite_values.count_others(values)
+                wrong = surface_tables.count_others(values)
                 names[wrong] = name or names.get(wrong, "")
         notes += [
             f"The {_attribute(name)} of {high.name!r} is not finite at {wrong:,} face corners: NaN counts as 0 there, "
-            f"infinity as {finite_values.LARGEST:,.0f}."
+            f"infinity as {surface_tables.LARGEST_FINITE:,.0f}."
             for wrong, name in names.items()
             if wrong
         ]
@@ -355,10 +351,10 @@ def slope_notes(settings: Settings) -> list[str]:
 def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:
     """`maps` with what values mean that do not depend on the bake's other values, also in packed channels."""
     settings = drawn.settings
-    if not any(BY_NAME[name].family in ray_reach.WITH_MEANING for name in settings.map.drawn_maps):
+    if not any(BY_NAME[name].family in ray_maps.WITH_MEANING for name in settings.map.drawn_maps):
         return maps
     space = local_space_of(drawn.plan.meshes.highs)
-    meanings = {name.lower(): how for name, how in ray_reach.meanings(settings, space).items()}
+    meanings = {name.lower(): how for name, how in ray_maps.meanings(settings, space).items()}
     found = {name: how | meanings.get(name, {}) for name, how in maps.items()}
     for how in found.values():
         for channel in how.get("channels", {}).values():

@@ -23,9 +23,9 @@ from ..core.naming import ATLAS
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import Run, Settings, TracingSettings
-from ..engine import gpu_memory, margins
-from ..engine.mips import mip_levels
-from ..engine.rendering import DrawnMaps, Renderer
+from ..engine import gpu_memory, margins, mip_levels
+from ..engine.baking import Renderer
+from ..engine.bands import DrawnMaps
 from ..output import datablocks, map_names, materials, outputs
 from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_low_name
 from ..output.materials import into_materials

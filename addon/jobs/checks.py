@@ -8,23 +8,22 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from ..audit import before_bake, causes, facing, mip_gaps
-from ..audit.before_bake import FLIPPED, HARD_EDGES, LAYER, MIRRORED, POLYGONS, Finding
-from ..audit.causes import Warned
+from ..audit import before_bake, mip_gaps, severity
+from ..audit.before_bake import FLIPPED, HARD_EDGES, LAYER, MIRRORED, POLYGONS, Faces, Finding
 from ..audit.checks import uv_space
-from ..audit.facing import Faces
+from ..audit.severity import Warned
 from ..core import progress
 from ..core.declarations.choices import Method, Modifiers, Space
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import NORMAL
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
-from ..engine import gpu_memory, rendering, separation, shared_uvs
+from ..engine import baking, gpu_memory, separation, shared_uvs
 from ..engine.bands import Band
-from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method
-from ..engine.rays.unsure_texels import Explorer
+from ..engine.sampling import maps_of_bake
 from ..engine.sources import Source, normal_source
+from ..engine.unsure_texels import Explorer
 from ..mesh import edges, face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -87,9 +86,9 @@ def flipped_findings(meshes: Meshes) -> list[Finding]:
     """A finding if the faces of the meshes of a bake point to opposite sides."""
     if meshes.is_own_base or not len(meshes.low.triangles):
         return []
-    low = facing.of_mesh(meshes.low, facing.LOW_FACES)
-    each = max(1, facing.HIGH_FACES // len(meshes.highs))
-    highs = facing.joined([facing.of_mesh(high, each) for high in meshes.highs])
+    low = before_bake.faces_of_mesh(meshes.low, before_bake.LOW_FACES)
+    each = max(1, before_bake.HIGH_FACES // len(meshes.highs))
+    highs = before_bake.joined_faces([before_bake.faces_of_mesh(high, each) for high in meshes.highs])
     names = shorten_list(repr(high.name) for high in meshes.highs)
     return before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
 
@@ -104,9 +103,9 @@ def viewport_flipped(
     if low in highs or not highs or any(obj.type != "MESH" or obj.mode != "OBJECT" for obj in (low, *highs)):
         return []
     depsgraph = context.evaluated_depsgraph_get()
-    on_low = _some_faces(low.evaluated_get(depsgraph), facing.LOW_FACES)
-    each = max(1, facing.HIGH_FACES // len(highs))
-    on_high = facing.joined([_some_faces(high.evaluated_get(depsgraph), each) for high in highs])
+    on_low = _some_faces(low.evaluated_get(depsgraph), before_bake.LOW_FACES)
+    each = max(1, before_bake.HIGH_FACES // len(highs))
+    on_high = before_bake.joined_faces([_some_faces(high.evaluated_get(depsgraph), each) for high in highs])
     return before_bake.find_flipped(on_low, on_high, repr(low.name), shorten_list(repr(high.name) for high in highs))
 
 
@@ -126,7 +125,7 @@ def _some_faces(obj: bpy.types.Object, most: int) -> Faces:
 
 def finding_warnings(findings: Sequence[Finding]) -> list[Warned]:
     """The warnings about what harms."""
-    kinds = {FLIPPED: causes.FLIPPED, HARD_EDGES: "hard_edges"}
+    kinds = {FLIPPED: severity.FLIPPED, HARD_EDGES: "hard_edges"}
     return [Warned(each.sentence, kinds.get(each.kind, "")) for each in findings if each.harms]
 
 
@@ -502,7 +501,7 @@ def _close(view: _View) -> Iterator[np.ndarray]:
 def _backwards(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool whose normal points into the low mesh: drawn as in the bake."""
     run = Run(view.settings.without_other_maps())
-    renderer = rendering.Renderer(maps_of_bake(view.meshes, view.source(), run), run)
+    renderer = baking.Renderer(maps_of_bake(view.meshes, view.source(), run), run)
     for tile in view.plan.tiles:
         normals = progress.finish(renderer.raw(tile))[NORMAL.name]
         yield (normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)

@@ -20,10 +20,9 @@ from ..core.errors import BakeError
 from ..core.map_types import MARGIN, NORMAL, WRITTEN, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.settings import Run, SamplingSettings, Settings
-from ..engine import gpu_memory, margins
+from ..engine import gpu_memory, margins, mip_levels
+from ..engine.baking import Renderer
 from ..engine.conversion import ConvertedMap, Fit
-from ..engine.mips import mip_levels
-from ..engine.rendering import Renderer
 from ..mesh import uv_layout
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, value_encoding

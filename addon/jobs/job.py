@@ -23,7 +23,7 @@ from ..mesh.inputs import Meshes
 from ..output import datablocks, materials, outputs, vertex_attributes
 from ..output.map_names import map_title, planned_files, settings_by_map
 from ..output.path_clashes import Places
-from ..passes.program import in_software
+from ..passes.shader import is_software
 from ..scene import dependencies, object_checks
 from ..scene.high_materials import MaterialSet, sets_of
 from ..scene.object_checks import ObjectRef
@@ -163,7 +163,7 @@ def band_texels(settings: SamplingSettings) -> int:
 
 def draws_in_software() -> bool:
     """Whether the GPU, which is started, is a program on the CPU."""
-    return in_software(gpu.platform.renderer_get())
+    return is_software(gpu.platform.renderer_get())
 
 
 def _tallest_band(settings: SamplingSettings) -> int:

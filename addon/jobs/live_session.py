@@ -15,14 +15,12 @@ from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Labeled, Map
 from ..core.progress import Pace, Progress, Task, part
 from ..core.settings import Run, Settings
-from ..engine import margins, rendering, shared_uvs, sources
+from ..engine import baking, margins, redrawing, sampling, shared_uvs, sources
 from ..engine.bands import Band
-from ..engine.hidden_parts import HiddenParts
-from ..engine.maps import sampling
-from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method, nothing_drawn
-from ..engine.rays.ray_casting import RayCast
-from ..engine.redrawing import kept_map
+from ..engine.ray_casting import RayCast
+from ..engine.sampling import maps_of_bake
+from ..engine.shared_uvs import HiddenParts
 from ..engine.sources import Source
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -64,7 +62,7 @@ class LiveMaps:
         if source is None or not plan.casts_rays:  # that of Flatten may have no surface, and no tree
             preparing = sources.normal_source(plan, run, uploads=uploads)
             source = yield from part(preparing, 0.0, READY)
-        renderer = rendering.Renderer(maps_of_bake(plan.meshes, source, run, uploads=uploads), run)
+        renderer = baking.Renderer(maps_of_bake(plan.meshes, source, run, uploads=uploads), run)
         maps = yield from part(
             renderer.texels(udim.FIRST, margins.for_maps([plan.meshes.low], run.settings)), READY, 1.0
         )
@@ -129,7 +127,7 @@ class Session:
         self._pool = target.TargetPool()
         self._coarse_pool = target.TargetPool()
         self._coarse: gpu.types.GPUTexture | None = None
-        self._kept = kept_map.of(self.settings)
+        self._kept = redrawing.kept_map(self.settings)
         self._is_stored = False
         self._shown_by: dict[int, set[int]] = {}
 
@@ -160,7 +158,7 @@ class Session:
         if source.takes_time and self.pace.has_listener:
             yield self._draw_coarse(source, run.settings)
         drawer = maps_of_bake(meshes, source, run, uploads=self._uploads)
-        drawing = self._kept.draw(rendering.Renderer(drawer, run), plan, self._post_processes[NORMAL.name])
+        drawing = self._kept.draw(baking.Renderer(drawer, run), plan, self._post_processes[NORMAL.name])
         if not (yield from progress.part(drawing, READY, 1.0)):
             raise BakeError(nothing_drawn(plan, length))
         self._finish(plan, source, drawer)
@@ -213,7 +211,7 @@ class Session:
         with target.using(self._coarse_pool):
             run = Run(small)
             drawer = maps_of_bake(self._meshes, source, run, uploads=self._uploads)
-            renderer = rendering.Renderer(drawer, run)
+            renderer = baking.Renderer(drawer, run)
             progress.finish(renderer.texels(udim.FIRST, margins.for_maps([self._meshes.low], small)))
         self._coarse = self._coarse_pool.find("map").texture
         return Progress("Drawing", READY, self._coarse)

@@ -23,13 +23,12 @@ from ..core.levels import ChainReport, Level, Limit
 from ..core.map_types import NORMAL
 from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.settings import Run, Settings
-from ..engine import gpu_memory, margins, normal_channels, rendering, separation, sources
+from ..engine import baking, gpu_memory, margins, normal_space, separation, sources
 from ..engine.bands import Band
-from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan
-from ..mesh import stretch
+from ..engine.sampling import maps_of_bake
+from ..mesh import coarser_uvs, triangle_mesh
 from ..mesh.inputs import Meshes
-from ..mesh.levels import kept_borders, uv_moves
 from ..mesh.triangle_mesh import Mesh
 from ..output import map_names, outputs
 from ..output.atomic_file import all_or_none
@@ -405,7 +404,7 @@ def measure(
     is_tangent = settings.map.space == Space.TANGENT
     basis = mesh_reader.with_tangents(level, layer, original.name, original.to_world) if is_tangent else None
     if basis is not None:
-        basis = stretch.as_read(basis, settings.map.basis)
+        basis = triangle_mesh.with_stretch(basis, settings.map.basis)
     meshes = Meshes(low, [original], basis, mesh_reader.smooth_normals(level, low), None, layer, False, [])
     normal_map = yield from part(_flattened(meshes, settings, pace), 0.0, FLAT)
     casting = replace(settings, method=Method.CAST)
@@ -439,7 +438,7 @@ def _flattened(meshes: Meshes, settings: Settings, pace: Pace) -> Task[gpu.types
     run = Run(settings, pace)
     plan = Plan(Method.FLATTEN, (udim.FIRST,), meshes)
     source = yield from part(sources.normal_source(plan, run), 0.0, 0.5)
-    renderer = rendering.Renderer(maps_of_bake(meshes, source, run), run)
+    renderer = baking.Renderer(maps_of_bake(meshes, source, run), run)
     drawing = renderer.texels(udim.FIRST, margins.for_maps([meshes.low], settings))
     maps = yield from part(drawing, 0.5, 1.0)
     texels = maps[NORMAL.name][0]
@@ -451,7 +450,7 @@ def _compared(
     basis: Mesh, normal_map: gpu.types.GPUTexture, truth: gpu.types.GPUTexture, settings: Settings
 ) -> np.ndarray:
     """What viewport.measure_deviation writes, (height, width, 4) float32. basis: the level, with tangents for tangent space."""
-    read = (255 if settings.storing.depth == 8 else 0, *normal_channels.reading(settings.map)[1:])
+    read = (255 if settings.storing.depth == 8 else 0, *normal_space.reading(settings.map)[1:])
     reading = lit.shading(basis.normal_matrix, read=read)
     level = mesh_upload.upload(basis.triangles, **basis.tangent_space)
     measured = target.get("deviation", settings.sampling.width, settings.sampling.height, "RGBA32F")
@@ -499,7 +498,7 @@ def of_mesh(data: bpy.types.Mesh, layer: str, name: str, to_world: np.ndarray) -
     data.polygons.foreach_get("material_index", slots)
     layers = [mesh_reader.uvs(data, each.name) for each in data.uv_layers]
     is_kept = np.ones(len(data.vertices), bool)  # vertices without a face, too
-    on_border = kept_borders.kept(surface.vertices, surface.triangles, layers, slots[surface.faces])
+    on_border = coarser_uvs.kept_vertices(surface.vertices, surface.triangles, layers, slots[surface.faces])
     is_kept[: len(on_border)] = on_border
     return Source(data, surface, is_kept, layer)
 
@@ -553,7 +552,7 @@ def _move(data: bpy.types.Mesh, moved: bpy.types.Mesh) -> None:
     surface = source.surface
     for layer in data.uv_layers:
         before, after = (mesh_reader.uvs(mesh, layer.name) for mesh in (data, moved))
-        uv = uv_moves.accepted(before, after, surface.vertices, surface.triangles, source.is_kept)
+        uv = coarser_uvs.moved_uvs(before, after, surface.vertices, surface.triangles, source.is_kept)
         layer.uv.foreach_set("vector", uv.reshape(-1))
 
 

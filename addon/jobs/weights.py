@@ -17,9 +17,8 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.settings import Run, Settings
-from ..engine import gpu_memory
+from ..engine import gpu_memory, ray_casting, unsure_texels
 from ..engine.method_choice import choose_method
-from ..engine.rays import ray_casting, unsure_texels
 from ..engine.sources import normal_source
 from ..mesh.inputs import Meshes
 from ..scene import reading

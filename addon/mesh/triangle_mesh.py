@@ -1,12 +1,65 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A triangle mesh as numpy arrays."""
+"""A triangle mesh as numpy arrays, and the spaces of its normals and tangents."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from .spatial.face_corners import FaceCorners
+from ..core.declarations import bases
+from ..core.declarations.bases import Basis
+
+CORNER_BLOCK = 512
+"""Corners that are left out together if they have no vertex that is looked for: those close in a mesh have close numbers."""
+
+
+class FaceCorners:
+    """The faces of a mesh, by corners.
+
+    starts (F + 1,) int32: the first corner of each face, and at the end C. vertices (C,) int32: the vertex of each corner.
+    """
+
+    def __init__(self, starts: np.ndarray, vertices: np.ndarray):
+        self.starts, self.vertices = starts, vertices
+
+    def corners_at(self, vertices: np.ndarray, count: int) -> np.ndarray:
+        """The corners of some of `count` vertices, ascending."""
+        first, last = self._blocks
+        is_near = np.searchsorted(vertices, first) < np.searchsorted(vertices, last, side="right")
+        near = (np.flatnonzero(is_near)[:, None] * CORNER_BLOCK + np.arange(CORNER_BLOCK)).reshape(-1)
+        near = near[: np.searchsorted(near, len(self.vertices))]
+        is_wanted = np.zeros(count, bool)
+        is_wanted[vertices] = True
+        return near[is_wanted[self.vertices[near]]]
+
+    def faces_of(self, corners: np.ndarray) -> np.ndarray:
+        """The faces of some corners, each once, ascending."""
+        return np.unique(np.searchsorted(self.starts, corners, side="right") - 1)
+
+    def corners_of(self, faces: np.ndarray) -> np.ndarray:
+        """The corners of some faces, face after face."""
+        return _ranges(self.starts[faces], self.sizes(faces))
+
+    def triangles_of(self, faces: np.ndarray) -> np.ndarray:
+        """The numbers of the triangles of some faces, if each face is divided into triangles without more corners."""
+        return _ranges(self.starts[faces] - 2 * faces, self.sizes(faces) - 2)
+
+    def sizes(self, faces: np.ndarray) -> np.ndarray:
+        """The number of corners of each of some faces."""
+        return self.starts[faces + 1] - self.starts[faces]
+
+    @cached_property
+    def _blocks(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest and the highest vertex of each block of corners."""
+        starts = np.arange(0, len(self.vertices), CORNER_BLOCK)
+        return np.minimum.reduceat(self.vertices, starts), np.maximum.reduceat(self.vertices, starts)
+
+
+def _ranges(starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """The numbers from each start on, as many as its size, one after the other."""
+    before = np.cumsum(sizes) - sizes
+    return np.arange(sizes.sum()) + np.repeat(starts - before, sizes)
+
 
 UV_LAYER, ATTRIBUTE, TANGENTS = "UV map", "attribute", "tangents"
 """The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), and tangents (C, 4) of a UV map, w the sign of the bitangent."""
@@ -162,3 +215,48 @@ def normal_matrix(mesh_to_world: np.ndarray, space_to_world: np.ndarray | None =
         matrix = space_to_world[:3, :3].T @ matrix
     # Only directions matter, and a single-precision shader squares them: keep the numbers near 1.
     return matrix / np.abs(matrix).max()
+
+
+UNEVEN = 1e-4
+"""How much the scales of an object along its axes may differ, as a share, to count as the same."""
+
+
+def scale_of(to_world: np.ndarray) -> np.ndarray:
+    """The scale in a matrix (4, 4), perhaps mirrored or sheared: (3, 3) float64. Without it, the matrix is a rotation."""
+    _, scales, axes = np.linalg.svd(to_world[:3, :3])
+    return np.sign(np.linalg.det(to_world[:3, :3])) * axes.T @ np.diag(scales) @ axes
+
+
+def is_uneven(to_world: np.ndarray) -> bool:
+    """Whether a matrix (4, 4) scales more in one direction than in another."""
+    scales = np.linalg.svd(to_world[:3, :3], compute_uv=False)
+    return bool(scales[-1] < scales[0] * (1.0 - UNEVEN))
+
+
+def with_stretch(low: Mesh, basis: str) -> Mesh:
+    """`low`, as it was read, with the normals and tangents from which programs with a basis make the tangent space.
+
+    With the same scale in all directions, nothing changes.
+    """
+    rules = bases.of_name(basis)
+    if rules.in_object_space or not is_uneven(low.to_world):
+        return low
+    matrix = scale_of(low.to_world)
+    normals, tangents = stretched(matrix, low.normals, low.tangents, rules)
+    return replace(low, normals=normals, tangents=tangents, stretch=matrix)
+
+
+def stretched(
+    matrix: np.ndarray, normals: np.ndarray, tangents: np.ndarray, basis: Basis
+) -> tuple[np.ndarray, np.ndarray]:
+    """Normals (..., 3) and tangents (..., 4), w the sign of the bitangent, after a scale (3, 3): unit vectors, float32."""
+    of_normals = np.linalg.inv(matrix)
+    turned = _unit(normals @ of_normals)
+    along = _unit(tangents[..., :3] @ (of_normals if basis.tangents_as_normals else matrix.T))
+    signs = tangents[..., 3:] * np.sign(np.linalg.det(matrix))
+    return turned.astype(np.float32), np.concatenate([along, signs], axis=-1).astype(np.float32)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)

@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes of the audit: shared texels, hidden triangles, and what another program reads from the map."""
+"""Passes of the audit: shared texels, hidden triangles, and what another program shows of the map."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.udim import UvToClip
 from . import blender_gpu as gpu
-from . import mesh_upload, shader, target
-from .bake import tangent
-from .program import Program
+from . import low_in_uv, mesh_upload, shader, target
+from .shader import Program
 
 OVERLAP = Program(
     vertex="audit/overlap_vert.glsl",
@@ -36,9 +34,6 @@ def draw_overlap(into: target.Target, mesh: gpu.types.GPUBatch, uv_to_clip: UvTo
         mesh.draw(compiled)
         gpu.state.blend_set("NONE")
 
-
-if TYPE_CHECKING:
-    import gpu
 
 TRIANGLE_IDS = Program(
     vertex="audit/triangle_ids_vert.glsl",
@@ -83,14 +78,11 @@ def layers_of_triangles(
         above, into = into, above
 
 
-if TYPE_CHECKING:
-    import gpu
-
 READER_ANGLES = Program(
     vertex="bake/tangent_vert.glsl",
     fragment="audit/reader_angles_frag.glsl",
-    inputs=tangent.PROGRAM.inputs,
-    varyings=tangent.VARYINGS,
+    inputs=low_in_uv.TANGENT.inputs,
+    varyings=low_in_uv.TANGENT_VARYINGS,
     texels=(("RGBA32F", "FLOAT_2D", "normal_map"),),
     constants=(("VEC4", "uv_to_clip"), ("VEC4", "own"), ("VEC4", "other")),
     outputs=(("FLOAT", "angle_out"),),
@@ -106,8 +98,8 @@ def measure_reader_angles(
 ) -> np.ndarray:
     """The angles (height, width) float32 in degrees, or -1 where the low mesh does not cover the texel's center.
 
-    low: as tangent.draw takes it. normal_map: RGBA32F, colors before they are rounded. own: how the map is meant; other: how
-    the program reads it; both from lit.reading.
+    low: as low_in_uv.draw_in_tangent_space takes it. normal_map: RGBA32F, colors before they are
+    rounded. own: how the map is meant; other: how the program reads it; both from lit.reading.
     """
     into = target.get("reader angles", normal_map.width, normal_map.height, "R32F")
     compiled = shader.load(READER_ANGLES)

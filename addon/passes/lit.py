@@ -3,15 +3,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from . import blender_gpu as gpu
 from . import shader, target
-from .program import Program
-
-if TYPE_CHECKING:
-    import gpu
+from .shader import Program
 
 WORLD, OBJECT, TANGENT = range(3)
 """The spaces of a map's normals, as in decode_lib.glsl. TANGENT is the first of a number of kinds, one for each basis."""

@@ -14,14 +14,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.udim import UvToClip
 from . import blender_gpu as gpu
 from . import data_texture, mesh_upload, shader, target
-from .program import Program
+from .shader import Program
 
 SEARCH_GROUP = 64
 SEARCH_ROWS = Program(
@@ -76,9 +75,6 @@ def _dispatch_lines(program: Program, count: int, **bindings) -> None:
     target.bind(compiled, program, **bindings)
     gpu.compute.dispatch(compiled, -(-count // SEARCH_GROUP), 1, 1)
 
-
-if TYPE_CHECKING:
-    import gpu
 
 FILL = Program(
     vertex="lib/fullscreen_vert.glsl",

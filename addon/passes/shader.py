@@ -1,17 +1,87 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compiles shader programs, and caches them."""
+"""Shader programs: declares their interfaces as data, loads their files with includes resolved, compiles and caches them."""
 
 from __future__ import annotations
 
 import functools
+import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..core.progress import startup
 from . import blender_gpu as gpu
-from .program import Program, prelude, source
-from .program import in_software as is_software
+
+SHADERS = Path(__file__).parents[2] / "shaders"
+_INCLUDE = re.compile(r'^#include "([^"]+)"\s*$')
+
+_SOFTWARE = "llvmpipe", "softpipe", "lavapipe", "swiftshader", "software"
+
+Declaration = tuple[str, str]  # (type, name), with the types of gpu.types.GPUShaderCreateInfo
+
+
+@dataclass(frozen=True)
+class Program:
+    """The interface of a vertex and a fragment shader, or of a compute shader.
+
+    The shader files contain no declarations: Blender's backend writes them.
+    """
+
+    vertex: str = ""
+    fragment: str = ""
+    compute: str = ""
+    inputs: tuple[Declaration, ...] = ()
+    varyings: tuple[Declaration, ...] = ()
+    """From vertex to fragment, interpolated."""
+    flat: tuple[Declaration, ...] = ()
+    """From vertex to fragment, not interpolated: whole numbers that all corners of a triangle share."""
+    samplers: tuple[Declaration, ...] = ()
+    constants: tuple[Declaration, ...] = ()
+    outputs: tuple[Declaration, ...] = ()
+    images: tuple[tuple[str, str, str, str], ...] = ()
+    """The images that a compute shader writes: (format, type, name, "WRITE" or "READ WRITE")."""
+    texels: tuple[tuple[str, str, str], ...] = ()
+    """Textures read at integer coordinates, with texel_at and texel_size: (format, type, name). Software drivers read them
+    as images, since a sampler takes them twice as long; other drivers read them as samplers, which their caches suit."""
+    group: tuple[int, int] = (8, 8)
+    """A compute shader's workgroup, in texels."""
+
+    def all_samplers(self, as_images: bool) -> list[Declaration]:
+        """The samplers by slot, including `texels` unless they are images."""
+        return [*self.samplers, *(() if as_images else ((kind, name) for _, kind, name in self.texels))]
+
+    def all_images(self, as_images: bool) -> list[tuple[str, str, str, str]]:
+        """The images by slot, including `texels` if they are images."""
+        return [*self.images, *(((*texel, "READ") for texel in self.texels) if as_images else ())]
+
+
+def prelude(as_images: bool) -> str:
+    """The text before every shader source: the macros that read a Program's `texels`."""
+    at, size = ("imageLoad(t, p)", "imageSize(t)") if as_images else ("texelFetch(t, p, 0)", "textureSize(t, 0)")
+    return f"#define texel_at(t, p) {at}\n#define texel_size(t) {size}\n#line 1\n"
+
+
+def source(name: str) -> str:
+    """The text of the shader file `name`, with each include resolved once, and #line marks for the compiler."""
+    return "\n".join(_lines(name, set()))
+
+
+def _lines(name: str, seen: set[str]) -> list[str]:
+    seen.add(name)
+    lines = []
+    for number, line in enumerate((SHADERS / name).read_text(encoding="utf-8").splitlines(), start=1):
+        include = _INCLUDE.match(line)
+        if include is None:
+            lines.append(line)
+        elif include[1] not in seen:
+            lines += [*_lines(include[1], seen), f"#line {number + 1}"]
+    return lines
+
+
+def is_software(renderer: str) -> bool:
+    """Whether the renderer of this name runs on the CPU."""
+    return any(name in renderer.casefold() for name in _SOFTWARE)
 
 
 @functools.cache

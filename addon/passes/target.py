@@ -12,8 +12,44 @@ from contextvars import ContextVar
 import numpy as np
 
 from . import blender_gpu as gpu
-from . import drawn_part, shader
-from .program import Program
+from . import shader
+from .shader import Program
+
+_drawn_part: ContextVar[tuple[range, range] | None] = ContextVar("columns and rows to draw", default=None)
+
+
+@contextmanager
+def limited_to(columns: range, rows: range) -> Iterator[None]:
+    """In this block, drawing and clearing leave all other texels of targets as they are. Compute shaders are not limited."""
+    token = _drawn_part.set((columns, rows))
+    try:
+        yield
+    finally:
+        _drawn_part.reset(token)
+
+
+def drawn_part(width: int, height: int) -> tuple[range, range]:
+    """The columns and rows that are drawn of targets of this size."""
+    return _drawn_part.get() or (range(width), range(height))
+
+
+def _limit(width: int, rows: range | None = None) -> bool:
+    """Limit the bound framebuffer, of this width, to the part, and to these rows. Returns whether there is a limit, which
+    `end` removes."""
+    part = _drawn_part.get()
+    if part is None and rows is None:
+        return False
+    columns, of_part = part or (range(width), rows)
+    of_both = of_part if rows is None else range(max(rows.start, of_part.start), min(rows.stop, of_part.stop))
+    gpu.state.scissor_test_set(True)
+    gpu.state.scissor_set(columns.start, of_both.start, len(columns), len(of_both))
+    return True
+
+
+def _end_limit() -> None:
+    """Draw everywhere again."""
+    gpu.state.scissor_test_set(False)
+
 
 KEPT_BYTES = 512 * 2**20
 """The memory that targets may keep between bakes, in bytes; above it they are freed at the end of a bake."""
@@ -225,15 +261,15 @@ def drawing(
     gpu.state.color_mask_set(True, True, True, True)
     with into.bound(stopped) as framebuffer:
         gpu.state.viewport_set(0, 0, into.width, into.height)
-        is_limited = drawn_part.begin(into.width)
+        is_limited = _limit(into.width)
         if clear:
             framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), **({"depth": 1.0} if writes_depth else {}))
-        is_limited |= drawn_part.begin(into.width, rows)
+        is_limited |= _limit(into.width, rows)
         try:
             yield
         finally:
             if is_limited:
-                drawn_part.end()
+                _end_limit()
             gpu.state.depth_mask_set(mask)
             gpu.state.depth_test_set(test)
             gpu.state.blend_set(blending)

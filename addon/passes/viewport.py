@@ -1,23 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes of the views: the deviation of a map from the high meshes with its legend, and the shell of the cage."""
+"""Passes for the screen: the deviation of a map with its legend, the shell of the cage, and pictures of unfinished maps."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core import udim
 from . import blender_gpu as gpu
-from . import lit, shader, target
-from .bake import tangent
-from .program import Program
+from . import lit, low_in_uv, shader, target
+from .shader import Program
 
 MEASURE_DEVIATION = Program(
     vertex="bake/tangent_vert.glsl",
     fragment="view/deviation_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
-    varyings=tangent.VARYINGS,
+    varyings=low_in_uv.TANGENT_VARYINGS,
     samplers=(("FLOAT_2D", "normal_map"), ("FLOAT_2D", "truth"), ("FLOAT_2D", "elsewhere")),
     # Vulkan grants 128 bytes of constants, which these are.
     constants=(
@@ -115,9 +112,6 @@ def draw_legend(square: gpu.types.GPUBatch, rect: tuple[float, float, float, flo
     square.draw(compiled)
 
 
-if TYPE_CHECKING:
-    import gpu
-
 CAGE_SHELL = Program(
     vertex="view/cage_shell_vert.glsl",
     fragment="view/cage_shell_frag.glsl",
@@ -143,3 +137,34 @@ def draw_cage_shell(
     compiled.bind()
     target.bind(compiled, CAGE_SHELL, view_projection=view_projection, color=color, scale=scale, offset=offset)
     batch.draw(compiled)
+
+
+PREVIEW = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="bake/preview_picture_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(("FLOAT_2D", "normals"),),
+    constants=(("VEC4", "scale"), ("MAT4", "channels")),
+    outputs=(("VEC4", "picture_out"),),
+)
+PREVIEW_SIDE = 512
+"""The largest length of the longer side, in texels."""
+
+
+def draw_preview(
+    normals: gpu.types.GPUTexture, size: tuple[int, int], channels: np.ndarray, *, clear: bool, is_value: bool = False
+) -> gpu.types.GPUTexture:
+    """Draw the picture of `normals` (RGBA32F, or sums of samples), a part of a map of `size`. channels: (3, 3), as in
+    lit.shading.
+
+    is_value: `normals` has values instead, which are shown as they are. Texels without normals keep the previous
+    picture, unless `clear` is True.
+    """
+    shrink = max(1.0, max(size) / PREVIEW_SIDE)
+    into = target.get("picture", max(1, int(size[0] / shrink)), max(1, int(size[1] / shrink)), "RGBA16F")
+    scale = normals.width / into.width, normals.height / into.height, float(is_value), 0.0
+    if clear:
+        target.clear(into)
+    target.fill(into, PREVIEW, normals=normals, scale=scale, channels=shader.mat4(channels))
+    into.finish()  # so that the caller's clock includes the drawing
+    return into.texture

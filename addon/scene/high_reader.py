@@ -14,8 +14,7 @@ from ..core.material_feeds import HighMaterial, ImagePixels
 from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
-from ..mesh.spatial.face_corners import FaceCorners
-from ..mesh.triangle_mesh import Mesh, changed_rows, changed_share
+from ..mesh.triangle_mesh import FaceCorners, Mesh, changed_rows, changed_share
 from . import mesh_reader, object_checks
 from .high_materials import MaterialNumbers, Shown, read_layers
 from .materials.material_reading import NORMAL

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.declarations.choices import Method, Modifiers, Space
 from ..core.errors import LENGTH_DIGITS, BakeError, Incomplete, Length, plain_length
 from ..core.settings import Settings, TracingSettings
-from ..mesh import stretch
+from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
@@ -163,7 +163,7 @@ def read_low(
         has_basis = settings.map.space == Space.TANGENT and with_uv
         basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if has_basis else None
         if basis is not None:
-            basis = stretch.as_read(basis, settings.map.basis)
+            basis = triangle_mesh.with_stretch(basis, settings.map.basis)
         if settings.map.texture_sets:
             low_mesh = high_materials.with_slots(low_mesh, data, low)
         offset, straight = _painted(

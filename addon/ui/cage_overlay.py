@@ -11,14 +11,13 @@ import numpy as np
 from ..core.declarations.choices import Directions
 from ..core.errors import BakeError
 from ..core.settings import Settings
-from ..engine.rays import ray_casting, ray_distances, tree_cache
-from ..engine.rays.ray_casting import RayCast
+from ..engine import ray_casting, ray_distances, tree_cache
+from ..engine.ray_casting import RayCast
 from ..jobs import bake
 from ..mesh import subdividing
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of
-from ..passes import mesh_upload
-from ..passes.bake import rays
+from ..passes import mesh_upload, rays
 from ..passes.viewport import draw_cage_shell
 from ..scene import reading
 from ..scene.mesh_elements import without_missing

@@ -14,7 +14,7 @@ from ..core.declarations import readers
 from ..core.declarations.choices import Pack, Space, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
-from ..engine import normal_channels, uv_agreement
+from ..engine import normal_space, uv_agreement
 from ..engine.bands import BAND_TEXELS, Band
 from ..jobs.live_session import Session
 from ..mesh.inputs import Meshes
@@ -346,9 +346,9 @@ class Shading:
         """How the map is read, and the light, as the shaders take them."""
         settings, reader = self.session.settings, readers.BY_NAME.get(self.reader)
         if reader and settings.map.space == Space.TANGENT:
-            read = normal_channels.reading_by(reader, settings)
+            read = normal_space.reading_by(reader, settings)
         else:
-            read = (255 if settings.storing.depth == 8 else 0, *normal_channels.reading(settings.map)[1:])
+            read = (255 if settings.storing.depth == 8 else 0, *normal_space.reading(settings.map)[1:])
         return lit.shading(normals, light, read=read)
 
     def _measure(self) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.engine.rays import tree_cache
+from addon.engine import tree_cache
 from addon.jobs import bake_pair
 from scripts.bench.comparing import CYCLES, MULTIRES
 from scripts.bench.scenes import Pair

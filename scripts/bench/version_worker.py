@@ -65,7 +65,10 @@ def bake(settings: dict) -> dict:
 
 
 def forget_tree() -> None:
-    from addon.engine.rays import tree_cache
+    try:
+        from addon.engine import tree_cache
+    except ImportError:  # versions up to 0.2
+        from addon.engine.rays import tree_cache
 
     tree_cache.trees.free()
 

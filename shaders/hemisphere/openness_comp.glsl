@@ -5,7 +5,7 @@
 #include "lib/shading_lib.glsl"
 #include "lib/reach_lib.glsl"
 
-// As in passes/hemisphere/openness.py, FADES.
+// As in passes/hemisphere.py, FADES.
 const int OPENNESS_FADE_NONE = 0;
 const int OPENNESS_FADE_SMOOTH = 2;
 // Each ray counts the normal by this much, which gives a bent normal its direction where all rays are blocked.

@@ -1,5 +1,5 @@
 // The points of a lattice in the unit square, shifted differently for each texel, and directions from them.
-// passes/hemisphere/lattice.py chooses the lattice.
+// passes/hemisphere.py chooses the lattice.
 
 const int LATTICE_SIDE = 64;  // the shifts repeat after as many texels
 

@@ -1,4 +1,4 @@
-// What the stored values of a page mean. page_flags: PAGE_COLOR_ flags, as in addon/passes/surface/image_page.py.
+// What the stored values of a page mean. page_flags: PAGE_COLOR_ flags, as in addon/passes/surface_tables.py.
 
 // Colors are stored as sRGB.
 const int PAGE_COLOR_SRGB = 1;

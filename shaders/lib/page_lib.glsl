@@ -1,4 +1,4 @@
-// Reads a page: an image of a material of the high meshes, with its levels, as addon/passes/surface/image_page.py builds them.
+// Reads a page: an image of a material of the high meshes, with its levels, as addon/passes/surface_tables.py builds them.
 // page_flags has PAGE_ flags as well as those of page_color_lib.glsl; top_level is the number of levels beside the page.
 #include "lib/page_color_lib.glsl"
 

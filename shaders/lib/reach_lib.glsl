@@ -1,5 +1,5 @@
 // How far rays reach through the tree in the textures `nodes`, `triangles` and `points` before they meet a triangle.
-// mesh/spatial/bvh.py builds the tree; `grid_origin`, `grid_scale` and `first_leaf` belong to it.
+// mesh/bvh.py builds the tree; `grid_origin`, `grid_scale` and `first_leaf` belong to it.
 //
 // Four rays from one point go together: most nodes and triangles that they visit are the same, and are read once for all four.
 // A vector `x`, `y` or `z` has one coordinate of the four directions.

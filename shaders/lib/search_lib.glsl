@@ -1,4 +1,4 @@
-// Searches the tree in the textures `nodes`, `triangles` and `points` for a hit of one ray. mesh/spatial/bvh.py builds the tree; `grid_origin`,
+// Searches the tree in the textures `nodes`, `triangles` and `points` for a hit of one ray. mesh/bvh.py builds the tree; `grid_origin`,
 // `grid_scale` and `first_leaf` belong to it.
 #include "lib/overlap_lib.glsl"
 #include "lib/packet_lib.glsl"

@@ -1,5 +1,5 @@
 // The texel that a lane works on, where a pass runs only on some blocks of a map. `blocks` lists them by column and row;
-// addon/passes/surface/served_blocks.py finds them. A workgroup is a square of 8 x 8 texels.
+// addon/passes/surface_tables.py finds them. A workgroup is a square of 8 x 8 texels.
 
 const int SERVED_BLOCK = 32;
 

@@ -1,4 +1,4 @@
-// Walks a tree of mesh/spatial/bvh.py without a stack. The children of node n are 4 n + 1 to 4 n + 4. All walks are loops over
+// Walks a tree of mesh/bvh.py without a stack. The children of node n are 4 n + 1 to 4 n + 4. All walks are loops over
 // TREE_BOXES, a mask of the children that they visit, and tree_step.
 
 #include "lib/texture_lib.glsl"

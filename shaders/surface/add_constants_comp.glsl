@@ -3,7 +3,7 @@
 #include "lib/hit_lib.glsl"
 #include "lib/accumulate_lib.glsl"
 
-// As CONSTANT in addon/passes/surface/material_table.py.
+// As CONSTANT in addon/passes/surface_tables.py.
 const int CONSTANT = 0;
 
 void main()

@@ -2,7 +2,7 @@
 #include "lib/texture_lib.glsl"
 #include "lib/hit_lib.glsl"
 
-// As in addon/passes/surface/served_blocks.py.
+// As in addon/passes/surface_tables.py.
 const int BLOCK = 32;
 const int BITS = 24;
 

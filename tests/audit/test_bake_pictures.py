@@ -5,8 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.audit.pictures import shrinking
-from addon.audit.pictures.bake_pictures import BACKGROUND, SIDE, UNKNOWN, BakePictures
+from addon.audit.pictures import BACKGROUND, SIDE, UNKNOWN, BakePictures, add_greatest, square_means
 from addon.core.map_types import NORMAL
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs
@@ -64,7 +63,7 @@ def test_means_are_those_of_the_known_texels():
     texels = np.arange(5 * 3, dtype=np.float32).reshape(5, 3, 1).repeat(4, axis=2)
     is_known = np.ones((5, 3), bool)
     is_known[0, 0] = is_known[4, 2] = False
-    means, has_any = shrinking.means(texels, is_known, 2)
+    means, has_any = square_means(texels, is_known, 2)
     assert means.shape == (3, 2, 3)
     wanted = [
         [(1 + 3 + 4) / 3, (2 + 5) / 2],
@@ -79,7 +78,7 @@ def test_the_greatest_of_parts_is_that_of_the_whole_seed_4():
     values = np.random.default_rng(4).random((50, 31)).astype(np.float32)
     into = np.zeros((8, 5), np.float32)
     for start, stop in ((0, 13), (13, 30), (30, 50)):
-        shrinking.add_greatest(into, values[start:stop], start, 7)
+        add_greatest(into, values[start:stop], start, 7)
     padded = np.zeros((56, 35), np.float32)
     padded[:50, :31] = values
     assert np.array_equal(into, padded.reshape(8, 7, 5, 7).max(axis=(1, 3)))

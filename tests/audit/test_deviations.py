@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from addon.audit.angle_counts import AngleCounts
+from addon.audit.deviations import AngleCounts
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import bands

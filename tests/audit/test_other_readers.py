@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.audit import other_readers
+from addon.audit import deviations
 from addon.core.declarations import readers
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
@@ -117,7 +117,7 @@ def test_texels_with_a_z_of_0_or_less_are_a_warning_for_programs_that_make_z():
     texels = SIZE[0] * SIZE[1]
     assert rebuilt == {"unreal": texels, "godot": texels, "three": 0}
     assert not any("z is made" in text for text in report.warnings)  # they name the cause
-    assert other_readers.warnings(report.readers) == [
+    assert deviations.engine_warnings(report.readers) == [
         f"Unreal Engine, Godot 4.4+: z is made of x and y there, and {texels:,} texels with a z of 0 or less come out wrong."
     ]
     away = 180.0 - 2.0 * np.degrees(2.0 - np.pi / 2.0)  # mirrored at the surface, by green as well in Unreal

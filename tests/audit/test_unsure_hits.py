@@ -5,7 +5,7 @@ import bpy  # noqa: F401 - Blender's gpu module comes with it
 import numpy as np
 import pytest
 
-from addon.engine.rays.unsure_texels import REASONS
+from addon.engine.unsure_texels import REASONS
 from tests.audit.test_checks import RAYS, bake, faces, mask, part
 from tests.support import zoo
 

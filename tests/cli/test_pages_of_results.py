@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from addon.audit.pictures.bake_pictures import SIDE
+from addon.audit.pictures import SIDE
 from addon.cli import command
 from addon.cli.results.sheet import SheetFile
 from addon.cli.workers.worker import MOST_PICTURES

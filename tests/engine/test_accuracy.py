@@ -11,10 +11,10 @@ import pytest
 from addon.core import progress
 from addon.core.progress import Timings
 from addon.core.settings import Run, Settings
-from addon.engine import rendering, sources
-from addon.engine.maps.normal_space import NormalSpace
-from addon.engine.maps.sampling import SampledMaps
+from addon.engine import baking, sources
 from addon.engine.margins import for_maps
+from addon.engine.normal_space import NormalSpace
+from addon.engine.sampling import SampledMaps
 from addon.mesh import triangle_mesh
 from tests.support import angles, cycles, lanes, maps
 
@@ -142,6 +142,6 @@ def folds(low):
     timings = Timings()
     source = sources.Flat(painted, [painted], settings.map, timings)
     run = Run(settings, timings=timings)
-    renderer = rendering.Renderer(SampledMaps(source, NormalSpace(None, None, run.settings), [], None, run), run)
+    renderer = baking.Renderer(SampledMaps(source, NormalSpace(None, None, run.settings), [], None, run), run)
     texels, _ = progress.finish(renderer.texels(1001, for_maps([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5

@@ -10,8 +10,7 @@ from addon.core.declarations.map_settings import MAP
 from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import bake_pair
-from addon.passes import adaptive, target
-from addon.passes.bake import samples
+from addon.passes import samples, target
 from tests.support import angles, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -102,14 +101,14 @@ def test_every_texel_of_which_a_sample_is_covered_stays_covered(gap):
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
 def test_empty_texels_away_from_the_meshes_take_no_more_samples(space, monkeypatch):
     low, high = zoo.two_islands("low", gap=0.7), zoo.two_islands("high", gap=0.7)
-    listed, find = [], adaptive.find_active
+    listed, find = [], samples.find_active
 
     def found(*arguments):
         some = find(*arguments)
         listed.append(some and some.count)
         return some
 
-    monkeypatch.setattr(adaptive, "find_active", found)
+    monkeypatch.setattr(samples, "find_active", found)
     some, every, stopped = both(low, high, width=128, height=128, samples=16, space=space)
     assert difference(some, every).max() < 1e-3
     empty = np.count_nonzero(every[..., 3] == 0.0)
@@ -183,8 +182,8 @@ def drawn_rounds(first, second, limits, offset=(0.25, 0.0)):
         )
         for values in (first, second)
     )
-    into = target.Target(first.shape[1], first.shape[0], adaptive.ROUND_FORMATS)
-    return adaptive.draw_rounds(into, one, other, offset=offset, limits=limits)
+    into = target.Target(first.shape[1], first.shape[0], samples.ROUND_FORMATS)
+    return samples.draw_rounds(into, one, other, offset=offset, limits=limits)
 
 
 def leaning(degrees):
@@ -223,10 +222,10 @@ def test_random_texels_are_listed_once_each(seed, size):
     random = np.random.default_rng(seed)
     needed = random.integers(1, 4, size).astype(np.uint8)
     texture = target.Target(width, height, ("R8",)).texture
-    some = adaptive.find_active(texture, needed, 2)
-    listed, blocks = adaptive.in_blocks(needed >= 2)
+    some = samples.find_active(texture, needed, 2)
+    listed, blocks = samples.in_blocks(needed >= 2)
     assert some.count == len(listed) == np.count_nonzero(needed >= 2)
     assert some.rows // 8 * -(-width // 8) * 64 >= some.count
     assert {tuple(place) for place in listed.tolist()} == {(x, y) for y, x in np.argwhere(needed >= 2).tolist()}
-    assert {tuple(place) for place in (listed // adaptive.BLOCK).tolist()} == {(x, y) for y, x in np.argwhere(blocks)}
-    assert adaptive.find_active(texture, needed, 4) is None
+    assert {tuple(place) for place in (listed // samples.BLOCK).tolist()} == {(x, y) for y, x in np.argwhere(blocks)}
+    assert samples.find_active(texture, needed, 4) is None

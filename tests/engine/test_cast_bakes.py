@@ -13,7 +13,7 @@ from mathutils import Matrix
 from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine.rays import tree_cache
+from addon.engine import tree_cache
 from addon.jobs import Job, bake, bake_all, bake_pair
 from addon.jobs.live_session import Session
 from tests.support import angles, cycles, lanes, maps, oracle, zoo

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine import bands, margins
-from addon.engine.rays import tree_cache
+from addon.engine import bands, margins, tree_cache
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_names, outputs
 from addon.passes import target

@@ -9,9 +9,9 @@ import pytest
 
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.engine.rays import tree_cache
+from addon.engine import tree_cache
 from addon.jobs import Job, bake_all, bake_pair, live_session
-from addon.mesh.spatial import bvh
+from addon.mesh import bvh
 from addon.passes import data_texture, mesh_upload, target
 from tests.support import zoo
 

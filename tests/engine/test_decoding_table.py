@@ -6,7 +6,7 @@ import pytest
 
 from addon.core.map_types import BY_NAME
 from addon.core.settings import Settings
-from addon.engine.maps.ray_reach import meanings
+from addon.engine.ray_maps import meanings
 from addon.mesh.local_space import LocalSpace
 from tests.support.manual import encodings
 

@@ -9,14 +9,12 @@ import pytest
 
 from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.engine import separation
+from addon.engine import high_meshes, separation
 from addon.engine.bands import Band
-from addon.engine.dense import high_batches
-from addon.engine.dense.high_batches import HighBatches
+from addon.engine.high_meshes import HighBatches
 from addon.jobs import bake_pair
 from addon.mesh.triangle_mesh import Mesh
-from addon.passes import mesh_upload, shader, target
-from addon.passes.bake import flatten
+from addon.passes import high_in_uv, mesh_upload, shader, target
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -70,7 +68,7 @@ def drawn(highs, band, uploads=None):
 def drawn_whole(monkeypatch, highs, band):
     """As `drawn`, with all triangles."""
     with monkeypatch.context() as patch:
-        patch.setattr(high_batches, "DENSE", 10**6)
+        patch.setattr(high_meshes, "DENSE", 10**6)
         return drawn(highs, band)
 
 
@@ -81,8 +79,8 @@ def test_leaving_out_random_triangles_changes_no_bit(monkeypatch, seed, band):
     whole, shares = drawn_whole(monkeypatch, highs, band)
     assert shares == [1.0]
     assert (whole[..., 3] > 0.0).mean() > 0.3
-    monkeypatch.setattr(high_batches, "MOST_WHOLE", 0)
-    monkeypatch.setattr(high_batches, "PART", 2500)
+    monkeypatch.setattr(high_meshes, "MOST_WHOLE", 0)
+    monkeypatch.setattr(high_meshes, "PART", 2500)
     in_parts, shares = drawn(highs, band)
     assert len(shares) == 6
     assert shares[-1] == 1.0
@@ -94,7 +92,7 @@ def test_random_triangles_drawn_in_steps_change_no_bit(monkeypatch, seed):
     highs, band = [random_mesh(seed)], BANDS["rows"]
     monkeypatch.setattr(shader, "in_software", lambda: True)
     whole, _ = drawn_whole(monkeypatch, highs, band)
-    monkeypatch.setattr(flatten, "STEP", 777)
+    monkeypatch.setattr(high_in_uv, "STEP", 777)
     assert drawn_whole(monkeypatch, highs, band)[0].tobytes() == whole.tobytes()
 
 
@@ -114,8 +112,8 @@ def test_random_triangles_uploaded_in_pieces_change_no_bit(monkeypatch, seed, or
     highs, band = [order(random_mesh(seed)), order(random_mesh(seed + 100, 900))], BANDS["rows"]
     monkeypatch.setattr(shader, "in_software", lambda: True)
     whole, _ = drawn_whole(monkeypatch, highs, band)
-    monkeypatch.setattr(high_batches, "PIECE", 50)
-    monkeypatch.setattr(flatten, "STEP", 20)
+    monkeypatch.setattr(high_meshes, "PIECE", 50)
+    monkeypatch.setattr(high_in_uv, "STEP", 20)
     with_indices, without = counted(monkeypatch, "upload"), counted(monkeypatch)
     assert drawn_whole(monkeypatch, highs, band)[0].tobytes() == whole.tobytes()
     assert (len(with_indices), len(without)) == ((138, 0) if order is side_by_side else (0, 138))
@@ -123,8 +121,8 @@ def test_random_triangles_uploaded_in_pieces_change_no_bit(monkeypatch, seed, or
 
 def test_pieces_stay_on_the_gpu_for_later_samples(monkeypatch):
     monkeypatch.setattr(shader, "in_software", lambda: True)
-    monkeypatch.setattr(high_batches, "DENSE", 10**6)
-    monkeypatch.setattr(high_batches, "PIECE", 1000)
+    monkeypatch.setattr(high_meshes, "DENSE", 10**6)
+    monkeypatch.setattr(high_meshes, "PIECE", 1000)
     batches, into = HighBatches([side_by_side(random_mesh(3))], None, Timings()), target.get("test", *SIZE, "RGBA32F")
     list(batches.draw(into, BANDS["whole"]))
     uploads = counted(monkeypatch, "upload")
@@ -139,8 +137,8 @@ def test_large_meshes_are_drawn_in_parts_on_any_gpu(monkeypatch):
     highs, band = [random_mesh(7)], BANDS["whole"]
     whole, _ = drawn_whole(monkeypatch, highs, band)
     monkeypatch.setattr(shader, "in_software", lambda: False)
-    monkeypatch.setattr(high_batches, "MOST_WHOLE", 5999)
-    monkeypatch.setattr(high_batches, "PART", 1024)
+    monkeypatch.setattr(high_meshes, "MOST_WHOLE", 5999)
+    monkeypatch.setattr(high_meshes, "PART", 1024)
     uploads = counted(monkeypatch)
     in_parts, shares = drawn(highs, band)
     assert len(uploads) == len(shares) == 6
@@ -150,13 +148,13 @@ def test_large_meshes_are_drawn_in_parts_on_any_gpu(monkeypatch):
 @pytest.mark.parametrize(("in_software", "parts"), [(True, 6), (False, 1)])
 def test_dense_meshes_are_drawn_in_parts_only_in_software(monkeypatch, in_software, parts):
     monkeypatch.setattr(shader, "in_software", lambda: in_software)
-    monkeypatch.setattr(high_batches, "PART", 1024)
+    monkeypatch.setattr(high_meshes, "PART", 1024)
     assert len(drawn([random_mesh(7)], BANDS["whole"])[1]) == parts
 
 
 @pytest.mark.parametrize("dense", [0, 10**6], ids=["in parts", "whole"])
 def test_what_was_drawn_before_is_cleared(monkeypatch, dense):
-    monkeypatch.setattr(high_batches, "DENSE", dense)
+    monkeypatch.setattr(high_meshes, "DENSE", dense)
     band = BANDS["whole"]
     small = random_mesh(9, 20)
     alone = drawn([small], band)[0]
@@ -165,7 +163,7 @@ def test_what_was_drawn_before_is_cleared(monkeypatch, dense):
 
 
 def test_parts_without_a_texel_are_not_uploaded(monkeypatch):
-    monkeypatch.setattr(high_batches, "MOST_WHOLE", 0)
+    monkeypatch.setattr(high_meshes, "MOST_WHOLE", 0)
     outside = random_mesh(7)
     outside.uv[:] += 9.0
     uploads = counted(monkeypatch)
@@ -201,10 +199,10 @@ def test_a_bake_in_parts_is_the_same_to_the_bit(monkeypatch, samples):
         return np.array(bpy.data.images[report.image].pixels[:], np.float32)
 
     with monkeypatch.context() as patch:
-        patch.setattr(high_batches, "DENSE", 10**6)
+        patch.setattr(high_meshes, "DENSE", 10**6)
         whole = bake()
-    monkeypatch.setattr(high_batches, "MOST_WHOLE", 0)
-    monkeypatch.setattr(high_batches, "PART", 300)
+    monkeypatch.setattr(high_meshes, "MOST_WHOLE", 0)
+    monkeypatch.setattr(high_meshes, "PART", 300)
     uploads = counted(monkeypatch)
     assert bake().tobytes() == whole.tobytes()
     assert len(uploads) == 4 * samples

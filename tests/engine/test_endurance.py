@@ -18,7 +18,7 @@ import pytest
 
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine.rays import tree_cache
+from addon.engine import tree_cache
 from addon.jobs import Job, bake_jobs, bake_pair
 from addon.passes import target
 from scripts import imprint

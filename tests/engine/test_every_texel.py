@@ -12,7 +12,7 @@ from addon.core.declarations import bases
 from addon.core.declarations.all_settings import DECLARED
 from addon.core.map_types import NORMAL
 from addon.mesh import uv_islands
-from addon.passes.bake import samples
+from addon.passes import samples
 from addon.scene import mesh_reader
 from tests.engine.test_blender_readers import PAIRS, triangulated
 from tests.support import angles, decoders, raster, zoo

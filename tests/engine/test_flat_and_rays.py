@@ -11,8 +11,7 @@ import pytest
 
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.engine import bands
-from addon.engine.rays import tree_cache
+from addon.engine import bands, tree_cache
 from addon.jobs import Job, bake_pair, checks
 from addon.jobs.live_session import Session
 from tests.support import angles, zoo

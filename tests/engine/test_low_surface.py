@@ -14,8 +14,8 @@ from addon.core.errors import BakeError
 from addon.core.progress import Timings
 from addon.core.settings import Run, Settings
 from addon.engine.method_choice import choose_method
-from addon.engine.rays.tree_cache import TreeCache
 from addon.engine.sources import normal_source
+from addon.engine.tree_cache import TreeCache
 from addon.mesh.local_space import LocalSpace
 from addon.passes import target
 from addon.scene import reading

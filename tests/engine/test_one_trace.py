@@ -7,11 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.engine.maps import sampling
-from addon.engine.rays import tree_cache
-from addon.passes import target
-from addon.passes.bake import cast
-from addon.passes.surface import image_page
+from addon.engine import sampling, tree_cache
+from addon.passes import cast, surface_tables, target
 from tests.support import scenes, zoo
 from tests.support.maps import bake_all_maps
 
@@ -28,7 +25,7 @@ TEXEL = 16
 def counts(monkeypatch):
     """How often rays are traced and pages are uploaded, and how many trees are built, in the bakes of a test."""
     found = Counter()
-    trace, upload = cast.trace, image_page.upload
+    trace, upload = cast.trace, surface_tables.upload_image
 
     def traced(*args, **options):
         found["traces"] += 1
@@ -39,7 +36,7 @@ def counts(monkeypatch):
         return upload(*args, **options)
 
     monkeypatch.setattr(cast, "trace", traced)
-    monkeypatch.setattr(image_page, "upload", uploaded)
+    monkeypatch.setattr(surface_tables, "upload_image", uploaded)
     return found
 
 

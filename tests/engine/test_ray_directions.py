@@ -6,8 +6,8 @@ import pytest
 
 from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.engine.rays import ray_distances
-from addon.engine.rays.tree_cache import TreeCache
+from addon.engine import ray_distances
+from addon.engine.tree_cache import TreeCache
 from addon.scene import reading
 from tests.support import zoo
 

@@ -9,10 +9,10 @@ import pytest
 
 from addon.core import progress, udim
 from addon.core.settings import Run, Settings
+from addon.engine import unsure_texels
 from addon.engine.method_choice import choose_method
-from addon.engine.rays import unsure_texels
-from addon.engine.rays.unsure_texels import Doubts, Explorer
 from addon.engine.sources import normal_source
+from addon.engine.unsure_texels import Doubts, Explorer
 from addon.scene import reading
 from tests.support import zoo
 

@@ -11,8 +11,7 @@ import pytest
 
 from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.engine.maps import ray_reach
-from addon.engine.rays import tree_cache
+from addon.engine import ray_maps, tree_cache
 from addon.jobs import Job, bake_all
 from addon.mesh.local_space import LocalSpace
 from addon.mesh.triangle_mesh import Mesh
@@ -289,9 +288,9 @@ def test_the_floor_is_below_the_lowest_of_all_high_meshes():
     space = LocalSpace(np.zeros(3), 2.0)
     highs = [triangle_at(z) for z in (0.5, -0.75, 0.25)]
     surface = SimpleNamespace(highs=highs, local_space=space)
-    found = ray_reach.occluders(surface, [], Settings(floor=True).tracing, Timings())
+    found = ray_maps.occluders(surface, [], Settings(floor=True).tracing, Timings())
     assert found.floor == pytest.approx(-0.75 / space.size)
-    assert ray_reach.occluders(surface, [], Settings().tracing, Timings()).floor is None
+    assert ray_maps.occluders(surface, [], Settings().tracing, Timings()).floor is None
 
 
 def triangle_at(z):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine.rays import ray_casting, tree_cache
+from addon.engine import ray_casting, tree_cache
 from addon.mesh import subdividing
 from addon.mesh.local_space import local_space_of
-from addon.passes.bake import rays
+from addon.passes import rays
 from addon.scene import reading
 from tests.support import zoo
 

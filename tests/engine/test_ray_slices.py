@@ -11,10 +11,9 @@ from addon.audit import tally
 from addon.core import progress
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine.rays import tree_cache
+from addon.engine import tree_cache
 from addon.jobs import bake_pair
-from addon.passes import target
-from addon.passes.bake import cast
+from addon.passes import cast, target
 from tests.support import maps, zoo
 
 SIZE = 256

@@ -9,7 +9,7 @@ from addon.core.declarations.all_settings import DECLARED
 from addon.core.map_types import NORMAL
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.passes.bake import samples
+from addon.passes import samples
 from tests.support import angles, maps, zoo
 from tests.support.maps import bake, texel_uv
 

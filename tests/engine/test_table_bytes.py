@@ -7,8 +7,8 @@ import pytest
 
 from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.engine.rays import tree_cache
-from addon.mesh.spatial import bvh
+from addon.engine import tree_cache
+from addon.mesh import bvh
 from addon.passes import data_texture
 from addon.scene import reading
 from tests.support import zoo

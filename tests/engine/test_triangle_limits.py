@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.engine.rays import tree_cache
-from addon.passes import data_texture
-from addon.passes.bake import cast
+from addon.engine import tree_cache
+from addon.passes import cast, data_texture
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

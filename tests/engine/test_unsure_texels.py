@@ -13,8 +13,8 @@ from addon.core import progress, udim
 from addon.core.settings import Run, Settings
 from addon.engine import separation
 from addon.engine.method_choice import choose_method
-from addon.engine.rays.unsure_texels import Explorer
 from addon.engine.sources import normal_source
+from addon.engine.unsure_texels import Explorer
 from addon.mesh.local_space import local_space_of
 from addon.passes import audit
 from addon.scene import reading

@@ -9,7 +9,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine.maps import material_maps, own_normals, point_maps, ray_maps, sampling
+from addon.engine import map_families, material_maps, ray_maps, sampling
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair
 from tests.support import lanes, scenes, zoo
 from tests.support.feeds import write_png
@@ -19,12 +19,12 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 MAPS = ("POSITION", "AO", "BENT_NORMAL", "BASE_COLOR", "ATTRIBUTE", "THICKNESS", "CURVATURE")
 FAMILIES = {
-    "points": (point_maps.PointMaps, "add"),
+    "points": (map_families.PointMaps, "add"),
     "colors": (material_maps.MaterialMaps, "add"),
     "occlusion": (ray_maps.OpennessMaps, "add"),
     "thickness": (ray_maps.ThicknessMaps, "add"),
     "curvature": (ray_maps.CurvatureMaps, "add"),
-    "detail": (own_normals.OwnNormals, "apply"),
+    "detail": (material_maps.OwnNormals, "apply"),
 }
 
 

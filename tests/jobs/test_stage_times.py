@@ -9,7 +9,7 @@ import pytest
 from addon.core import progress
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine.rays import tree_cache
+from addon.engine import tree_cache
 from addon.jobs import Job, bake_jobs
 from tests.support import zoo
 

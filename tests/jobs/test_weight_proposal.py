@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.engine.rays import unsure_texels
+from addon.engine import unsure_texels
 from addon.jobs import bake_pair, weights
 from addon.jobs.checks import draw_mask
 from addon.mesh.inputs import Meshes

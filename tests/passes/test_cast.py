@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from addon.core.declarations.choices import Hit
-from addon.mesh.spatial import bvh
-from addon.passes import target
-from addon.passes.bake import cast
+from addon.mesh import bvh
+from addon.passes import cast, target
 from tests.support import angles, oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.passes.hemisphere import curvature, thickness
+from addon.passes import hemisphere
 from tests.support import lanes, oracle
 from tests.support.hemisphere import COUNT, Probes, flipped, polygon, rectangle, tables
 
@@ -45,7 +45,7 @@ def test_curvature_of_spheres_of_five_radii_with_balls_of_five_sizes_seed_1(rho,
     probes = Probes(tables(flipped(triangles) if is_hollow else triangles), points * rho, points * side)
     for share in (0.1, 0.2, 0.5, 1.0, 1.8):
         ball = share * rho
-        mean_curvature = (probes.measured(curvature, radius=ball) - 0.5) * curvature.mean_curvature_scale(ball) * side
+        mean_curvature = (probes.curvature(radius=ball) - 0.5) * hemisphere.mean_curvature_scale(ball) * side
         error = mean_curvature * rho - 1.0
         print(f"R = {share} rho: mean {error.mean():+.4f}, RMS {error.std():.4f}")
         assert abs(error.mean()) < MEAN
@@ -59,11 +59,11 @@ def test_a_plane_of_many_triangles_is_flat_exactly_seed_2():
     at = np.c_[rng.uniform(-0.9, 0.9, (COUNT, 2)), np.zeros(COUNT)]
     at[: COUNT // 2, 0] = np.round(at[: COUNT // 2, 0] * 10.0) / 10.0  # on edges
     probes = Probes(tables(triangles), at, UP)
-    assert (probes.measured(curvature, radius=0.2) == 0.5).all()
-    assert (probes.measured(curvature, radius=0.2, what="convexity") == 0.0).all()
-    assert (probes.measured(curvature, radius=0.2, what="cavity") == 0.0).all()
+    assert (probes.curvature(radius=0.2) == 0.5).all()
+    assert (probes.curvature(radius=0.2, value=hemisphere.CONVEXITY) == 0.0).all()
+    assert (probes.curvature(radius=0.2, value=hemisphere.CAVITY) == 0.0).all()
     matrix = oracle.rotation(rng)
-    turned = Probes(tables(triangles @ matrix.T), at @ matrix.T, matrix @ UP).measured(curvature, radius=0.2)
+    turned = Probes(tables(triangles @ matrix.T), at @ matrix.T, matrix @ UP).curvature(radius=0.2)
     np.testing.assert_allclose(turned, 0.5, atol=ROUNDING)
 
 
@@ -86,7 +86,8 @@ def edge(rng, is_convex):
 def test_an_edge_of_90_degrees_is_1_if_convex_and_0_if_concave_seed_3(is_convex):
     probes = edge(np.random.default_rng(3), is_convex)
     values, convexity, cavity = (
-        probes.measured(curvature, radius=0.3, what=what) for what in ("values", "convexity", "cavity")
+        probes.curvature(radius=0.3, value=value)
+        for value in (hemisphere.CURVATURE, hemisphere.CONVEXITY, hemisphere.CAVITY)
     )
     truth = 1.0 if is_convex else 0.0
     assert abs(values.mean() - truth) < EDGE
@@ -106,7 +107,7 @@ def on_slab(rng):
 @pytest.mark.parametrize("radius", [0.04, 0.06, 0.1, 0.4])
 def test_a_plate_that_is_thinner_than_the_radius_is_convex_seed_7(radius):
     """With the ratio x of its thickness to the radius, the inner half of the ball holds 3/2 x - x^3 / 2 of it."""
-    found, x = on_slab(np.random.default_rng(7)).measured(curvature, radius=radius), min(1.0, SLAB / radius)
+    found, x = on_slab(np.random.default_rng(7)).curvature(radius=radius), min(1.0, SLAB / radius)
     truth = 1.5 - 1.5 * x + 0.5 * x**3
     assert abs(found.mean() - truth) < EDGE
     assert np.sqrt(((found - truth) ** 2).mean()) < RMS
@@ -115,7 +116,7 @@ def test_a_plate_that_is_thinner_than_the_radius_is_convex_seed_7(radius):
 @pytest.mark.parametrize("farthest", [0.06, 0.1, 0.4])
 def test_thickness_of_a_slab_seed_4(farthest):
     """With the ratio x of the slab's thickness to the limit, 2 x - x^2."""
-    found, x = on_slab(np.random.default_rng(4)).measured(thickness, farthest=farthest), SLAB / farthest
+    found, x = on_slab(np.random.default_rng(4)).thickness(farthest=farthest), SLAB / farthest
     check_thickness(found, 2.0 * x - x * x)
 
 
@@ -125,9 +126,7 @@ def test_thickness_of_shells_seed_5(inner, farthest):
     """Rays leave the shell into its hollow, or beside it."""
     points = on_sphere(np.random.default_rng(5))
     triangles = np.concatenate([sphere(), flipped(sphere()) * inner])
-    found = Probes(tables(triangles, np.concatenate([sphere()] * 2)), points, points).measured(
-        thickness, farthest=farthest
-    )
+    found = Probes(tables(triangles, np.concatenate([sphere()] * 2)), points, points).thickness(farthest=farthest)
     sine = np.sqrt((np.arange(100_000) + 0.5) / 100_000)  # the cosine's distribution
     cosine = np.sqrt(1.0 - sine**2)
     leaves = np.where(sine < inner, cosine - np.sqrt(np.maximum(inner**2 - sine**2, 0.0)), 2.0 * cosine)
@@ -145,7 +144,7 @@ def test_nothing_behind_is_thick_and_rays_that_start_outwards_are_thin_seed_6():
     rng = np.random.default_rng(6)
     plane = polygon(rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)))
     points = np.c_[rng.uniform(-0.5, 0.5, (COUNT, 2)), np.zeros(COUNT)]
-    assert (Probes(tables(plane), points, UP).measured(thickness, farthest=0.5) == 1.0).all()
+    assert (Probes(tables(plane), points, UP).thickness(farthest=0.5) == 1.0).all()
     leaning = np.broadcast_to((np.sqrt(0.75), 0.0, 0.5), plane.shape)
-    found = Probes(tables(plane, leaning), points, UP).measured(thickness, farthest=0.5)
+    found = Probes(tables(plane, leaning), points, UP).thickness(farthest=0.5)
     check_thickness(found, 0.75)

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from addon.core import udim
-from addon.mesh.spatial import bvh
-from addon.passes import target
-from addon.passes.bake import rays
+from addon.mesh import bvh
+from addon.passes import rays, target
 from tests.support.maps import texel_uv
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, Extension, ImageFeed, Limits
-from addon.passes.surface import material_table
+from addon.passes import surface_tables
 from tests.support.seen_surface import SeenSurface, grid, page
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -241,7 +241,7 @@ def test_holes_on_one_side_keep_the_footprint_seed_16():
 def test_only_hits_in_the_tile_count():
     triangles = grid(2, 2)
     seen = SeenSurface(triangles, (64, 64), uv=triangles[..., :2] * 2.0 + (1.0, 0.0))
-    materials = material_table.upload(np.ones(2))
+    materials = surface_tables.upload_materials(np.ones(2))
     seen.begin(materials)
     tiles = {1002: 0.2, 1003: 0.4, 1012: 0.6}
     feed = ImageFeed("a", tiles=tuple(tiles))
@@ -273,7 +273,7 @@ def test_each_hit_counts_once_over_all_feeds():
     is_low = np.ones((64, 64))
     is_low[:, -4:] = 0.0
     seen = SeenSurface(triangles[keep], (64, 64), materials=numbers[keep], is_low=is_low)
-    materials = material_table.upload(np.array([0, 1, 2, 0, -1]), np.outer((0, 0, 0, 7, 0), (1, 2, 3)))
+    materials = surface_tables.upload_materials(np.array([0, 1, 2, 0, -1]), np.outer((0, 0, 0, 7, 0), (1, 2, 3)))
     for number, offset in enumerate(((-0.25, -0.25), (0.25, 0.25))):
         seen.probe(offset)
         seen.begin(materials, is_first=number == 0)
@@ -348,7 +348,7 @@ def test_several_samples_average_what_one_would_seed_12():
     """Each sample covers its share of the texel: the mean of 16 is as sharp as one with the whole footprint, or sharper."""
     image = np.random.default_rng(12).random((256, 256))
     seen = SeenSurface(grid(2, 2), (32, 32))
-    materials = material_table.upload(np.ones(2))
+    materials = surface_tables.upload_materials(np.ones(2))
     offsets = [((i + 0.5) / 4 - 0.5, (j + 0.5) / 4 - 0.5) for i in range(4) for j in range(4)]
     for number, offset in enumerate(offsets):
         seen.probe(offset)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import ImagePixels
-from addon.passes.surface import image_page
+from addon.passes import surface_tables
 
 SINGLE = 1e-6
 
@@ -31,15 +31,15 @@ def test_parts_of_the_oracle():
 def test_each_level_has_the_means_of_its_parts_seed_1(size, is_byte):
     """Odd sizes shift nothing: each pixel is an equal part of the level before, all of which it covers."""
     values = np.random.default_rng(1).integers(0, 256, (*size, 4)).astype(np.float32) / np.float32(255)
-    page = image_page.upload(ImagePixels(values, is_byte=is_byte))
-    sizes = image_page.level_sizes(size[1], size[0])
+    page = surface_tables.upload_image(ImagePixels(values, is_byte=is_byte))
+    sizes = surface_tables.level_sizes(size[1], size[0])
     assert sizes[-1] == (1, 1)
     assert page.top == len(sizes) - 1
     levels = np.array(page.levels.read()).reshape(page.levels.height, page.levels.width, 4)
     truth = values.astype(np.float64)
     used = np.zeros(levels.shape[:2], int)
     for level, (width, height) in enumerate(sizes[1:], 1):
-        x, y = image_page.level_origin(sizes, level)
+        x, y = surface_tables.level_origin(sizes, level)
         assert x + width <= levels.shape[1]
         assert y + height <= levels.shape[0]
         used[y : y + height, x : x + width] += 1
@@ -53,7 +53,7 @@ def test_colors_are_averaged_in_linear_light():
     values = np.zeros((2, 2, 4), np.float32)
     values[0, :, :3], values[1, :, 3] = 1.0, 1.0
     for weighs_alpha, expected in ((False, (0.5, 0.5, 0.5, 0.5)), (True, (0.0, 0.0, 0.0, 0.5))):
-        page = image_page.upload(ImagePixels(values, is_srgb=True, is_byte=True, weighs_alpha=weighs_alpha))
+        page = surface_tables.upload_image(ImagePixels(values, is_srgb=True, is_byte=True, weighs_alpha=weighs_alpha))
         assert np.allclose(np.array(page.levels.read()).ravel(), expected)
 
 
@@ -61,7 +61,7 @@ def test_colors_are_averaged_in_linear_light():
 def test_values_that_are_not_finite_do_not_spread():
     values = np.full((8, 8, 4), 0.5, np.float32)
     values[0, 0], values[7, 7] = np.nan, np.inf
-    page = image_page.upload(ImagePixels(values))
+    page = surface_tables.upload_image(ImagePixels(values))
     levels = np.array(page.levels.read()).reshape(page.levels.height, page.levels.width, 4)
     assert np.isfinite(np.array(page.pixels.read())).all()
     assert np.isfinite(levels).all()
@@ -72,8 +72,8 @@ def test_values_that_are_not_finite_do_not_spread():
 
 def test_an_image_that_is_too_large_is_reduced():
     values = np.random.default_rng(2).random((7, 10, 4), np.float32)
-    assert image_page.fitting(values, 10)[0] is values
-    reduced, parts = image_page.fitting(values, 4)
+    assert surface_tables.fitting(values, 10)[0] is values
+    reduced, parts = surface_tables.fitting(values, 4)
     assert parts == 3
     assert reduced.shape == (3, 4, 4)
     assert np.allclose(reduced[0, 0], values[:3, :3].mean(axis=(0, 1)))
@@ -82,16 +82,16 @@ def test_an_image_that_is_too_large_is_reduced():
 
 def test_an_image_without_pixels_is_refused():
     with pytest.raises(ValueError, match="no page"):
-        image_page.upload(ImagePixels(np.zeros((0, 5, 4), np.float32)))
+        surface_tables.upload_image(ImagePixels(np.zeros((0, 5, 4), np.float32)))
 
 
 @pytest.mark.usefixtures("gpu_context")
 def test_a_very_wide_image_has_all_its_levels():
     values = np.zeros((3, 16384, 4), np.float32)
     values[:, ::2] = 1.0
-    page = image_page.upload(ImagePixels(values, is_byte=True))
+    page = surface_tables.upload_image(ImagePixels(values, is_byte=True))
     assert page.top == 14
     assert page.levels.width == 8192
-    x, y = image_page.level_origin(image_page.level_sizes(16384, 3), 14)
+    x, y = surface_tables.level_origin(surface_tables.level_sizes(16384, 3), 14)
     levels = np.array(page.levels.read()).reshape(page.levels.height, page.levels.width, 4)
     assert np.allclose(levels[y, x], 0.5, atol=SINGLE)

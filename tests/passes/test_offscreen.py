@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from addon.core import udim
-from addon.passes import mesh_upload, target
-from addon.passes.bake import flatten
+from addon.passes import high_in_uv, mesh_upload, target
 from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -23,7 +22,7 @@ def triangle(into):
         uv=np.array([(0.1, 0.1), (0.9, 0.2), (0.4, 0.95)], np.float32),
         normal=np.array([(0.0, 0.1, 1.0), (0.7, -0.2, 0.4), (-0.3, 0.5, 0.6)], np.float32),
     )
-    flatten.draw(into, [(mesh, np.eye(3))], udim.uv_to_clip(1001))
+    high_in_uv.draw_normals(into, [(mesh, np.eye(3))], udim.uv_to_clip(1001))
     return texels_of(into)
 
 

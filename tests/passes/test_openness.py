@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from addon.passes.hemisphere import openness
-from addon.passes.hemisphere.openness import Occluders
+from addon.passes import hemisphere
+from addon.passes.hemisphere import Occluders
 from tests.support import angles, oracle
 from tests.support.hemisphere import COUNT, Probes, flipped, form_factor, polygon, rectangle, tables
 
@@ -155,7 +155,7 @@ def between_plates(fade, gap=GAP, limit=LIMIT):
     return 1.0 - blocked[fade]
 
 
-@pytest.mark.parametrize("fade", openness.FADES)
+@pytest.mark.parametrize("fade", hemisphere.FADES)
 def test_a_limited_distance_with_each_fade_seed_10(fade):
     rng = np.random.default_rng(10)
     plate = flipped(polygon(rectangle((0, 0, GAP), (1, 0, 0), (0, 1, 0))))
@@ -164,7 +164,7 @@ def test_a_limited_distance_with_each_fade_seed_10(fade):
     check(found, between_plates(fade))
 
 
-@pytest.mark.parametrize("fade", openness.FADES)
+@pytest.mark.parametrize("fade", hemisphere.FADES)
 def test_a_floor_blocks_like_a_plate_seed_11(fade):
     rng = np.random.default_rng(11)
     points = on_floor(rng)
@@ -241,7 +241,7 @@ def test_occluders_in_another_tree_of_another_space_seed_21(two_sided):
     rng = np.random.default_rng(21)
     plate = flipped(polygon(rectangle((0, 0, GAP), (1, 0, 0), (0, 1, 0))))
     scale, offset = 0.05, np.array((0.3, -0.2, 0.4))
-    for fade in openness.FADES:
+    for fade in hemisphere.FADES:
         occluders = Occluders(
             tables(np.concatenate([floor(), plate]) * scale + offset),
             scale,

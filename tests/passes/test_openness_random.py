@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from addon.passes.hemisphere import curvature, openness, thickness
-from addon.passes.hemisphere.openness import Occluders
+from addon.passes import hemisphere
+from addon.passes.hemisphere import Occluders
 from tests.support import angles, lanes, oracle
 from tests.support.hemisphere import COUNT, Probes, tables
 
@@ -89,7 +89,7 @@ def random_occluders(rng):
     farthest = None if rng.random() < 0.3 else rng.uniform(0.2, 1.0)
     return Occluders(
         farthest=farthest,
-        fade="NONE" if farthest is None else str(rng.choice(openness.FADES)),
+        fade="NONE" if farthest is None else str(rng.choice(hemisphere.FADES)),
         two_sided=bool(rng.random() < 0.5),
         bias=float(rng.choice((0.0, math.radians(15.0)))),
         floor=None if rng.random() < 0.5 else -1.0,
@@ -160,7 +160,7 @@ def expect(found, truth):
 def test_thickness_in_random_scenes_seeds_11_to_13(seed):
     rng = np.random.default_rng(seed)
     triangles, chosen, points, faces, shading = scene(rng)
-    found = probes_of(triangles, chosen, points, faces, shading).measured(thickness, farthest=0.7)
+    found = probes_of(triangles, chosen, points, faces, shading).thickness(farthest=0.7)
     around = sphere(DIRECTIONS)
     around[:, :2] *= (np.sqrt(around[:, 2]) / np.linalg.norm(around[:, :2], axis=1))[:, None]
     around[:, 2] = np.sqrt(1.0 - around[:, 2])
@@ -177,7 +177,7 @@ def test_thickness_in_random_scenes_seeds_11_to_13(seed):
 def test_curvature_in_random_scenes_seeds_21_to_23(seed):
     rng = np.random.default_rng(seed)
     triangles, chosen, points, faces, shading = scene(rng)
-    found = probes_of(triangles, chosen, points, faces, shading).measured(curvature, radius=0.3)
+    found = probes_of(triangles, chosen, points, faces, shading).curvature(radius=0.3)
     truth = np.empty(POINTS)
     for i, own in enumerate(chosen):
         out = sphere(DIRECTIONS) @ frame(faces[own]).T

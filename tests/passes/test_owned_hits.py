@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from addon.core.declarations.choices import Hit
-from addon.mesh.spatial import bvh, neighbors
-from addon.passes import program, target
-from addon.passes.bake import cast, owners
+from addon.mesh import bvh, edges
+from addon.passes import cast, shader, target
 from tests.support import angles, lanes, oracle, owner_oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -27,7 +26,7 @@ HEIGHT = 2e-5
 """In the units of the positions: heights of the same hit in single and in double precision."""
 NORMAL_P99 = 0.02
 """Degrees."""
-CANDIDATES = int(re.search(r"CAST_CANDIDATES = (\d+)", program.source("bake/cast_comp.glsl"))[1])
+CANDIDATES = int(re.search(r"CAST_CANDIDATES = (\d+)", shader.source("bake/cast_comp.glsl"))[1])
 
 
 def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False, room=1e8):
@@ -47,7 +46,7 @@ def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False, 
     place = np.empty(len(low), int)
     place[low_tree.order] = np.arange(len(low))
     moved = np.where(across >= 0, place[across], -1)[low_tree.order]
-    uploaded = owners.upload(
+    uploaded = cast.upload_owners(
         low_tree.nodes,
         low[low_tree.order],
         moved,
@@ -112,7 +111,7 @@ def same(a, b, tolerance):
 def check(rng, rays, high, normals, low, *, expect, rule=Hit.OWN, facing_only=False):
     """Compare with the oracle where it is steady. expect: the least share of rays by outcome."""
     high, normals, low = (np.ascontiguousarray(values, np.float32) for values in (high, normals, low))
-    across = neighbors.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
+    across = edges.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
 
     def truth_of(rays, tie=None):
         if rule == Hit.NEAREST:
@@ -282,7 +281,7 @@ def sheets(*heights, up=True):
 def height_over(low, high, own=0, *, start=0.5, facing_only=False, rule=Hit.OWN):
     """What a ray upwards from (0.3, 0.2) on the triangle `own` of `low` finds: its height or None, and its flags."""
     normals = np.repeat(np.cross(high[:, 1] - high[:, 0], high[:, 2] - high[:, 0])[:, None], 3, axis=1)
-    across = neighbors.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
+    across = edges.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
     places = np.tile(np.float32((0.3, 0.2, low[own, 0, 2])), (SIZE * SIZE, 1))
     away = np.tile(np.float32((0, 0, 1)), (SIZE * SIZE, 1))
     rays = owner_oracle.Rays(places, away, np.full(SIZE * SIZE, own), start, INSIDE)
@@ -333,7 +332,7 @@ def test_beyond_the_room_a_hit_belongs_only_to_texels_about_at_its_closest_point
     """Slanted rays over a plane: the closest point of a hit is `cosine` of the ray's length away."""
     low, high = sheet(0.0), sheet(0.2 * cosine)
     low, high = (np.ascontiguousarray(corners, np.float32) for corners in (low, high))
-    across = neighbors.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
+    across = edges.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
     away = np.broadcast_to(np.float32((np.sqrt(1.0 - cosine**2), 0.0, cosine)), (SIZE * SIZE, 3))
     places = np.broadcast_to(np.float32((-0.5, -0.6, 0.0)), away.shape)
     own = np.full(SIZE * SIZE, np.argmin(np.abs(low[:, :, :2].mean(axis=1) - places[0, :2]).sum(axis=1)))
@@ -358,7 +357,7 @@ def upright_hits(low, *heights):
     low, high = (
         np.ascontiguousarray(corners, np.float32) for corners in (low, np.concatenate([sheet(z) for z in heights]))
     )
-    across = neighbors.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
+    across = edges.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
     bottom = np.flatnonzero(low[:, :, 2].max(axis=1) == low[..., 2].min())
     own = np.resize(bottom, SIZE * SIZE)
     away = np.broadcast_to(np.float32((0.0, 0.0, 1.0)), (SIZE * SIZE, 3))

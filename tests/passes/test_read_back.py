@@ -7,9 +7,7 @@ On OpenGL Blender has no barrier between them, and a GPU may show what was there
 import numpy as np
 import pytest
 
-from addon.passes import target
-from addon.passes.bake import flat_hits
-from addon.passes.surface import served_blocks
+from addon.passes import high_in_uv, surface_tables, target
 from tests.support.seen_surface import SeenSurface, grid, read, texture
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -28,7 +26,7 @@ def no_compute(monkeypatch):
 def test_blocks_are_drawn(no_compute):
     seen = SeenSurface(grid(1, 1), (70, 40))
     no_compute()
-    assert served_blocks.find(seen.hits, seen.labels).masks[..., 0].tolist() == [[2, 2, 2], [2, 2, 2]]
+    assert surface_tables.find_blocks(seen.hits, seen.labels).masks[..., 0].tolist() == [[2, 2, 2], [2, 2, 2]]
 
 
 def test_hits_are_removed_by_drawing_seed_1(no_compute):
@@ -36,7 +34,7 @@ def test_hits_are_removed_by_drawing_seed_1(no_compute):
     is_known = np.random.default_rng(1).random((10, 20)) < 0.5
     normals = texture(np.repeat(is_known[..., None], 4, axis=-1))
     no_compute()
-    flat_hits.clip(seen.hits, normals)
+    high_in_uv.clip_hits(seen.hits, normals)
     seen.draw_normals(seen.drawn_normals, np.eye(3))
     assert np.array_equal(read(seen.drawn_normals)[..., 3] == 1.0, is_known)
 

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import ImageFeed
-from addon.passes import shader, target
-from addon.passes.surface import material_table, served_blocks
+from addon.passes import shader, surface_tables, target
 from tests.support.seen_surface import SeenSurface, grid, page
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -37,9 +36,9 @@ def groups(monkeypatch):
 def test_each_block_lists_its_materials_seed_1():
     """Against the labels of the hits, drawn as constants: material m has the color m."""
     seen = scattered(1)
-    seen.begin(material_table.upload(np.zeros(150, int), np.repeat(np.arange(150)[:, None], 3, axis=1)))
+    seen.begin(surface_tables.upload_materials(np.zeros(150, int), np.repeat(np.arange(150)[:, None], 3, axis=1)))
     sums = seen.read()
-    blocks = served_blocks.find(seen.hits, seen.labels)
+    blocks = surface_tables.find_blocks(seen.hits, seen.labels)
     assert blocks.masks.shape == (5, 7, 4)
     for number in range(1, 150):
         same_bit = (sums[..., 3] == 1.0) & (sums[..., 0] % 96 == number % 96)
@@ -47,15 +46,15 @@ def test_each_block_lists_its_materials_seed_1():
         expected = np.argwhere(padded.any(axis=(1, 3)))[:, ::-1]
         feeds = np.zeros(150, int)
         feeds[number] = 3
-        found = blocks.serving(material_table.upload(feeds), 3)
+        found = blocks.serving(surface_tables.upload_materials(feeds), 3)
         assert np.array_equal(found, expected)
 
 
 def test_maps_are_the_same_by_blocks_and_whole_seed_2(groups):
     seen = scattered(2, count=6)
     shown = page(np.random.default_rng(2).random((64, 64)))
-    materials = material_table.upload(np.array((-1, 1, 2, 2, 0, 1, 3)))
-    blocks = served_blocks.find(seen.hits, seen.labels)
+    materials = surface_tables.upload_materials(np.array((-1, 1, 2, 2, 0, 1, 3)))
+    blocks = surface_tables.find_blocks(seen.hits, seen.labels)
     maps = []
     for where in (None, blocks):
         seen.begin(materials)
@@ -70,9 +69,9 @@ def test_maps_are_the_same_by_blocks_and_whole_seed_2(groups):
 def test_only_blocks_that_show_the_image_run(groups):
     triangles = grid(4, 4)
     seen = SeenSurface(triangles, (256, 128), materials=1 + (triangles.mean(axis=1)[:, 0] > 0.75))
-    blocks = served_blocks.find(seen.hits, seen.labels)
+    blocks = surface_tables.find_blocks(seen.hits, seen.labels)
     for feeds in ((0, 0, 1), (0, 1, 0), (0, 0, 0)):
-        materials = material_table.upload(np.array(feeds))
+        materials = surface_tables.upload_materials(np.array(feeds))
         seen.begin(materials)
         seen.add(page(np.ones((4, 4))), ImageFeed("a"), materials, blocks=blocks)
         assert (seen.read()[..., 3] == 1.0).all()
@@ -87,9 +86,9 @@ def test_samplers_and_images_show_the_same_seed_3(monkeypatch):
         shader.load.cache_clear()
         monkeypatch.setattr(shader, "reads_images", lambda as_images=as_images: as_images)
         seen = scattered(3, count=3)
-        materials = material_table.upload(np.array((-1, 1, 0)))
+        materials = surface_tables.upload_materials(np.array((-1, 1, 0)))
         seen.begin(materials)
-        blocks = served_blocks.find(seen.hits, seen.labels)
+        blocks = surface_tables.find_blocks(seen.hits, seen.labels)
         seen.add(page(image, is_srgb=True), ImageFeed("a", mapping=((3, 1, 0), (0, 2, 0))), materials, blocks=blocks)
         maps.append(seen.read())
     shader.load.cache_clear()

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from addon import passes
-from addon.passes import shader
-from addon.passes.bake import flatten
+from addon.passes import high_in_uv, shader
 from tests.support import programs, zoo
 from tests.support.maps import bake
 
@@ -47,6 +46,6 @@ def test_samplers_and_images_make_the_same_map(method, monkeypatch):
 
 @pytest.mark.usefixtures("gpu_context")
 def test_free_leaves_no_gpu_object():
-    shader.load(flatten.PROGRAM)
+    shader.load(high_in_uv.NORMALS)
     passes.free()
     assert shader.load.cache_info().currsize == 0

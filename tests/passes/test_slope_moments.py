@@ -4,8 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.passes import target
-from addon.passes.surface import slope_moments
+from addon.passes import samples, target
 from tests.support.hemisphere import SIZE, texture
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -45,9 +44,9 @@ def widened(normals, roughness=0.0, *, direction=None, state=1.0, known=1.0):
     sums = target.get("test's slopes", SIZE, SIZE, "RGBA32F", "RGBA32F")
     directions = None if direction is None else upload(direction)
     for number, sample in enumerate(normals):
-        slope_moments.add(sums, upload(sample, state), directions, is_first=number == 0)
+        samples.add_slopes(sums, upload(sample, state), directions, is_first=number == 0)
     into = target.get("test's roughness", SIZE, SIZE, "RGBA32F")
-    slope_moments.widen(into, sums, upload(normals.sum(axis=0)), upload(roughness, known))
+    samples.widen_roughness(into, sums, upload(normals.sum(axis=0)), upload(roughness, known))
     found = np.empty((SIZE, SIZE, 4), np.float32)
     into.read(found)
     return found

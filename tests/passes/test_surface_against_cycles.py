@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import BumpFeed, Extension, ImageFeed, NormalMapFeed
-from addon.passes.surface import corner_tables, material_table, turned_normals
+from addon.passes import surface_tables, surface_values
 from tests.support import angles, cycles, feeds
 from tests.support.seen_surface import SeenSurface, page, read
 
@@ -97,14 +97,14 @@ def normals_of(seen, shown, feed, tangent, bump=None):
     options = {
         "tables": seen.tables,
         "uvs": seen.uvs,
-        "materials": material_table.upload(np.ones(2)),
+        "materials": surface_tables.upload_materials(np.ones(2)),
         "to_space": np.eye(3),
     }
     if feed is not None:
-        tangents = corner_tables.upload_tangents(np.repeat(np.float32([tangent]), 6, axis=0), seen.corners)
-        turned_normals.apply_normal_map(drawn, seen.hits, shown, feed, 1, tangents=tangents, **options)
+        tangents = surface_tables.upload_tangents(np.repeat(np.float32([tangent]), 6, axis=0), seen.corners)
+        surface_values.apply_normal_map(drawn, seen.hits, shown, feed, 1, tangents=tangents, **options)
     if bump is not None:
-        turned_normals.apply_bump(drawn, seen.hits, *bump, 1, unit=1.0, **options)
+        surface_values.apply_bump(drawn, seen.hits, *bump, 1, unit=1.0, **options)
     return read(drawn)[..., :3]
 
 

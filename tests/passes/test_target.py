@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core import udim
-from addon.passes import mesh_upload, target
-from addon.passes.bake import flatten
+from addon.passes import high_in_uv, mesh_upload, target
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -21,7 +20,7 @@ def square(into):
         uv=np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32),
         normal=np.tile(np.float32((0.6, 0.0, 0.8)), (4, 1)),
     )
-    flatten.draw(
+    high_in_uv.draw_normals(
         into, [(mesh, np.eye(3)), (mesh, np.eye(3))], udim.uv_to_clip(1001)
     )  # twice, to detect additive blending
     texels = np.empty((into.height, into.width, 4), np.float32)

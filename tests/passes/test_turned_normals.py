@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import BumpFeed, Extension, ImageFeed, Limits, NormalMapFeed
-from addon.passes import data_texture, target
-from addon.passes.surface import corner_tables, material_table, turned_normals
+from addon.passes import data_texture, surface_tables, surface_values, target
 from tests.support import angles, oracle
 from tests.support.seen_surface import SeenSurface, grid, page, read
 
@@ -25,7 +24,7 @@ def tangent_table(seen, tangents):
     """Tangents (T, 3, 4) or one (4,) for all."""
     count = seen.corners.size
     values = np.broadcast_to(np.asarray(tangents, np.float32), (count // 3, 3, 4))
-    return corner_tables.upload_tangents(values.reshape(-1, 4), seen.corners)
+    return surface_tables.upload_tangents(values.reshape(-1, 4), seen.corners)
 
 
 def in_space(seen, matrix):
@@ -39,7 +38,7 @@ def mapped(seen, shown, feed, tangents, *, matrix=None, materials=None, **option
     """The normals (height, width, 4) after a normal map."""
     matrix = np.eye(3) if matrix is None else matrix
     drawn = in_space(seen, matrix)
-    turned_normals.apply_normal_map(
+    surface_values.apply_normal_map(
         drawn,
         seen.hits,
         shown,
@@ -48,7 +47,7 @@ def mapped(seen, shown, feed, tangents, *, matrix=None, materials=None, **option
         tables=seen.tables,
         uvs=seen.uvs,
         tangents=tangent_table(seen, tangents),
-        materials=materials or material_table.upload(np.ones(3)),
+        materials=materials or surface_tables.upload_materials(np.ones(3)),
         to_space=matrix,
         **options,
     )
@@ -59,7 +58,7 @@ def bumped(seen, shown, feed, *, matrix=None, unit=1.0, drawn=None, **options):
     """The normals (height, width, 4) after a bump map."""
     matrix = np.eye(3) if matrix is None else matrix
     drawn = drawn or in_space(seen, matrix)
-    turned_normals.apply_bump(
+    surface_values.apply_bump(
         drawn,
         seen.hits,
         shown,
@@ -67,7 +66,7 @@ def bumped(seen, shown, feed, *, matrix=None, unit=1.0, drawn=None, **options):
         1,
         tables=seen.tables,
         uvs=seen.uvs,
-        materials=material_table.upload(np.ones(3)),
+        materials=surface_tables.upload_materials(np.ones(3)),
         to_space=matrix,
         unit=unit,
         **options,
@@ -199,7 +198,9 @@ def test_other_materials_tiles_and_misses_keep_their_normals():
     )
     stored = page(np.full((4, 4, 3), 0.8))
     feed = NormalMapFeed(ImageFeed("a", tiles=(1001,)))
-    drawn = mapped(seen, stored, feed, (1, 0, 0, 1), materials=material_table.upload(np.array((0, 1, -1))), tile=1001)
+    drawn = mapped(
+        seen, stored, feed, (1, 0, 0, 1), materials=surface_tables.upload_materials(np.array((0, 1, -1))), tile=1001
+    )
     is_turned = np.abs(drawn[..., 2] - 1.0) > 0.1
     assert is_turned[:31, :31].all()
     assert not is_turned[:48, 33:].any()
@@ -290,7 +291,7 @@ def test_strength_mixes_with_the_normal_below_it(strength):
     ramp = page(np.tile((np.arange(64) + 0.5) / 64, (64, 1)))
     matrix = np.eye(3)
     drawn = in_space(seen, matrix)
-    turned_normals.apply_normal_map(
+    surface_values.apply_normal_map(
         drawn,
         seen.hits,
         page(np.broadcast_to(below * 0.5 + 0.5, (4, 4, 3))),
@@ -299,7 +300,7 @@ def test_strength_mixes_with_the_normal_below_it(strength):
         tables=seen.tables,
         uvs=seen.uvs,
         tangents=tangent_table(seen, (1, 0, 0, 1)),
-        materials=material_table.upload(np.ones(3)),
+        materials=surface_tables.upload_materials(np.ones(3)),
         to_space=matrix,
     )
     shown = bumped(seen, ramp, BumpFeed(IMAGE, strength=strength, distance=0.5), drawn=drawn)

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.mesh.spatial import bvh
+from addon.mesh import bvh
 
 
 def unpack(packed):

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from addon.engine.redrawing import changed_parts
-from addon.engine.redrawing.changed_parts import DrawnMesh, Part, parts_of
+from addon.engine import redrawing
+from addon.engine.redrawing import DrawnMesh, Part, parts_of
 from addon.mesh.triangle_mesh import Mesh
 
 COUNT = 3 * DrawnMesh.BLOCK + 17
@@ -85,7 +85,7 @@ def test_random_triangles_with_other_corners_change_where_they_were_and_where_th
 
 def test_too_many_changes_are_no_changes_seed_3():
     mesh = random_mesh(3)
-    drawn, most = DrawnMesh(mesh), int(changed_parts.MOST_CHANGED * COUNT)
+    drawn, most = DrawnMesh(mesh), int(redrawing.MOST_CHANGED * COUNT)
     assert len(drawn.changed(with_other_normals(mesh, range(most)))) == most
     assert drawn.changed(with_other_normals(mesh, range(most + 1))) is None
     assert drawn.changed(with_other_normals(mesh, range(COUNT))) is None
@@ -120,7 +120,7 @@ def test_boxes_of_the_mesh_before_are_kept_only_where_they_are_the_same_seed_5(w
 
 
 def test_parts_hold_a_texel_more_on_all_sides():
-    side, size = changed_parts.TILE, (64, 64)
+    side, size = redrawing.TILE, (64, 64)
     box = np.array([[side, side, 2 * side, 2 * side]]) / 64
     inner = box + np.array([1.5, 1.5, -1.5, -1.5]) / 64
     assert parts_of(inner, size) == [Part(range(side, 2 * side), range(side, 2 * side))]
@@ -128,12 +128,12 @@ def test_parts_hold_a_texel_more_on_all_sides():
     assert parts_of(outer, size) == [Part(range(3 * side), range(3 * side))]
 
 
-@pytest.mark.parametrize("count", [2, changed_parts.MOST_PARTS, changed_parts.MOST_PARTS + 1])
+@pytest.mark.parametrize("count", [2, redrawing.MOST_PARTS, redrawing.MOST_PARTS + 1])
 def test_parts_divide_where_they_are_empty_and_all_become_one_if_they_are_many(count):
-    side, size = changed_parts.TILE, (changed_parts.TILE * 2 * count,) * 2
+    side, size = redrawing.TILE, (redrawing.TILE * 2 * count,) * 2
     corners = np.arange(0, 2 * count, 2)[:, None] + np.array([0.3, 0.3, 0.6, 0.6])
     found = parts_of(corners * side / size[0], size)
     single = [range(2 * side * k, 2 * side * k + side) for k in range(count)]
-    if count > changed_parts.MOST_PARTS:
+    if count > redrawing.MOST_PARTS:
         single = [range(single[0].start, single[-1].stop)]
     assert sorted(found, key=lambda part: part.x.start) == [Part(x, x) for x in single]

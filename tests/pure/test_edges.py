@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.mesh import edges
-from addon.mesh.spatial.neighbors import has_area, neighbors, past_flat
+from addon.mesh.edges import has_area, neighbors, past_flat
 from addon.mesh.triangle_mesh import Mesh
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.mesh.spatial.face_corners import BLOCK, FaceCorners
+from addon.mesh.triangle_mesh import CORNER_BLOCK, FaceCorners
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -17,7 +17,7 @@ def test_what_is_found_equals_a_search_through_all(seed):
     near = np.repeat(np.linspace(0, count - 20, len(sizes)).astype(int), sizes)
     vertices = near + rng.integers(0, 20, len(near)) if seed % 2 else rng.integers(0, count, len(near))
     faces = FaceCorners(starts, vertices.astype(np.int32))
-    assert len(vertices) > 2 * BLOCK
+    assert len(vertices) > 2 * CORNER_BLOCK
     wanted = np.unique(rng.integers(0, count, rng.integers(1, 40)))
     corners = faces.corners_at(wanted, count)
     assert np.array_equal(corners, np.flatnonzero(np.isin(vertices, wanted)))

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.mesh.spatial import kd_order
+from addon.mesh import bvh
 
 
 def are_separated(first, second):
@@ -13,11 +13,11 @@ def are_separated(first, second):
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 4, 5, 8, 9, 16, 17, 63, 64, 65, 1000, 4096, 5000, 40_000, 70_000])
-@pytest.mark.parametrize("part", [64, kd_order.PART])
+@pytest.mark.parametrize("part", [64, bvh.PART])
 def test_runs_are_separated_by_planes_seed_11(count, part, monkeypatch):
-    monkeypatch.setattr(kd_order, "PART", part)
+    monkeypatch.setattr(bvh, "PART", part)
     points = np.random.default_rng(11).integers(0, 2**16, (3, count), dtype=np.uint16)
-    order = kd_order.order(points)
+    order = bvh.kd_order(points)
     assert np.array_equal(np.sort(order), np.arange(count))
     points = points[:, order]
     size = 4
@@ -28,17 +28,17 @@ def test_runs_are_separated_by_planes_seed_11(count, part, monkeypatch):
         size *= 2
 
 
-@pytest.mark.parametrize("part", [4, 16, kd_order.PART])
+@pytest.mark.parametrize("part", [4, 16, bvh.PART])
 def test_the_longest_axis_is_divided_first(part, monkeypatch):
-    monkeypatch.setattr(kd_order, "PART", part)  # several threads halve longer runs
+    monkeypatch.setattr(bvh, "PART", part)  # several threads halve longer runs
     side = np.arange(64, dtype=np.uint16)
     for axis in range(3):
         points = np.zeros((3, 64), np.uint16)
         points[axis] = side[::-1]
         points[axis - 1] = side % 4
-        found = points[axis, kd_order.order(points)].reshape(-1, 4)
+        found = points[axis, bvh.kd_order(points)].reshape(-1, 4)
         assert np.array_equal(np.sort(found, axis=1), side.reshape(-1, 4))
 
 
 def test_identical_points_are_ordered():
-    assert np.array_equal(np.sort(kd_order.order(np.full((3, 100), 7, np.uint16))), np.arange(100))
+    assert np.array_equal(np.sort(bvh.kd_order(np.full((3, 100), 7, np.uint16))), np.arange(100))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.core.progress import Pace
-from addon.passes.hemisphere import lattice
+from addon.passes import hemisphere
 
 COUNTS = [1, 2, 3, 16, 50, 64, 97, 100, 128, 256, 1000, 1024]
 
@@ -19,13 +19,13 @@ def points(chosen):
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_each_row_and_column_has_one_point(count):
-    for axis in points(lattice.of(count)).T:
+    for axis in points(hemisphere.lattice_of(count)).T:
         assert sorted(axis) == list(range(count))
 
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_the_cell_has_the_area_of_a_point_and_spans_the_lattice(count):
-    chosen = lattice.of(count)
+    chosen = hemisphere.lattice_of(count)
     cell = np.array(chosen.cell).reshape(2, 2)
     assert abs(np.linalg.det(cell)) == pytest.approx(1.0 / count)
     known = {tuple(point) for point in points(chosen)}
@@ -34,7 +34,7 @@ def test_the_cell_has_the_area_of_a_point_and_spans_the_lattice(count):
 
 @pytest.mark.parametrize("count", [64, 97, 128, 256, 1024])
 def test_steps_are_short_so_that_successive_rays_go_similar_ways(count):
-    step = (np.array(lattice.of(count).step) + count / 2.0) % count - count / 2.0
+    step = (np.array(hemisphere.lattice_of(count).step) + count / 2.0) % count - count / 2.0
     assert math.hypot(*step) < 1.5 * math.sqrt(count)
 
 
@@ -47,15 +47,15 @@ def test_the_lattice_is_the_best_by_its_error_for_128_points():
     def error(step):
         return weights[(waves @ step) % 128 == 0].sum()
 
-    own = error(np.array(lattice.of(128).step))
+    own = error(np.array(hemisphere.lattice_of(128).step))
     others = [error(np.array((1, a))) for a in range(1, 128, 2)]
     assert own <= min(others) * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize("samples", [1, 4, 8, 64])
 def test_samples_share_the_rays_of_a_texel(samples):
-    chosen = lattice.of(128)
-    shares = [lattice.rays_of_sample(chosen, sample, samples) for sample in range(samples)]
+    chosen = hemisphere.lattice_of(128)
+    shares = [hemisphere.rays_of_sample(chosen, sample, samples) for sample in range(samples)]
     assert sorted(ray for share in shares for ray in share) == list(range(128))
     assert {len(share) for share in shares} == {128 // samples}
 
@@ -64,9 +64,9 @@ def test_samples_share_the_rays_of_a_texel(samples):
 def test_slices_have_all_rays_of_all_rows_once(rays):
     seen = np.zeros((50, 128), int)
     first = np.zeros(50, int)
-    for rows, numbers, is_first in lattice.slices(Pace(), 50, rays):
+    for rows, numbers, is_first in hemisphere.slices(Pace(), 50, rays):
         assert rows.start % Pace.STEP == 0
-        assert len(numbers) <= lattice.AT_ONCE
+        assert len(numbers) <= hemisphere.AT_ONCE
         seen[np.ix_(rows, numbers)] += 1
         first[rows] += is_first
         assert is_first == (seen[rows.start].sum() == len(numbers))

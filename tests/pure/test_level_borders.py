@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from addon.mesh.levels import kept_borders, uv_moves
+from addon.mesh import coarser_uvs
 
 SIDE = 5
 
@@ -27,7 +27,7 @@ def inside():
 
 def test_the_edge_of_a_surface_is_kept():
     vertices, triangles, uv = grid()
-    kept = kept_borders.kept(vertices, triangles, [uv], np.zeros(len(triangles), np.int32))
+    kept = coarser_uvs.kept_vertices(vertices, triangles, [uv], np.zeros(len(triangles), np.int32))
     assert (kept == ~inside()).all()
 
 
@@ -37,7 +37,7 @@ def test_a_seam_is_kept_with_its_end():
     above = (uv[triangles].mean(axis=1)[:, 1] > 0.5).repeat(3)
     on_cut = (vertices // SIDE == SIDE // 2) & (vertices % SIDE < SIDE // 2)
     torn = uv + np.where(above & on_cut, 0.01, 0.0)[:, None].astype(np.float32)
-    kept = kept_borders.kept(vertices, triangles, [torn], np.zeros(len(triangles), np.int32))
+    kept = coarser_uvs.kept_vertices(vertices, triangles, [torn], np.zeros(len(triangles), np.int32))
     middle = SIDE // 2 * SIDE
     expected = ~inside()
     expected[middle : middle + SIDE // 2 + 1] = True
@@ -49,14 +49,14 @@ def test_seams_of_each_layer_are_kept():
     other = uv.copy()
     other[vertices >= SIDE * SIDE // 2] += 0.0
     other[:3] += 0.5
-    kept = kept_borders.kept(vertices, triangles, [uv, other], np.zeros(len(triangles), np.int32))
+    kept = coarser_uvs.kept_vertices(vertices, triangles, [uv, other], np.zeros(len(triangles), np.int32))
     assert kept[vertices[:3]].all()
 
 
 def test_borders_of_materials_are_kept():
     vertices, triangles, uv = grid()
     labels = (uv[triangles].mean(axis=1)[:, 0] > 0.5).astype(np.int32)
-    kept = kept_borders.kept(vertices, triangles, [uv], labels)
+    kept = coarser_uvs.kept_vertices(vertices, triangles, [uv], labels)
     assert (kept == (~inside() | (np.arange(SIDE * SIDE) % SIDE == SIDE // 2))).all()
 
 
@@ -66,7 +66,7 @@ def test_edges_of_three_triangles_are_kept():
     fin = np.array([middle, middle + 1, SIDE * SIDE], np.int32)  # on an edge inside the grid
     vertices, triangles = np.append(vertices, fin), np.append(triangles, [[len(uv) + i for i in range(3)]], axis=0)
     uv = np.concatenate([uv, np.stack([fin % SIDE, fin // SIDE], axis=1).astype(np.float32) / (SIDE - 1)])
-    kept = kept_borders.kept(vertices, triangles, [uv], np.zeros(len(triangles), np.int32))
+    kept = coarser_uvs.kept_vertices(vertices, triangles, [uv], np.zeros(len(triangles), np.int32))
     assert kept[[middle, middle + 1]].all()
 
 
@@ -74,7 +74,7 @@ def moved(vertex, by):
     """The grid with the UVs of one vertex moved, as uv_moves.accepted returns them, and whether the move was accepted."""
     vertices, triangles, uv = grid()
     after = uv + np.where(vertices == vertex, 1.0, 0.0)[:, None] * np.float32(by)
-    result = uv_moves.accepted(uv, after.astype(np.float32), vertices, triangles, ~inside())
+    result = coarser_uvs.moved_uvs(uv, after.astype(np.float32), vertices, triangles, ~inside())
     assert ((result == uv).all(axis=1) | (vertices == vertex)).all()
     return bool((result != uv).any())
 
@@ -102,7 +102,7 @@ def test_moves_that_fold_are_taken_back_and_others_stay():
     after = uv.copy()
     after[vertices == middle] += (0.3, 0.0)
     after[vertices == middle - SIDE - 1] += (0.02, 0.0)  # no triangle has both
-    result = uv_moves.accepted(uv, after, vertices, triangles, ~inside())
+    result = coarser_uvs.moved_uvs(uv, after, vertices, triangles, ~inside())
     assert (result[vertices == middle] == uv[vertices == middle]).all()
     assert (result[vertices == middle - SIDE - 1] == after[vertices == middle - SIDE - 1]).all()
 
@@ -113,11 +113,11 @@ def test_moves_to_another_island_are_taken_back():
     after = uv.copy()
     free = inside()[vertices]
     after[free] = 0.5 + 0.45 * (uv[free] - 0.5)  # no triangle turns over
-    result = uv_moves.accepted(uv, after, vertices, triangles, ~inside())
+    result = coarser_uvs.moved_uvs(uv, after, vertices, triangles, ~inside())
     assert (result != uv).any()
     far = uv.copy()
     far[free, 0] += 5.0
-    turned = uv_moves.accepted(uv, far, vertices, triangles, ~inside())
+    turned = coarser_uvs.moved_uvs(uv, far, vertices, triangles, ~inside())
     assert (turned == uv).all()
 
 
@@ -125,4 +125,4 @@ def test_corners_of_a_vertex_move_together():
     vertices, triangles, uv = grid()
     after = uv.copy()
     after[np.flatnonzero(vertices == SIDE * SIDE // 2)[0]] += 0.02
-    assert (uv_moves.accepted(uv, after, vertices, triangles, ~inside()) == uv).all()
+    assert (coarser_uvs.moved_uvs(uv, after, vertices, triangles, ~inside()) == uv).all()

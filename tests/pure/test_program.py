@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from addon.passes import program
+from addon.passes import shader
 from tests.support import programs
 
 PROGRAMS = programs.find_all()
@@ -18,7 +18,7 @@ def files_of(declared):
 
 def test_every_file_is_used_and_named_for_its_stage():
     used = {name for each in PROGRAMS.values() for name in files_of(each)}
-    files = {path.relative_to(program.SHADERS).as_posix(): path for path in program.SHADERS.rglob("*.glsl")}
+    files = {path.relative_to(shader.SHADERS).as_posix(): path for path in shader.SHADERS.rglob("*.glsl")}
     for name, path in files.items():
         stage = path.stem.rsplit("_", 1)[1]
         text = path.read_text(encoding="utf-8")
@@ -34,8 +34,8 @@ def test_includes_are_resolved_once_and_lines_keep_their_numbers(tmp_path, monke
     (tmp_path / "a_lib.glsl").write_text("float a_one() { return 1.0; }\n")
     (tmp_path / "b_lib.glsl").write_text('#include "a_lib.glsl"\nfloat b_one() { return a_one(); }\n')
     (tmp_path / "c_frag.glsl").write_text('#include "a_lib.glsl"\n#include "b_lib.glsl"\nvoid main() {}\n')
-    monkeypatch.setattr(program, "SHADERS", tmp_path)
-    text = program.source("c_frag.glsl")
+    monkeypatch.setattr(shader, "SHADERS", tmp_path)
+    text = shader.source("c_frag.glsl")
     assert text.count("float a_one") == 1
     assert text.count("float b_one") == 1
     assert "#include" not in text
@@ -45,7 +45,7 @@ def test_includes_are_resolved_once_and_lines_keep_their_numbers(tmp_path, monke
 @pytest.mark.parametrize("declared", PROGRAMS.values(), ids=PROGRAMS)
 def test_shaders_use_all_declared_names(declared):
     """Some drivers remove unused names, and setting them is an error."""
-    text = "\n".join(map(program.source, files_of(declared)))
+    text = "\n".join(map(shader.source, files_of(declared)))
     words = set(re.findall(r"\w+", text))
     varyings = declared.varyings + declared.flat
     kinds = (declared.inputs, varyings, declared.samplers, declared.constants, declared.outputs)
@@ -66,7 +66,7 @@ def test_constants_fit_on_every_vulkan_driver(declared):
     assert sum(BYTES[kind] for kind, _ in declared.constants) <= MOST_CONSTANTS
 
 
-@pytest.mark.parametrize("path", sorted(program.SHADERS.rglob("*_lib.glsl")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(shader.SHADERS.rglob("*_lib.glsl")), ids=lambda path: path.stem)
 def test_names_of_a_library_start_with_its_own(path):
     text = path.read_text(encoding="utf-8")
     defined = re.findall(r"^(?:const )?(?:int|float|[iu]?vec\d|mat\d) (\w+)", text, re.MULTILINE)
@@ -86,4 +86,4 @@ def test_names_of_a_library_start_with_its_own(path):
     ],
 )
 def test_software_renderers_are_recognized(renderer, expected):
-    assert program.in_software(renderer) == expected
+    assert shader.is_software(renderer) == expected

@@ -4,8 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.engine.mips.block_sums import LEVELS, halved, slabs, spread
-from addon.engine.mips.rough_levels import RoughLevels
+from addon.engine.mip_levels import LEVELS, RoughLevels, halved, slabs, spread
 
 SIZE = 256
 WITHIN = 0.02

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.mesh.spatial import shared_values
+from addon.mesh import shared_values
 
 
 def grid(n):

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from addon.core import threads
-from addon.mesh import uv_layout
-from addon.mesh.spatial import bvh
+from addon.mesh import bvh, uv_layout
 from addon.mesh.triangle_mesh import Mesh
 
 BLOCK = threads.BLOCK

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from addon.passes import shader, target
-from addon.passes.bake import cast
-from addon.passes.program import source as shader_source
+from addon.passes import cast, shader, target
+from addon.passes.shader import source as shader_source
 
 FILES = "bake/cast_comp.glsl", "bake/cast_first_comp.glsl"
 COUNTS = ("nodes", "candidates", "queries", "low nodes")

@@ -4,10 +4,8 @@ import gpu
 import numpy as np
 
 from addon.core.declarations.choices import Hit
-from addon.mesh.spatial import bvh
-from addon.passes import target
-from addon.passes.bake import cast
-from addon.passes.hemisphere import lattice, openness
+from addon.mesh import bvh
+from addon.passes import cast, hemisphere, target
 
 SIZE = 64
 COUNT = SIZE * SIZE
@@ -63,48 +61,38 @@ class Probes:
 
     def openness(self, occluders=None, rays=128, groups=1):
         """Ambient occlusion (COUNT,) and bent normals (COUNT, 3), from the rays in so many groups."""
-        chosen = lattice.of(rays)
+        chosen = hemisphere.lattice_of(rays)
 
         def add(sums, numbers, is_first):
-            openness.add(
-                sums,
-                self.hits,
-                self.surface,
-                occluders or openness.Occluders(),
-                lattice=chosen,
-                rays=numbers,
-                rows=range(SIZE),
-                is_first=is_first,
-            )
+            some = hemisphere.Rays(self.hits, self.surface, chosen, numbers, range(SIZE), is_first)
+            hemisphere.add_openness(sums, some, occluders or hemisphere.Occluders())
 
         sums = added(add, rays, groups)
         into = target.Target(SIZE, SIZE, ("RGBA32F",))
-        openness.ambient_occlusion(into, sums, self.normals, rays)
+        hemisphere.mean(into, sums, self.normals, rays, hemisphere.OCCLUSION)
         occlusion = read(into)
-        openness.bent_normals(into, sums, self.normals, rays, np.eye(3))
+        hemisphere.bent_normals(into, sums, self.normals, rays, np.eye(3))
         bent = read(into)
         assert (occlusion[:, 3] == 1.0).all()
         assert (bent[:, 3] == 1.0).all()
         return occlusion[:, 0].astype(np.float64), bent[:, :3].astype(np.float64)
 
-    def measured(self, module, rays=128, what="values", **options):
-        """The values (COUNT,) of passes.hemisphere.thickness or curvature."""
-        chosen = lattice.of(rays)
+    def thickness(self, farthest, rays=128):
+        """Thickness (COUNT,)."""
+        return self._measured(hemisphere.add_thickness, farthest, rays, hemisphere.THICKNESS)
+
+    def curvature(self, radius, rays=128, value=hemisphere.CURVATURE):
+        """Curvature (COUNT,), or another value of the same rays."""
+        return self._measured(hemisphere.add_curvature, radius, rays, value)
+
+    def _measured(self, add_rays, length, rays, value):
+        chosen = hemisphere.lattice_of(rays)
 
         def add(sums, numbers, is_first):
-            module.add(
-                sums,
-                self.hits,
-                self.surface,
-                lattice=chosen,
-                rays=numbers,
-                rows=range(SIZE),
-                is_first=is_first,
-                **options,
-            )
+            add_rays(sums, hemisphere.Rays(self.hits, self.surface, chosen, numbers, range(SIZE), is_first), length)
 
         into = target.Target(SIZE, SIZE, ("RGBA32F",))
-        getattr(module, what)(into, added(add, rays, 1), self.normals, rays)
+        hemisphere.mean(into, added(add, rays, 1), self.normals, rays, value)
         values = read(into)
         assert (values[:, 3] == 1.0).all()
         return values[:, 0].astype(np.float64)

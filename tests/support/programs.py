@@ -4,7 +4,7 @@ import importlib
 import pkgutil
 
 from addon import passes
-from addon.passes.program import Program
+from addon.passes.shader import Program
 
 
 def find_all() -> dict[str, Program]:

@@ -5,10 +5,8 @@ import numpy as np
 
 from addon.core.declarations.choices import Hit
 from addon.core.material_feeds import ImagePixels
-from addon.mesh.spatial import bvh
-from addon.passes import data_texture, target
-from addon.passes.bake import cast, samples
-from addon.passes.surface import corner_tables, image_look_up, image_page, material_table, plain_values
+from addon.mesh import bvh
+from addon.passes import cast, data_texture, samples, surface_tables, surface_values, target
 
 
 def grid(nu, nv, height=None, tilt=None):
@@ -51,7 +49,7 @@ class SeenSurface:
             scale=tree.scale,
         )
         ordered = self.materials[tree.order]
-        self.uvs = corner_tables.upload_uvs(self.uv.reshape(-1, 2), self.corners, ordered)
+        self.uvs = surface_tables.upload_uvs(self.uv.reshape(-1, 2), self.corners, ordered)
         self.labels = data_texture.upload(np.stack([np.ones(count), ordered, np.zeros(count)], 1).astype(np.float32))
         self.sums = target.Target(self.width, self.height, ("RGBA32F",))
         self.probe()
@@ -81,13 +79,13 @@ class SeenSurface:
 
     def begin(self, materials, *, is_first=True):
         """Start a map: count misses and constants."""
-        plain_values.add_constants(
+        surface_values.add_constants(
             self.sums, self.hits, self.drawn_normals.texture, labels=self.labels, materials=materials, is_first=is_first
         )
 
     def add(self, page, feed, materials, number=1, **options):
         """Add an image."""
-        image_look_up.add_image(
+        surface_values.add_image(
             self.sums,
             self.hits,
             page,
@@ -101,7 +99,7 @@ class SeenSurface:
 
     def shown(self, page, feed, **options):
         """The whole map (height, width, 4) of one image on all materials."""
-        materials = material_table.upload(np.ones(10))
+        materials = surface_tables.upload_materials(np.ones(10))
         self.begin(materials)
         self.add(page, feed, materials, **options)
         return self.read()
@@ -138,4 +136,4 @@ def page(values, **facts):
         values = np.repeat(values[..., None], 3, axis=-1)
     if values.shape[-1] == 3:
         values = np.concatenate([values, np.ones_like(values[..., :1])], axis=-1)
-    return image_page.upload(ImagePixels(np.ascontiguousarray(values), **facts))
+    return surface_tables.upload_image(ImagePixels(np.ascontiguousarray(values), **facts))

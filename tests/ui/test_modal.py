@@ -9,8 +9,7 @@ import pytest
 import addon
 from addon.core import progress
 from addon.core.errors import BakeError
-from addon.engine import gpu_memory
-from addon.engine.rays import tree_cache
+from addon.engine import gpu_memory, tree_cache
 from addon.passes import target
 from addon.ui import bake_operators, modal, views
 from addon.ui.live import live

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import addon
-from addon.engine.rays import tree_cache
+from addon.engine import tree_cache
 from addon.ui import object_pairs
 from addon.ui.cage_overlay import CageState, RayLengths, Subject, overlay
 from addon.ui.live import live

@@ -17,7 +17,7 @@ import bpy
 import pytest
 
 from addon.core.declarations import readers
-from addon.engine.maps import ray_maps
+from addon.engine import ray_maps
 from addon.ui import texts
 from addon.ui.texts import FOLDER, LABEL, OPERATOR, SENTENCE
 from scripts.imprint import ROOT

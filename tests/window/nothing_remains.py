@@ -16,7 +16,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
-from addon.engine.rays import tree_cache  # noqa: E402
+from addon.engine import tree_cache  # noqa: E402
 from addon.passes import target  # noqa: E402
 from addon.ui.cage_overlay import overlay  # noqa: E402
 from addon.ui.live import LiveState, live  # noqa: E402

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from addon.core.settings import Settings
-from addon.engine.rays import tree_cache
+from addon.engine import tree_cache
 from addon.jobs import bake_pair
 from scripts.bench import bakers, scenes
 

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The space of the normals of a map, and the channels that they are stored in."""
+
+import math
+from dataclasses import replace
+
+import gpu
+import numpy as np
+
+from ..core.declarations import bases
+from ..core.declarations.choices import Space
+from ..core.declarations.readers import Reader
+from ..core.map_types import WRITTEN, Map, states_of_raw
+from ..core.settings import MapSettings, Settings
+from ..core.udim import UvToClip
+from ..mesh import uv_layout
+from ..mesh.triangle_mesh import Mesh
+from ..passes import lit, low_in_uv, mesh_upload, samples, target
+from .bands import Band
+
+CENTER = (0.0, 0.0)
+BLOCK = 8
+"""The side of the squares of texels in which triangles are looked for."""
+
+
+class NormalSpace:
+    """The space of the normals of a bake. basis: the low mesh with tangents; None for normals that keep the source's
+    space. mesh: what was uploaded as `basis`."""
+
+    def __init__(self, basis: gpu.types.GPUBatch | None, mesh: Mesh | None, settings: Settings):
+        self.basis, self.mesh = basis, mesh
+        self.flags = bases.of_name(settings.map.basis).flags
+        # The last one that is drawn over a texel stays: the one closest to the center.
+        beside = [offset for offset in samples.offsets(settings.sampling.samples) if offset != CENTER]
+        self._beside = sorted(beside, key=lambda offset: -math.hypot(*offset))
+
+    def of_sample(self, normals: gpu.types.GPUTexture, band: Band) -> gpu.types.GPUTexture:
+        """The normals of one sample in this space, by the tangents at its place."""
+        return normals if self.basis is None else self._drawn("low", normals, band).texture
+
+    def of_texels(self, normals: gpu.types.GPUTexture, band: Band, role: str = "low") -> gpu.types.GPUTexture:
+        """The means of all samples in this space, by the tangents at the centers of texels, where programs read them.
+
+        Where the low mesh covers samples but not the center, by those at the sample closest to it. role: of the target.
+        """
+        if self.basis is None:
+            return normals
+        into = self._drawn(role, normals, replace(band, offset=CENTER))
+        if self._beside:
+            self._draw_beside(into, normals, band)
+        return into.texture
+
+    def _draw_beside(self, into: target.Target, normals: gpu.types.GPUTexture, band: Band) -> None:
+        """Turn the texels whose center the low mesh does not cover."""
+        stopped, places = low_in_uv.not_turned(normals, into)
+        size, blocks = (band.width, band.height), np.zeros((-(-band.height // BLOCK), -(-band.width // BLOCK)), bool)
+        blocks[tuple(places.T // BLOCK)] = True
+        near = uv_layout.touching(self.mesh, replace(band, offset=CENTER).uv_to_clip, size, blocks, BLOCK)
+        if not near.any():
+            return
+        mesh, corners = self.mesh, self.mesh.triangles[near].reshape(-1)
+        low = mesh_upload.upload_corners(
+            uv=mesh.uv[corners], normal=mesh.normals[corners], tangent=mesh.tangents[corners]
+        )
+        for offset in self._beside:
+            to_clip = replace(band, offset=offset).uv_to_clip
+            self._turn(into, low, normals, to_clip, clear=False, stopped=stopped)
+
+    def _drawn(self, role: str, normals: gpu.types.GPUTexture, band: Band) -> target.Target:
+        into = target.get(role, band.width, band.height, "RGBA32F")
+        self._turn(into, self.basis, normals, band.uv_to_clip)
+        return into
+
+    def _turn(
+        self, into: target.Target, low: gpu.types.GPUBatch, normals: gpu.types.GPUTexture, to_clip: UvToClip, **how
+    ) -> None:
+        low_in_uv.draw_in_tangent_space(
+            into, low, normals, to_clip, basis_flags=self.flags, stretch=self.mesh.stretch, **how
+        )
+
+
+def channels(settings: MapSettings) -> np.ndarray:
+    """The (3, 3) matrix from a normal to its red, green and blue channels."""
+    matrix = np.zeros((3, 3))
+    for row, axis in enumerate((settings.red, settings.green, settings.blue)):
+        matrix[row, "XYZ".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
+    return matrix
+
+
+def reading(settings: MapSettings) -> tuple[int, int, int]:
+    """How a map of these settings is meant to be read, as lit.reading has it, before it is rounded."""
+    kinds = {Space.WORLD: lit.WORLD, Space.OBJECT: lit.OBJECT}
+    kind = kinds.get(settings.space, lit.TANGENT + bases.of_name(settings.basis).flags)
+    return lit.reading(kind, channels(settings))
+
+
+def reading_by(reader: Reader, settings: Settings) -> tuple[int, int, int]:
+    """How a program reads a tangent-space map of these settings."""
+    depth = min(settings.storing.depth, reader.depth)
+    steps = 0 if depth > 8 and settings.storing.is_float else 2**depth - 1
+    axes = channels(replace(settings, red="+X", green=reader.green, blue="+Z").map)
+    return lit.reading(lit.TANGENT + reader.basis.flags, axes, steps=steps, rebuilds_z=reader.rebuilds_z)
+
+
+def stored(normals: np.ndarray, settings: Settings) -> Map:
+    """Normals as baking.Renderer.raw returns them, as they are stored in a map of these settings, before rounding."""
+    texels = np.ones_like(normals)
+    texels[..., :3] = normals[..., :3] @ (0.5 * channels(settings.map).T).astype(np.float32) + 0.5
+    return texels, states_of_raw(normals[..., 3])
+
+
+def backwards(texels: np.ndarray, state: np.ndarray, settings: MapSettings) -> int:
+    """The number of written texels whose z is 0 or less. texels (height, width, 4): normals as they are stored."""
+    z = channels(settings)[:, 2]
+    stored = texels[..., int(np.argmax(np.abs(z)))]
+    half = np.float32(0.5)
+    return int(np.count_nonzero((stored <= half if z.sum() > 0.0 else stored >= half) & (state == WRITTEN)))
+
+
+def upwards(texels: np.ndarray, settings: MapSettings) -> np.ndarray:
+    """Half the z of the normals in stored texels (height, width, 4): (height, width)."""
+    z = channels(settings)[:, 2]
+    return texels[..., int(np.argmax(np.abs(z)))] * np.float32(z.sum()) - np.float32(0.5 * z.sum())

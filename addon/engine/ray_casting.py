@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The rays of a bake, from the low mesh or its cage to the high meshes, on a map and at points."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import gpu
+import numpy as np
+
+from ..core import udim
+from ..core.declarations.choices import Hit
+from ..core.progress import Pace
+from ..core.udim import UvToClip
+from ..mesh.inputs import Meshes
+from ..mesh.local_space import FARTHEST, LocalSpace
+from ..mesh.subdividing import Pieces
+from ..passes import rays, samples, target
+from ..passes.samples import Active
+from . import ray_distances
+from .tree_cache import LowSurface, RayScene
+
+TOUCHING = 1e-6
+"""In local space. Where a cage is closer than this to the low mesh, rays follow the low mesh's normals."""
+
+
+@dataclass(frozen=True)
+class RayCast:
+    """Rays from a low mesh to the high ones.
+
+    ray_mesh: from `upload_ray_mesh`. extrusion, max_distance: in scene units; with a cage, rays start on it and extrusion is 0.
+    hit: which hit counts. is_measured: whether at least one of the two distances was measured, not set.
+    """
+
+    ray_scene: RayScene
+    low: LowSurface
+    ray_mesh: gpu.types.GPUBatch
+    directions: rays.Directions
+    hit: Hit
+    extrusion: float
+    max_distance: float
+    facing_only: bool
+    has_cage: bool
+    is_measured: bool = False
+
+    @property
+    def blend_width(self) -> float:
+        """The distance from hard edges, in scene units, within which directions blend; 0 if they do not."""
+        return self.directions.blend_width * self.ray_scene.local_space.size
+
+    def draw(
+        self,
+        into: target.Target,
+        uv_to_clip: UvToClip,
+        some: Active | None = None,
+        parts: Sequence[tuple[int, int]] | None = None,
+    ) -> None:
+        """Draw the rays as `trace` takes them. some: the texels that get one; None for all. parts: of the low mesh, as in
+        rays.draw."""
+        if some:
+            samples.clear_active(into, some)  # the points, whose alpha says whether there is a ray
+        unit = self.ray_scene.local_space.size
+        rays.draw(
+            into,
+            self.ray_mesh,
+            uv_to_clip,
+            self.directions,
+            start_offset=self.extrusion / unit,
+            start_on_cage=self.has_cage,
+            clear=not some,
+            stopped=some and some.stopped,
+            parts=parts,
+        )
+
+    def trace(
+        self, hits: target.Target, drawn: target.Target, pace: Pace | None = None, some: Active | None = None
+    ) -> None:
+        """Cast the rays that `draw` has written, as cast.trace does."""
+        for _ in self.traced(hits, drawn, pace or Pace(), some):
+            pass
+
+    def traced(
+        self, hits: target.Target, drawn: target.Target, pace: Pace, some: Active | None = None
+    ) -> Iterator[range]:
+        """As `trace`, in slices, as ray_distances.cast_in_slices has them."""
+        unit = self.ray_scene.local_space.size
+        yield from ray_distances.cast_in_slices(
+            hits,
+            drawn,
+            self.ray_scene.tables,
+            self.low.owners,
+            pace=pace,
+            some=some,
+            rule=self.hit,
+            inside=FARTHEST if self.has_cage else (self.max_distance - self.extrusion) / unit,
+            # Painting moves where rays start, not where they end. From a cage, they have a length instead.
+            max_t=self.max_distance / unit if self.has_cage else FARTHEST,
+            facing_only=self.facing_only,
+        )
+
+
+def upload_ray_mesh(meshes: Meshes, low_surface: LowSurface, local_space: LocalSpace) -> gpu.types.GPUBatch:
+    """The low mesh as rays.draw takes it."""
+    arrays = ray_arrays(meshes, local_space)
+    starts = low_surface.starts if meshes.kept is None else low_surface.starts[meshes.kept]
+    return rays.upload(meshes.low.triangles, starts, uv=meshes.low.uv, **arrays)
+
+
+def ray_arrays(meshes: Meshes, local_space: LocalSpace) -> dict[str, np.ndarray | None]:
+    """What rays.upload takes by corner of the low mesh, without UVs.
+
+    With a cage, which has the same corners, smooth normals lead to the cage.
+    """
+    low = meshes.low
+    positions = local_space.points(low)[low.vertices]
+    smooth, straight = (
+        low.to_world_normals(normals).astype(np.float32) for normals in (meshes.smooth_normals, low.normals)
+    )
+    if meshes.cage is not None:
+        to_cage = local_space.points(meshes.cage)[meshes.cage.vertices] - positions
+        is_touching = np.linalg.norm(to_cage, axis=1) < TOUCHING
+        smooth = straight = np.where(is_touching[:, None], smooth * np.float32(TOUCHING), to_cage)
+    return {"position": positions, "smooth_normal": smooth, "straight_normal": straight, "paint": _paint(meshes)}
+
+
+def _paint(meshes: Meshes) -> np.ndarray | None:
+    """What the artist painted, as rays.upload takes it."""
+    if meshes.offset is None and meshes.straight is None:
+        return None
+    paint = np.tile(np.array([1.0, 0.0], np.float32), (len(meshes.low.vertices), 1))
+    for column, values in enumerate((meshes.offset, meshes.straight)):
+        if values is not None:
+            paint[:, column] = values
+    return paint
+
+
+TEXEL = np.array([(-0.4, -0.3), (0.4, -0.3), (0.0, 0.5)], np.float32)
+"""The corners of a triangle that covers the center of one texel alone, in texels from that center."""
+
+
+@dataclass(frozen=True)
+class RayPoints:
+    """Rays at points: places (P, 3), unit directions away from the surface (P, 3), 0 where there is none, and the distances
+    (P,) outside the surface at which rays start. All float32, in local space."""
+
+    places: np.ndarray
+    directions: np.ndarray
+    starts: np.ndarray
+
+
+def rays_at_points(
+    meshes: Meshes, pieces: Pieces, local_space: LocalSpace, directions: rays.Directions, *, extrusion: float
+) -> RayPoints:
+    """The rays at the points of `pieces`, parts of the low mesh's triangles. extrusion: in units of the local space.
+
+    Needs no UVs: each point gets a texel of its own.
+    """
+    corners, count = meshes.low.triangles, len(pieces.parents)
+    arrays = ray_arrays(meshes, local_space)
+    by_point = {
+        name: None if values is None else pieces.interpolate(values, corners) for name, values in arrays.items()
+    }
+    side = max(1, int(np.ceil(np.sqrt(count))))
+    centers = np.stack(np.divmod(np.arange(count), side)[::-1], axis=1) + 0.5
+    batch = rays.upload(
+        np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        np.ones(count, np.int64),
+        uv=((centers[:, None] + TEXEL) / side).reshape(-1, 2).astype(np.float32),
+        **{name: None if values is None else np.repeat(values, 3, axis=0) for name, values in by_point.items()},
+    )
+    drawn = target.Target(side, side, ("RGBA32F", "RGBA32F"))
+    rays.draw(
+        drawn,
+        batch,
+        udim.uv_to_clip(),
+        directions,
+        start_offset=extrusion,
+        start_on_cage=meshes.cage is not None,
+    )
+    away = np.empty((side, side, 4), np.float32)
+    drawn.read(away, slot=1)
+    away = away.reshape(-1, 4)[:count]
+    return RayPoints(by_point["position"], away[:, :3], away[:, 3])

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures what the settings of rays leave open: their distances, and how wide their directions blend."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import gpu
+import numpy as np
+
+from ..core import udim
+from ..core.declarations.choices import Directions, Hit
+from ..core.progress import Pace
+from ..mesh.inputs import Meshes
+from ..mesh.local_space import FARTHEST
+from ..passes import cast, rays, target
+from ..passes.cast import Owners
+from ..passes.samples import Active
+from .tree_cache import LowSurface, SharpPoints
+
+
+def cast_in_slices(
+    hits: target.Target,
+    drawn: target.Target,
+    tables: cast.Tables,
+    owners: Owners | None,
+    *,
+    pace: Pace,
+    some: Active | None = None,
+    **options,
+) -> Iterator[range]:
+    """Cast the rays in `drawn` as cast.trace does, in slices. Yields the rows that are done; with `some`, rows of its list."""
+    height, work = (some.rows, "some texels") if some else (drawn.height, "")
+    for rows in pace.slices(height, work):
+        cast.trace(hits, drawn, tables, owners, rows=rows, some=some, **options)
+        hits.finish()
+        yield rows
+
+
+PROBE_SIZE = 256
+"""The most rays a side that are cast."""
+PART_PROBE_SIZE = 128
+"""The most rays a side that look for parts that stand off: they go farther, and ask for owners."""
+QUANTILE = 0.999
+"""Distances beyond this quantile are outliers: rays that pass an edge and hit a surface behind it."""
+RESERVE = 1.5
+"""Factor on the measured distances: the surface between two measured texels may lie farther away."""
+WHOLE_WORLD = 8.0
+"""Longer than any distance in the local space of the high meshes, if the low mesh touches them."""
+FARTHEST_PART = 4.0
+"""In tree_cache.ROOM. Parts that stand off farther need an extrusion that is set."""
+MOST_PARTS = 0.25
+"""The largest share of the low surface that parts may cover. What covers more is another layer, which the low mesh lacks."""
+PART_RESERVE = 1.1
+"""Factor on the measured height of parts that stand off."""
+DIGITS = 3
+"""The significant digits of measured figures on which all rays depend. GPUs round measurements differently."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Some of the rays of a bake.
+
+    size: width and height of the map. tiles: its UDIM tiles. The others are as rays.draw and cast.trace take them.
+    """
+
+    tables: cast.Tables
+    ray_mesh: gpu.types.GPUBatch
+    directions: rays.Directions
+    size: tuple[int, int]
+    tiles: Sequence[int]
+
+    def drawn(
+        self, *, start_offset: float, start_on_cage: bool = False, most: int = PROBE_SIZE
+    ) -> Iterator[target.Target]:
+        """The rays of each tile, at most `most` along u and v. The next tile overwrites them."""
+        width, height = (min(side, most) for side in self.size)
+        into = target.get("rays", width, height, "RGBA32F", "RGBA32F")
+        for tile in self.tiles:
+            rays.draw(
+                into,
+                self.ray_mesh,
+                udim.uv_to_clip(tile),
+                self.directions,
+                start_offset=start_offset,
+                start_on_cage=start_on_cage,
+            )
+            yield into
+
+
+def measure_distances(probe: Probe, *, has_cage: bool, facing_only: bool) -> tuple[float, float]:
+    """How far the high surface lies outside and inside the low one, with some reserve, in units of the rays' local space.
+
+    With a cage, rays start on it, and only the distance inside is measured.
+    """
+    rule = Hit.OUTERMOST if has_cage else Hit.NEAREST
+    heights = np.concatenate(
+        [
+            _heights(probe.tables, drawn, rule, facing_only)
+            for drawn in probe.drawn(start_offset=WHOLE_WORLD, start_on_cage=has_cage)
+        ]
+    )
+    if has_cage:
+        return 0.0, _with_reserve(-heights) if heights.size else WHOLE_WORLD
+    return _with_reserve(heights[heights > 0.0]), _with_reserve(-heights[heights <= 0.0])
+
+
+def with_room(
+    measured: tuple[float, float], max_distance: float | None, probe: Probe, owners: Owners
+) -> tuple[float, float]:
+    """The two distances that `measure` found, with room for all parts of the high meshes that belong to the low mesh.
+
+    max_distance: the length of the rays in units of their local space, if the settings have one.
+    """
+    outside, inside = measured
+    farthest = max(outside, FARTHEST_PART * owners.room)
+    height = _standing_off(probe, owners, farthest=farthest, inside=max(inside, owners.room))
+    wanted = max(owners.room, min(rounded(PART_RESERVE * height), farthest))
+    if max_distance is not None:  # the rays must still reach as far inside as was measured
+        wanted = min(wanted, max_distance - inside)
+    return max(outside, wanted), max(inside, owners.room)
+
+
+def rounded(figure: float) -> float:
+    """`figure` with DIGITS significant digits."""
+    return float(f"{figure:.{DIGITS}g}")
+
+
+def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: float) -> float:
+    """How high above the low surface parts stand off that belong to it, if that is farther than its room; else 0.
+
+    Rays run from `farthest` outside it to `inside` it.
+    """
+    highest, covered, texels_of_low = 0.0, 0, 0
+    for drawn in probe.drawn(start_offset=farthest, most=PART_PROBE_SIZE):
+        texels = hit_heights(probe.tables, owners, drawn, rule=Hit.OWN, inside=inside, max_t=FARTHEST, facing_only=True)
+        heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)
+        is_part = (alpha > 0.0) & (is_not_owned == 0.0) & (heights > owners.room)
+        highest = max(highest, float(heights[is_part].max(initial=0.0)))
+        covered, texels_of_low = covered + np.count_nonzero(is_part), texels_of_low + np.count_nonzero(alpha)
+    return highest if covered <= MOST_PARTS * texels_of_low else 0.0
+
+
+def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
+    """The heights (N,) float32 of the hits above the low surface, or above the cage for OUTERMOST."""
+    texels = hit_heights(
+        tables, None, drawn, rule=rule, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=facing_only
+    )
+    heights = texels[..., 0]
+    if rule == Hit.OUTERMOST:
+        away = np.empty_like(texels)
+        drawn.read(away, slot=1)
+        heights -= away[..., 3]
+    return heights[texels[..., 3] > 0.0]
+
+
+def hit_heights(tables: cast.Tables, owners: Owners | None, drawn: target.Target, **options) -> np.ndarray:
+    """What cast.heights writes, (height, width, 4) float32. options: of cast.trace."""
+    hits = target.get("hits", drawn.width, drawn.height, "RGBA32UI")
+    found = target.get("high", drawn.width, drawn.height, "RGBA32F")
+    for _ in cast_in_slices(hits, drawn, tables, owners, pace=Pace(), **options):
+        pass
+    cast.heights(found, hits, drawn)
+    texels = np.empty((drawn.height, drawn.width, 4), np.float32)
+    found.read(texels)
+    return texels
+
+
+def _with_reserve(distances: np.ndarray) -> float:
+    """A distance that includes all of `distances` but the outliers, with some reserve."""
+    smallest = 1e-4  # rays must start a little away from surfaces that coincide
+    return max(smallest, RESERVE * float(np.quantile(distances, QUANTILE))) if distances.size else smallest
+
+
+BEVELS = 2.0
+"""The width of the blend, in widths of the high mesh's bevels."""
+CROSSING = 1.5
+"""The least width of the blend, in distances between the two surfaces at hard edges: rays on a narrower one would cross."""
+CROSSING_QUANTILE = 0.9
+"""Distances beyond this quantile are outliers, as where another part hides an edge."""
+LEAST_WIDTH = 1e-4
+"""In local space. A blend of no width would be smooth directions everywhere, as if there were no hard edges."""
+MOST_POINTS = 2**14
+"""The most points on hard edges that are measured."""
+
+
+def choose_directions(which: str, meshes: Meshes, low_surface: LowSurface, tables: cast.Tables) -> rays.Directions:
+    """The directions for the setting `which`. BLENDED is SMOOTH for a low mesh without hard edges, and with a cage."""
+    blends = may_blend(which, has_cage=meshes.cage is not None) and low_surface.sharp is not None
+    return of_width(which, low_surface.edges, _blend_width(meshes, low_surface.sharp, tables) if blends else 0.0)
+
+
+def may_blend(which: str, *, has_cage: bool) -> bool:
+    """Whether directions blend at hard edges. A cage decides the directions alone."""
+    return which == Directions.BLENDED and not has_cage
+
+
+def of_width(which: str, edges: rays.Edges, blend_width: float) -> rays.Directions:
+    """The directions for the setting `which`. blend_width: in local space; 0 if they do not blend."""
+    return rays.Directions(edges, straight_share=float(which == Directions.SPLIT), blend_width=blend_width)
+
+
+def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: cast.Tables) -> float:
+    """How wide the blend along hard edges is, in local space.
+
+    The high mesh's bevels show in how far its surface is from the low mesh's sharp edges, along their smooth normals.
+    """
+    low = meshes.low
+    by_vertex = np.zeros((len(low.positions), 3), np.float32)
+    by_vertex[low.vertices] = low.to_world_normals(meshes.smooth_normals)
+    chosen = slice(None, None, -(-len(sharp.places) // MOST_POINTS))
+    ends = by_vertex[sharp.vertices[chosen]]
+    ends /= np.maximum(np.linalg.norm(ends, axis=2, keepdims=True), np.finfo(np.float32).tiny)
+    heights, has_hit = _heights_along(sharp.places[chosen], ends.sum(axis=1), tables)
+    if not has_hit.any():
+        return 0.0
+    distances = np.abs(heights[has_hit])
+    bevels = distances / np.maximum(sharp.cosines[chosen][has_hit], 0.1)
+    width = max(LEAST_WIDTH, BEVELS * np.median(bevels), CROSSING * np.quantile(distances, CROSSING_QUANTILE))
+    return rounded(float(width))
+
+
+def _heights_along(places: np.ndarray, normals: np.ndarray, tables: cast.Tables) -> tuple[np.ndarray, np.ndarray]:
+    """How far the nearest high surface lies along normals (N, 3) from places (N, 3).
+
+    Returns heights (N,), and which rays hit, (N,) bool.
+    """
+    drawn = rays.upload_points(places, normals, WHOLE_WORLD)
+    texels = hit_heights(
+        tables, None, drawn, rule=Hit.NEAREST, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=False
+    )
+    texels = texels.reshape(-1, 4)[: len(places)]
+    return texels[:, 0], texels[:, 3] > 0.0

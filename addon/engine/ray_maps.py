@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws the maps whose rays start at the hits: ambient occlusion and bent normals, thickness, curvature."""
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+import gpu
+import numpy as np
+
+from ..core.declarations.choices import DistanceUnit, Occluders
+from ..core.declarations.map_settings import CURVATURE_SHARE, THICKNESS_SHARE
+from ..core.map_types import BY_NAME, Family, Kind
+from ..core.progress import Progress, Task, Timings
+from ..core.settings import Run, Settings, TracingSettings
+from ..mesh.local_space import LocalSpace
+from ..mesh.triangle_mesh import Mesh
+from ..passes import hemisphere, target, viewport
+from . import tree_cache
+from .bands import Band
+from .high_meshes import HighSurface
+from .map_families import MapFamily, Sample
+from .normal_space import NormalSpace
+
+
+class RayMaps(MapFamily):
+    """Draws the maps of one family with these names. Its rays go into one texture of sums."""
+
+    family: ClassVar[Family]
+    title: ClassVar[str]
+    values: ClassVar[tuple[hemisphere.Value, ...]]
+    """By the index of the map."""
+
+    def __init__(self, names: Sequence[str], surface: HighSurface, run: Run):
+        self.names, self.surface, self.run = names, surface, run
+        settings = run.settings
+        # Each sample casts as many, so that texels of which only some samples hit keep their mean.
+        self.rays = settings.sampling.samples * math.ceil(settings.tracing.rays / settings.sampling.samples)
+        self.lattice = hemisphere.lattice_of(self.rays)
+        self.effort = 0.7 * self.rays / settings.sampling.samples
+        self._picture: gpu.types.GPUTexture | None = None
+
+    def add(self, drawn: Sequence[Sample]) -> Task[None]:
+        if self.run.pace.has_listener and drawn[0].number == 0:
+            target.clear(self._sums(drawn[0].band))  # the picture shows rows that are not drawn yet
+            self._picture = None
+        for number, sample in enumerate(drawn):
+            for share in self._of_sample(sample):
+                if self.run.pace.has_listener:
+                    yield Progress(self.title, (number + share) / len(drawn), self._picture)
+
+    def _of_sample(self, sample: Sample) -> Iterator[float]:
+        """Cast the rays of one sample, in slices. Yields the finished share."""
+        band, count = sample.band, self.run.settings.sampling.samples
+        sums = self._sums(band)
+        rays = hemisphere.rays_of_sample(self.lattice, sample.number, count)
+        done = 0
+        for rows, some, is_first in hemisphere.slices(self.run.pace, band.height, rays, self.title):
+            with self.run.timings.timed("draw"):
+                is_start = is_first and sample.number == 0
+                tables = self.surface.tables
+                self._cast(sums, hemisphere.Rays(sample.hits.texture, tables, self.lattice, some, rows, is_start))
+                sums.finish()
+            done += len(some) * len(rows)
+            # All rows of the picture have as many rays, or none yet.
+            if is_first and sample.number == 0:
+                if self.run.pace.takes_picture():
+                    self._show(sums, sample, len(some))
+            elif rows.stop == band.height:
+                self._show(sums, sample, self.rays * sample.number / count + done / band.height)
+            yield done / (len(rays) * band.height)
+
+    def _show(self, sums: target.Target, sample: Sample, rays: float) -> None:
+        """Draw the picture of the rays so far."""
+        if not (self.run.pace.has_listener and self.run.pace.has_picture and sample.band.is_whole):
+            return
+        into = target.get("mean", sums.width, sums.height, "RGBA32F")
+        self._values(self.names[0], into, sums, sample.normals.texture, rays)
+        size = self.run.settings.sampling.width, self.run.settings.sampling.height
+        is_first = self._picture is None  # the picture may still show the normal map
+        self._picture = viewport.draw_preview(into.texture, size, np.eye(3), clear=is_first, is_value=True)
+
+    def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
+        # Where several samples are summed, each has cast its share of the rays.
+        rays = self.rays / self.run.settings.sampling.samples
+        for name in self.names:
+            with self.run.timings.timed("draw"):
+                drawn = self._draw(name, band, known, rays)
+            yield name, drawn
+
+    def _sums(self, band: Band) -> target.Target:
+        return target.get(f"sums of {self.title}", band.width, band.height, "RGBA32F")
+
+    def _draw(self, name: str, band: Band, known: gpu.types.GPUTexture, rays: float) -> gpu.types.GPUTexture:
+        into = target.get("mean", band.width, band.height, "RGBA32F")
+        self._values(name, into, self._sums(band), known, rays)
+        return into.texture
+
+    @abstractmethod
+    def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:
+        """Add rays to the sums."""
+
+    def _values(
+        self, name: str, into: target.Target, sums: target.Target, known: gpu.types.GPUTexture, rays: float
+    ) -> None:
+        """Write the values of a map."""
+        hemisphere.mean(into, sums, known, rays, self.values[BY_NAME[name].index])
+
+
+class OpennessMaps(RayMaps):
+    """Ambient occlusion and bent normals."""
+
+    family = Family.OPENNESS
+    title = "Casting rays for occlusion"
+    values = (hemisphere.OCCLUSION,)
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        surface: HighSurface,
+        run: Run,
+        *,
+        others: Sequence[Mesh],
+        to_space: np.ndarray,
+        space: NormalSpace,
+    ):
+        super().__init__(names, surface, run)
+        self.to_space, self.space = to_space, space
+        self.occluders = occluders(surface, others, run.settings.tracing, run.timings)
+
+    def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:
+        hemisphere.add_openness(sums, rays, self.occluders)
+
+    def _values(self, name, into, sums, known, rays):
+        if BY_NAME[name].kind is Kind.NORMAL:
+            hemisphere.bent_normals(into, sums, known, rays, self.to_space, is_unit=True)
+        else:
+            super()._values(name, into, sums, known, rays)
+
+    def _draw(self, name, band, known, rays):
+        drawn = super()._draw(name, band, known, rays)
+        return self.space.of_texels(drawn, band, "bent") if BY_NAME[name].kind is Kind.NORMAL else drawn
+
+
+class ThicknessMaps(RayMaps):
+    """Thickness."""
+
+    family = Family.THICKNESS
+    title = "Casting rays for thickness"
+    values = (hemisphere.THICKNESS,)
+
+    def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:
+        space = self.surface.local_space
+        hemisphere.add_thickness(sums, rays, thickness_distance(self.run.settings.tracing, space) / space.size)
+
+
+class CurvatureMaps(RayMaps):
+    """Curvature, and its two halves."""
+
+    family = Family.CURVATURE
+    title = "Casting rays for curvature"
+    values = (hemisphere.CURVATURE, hemisphere.CONVEXITY, hemisphere.CAVITY)
+
+    def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:
+        space = self.surface.local_space
+        hemisphere.add_curvature(sums, rays, curvature_radius(self.run.settings.tracing, space) / space.size)
+
+
+WITH_MEANING = Family.THICKNESS, Family.CURVATURE
+"""The families of maps that `meanings` explains."""
+
+
+def in_scene(distance: float, settings: TracingSettings, space: LocalSpace) -> float:
+    """A distance of the settings in scene units. space: of the high meshes; its size is half of their diagonal."""
+    return distance * 2.0 * space.size if settings.distance_unit == DistanceUnit.DIAGONAL else distance
+
+
+def thickness_distance(settings: TracingSettings, space: LocalSpace) -> float:
+    """In scene units."""
+    share = settings.thickness_distance
+    return THICKNESS_SHARE * 2.0 * space.size if share is None else in_scene(share, settings, space)
+
+
+def curvature_radius(settings: TracingSettings, space: LocalSpace) -> float:
+    """In scene units."""
+    share = settings.curvature_radius
+    return CURVATURE_SHARE * 2.0 * space.size if share is None else in_scene(share, settings, space)
+
+
+def meanings(settings: Settings, space: LocalSpace) -> dict[str, dict[str, float]]:
+    """What the values of maps mean, by name: (value - midlevel) * scale is a length or a curvature in scene units.
+
+    The scales of curvature are those of hemisphere.mean_curvature_scale: positive is convex.
+    """
+    to_curvature = hemisphere.mean_curvature_scale(curvature_radius(settings.tracing, space))
+    by_family = {
+        Family.THICKNESS: [(0.0, thickness_distance(settings.tracing, space))],
+        Family.CURVATURE: [(0.5, to_curvature), (0.0, 0.5 * to_curvature), (0.0, -0.5 * to_curvature)],
+    }
+    found = {}
+    for name in settings.map.drawn_maps:
+        if BY_NAME[name].family in by_family:
+            midlevel, scale = by_family[BY_NAME[name].family][BY_NAME[name].index]
+            found[name] = {"midlevel": midlevel, "scale": scale}
+    return found
+
+
+def occluders(
+    surface: HighSurface, others: Sequence[Mesh], settings: TracingSettings, timings: Timings
+) -> hemisphere.Occluders:
+    """What blocks the rays of ambient occlusion. others: the high meshes of other low objects."""
+    space = surface.local_space
+    tables, scale, offset = None, 1.0, (0.0, 0.0, 0.0)
+    highs = list(surface.highs)
+    if settings.occluders == Occluders.ALL and others:
+        # In the same order for all low objects, which then share a tree.
+        highs = sorted([*highs, *others], key=lambda high: high.name)
+        ray_scene = tree_cache.trees.ray_scene_of(highs, timings)
+        tables, all_space = ray_scene.tables, ray_scene.local_space
+        scale = space.size / all_space.size
+        offset = tuple(((space.origin - all_space.origin) / all_space.size).tolist())
+    return hemisphere.Occluders(
+        tables,
+        scale,
+        offset,
+        farthest=None if settings.ao_distance is None else in_scene(settings.ao_distance, settings, space) / space.size,
+        fade=settings.ao_fade,
+        two_sided=settings.two_sided,
+        bias=math.radians(settings.bias_angle),
+        floor=min(_lowest(high, space) for high in highs) if settings.floor else None,
+    )
+
+
+def _lowest(mesh: Mesh, space: LocalSpace) -> float:
+    """The lowest z of the vertices that triangles of `mesh` use."""
+    return float(space.points(mesh)[mesh.vertices[mesh.triangles.reshape(-1)], 2].min())

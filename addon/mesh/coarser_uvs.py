@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""UVs of a coarser mesh: the vertices that it must keep, and where UVs move as far as nothing folds."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .uv_seams import CONNECTED
+
+
+def kept_vertices(
+    vertices: np.ndarray, triangles: np.ndarray, by_corner: Sequence[np.ndarray], labels: np.ndarray
+) -> np.ndarray:
+    """Which vertices (V,) bool lie on a border: of the surface, of a UV island, or between labels.
+
+    vertices (C,) int: the vertex of each corner; V is one more than the largest. triangles (T, 3) int: corners. by_corner: the
+    UV layers, (C, 2) each, whose islands count. labels (T,) int: of triangles, as the material slot.
+    """
+    start, stop = (np.roll(triangles, -i, axis=1).reshape(-1) for i in range(2))
+    label = np.repeat(labels, 3)
+    is_turned = vertices[start] > vertices[stop]
+    first, last = np.where(is_turned, stop, start), np.where(is_turned, start, stop)
+    count = int(vertices.max(initial=-1)) + 1
+    keys = vertices[first].astype(np.int64) * count + vertices[last]
+    order = np.argsort(keys, kind="stable")
+    at = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    pairs = at[np.diff(at, append=len(keys)) == 2]  # one triangle, or three and more, is a border
+    left, right = order[pairs], order[pairs + 1]
+    goes_on = label[left] == label[right]
+    for values in by_corner:
+        for corner in (first, last):
+            between = np.abs(values[corner[left]] - values[corner[right]])
+            goes_on &= (between <= CONNECTED).all(axis=1)
+    is_border = np.ones(len(keys), bool)
+    is_border[left[goes_on]] = is_border[right[goes_on]] = False
+    result = np.zeros(count, bool)
+    result[vertices[first[is_border]]] = result[vertices[last[is_border]]] = True
+    return result
+
+
+REACH = 0.5
+"""The farthest move, as a share of the longest edge at the vertex in UV space. What is farther belongs to another island."""
+FLAT = 0.1
+"""The smallest share of its area in UV space that a triangle keeps."""
+
+
+def moved_uvs(
+    before: np.ndarray, after: np.ndarray, vertices: np.ndarray, triangles: np.ndarray, fixed: np.ndarray
+) -> np.ndarray:
+    """The UVs `before` (C, 2), moved to `after` (C, 2) at the vertices where that is safe: (C, 2) float32.
+
+    vertices (C,) int: the vertex of each corner. triangles (T, 3) int: corners. fixed (V,) bool: vertices that do not move. All
+    corners of a vertex move, or none: those that move together and not far. A move is taken back while a triangle would turn
+    over or lose nearly all of its area.
+    """
+    moves = (after - before).astype(np.float64)
+    is_free = ~fixed & (_largest(_length(moves), vertices, len(fixed)) > 0.0)
+    for values in (before, after):
+        lowest = np.full((len(fixed), 2), np.inf)
+        highest = np.full((len(fixed), 2), -np.inf)
+        np.minimum.at(lowest, vertices, values)
+        np.maximum.at(highest, vertices, values)
+        is_free &= ~((highest - lowest) > CONNECTED).any(axis=1)
+    longest = np.zeros(len(fixed))
+    for i in range(3):
+        start, stop = triangles[:, i], triangles[:, i - 2]
+        edge = _length(before[stop] - before[start])
+        np.maximum.at(longest, vertices[start], edge)
+        np.maximum.at(longest, vertices[stop], edge)
+    is_free &= _largest(_length(moves), vertices, len(fixed)) <= REACH * longest
+    areas = _areas(before.astype(np.float64), triangles)
+    while True:
+        moved = before + np.where(is_free[vertices][:, None], moves, 0.0)
+        now = _areas(moved, triangles)
+        is_bad = (now * np.sign(areas) < FLAT * np.abs(areas)) & (now != areas)
+        back = np.zeros(len(fixed), bool)
+        back[vertices[triangles[is_bad]]] = True
+        if not (back & is_free).any():
+            return moved.astype(np.float32)
+        is_free &= ~back
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.hypot(vectors[:, 0], vectors[:, 1])
+
+
+def _largest(values: np.ndarray, vertices: np.ndarray, count: int) -> np.ndarray:
+    """The largest of the values by corner (C,) at each vertex."""
+    result = np.zeros(count)
+    np.maximum.at(result, vertices, values)
+    return result
+
+
+def _areas(uv: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Twice the signed area of each triangle."""
+    a, b, c = (uv[triangles[:, i]] for i in range(3))
+    first, second = b - a, c - a
+    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]

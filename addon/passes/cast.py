@@ -1,0 +1,356 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Casts a ray from each texel of the low mesh to the high meshes, decides which hit belongs to the texel, and reads the
+surface there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.declarations.choices import Hit
+from . import blender_gpu as gpu
+from . import data_texture, samples, shader, target
+from .samples import Active
+from .shader import Program
+
+CLEARANCE = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="bake/clearance_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    texels=(("RGBA32F", "FLOAT_2D", "low_nodes"), ("RGBA32F", "FLOAT_2D", "low_corners")),
+    constants=(
+        ("VEC4", "low_origin"),
+        ("VEC4", "low_scale"),
+        ("INT", "low_first_leaf"),
+        ("INT", "count"),
+        ("INT", "per_row"),
+    ),
+    outputs=(("VEC4", "clearance_out"),),
+)
+"""A fragment shader: of what a compute shader writes, Blender makes only textures and images wait, and this is read back."""
+OWNER_TEXELS = 4
+"""Texels of a triangle in Owners.corners."""
+MOST_CLEARED = 2**16
+"""The most triangles whose clearance is measured: with more, it takes longer than it saves."""
+CLEARED_WIDTH, CLEARED_AT_ONCE = 256, 4
+"""Texels a side of the target that they are written to, and of its blocks, as in shaders/bake/clearance_frag.glsl."""
+
+
+@dataclass(frozen=True)
+class Owners:
+    """The triangles of a low mesh and a tree over them (bvh.Tree).
+
+    Triangle i has four texels in `corners`. The first three have its corners, and the number of the triangle across the edge to
+    the next corner, or -1. The fourth has its face normal, of any length, and its clearance: no triangle is closer to it than
+    that, unless a short walk over the mesh leads to it. room: hits farther outside than this belong only to texels that are
+    about at their closest point.
+    """
+
+    nodes: gpu.types.GPUTexture
+    corners: gpu.types.GPUTexture
+    first_leaf: int
+    origin: np.ndarray
+    scale: np.ndarray
+    room: float
+
+
+def upload_owners(
+    nodes: np.ndarray,
+    corners: np.ndarray,
+    neighbors: np.ndarray,
+    *,
+    first_leaf: int,
+    origin: np.ndarray,
+    scale: np.ndarray,
+    room: float,
+    has_clearances: bool = True,
+) -> Owners:
+    """Upload the nodes of a tree (bvh.Tree), with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order.
+
+    has_clearances: whether the clearances are measured, which makes many searches for owners quicker; otherwise they are 0.
+    """
+    texels = np.zeros((len(corners), OWNER_TEXELS, 4), np.float32)
+    texels[:, :3, :3], texels[:, :3, 3] = corners, neighbors
+    texels[:, 3, :3] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    uploaded = Owners(
+        data_texture.upload(nodes.reshape(-1, 4)),
+        data_texture.upload(texels.reshape(-1, 4)),
+        first_leaf,
+        origin,
+        scale,
+        room,
+    )
+    if not has_clearances or len(corners) > MOST_CLEARED:
+        return uploaded
+    texels[:, 3, 3] = _clearances(uploaded, len(corners))
+    return replace(uploaded, corners=data_texture.upload(texels.reshape(-1, 4)))
+
+
+def _clearances(owners: Owners, count: int) -> np.ndarray:
+    """The clearances (T,) float32 of the triangles."""
+    rows = -(-count // (CLEARED_AT_ONCE * CLEARED_WIDTH))
+    into = target.Target(CLEARED_WIDTH, rows * CLEARED_AT_ONCE, ("R32F",))
+    target.fill(
+        into,
+        CLEARANCE,
+        low_nodes=owners.nodes,
+        low_corners=owners.corners,
+        low_origin=(*owners.origin, 0.0),
+        low_scale=(*owners.scale, 0.0),
+        low_first_leaf=owners.first_leaf,
+        count=count,
+        per_row=CLEARED_WIDTH // CLEARED_AT_ONCE,
+    )
+    found = np.empty((into.height, into.width), np.float32)
+    into.read(found)
+    blocks = found.reshape(rows, CLEARED_AT_ONCE, -1, CLEARED_AT_ONCE)
+    return blocks.transpose(0, 2, 1, 3).reshape(-1)[:count]
+
+
+_RAYS = ("FLOAT_2D", "positions"), ("FLOAT_2D", "directions")
+_NODES = ("RGBA32F", "FLOAT_2D", "nodes")
+_TRIANGLES = ("RGBA32F", "FLOAT_2D", "triangles")
+_SEARCHED = _NODES, _TRIANGLES, ("RGBA32F", "FLOAT_2D", "points")
+_PACKETS = ("UINT_2D", "packets")
+_GRID = ("VEC4", "grid_origin"), ("VEC4", "grid_scale"), ("INT", "first_leaf")
+_LIMITS = ("INT", "first_row"), ("FLOAT", "max_t"), ("FLOAT", "inside")
+PACKETS = Program(
+    compute="bake/packets_comp.glsl",
+    texels=(*(("RGBA32F", *each) for each in _RAYS), _NODES),
+    images=(("RGBA32UI", "UINT_2D", "packets", "WRITE"),),
+    constants=(*_GRID, *_LIMITS),
+)
+TRACE_FIRST = Program(
+    compute="bake/cast_first_comp.glsl",
+    texels=_SEARCHED,
+    samplers=(*_RAYS, _PACKETS, *samples.ACTIVE_SAMPLERS),
+    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
+    constants=(
+        *_GRID,
+        *_LIMITS,
+        ("INT", "has_packets"),
+        ("INT", "facing_only"),
+        ("INT", "is_nearest"),
+        *samples.ACTIVE_CONSTANTS,
+    ),
+)
+"""For the rules that need no owners. Software drivers run all of a shader for each texel, also what the texel does not need."""
+TRACE = Program(
+    compute="bake/cast_comp.glsl",
+    texels=(
+        *_SEARCHED,
+        ("RGBA32F", "FLOAT_2D", "normals"),
+        ("RGBA32F", "FLOAT_2D", "low_nodes"),
+        ("RGBA32F", "FLOAT_2D", "low_corners"),
+    ),
+    samplers=(*_RAYS, _PACKETS, *samples.ACTIVE_SAMPLERS),
+    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
+    constants=(
+        *_GRID,
+        *_LIMITS,
+        ("INT", "has_packets"),
+        ("INT", "facing_only"),
+        ("VEC4", "low_origin"),
+        ("VEC4", "low_scale"),
+        ("INT", "low_first_leaf"),
+        ("FLOAT", "near"),
+        *samples.ACTIVE_CONSTANTS,
+    ),
+)
+LOOKUP = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="bake/cast_lookup_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    texels=(
+        ("RGBA32UI", "UINT_2D", "hits"),
+        ("RGBA32F", "FLOAT_2D", "positions"),
+        _TRIANGLES,
+        ("RGBA32F", "FLOAT_2D", "normals"),
+    ),
+    constants=(("MAT4", "normal_matrix"),),
+    outputs=(("VEC4", "normal_out"),),
+)
+HEIGHT = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="bake/cast_height_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    texels=(("RGBA32UI", "UINT_2D", "hits"), ("RGBA32F", "FLOAT_2D", "positions")),
+    outputs=(("VEC4", "height_out"),),
+)
+POINTS = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="bake/cast_points_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    texels=(
+        ("RGBA32UI", "UINT_2D", "hits"),
+        ("RGBA32F", "FLOAT_2D", "surface_triangles"),
+        ("RGBA32F", "FLOAT_2D", "surface_points"),
+        ("RGBA32F", "FLOAT_2D", "labels"),
+    ),
+    outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
+)
+PACKET_SIDE = 4
+"""Texels along each side of a packet, as in shaders/lib/packet_lib.glsl."""
+LEAST_PACKETS = 2**15
+"""The fewest rays that pass the tree in packets: fewer are often rays of any places, as in an audit."""
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The triangles of the high meshes and their tree on the GPU.
+
+    Triangle i has one texel in `triangles`: the numbers of its vertices in `points`, and where its normals are in `normals`, as
+    shaders/lib/triangle_lib.glsl reads them.
+    """
+
+    nodes: gpu.types.GPUTexture
+    triangles: gpu.types.GPUTexture
+    points: gpu.types.GPUTexture
+    normals: gpu.types.GPUTexture
+    first_leaf: int
+    origin: np.ndarray
+    scale: np.ndarray
+    bytes: int
+
+
+def upload(
+    nodes: np.ndarray,
+    points: np.ndarray,
+    vertices: np.ndarray,
+    normals: np.ndarray,
+    own_normals: np.ndarray,
+    *,
+    first_leaf: int,
+    origin: np.ndarray,
+    scale: np.ndarray,
+) -> Tables:
+    """Upload a tree (bvh.Tree: nodes (N, 3, 4), first_leaf, origin, scale) and its triangles.
+
+    Args:
+        vertices: (T, 3) int, indices into points (P, 3) float32, in the tree's order.
+        normals: (N, 3) float32, of any length.
+        own_normals: (T,) int, where the normals of each triangle are, in the tree's order: as shared_values.joined has it.
+    """
+    textures = [
+        data_texture.upload(nodes.reshape(-1, 4)),
+        data_texture.upload_numbers(vertices, own_normals),
+        data_texture.upload(points),
+        data_texture.upload(normals),
+    ]
+    return Tables(*textures, first_leaf, origin, scale, data_texture.size_of(*textures))
+
+
+def trace(
+    into: target.Target,
+    rays: target.Target,
+    tables: Tables,
+    owners: Owners | None,
+    *,
+    rule: Hit,
+    inside: float,
+    max_t: float,
+    facing_only: bool,
+    rows: range | None = None,
+    some: Active | None = None,
+) -> None:
+    """Trace one ray per texel and write its hit into `into` (RGBA32UI), as shaders/lib/hit_lib.glsl reads it.
+
+    rays: what rays.draw wrote. A ray runs against its direction, from its start to `inside` below the low surface, at most
+    as far as `max_t`. rule: which hit counts. OWN needs `owners`. facing_only: ignore triangles whose back faces the ray.
+    rows: the rows to trace; the first is a multiple of 8. some: the texels to trace; `rows` are those of their list.
+    """
+    rows = rows or range(some.rows if some else rays.height)
+    grid = {
+        "grid_origin": (*tables.origin, 0.0),
+        "grid_scale": (*tables.scale, 0.0),
+        "first_leaf": tables.first_leaf,
+        "nodes": tables.nodes,
+    }
+    limits = {"max_t": max_t, "inside": inside, "positions": rays.textures[0], "directions": rays.textures[1]}
+    has_packets = some is None and rays.width * rays.height >= LEAST_PACKETS
+    across, up = (-(-side // PACKET_SIDE) for side in (rays.width, rays.height))
+    size = (2 * across, up) if has_packets else (2, 1)
+    packets = target.get("packets" if has_packets else "no packets", *size, "RGBA32UI")
+    if has_packets:
+        blocks = range(rows.start // PACKET_SIDE, -(-rows.stop // PACKET_SIDE))
+        target.dispatch(PACKETS, across, blocks, packets=packets.texture, **grid, **limits)
+    searched = {
+        "triangles": tables.triangles,
+        "points": tables.points,
+        "packets": packets.texture,
+        "hits": into.texture,
+        "has_packets": int(has_packets),
+        "facing_only": int(facing_only),
+        **samples.active_bindings(some, tables.nodes),
+    }
+    if rule != Hit.OWN:
+        is_nearest = int(rule == Hit.NEAREST)
+        target.dispatch(TRACE_FIRST, rays.width, rows, is_nearest=is_nearest, **searched, **grid, **limits)
+        return
+    target.dispatch(
+        TRACE,
+        rays.width,
+        rows,
+        normals=tables.normals,
+        low_nodes=owners.nodes,
+        low_corners=owners.corners,
+        low_origin=(*owners.origin, 0.0),
+        low_scale=(*owners.scale, 0.0),
+        low_first_leaf=owners.first_leaf,
+        near=owners.room,
+        **searched,
+        **grid,
+        **limits,
+    )
+
+
+def look_up(
+    into: target.Target,
+    hits: target.Target,
+    rays: target.Target,
+    tables: Tables,
+    normal_matrix: np.ndarray,
+    *,
+    rows: range | None = None,
+    some: Active | None = None,
+) -> None:
+    """Write the unit normals at the hits into `into` (RGBA32F). Alpha is 1 for a hit, -1 for a miss, 0 without a low mesh.
+
+    normal_matrix: (3, 3), applied to the interpolated normal. rows: the rows to write. some: the texels to write; None for all.
+    """
+    target.fill(
+        into,
+        LOOKUP,
+        rows=rows,
+        stopped=some and some.stopped,
+        hits=hits.texture,
+        positions=rays.textures[0],
+        triangles=tables.triangles,
+        normals=tables.normals,
+        normal_matrix=shader.mat4(normal_matrix),
+    )
+
+
+def heights(into: target.Target, hits: target.Target, rays: target.Target) -> None:
+    """Write the height of each hit above the low surface into `into` (RGBA32F), negative below it.
+
+    Green is 1 where the texel does not own its hit, blue where the ray hit only backs. Alpha is as in `look_up`.
+    """
+    target.fill(into, HEIGHT, hits=hits.texture, positions=rays.textures[0])
+
+
+def points(into: target.Target, hits: target.Target, tables: Tables, labels: gpu.types.GPUTexture) -> None:
+    """Write the hit points and their labels into `into` (two RGBA32F). Alpha is 1 for a hit, 0 for a miss.
+
+    labels: a data texture with the object and material number of each triangle, in the tree's order.
+    """
+    target.fill(
+        into,
+        POINTS,
+        clear=True,
+        hits=hits.texture,
+        surface_triangles=tables.triangles,
+        surface_points=tables.points,
+        labels=labels,
+    )

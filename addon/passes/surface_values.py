@@ -1,0 +1,346 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads at the hits what the materials of the high meshes show: constants, attributes, images, normal and bump maps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..core.material_feeds import LUMINANCE, AttributeFeed, BumpFeed, Extension, ImageFeed, NormalMapFeed
+from . import blender_gpu as gpu
+from . import cast, shader, surface_tables, target
+from .shader import Program
+from .surface_tables import Blocks, CornerValues, ImageLevels, MaterialTable
+
+TEXELS = (
+    ("RGBA32UI", "UINT_2D", "hits"),
+    ("RGBA32F", "FLOAT_2D", "uv_triangles"),
+    ("RGBA32F", "FLOAT_2D", "uvs"),
+    ("RGBA32F", "FLOAT_2D", "triangles"),
+    ("RGBA32F", "FLOAT_2D", "points"),
+    ("RGBA32F", "FLOAT_2D", "levels"),
+)
+"""What all programs that look up images read, beside `PAGE`."""
+PAGE = ("FLOAT_2D", "page"), ("FLOAT_2D", "materials"), ("FLOAT_2D", "blocks")
+LEVELS = (("VEC4", "scale"), ("VEC4", "offset"), ("VEC4", "low"), ("VEC4", "high"), ("INT", "channel"))
+"""What shaders/lib/fed_value_lib.glsl takes, from `levels`."""
+ADD_IMAGE = Program(
+    compute="surface/add_image_comp.glsl",
+    texels=TEXELS,
+    samplers=PAGE,
+    images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
+    constants=(
+        ("VEC4", "row_u"),
+        ("VEC4", "row_v"),
+        *LEVELS,
+        ("INT", "feed"),
+        ("INT", "tile"),
+        ("INT", "page_flags"),
+        ("INT", "top_level"),
+    ),
+)
+COLOR = 4
+"""The channel of a whole color in shaders/lib/channel_lib.glsl."""
+LARGEST = 3e38
+"""About the largest number of single precision."""
+CLOSEST, EXTENSION_SHIFT = 4, 4
+"""As in shaders/lib/page_lib.glsl."""
+_EXTENSIONS = (Extension.REPEAT, Extension.EXTEND, Extension.CLIP, Extension.MIRROR)
+
+
+def add_image(
+    sums: target.Target,
+    hits: target.Target,
+    page: ImageLevels,
+    feed: ImageFeed,
+    number: int,
+    *,
+    tables: cast.Tables,
+    uvs: CornerValues,
+    materials: MaterialTable,
+    tile: int | None = None,
+    samples: int = 1,
+    blocks: Blocks | None = None,
+) -> None:
+    """Add what `page` shows to `sums` (RGBA32F), and 1 to its alpha, where the hit's material has this feed's `number`.
+
+    hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it. tables: of the high triangles. uvs: from surface_tables.upload_uvs, of
+    the feed's layer. materials: of all materials. tile: the UDIM tile that the page is; only hits in it count. Pixels
+    are averaged over the footprint of a texel, from the hits beside it, divided by the square root of `samples`.
+    blocks: from surface_tables.find_blocks, for the same hits: without, the pass runs on the whole map.
+    """
+    surface_tables.dispatch_in_blocks(
+        ADD_IMAGE,
+        (sums.width, sums.height),
+        blocks,
+        materials,
+        number,
+        sums=sums.texture,
+        hits=hits.texture,
+        **surface_bindings(tables, uvs),
+        **levels(feed),
+        **bindings(page, feed, tile, 1.0 / math.sqrt(samples)),
+    )
+
+
+def surface_bindings(tables: cast.Tables, uvs: CornerValues) -> dict:
+    """The high triangles and their UVs, as all programs that look up pages take them."""
+    return {
+        "triangles": tables.triangles,
+        "points": tables.points,
+        "uv_triangles": uvs.triangles,
+        "uvs": uvs.values,
+    }
+
+
+def bindings(page: ImageLevels, feed: ImageFeed, tile: int | None, width: float, other: float = 0.0) -> dict:
+    """What all programs that look up pages take. width: of a sample, in texels. other: a number that a program wants."""
+    # The tiles of an image have nothing outside.
+    extension = feed.extension if tile is None else Extension.EXTEND
+    flags = page.flags | (not feed.is_smooth) * CLOSEST | _EXTENSIONS.index(extension) << EXTENSION_SHIFT
+    return {
+        "page": page.pixels,
+        "levels": page.levels,
+        "row_u": (*feed.mapping[0], width),
+        "row_v": (*feed.mapping[1], other),
+        "tile": tile or 0,
+        "page_flags": flags,
+        "top_level": page.top,
+    }
+
+
+def levels(feed: ImageFeed | AttributeFeed) -> dict:
+    """The constants LEVELS of a feed."""
+    limits = feed.limits
+    return {
+        "scale": (*feed.scale, 0.0),
+        "offset": (*feed.offset, 0.0),
+        "low": (*map(shader_number, limits.low), shader_number(limits.least)),
+        "high": (*map(shader_number, limits.high), shader_number(limits.most)),
+        "channel": channel_number(feed.channel),
+    }
+
+
+def shader_number(value: float) -> float:
+    """`value` with a large number in place of infinity, which some drivers take for anything."""
+    return min(max(value, -LARGEST), LARGEST)
+
+
+def channel_number(channel: int | None) -> int:
+    """The number of a feed's channel in shaders/lib/channel_lib.glsl."""
+    return COLOR if channel is None else channel
+
+
+ADD_CONSTANTS = Program(
+    compute="surface/add_constants_comp.glsl",
+    texels=(
+        ("RGBA32UI", "UINT_2D", "hits"),
+        ("RGBA32F", "FLOAT_2D", "normals"),
+        ("RGBA32F", "FLOAT_2D", "labels"),
+        ("RGBA32F", "FLOAT_2D", "materials"),
+    ),
+    images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
+    constants=(("INT", "first_row"), ("INT", "is_first")),
+)
+ADD_ATTRIBUTE = Program(
+    compute="surface/add_attribute_comp.glsl",
+    texels=(
+        ("RGBA32UI", "UINT_2D", "hits"),
+        ("RGBA32F", "FLOAT_2D", "labels"),
+        ("RGBA32F", "FLOAT_2D", "materials"),
+        ("RGBA32F", "FLOAT_2D", "value_triangles"),
+        ("RGBA32F", "FLOAT_2D", "values"),
+    ),
+    images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
+    constants=(*LEVELS, ("INT", "first_row"), ("INT", "feed")),
+)
+
+
+def add_constants(
+    sums: target.Target,
+    hits: target.Target,
+    normals: gpu.types.GPUTexture,
+    *,
+    labels: gpu.types.GPUTexture,
+    materials: MaterialTable,
+    is_first: bool,
+    rows: range | None = None,
+) -> None:
+    """Add the constants of `materials` to `sums` (RGBA32F), and count misses: once for each sample of each map.
+
+    is_first: replace what the sums held. normals: alpha is -1 for a miss. labels: a data texture with the object and
+    material number of each triangle, in the order of the hits' numbers. materials: from surface_tables.upload_materials.
+    """
+    target.dispatch(
+        ADD_CONSTANTS,
+        sums.width,
+        rows or range(sums.height),
+        sums=sums.texture,
+        hits=hits.texture,
+        normals=normals,
+        labels=labels,
+        materials=materials.texture,
+        is_first=int(is_first),
+    )
+
+
+def add_attribute(
+    sums: target.Target,
+    hits: target.Target,
+    values: CornerValues,
+    feed: AttributeFeed,
+    number: int,
+    *,
+    labels: gpu.types.GPUTexture,
+    materials: MaterialTable,
+    rows: range | None = None,
+) -> None:
+    """Add `values`, from surface_tables.upload_values, to `sums` where the hit's material has this feed's `number`.
+
+    Other arguments as in `add_constants`.
+    """
+    target.dispatch(
+        ADD_ATTRIBUTE,
+        sums.width,
+        rows or range(sums.height),
+        sums=sums.texture,
+        hits=hits.texture,
+        labels=labels,
+        value_triangles=values.triangles,
+        values=values.values,
+        materials=materials.texture,
+        feed=number,
+        **levels(feed),
+    )
+
+
+NORMAL_MAP = Program(
+    compute="surface/normal_map_comp.glsl",
+    texels=TEXELS,
+    samplers=(*PAGE, ("FLOAT_2D", "tangent_triangles"), ("FLOAT_2D", "tangents")),
+    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
+    constants=(
+        ("MAT4", "to_space"),
+        ("VEC4", "row_u"),
+        ("VEC4", "row_v"),
+        ("FLOAT", "lowest"),
+        ("FLOAT", "highest"),
+        ("INT", "feed"),
+        ("INT", "tile"),
+        ("INT", "channel"),
+        ("INT", "page_flags"),
+        ("INT", "top_level"),
+    ),
+)
+BUMP = Program(
+    compute="surface/bump_comp.glsl",
+    texels=TEXELS,
+    samplers=PAGE,
+    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
+    constants=(
+        ("MAT4", "to_space"),
+        ("VEC4", "row_u"),
+        ("VEC4", "row_v"),
+        ("FLOAT", "rise"),
+        ("FLOAT", "lowest"),
+        ("FLOAT", "highest"),
+        ("INT", "feed"),
+        ("INT", "tile"),
+        ("INT", "channel"),
+        ("INT", "page_flags"),
+        ("INT", "top_level"),
+    ),
+)
+GREEN_DOWN = 8
+"""As in shaders/surface/normal_map_comp.glsl."""
+
+
+def apply_normal_map(
+    normals: target.Target,
+    hits: target.Target,
+    page: ImageLevels,
+    feed: NormalMapFeed,
+    number: int,
+    *,
+    tables: cast.Tables,
+    uvs: CornerValues,
+    tangents: CornerValues,
+    materials: MaterialTable,
+    to_space: np.ndarray,
+    tile: int | None = None,
+    samples: int = 1,
+    blocks: Blocks | None = None,
+) -> None:
+    """Turn `normals` (RGBA32F), as cast.look_up wrote them, in place where the hit's material has this feed's `number`.
+
+    tangents: from surface_tables.upload_tangents, of the feed's layer. uvs: of the layer of its image. to_space: the matrix
+    (3, 3) that cast.look_up got. Other arguments as in add_image.
+    """
+    bound = bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), feed.strength)
+    bound["page_flags"] |= feed.is_green_down * GREEN_DOWN
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3], matrix[3, :3] = to_space, feed.image.offset, feed.image.scale
+    surface_tables.dispatch_in_blocks(
+        NORMAL_MAP,
+        (normals.width, normals.height),
+        blocks,
+        materials,
+        number,
+        normals=normals.texture,
+        hits=hits.texture,
+        tangent_triangles=tangents.triangles,
+        tangents=tangents.values,
+        to_space=shader.mat4(matrix),
+        channel=channel_number(feed.image.channel),
+        **surface_bindings(tables, uvs),
+        **_limits(feed.image),
+        **bound,
+    )
+
+
+def apply_bump(
+    normals: target.Target,
+    hits: target.Target,
+    page: ImageLevels,
+    feed: BumpFeed,
+    number: int,
+    *,
+    tables: cast.Tables,
+    uvs: CornerValues,
+    materials: MaterialTable,
+    to_space: np.ndarray,
+    unit: float,
+    tile: int | None = None,
+    samples: int = 1,
+    blocks: Blocks | None = None,
+) -> None:
+    """Turn `normals` in place by heights, after the normal map `below`.
+
+    unit: how many scene units one unit of the points is: the size of their local space. Other arguments as in
+    `apply_normal_map`.
+    """
+    channel = LUMINANCE if feed.image.channel is None else feed.image.channel
+    surface_tables.dispatch_in_blocks(
+        BUMP,
+        (normals.width, normals.height),
+        blocks,
+        materials,
+        number,
+        normals=normals.texture,
+        hits=hits.texture,
+        to_space=shader.mat4(to_space),
+        rise=feed.distance * feed.image.scale[0] / unit,
+        **surface_bindings(tables, uvs),
+        **_limits(feed.image),
+        channel=channel_number(channel),
+        **bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), max(feed.strength, 0.0)),
+    )
+
+
+def _limits(image: ImageFeed) -> dict:
+    """The limits that all channels have."""
+    return {
+        "lowest": shader_number(image.limits.low[0]),
+        "highest": shader_number(image.limits.high[0]),
+    }
