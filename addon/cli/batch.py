@@ -24,18 +24,31 @@ from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
 from ..scene import object_refs
-from . import blender_process, input_checks, interruption, memory_check, read_files, side_files, standard_streams
-from .done.contents import Content, Contents
-from .mesh_files.importers import Space
-from .plan import clashes, plans
-from .plan.plans import Plan, subject
-from .results import bake_result, gates, report_file, run_report, terminal
-from .results.bake_result import Result
-from .results.terminal import Meter
+from . import (
+    arguments,
+    bake_result,
+    blender_process,
+    clashes,
+    gates,
+    input_checks,
+    interruption,
+    memory_check,
+    plans,
+    read_files,
+    report_file,
+    run_report,
+    side_files,
+    standard_streams,
+    terminal,
+)
+from .bake_result import Result
+from .contents import Content, Contents
+from .importers import Space
+from .options import STDOUT
+from .plans import Plan, subject
+from .run_options import RunOptions
 from .scene_files import SceneLoader
-from .usage import arguments
-from .usage.options import STDOUT
-from .usage.run_options import RunOptions
+from .terminal import Meter
 
 
 def need_all(planned: Sequence[Plan]) -> bool:

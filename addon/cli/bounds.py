@@ -12,8 +12,8 @@ from pathlib import Path
 from ..core import naming, udim
 from ..core.errors import WrongPlace
 from ..output.files.atomic_file import make_folder
-from .usage import arguments
-from .usage.run_options import RunOptions
+from . import arguments
+from .run_options import RunOptions
 
 OUTPUT = "out"
 """The folder beside a job file that its bakes write to, unless the caller names one."""

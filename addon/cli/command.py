@@ -13,17 +13,24 @@ from collections.abc import Callable, Sequence
 from ..core import versions
 from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress, startup
-from . import bounds, interruption, standard_streams
+from . import (
+    arguments,
+    bounds,
+    clashes,
+    interruption,
+    job_file,
+    plans,
+    run_report,
+    standard_streams,
+    terminal,
+    worker_process,
+)
+from .arguments import WrongUsage
 from .blender_process import load_blender
-from .plan import clashes, plans
-from .plan.clashes import InputFiles
-from .results import run_report, terminal
-from .results.run_report import DONE, FAILED, WRONG_USAGE, Only, ThisCall
-from .results.terminal import Meter
-from .usage import arguments, job_file
-from .usage.arguments import WrongUsage
-from .usage.run_options import RunOptions
-from .workers import worker_process
+from .clashes import InputFiles
+from .run_options import RunOptions
+from .run_report import DONE, FAILED, WRONG_USAGE, Only, ThisCall
+from .terminal import Meter
 
 LOD = "lod"
 """The first argument for levels of detail."""
@@ -59,7 +66,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
 
                 done = farm_command.run(words[1:], f"{program} {FARM}")
             elif words[:1] == [REPORT]:
-                from .results import report_command
+                from . import report_command
 
                 done = report_command.run_report_command(words[1:], f"{program} {REPORT}")
             else:
@@ -74,7 +81,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
 def _work() -> int:
     load_blender()
     with startup.spent("imprint"):
-        from .workers import worker  # needs Blender
+        from . import worker  # needs Blender
 
     return worker.run_worker()
 
@@ -86,7 +93,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
         if options.quiet:
             meter.be_quiet()
         if options.list or options.check:
-            from .plan import listing
+            from . import listing
 
             return listing.list_bakes(options, sets)
         inputs = InputFiles()

@@ -15,7 +15,7 @@ from ..jobs import bake_jobs, convert
 from ..jobs.convert import Conversion
 from ..jobs.job import Job
 from ..scene import object_checks
-from .usage import arguments
+from . import arguments
 
 
 def convert_map(

@@ -10,11 +10,10 @@ from pathlib import Path
 
 from .. import flamenco
 from ..core.errors import BakeError, WrongPlace, sentence
-from . import bounds
-from .results.run_report import DONE, FAILED, WRONG_USAGE
-from .usage import arguments, job_file, option_types
-from .usage.arguments import Parser, WrongUsage
-from .usage.options import CommandOption
+from . import arguments, bounds, job_file, option_types
+from .arguments import Parser, WrongUsage
+from .options import CommandOption
+from .run_report import DONE, FAILED, WRONG_USAGE
 
 
 def _number(text: str) -> int:

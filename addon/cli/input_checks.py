@@ -18,9 +18,8 @@ from ..core.file_structure.whole_files import MISSING
 from ..core.settings import MapSettings
 from ..jobs.job import Job
 from ..scene import complaints, dependencies, object_checks
-from .mesh_files import textures
-from .plan import plans
-from .usage.option_types import word_for
+from . import plans, textures
+from .option_types import word_for
 
 _IMAGES = {*BY_ENDING, ".jpg", ".jpeg", ".webp", ".hdr", ".bmp"}
 MOST_NAMED = 8

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ..core import levels, naming
 from ..core.errors import BakeError
-from .usage import arguments
-from .usage.arguments import WrongUsage
+from . import arguments
+from .arguments import WrongUsage
 
 _OF_BAKES = ("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers")
 """Options that a chain has no use for."""

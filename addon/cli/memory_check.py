@@ -15,7 +15,7 @@ from ..core.memory_need import Amounts, Need, sentence
 from ..core.settings import Settings
 from ..jobs.job import Job, band_texels, draws_in_software
 from ..scene import image_files
-from .mesh_files import textures
+from . import textures
 
 WORTH_A_LINE = 0.5
 """The share of the free memory from which the need is also printed where no terminal shows it."""

@@ -14,9 +14,9 @@ from ..core.file_structure import usd_layers
 from ..jobs.job import Job
 from ..output import datablocks
 from ..scene import dependencies
+from . import plans
 from .bounds import is_below
-from .plan import plans
-from .plan.clashes import InputFiles
+from .clashes import InputFiles
 
 
 def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[str, str]]:

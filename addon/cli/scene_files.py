@@ -17,7 +17,7 @@ from ..output.files.atomic_file import reason
 from ..scene import dependencies
 from ..scene.evaluation import set_until
 from . import interruption, read_files, standard_streams
-from .mesh_files.importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file
+from .importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file
 
 
 class SceneLoader:

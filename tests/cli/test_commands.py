@@ -11,9 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command
-from addon.cli.results import run_report
-from addon.cli.usage import arguments
+from addon.cli import arguments, command, run_report
 from addon.core import versions
 from addon.core.errors import BakeError
 from addon.export import engine_files

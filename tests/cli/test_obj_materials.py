@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.cli.mesh_files import textures
+from addon.cli import textures
 from addon.core.file_structure import mesh_references
 
 

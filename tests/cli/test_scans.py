@@ -10,11 +10,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import batch, command, memory_check
-from addon.cli.mesh_files import far_coordinates, ply, textures
-from addon.cli.mesh_files.importers import PLAIN, Space, import_file
-from addon.cli.mesh_files.ply import Texture
-from addon.cli.results import run_report
+from addon.cli import batch, command, far_coordinates, memory_check, ply, run_report, textures
+from addon.cli.importers import PLAIN, Space, import_file
+from addon.cli.ply import Texture
 from addon.cli.scene_files import SceneLoader
 from addon.core import memory_need
 from addon.core.errors import BakeError

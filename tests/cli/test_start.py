@@ -24,7 +24,7 @@ LATER = {
     "addon.cli.farm_command",
     "addon.cli.lod_command",
     "addon.cli.many_bakes",
-    "addon.cli.results.report_command",
+    "addon.cli.report_command",
     "addon.export.engine_files",
     "addon.jobs.convert",
     "addon.jobs.lod",

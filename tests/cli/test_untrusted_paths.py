@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli import bounds, command
-from addon.cli.results import run_report
-from addon.cli.usage.job_file import KEYS
+from addon.cli import bounds, command, run_report
+from addon.cli.job_file import KEYS
 from addon.core.file_structure import blend_files
 from tests.support import trees
 

@@ -16,11 +16,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, read_files
-from addon.cli.results import run_report
-from addon.cli.results.bake_result import Done
-from addon.cli.results.run_report import Entry, State
-from addon.cli.workers import messages, worker_process
+from addon.cli import command, messages, read_files, run_report, worker_process
+from addon.cli.bake_result import Done
+from addon.cli.run_report import Entry, State
 from addon.core.report import Report
 from scripts.imprint import ROOT
 from tests.support import untrusted, zoo

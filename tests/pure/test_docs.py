@@ -10,13 +10,11 @@ import tomllib
 
 import pytest
 
-from addon.cli import command, farm_command
+from addon.cli import arguments, command, farm_command, job_file, report_command, run_report
 from addon.cli.farm_command import FARM_OPTIONS
-from addon.cli.results import report_command, run_report
-from addon.cli.results.report_command import REPORT_OPTIONS
-from addon.cli.usage import arguments, job_file
-from addon.cli.usage.options import OPTIONS
-from addon.cli.usage.run_options import RUN_OPTIONS
+from addon.cli.options import OPTIONS
+from addon.cli.report_command import REPORT_OPTIONS
+from addon.cli.run_options import RUN_OPTIONS
 from addon.core import texel_state
 from addon.core.report import STAGES, Report
 from scripts import imprint

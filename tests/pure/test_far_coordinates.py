@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.cli.mesh_files import far_coordinates
+from addon.cli import far_coordinates
 
 PLACE = np.array([512_345.0, 5_412_345.0, 312.0])
 ROUNDING = 1e-6

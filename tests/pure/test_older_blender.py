@@ -23,7 +23,7 @@ CALLS = {
     ("export/staging.py", "switch_on_nodes"): 1,
     ("scene/materials/material_reading.py", "shows_nodes"): 1,
     ("output/materials.py", "switch_on_nodes"): 2,
-    ("cli/mesh_files/textures.py", "switch_on_nodes"): 1,
+    ("cli/textures.py", "switch_on_nodes"): 1,
     ("scene/dependencies.py", "kept_properties"): 1,
     ("scene/dependencies.py", "modifier_input"): 2,
     ("scene/dependencies.py", "visit_file_paths"): 1,

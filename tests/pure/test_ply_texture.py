@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.cli.mesh_files import ply
+from addon.cli import ply
 
 HEAD = (
     "ply\nformat {form} 1.0\ncomment TextureFile my page.png\nelement vertex 3\nproperty float x\nproperty float y\n"

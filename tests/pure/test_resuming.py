@@ -16,18 +16,16 @@ from pathlib import Path
 
 import pytest
 
+from addon.cli import arguments, clashes, contents, records
+from addon.cli import turns as turns_module
+from addon.cli.bake_result import Done
 from addon.cli.bounds import Bounds
-from addon.cli.done import contents, records
-from addon.cli.done import turns as turns_module
-from addon.cli.done.claims import Claims
-from addon.cli.done.contents import Contents
-from addon.cli.done.turns import POLL, Resumed, Resuming, ToDo, Turns
-from addon.cli.plan import clashes
-from addon.cli.plan.plans import Plan
-from addon.cli.results.bake_result import Done
-from addon.cli.results.run_report import Entry, State
-from addon.cli.usage import arguments
-from addon.cli.usage.options import OPTIONS
+from addon.cli.claims import Claims
+from addon.cli.contents import Contents
+from addon.cli.options import OPTIONS
+from addon.cli.plans import Plan
+from addon.cli.run_report import Entry, State
+from addon.cli.turns import POLL, Resumed, Resuming, ToDo, Turns
 from addon.core import versions
 from addon.core.errors import BakeError
 from addon.output.files import temporary_paths

@@ -5,8 +5,7 @@ import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 
-from ..results import run_report
-from . import option_types
+from . import option_types, run_report
 from .options import CommandOption
 
 TITLE = "many bakes"

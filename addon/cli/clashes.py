@@ -11,23 +11,20 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from ...core import naming, udim
-from ...core.errors import WrongPlace
-from ...core.file_formats import OPENED
-from ...core.file_structure import blend_files, mesh_references
-from ...core.naming import ATLAS
-from ...output import map_names
-from ...output.files.atomic_file import reason
-from ...output.files.path_clashes import Places
-from .. import bounds
-from ..bounds import Bounds
-from ..results import report_file
-from ..results.report_file import LINES
-from ..usage import arguments
-from ..usage.options import STDOUT
-from ..usage.run_options import RunOptions
-from . import plans
+from ..core import naming, udim
+from ..core.errors import WrongPlace
+from ..core.file_formats import OPENED
+from ..core.file_structure import blend_files, mesh_references
+from ..core.naming import ATLAS
+from ..output import map_names
+from ..output.files.atomic_file import reason
+from ..output.files.path_clashes import Places
+from . import arguments, bounds, plans, report_file
+from .bounds import Bounds
+from .options import STDOUT
 from .plans import Plan
+from .report_file import LINES
+from .run_options import RunOptions
 
 
 class InputFiles:
@@ -340,7 +337,7 @@ def _meshes_in(folder: str) -> list[str]:
 
 
 def _of_record(records: str | None, options: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    from ..done import records as records_module  # here, since most calls keep no records
+    from . import records as records_module  # here, since most calls keep no records
 
     yield from records_module.record_files(options, records)
 

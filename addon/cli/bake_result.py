@@ -5,13 +5,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BakeError, NoGpu, sentence
-from ...core.levels import ChainReport
-from ...core.report import Report
-from ..done.contents import Content, Contents
-from ..plan.plans import Plan
+from ..core.errors import BakeError, NoGpu, sentence
+from ..core.levels import ChainReport
+from ..core.report import Report
 from . import gates, run_report
+from .contents import Content, Contents
 from .gates import Gate
+from .plans import Plan
 from .run_report import Cause, Entry, State
 
 

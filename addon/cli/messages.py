@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, is_dataclass
 from enum import StrEnum
 from typing import Any, get_args, get_origin, get_type_hints
 
-from ..done.records import Draft
-from ..plan.plans import Plan
-from ..results import run_report, sheet
-from ..results.bake_result import Done
-from ..usage.run_options import RunOptions
+from . import run_report, sheet
+from .bake_result import Done
+from .plans import Plan
+from .records import Draft
+from .run_options import RunOptions
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,13 @@ from dataclasses import fields
 from pathlib import PurePath
 from typing import Any
 
-from ...core import file_formats, naming, udim
-from ...core.conversion import StoredNormals
-from ...core.declarations.choices import Space, Storage
-from ...core.errors import BakeError
-from ...core.naming import did_you_mean
-from ...core.settings import PART_OF, Settings
-from ..results import gates
-from . import run_options
+from ..core import file_formats, naming, udim
+from ..core.conversion import StoredNormals
+from ..core.declarations.choices import Space, Storage
+from ..core.errors import BakeError
+from ..core.naming import did_you_mean
+from ..core.settings import PART_OF, Settings
+from . import gates, run_options
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
 from .run_options import RUN_OPTIONS, RunOptions
 

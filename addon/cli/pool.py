@@ -14,22 +14,18 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BakeError, NoGpu, WrongPlace
-from ...core.progress import Progress
-from ...output.files.atomic_file import reason
-from .. import interruption
-from ..done import records
-from ..done.turns import Chains, Resumed, Turns
-from ..plan import clashes
-from ..plan.plans import Plan
-from ..results import report_file
-from ..results.bake_result import Done
-from ..results.run_report import Cause, Entry, State
-from ..results.terminal import Meter
-from ..sandbox import Sandbox
-from ..usage.run_options import RunOptions
-from . import worker_process
+from ..core.errors import BakeError, NoGpu, WrongPlace
+from ..core.progress import Progress
+from ..output.files.atomic_file import reason
+from . import clashes, interruption, records, report_file, worker_process
+from .bake_result import Done
 from .messages import MOST_BYTES, Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, unpacked
+from .plans import Plan
+from .run_options import RunOptions
+from .run_report import Cause, Entry, State
+from .sandbox import Sandbox
+from .terminal import Meter
+from .turns import Chains, Resumed, Turns
 from .worker_process import STALLED, WorkerProcess
 
 

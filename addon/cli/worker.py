@@ -18,24 +18,31 @@ from typing import Any
 
 import numpy as np
 
-from ...core.errors import BakeError, WrongPlace
-from ...core.progress import Progress
-from ...output import png_writer
-from ...output.files.atomic_file import make_folder, reason
-from .. import batch, blender_process, interruption, read_files, standard_streams
-from ..done import records
-from ..done.contents import Contents
-from ..done.records import Draft
-from ..done.turns import Chains, Resumed, Turns
-from ..plan import clashes
-from ..plan.plans import Plan
-from ..results import bake_result, run_report
-from ..results.bake_result import Done, Result
-from ..results.run_report import State
-from ..results.terminal import Meter
-from ..scene_files import SceneLoader
-from ..usage.run_options import RunOptions
+from ..core.errors import BakeError, WrongPlace
+from ..core.progress import Progress
+from ..output import png_writer
+from ..output.files.atomic_file import make_folder, reason
+from . import (
+    bake_result,
+    batch,
+    blender_process,
+    clashes,
+    interruption,
+    read_files,
+    records,
+    run_report,
+    standard_streams,
+)
+from .bake_result import Done, Result
+from .contents import Contents
 from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, packed
+from .plans import Plan
+from .records import Draft
+from .run_options import RunOptions
+from .run_report import State
+from .scene_files import SceneLoader
+from .terminal import Meter
+from .turns import Chains, Resumed, Turns
 from .worker_process import CONNECTION
 
 MOST_PICTURES = 4

@@ -12,20 +12,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...core import versions
-from ...core.errors import BakeError, shorten_list
-from .. import interruption
-from ..bounds import Bounds
-from ..plan import plans
-from ..plan.plans import Plan
-from ..results import bake_result, gates, report_file, sheet
-from ..results.bake_result import Done, Result
-from ..results.run_report import State
-from ..usage.options import STDOUT
-from . import contents, records
+from ..core import versions
+from ..core.errors import BakeError, shorten_list
+from . import bake_result, contents, gates, interruption, plans, records, report_file, sheet
+from .bake_result import Done, Result
+from .bounds import Bounds
 from .claims import Claims
 from .contents import Content, Contents
+from .options import STDOUT
+from .plans import Plan
 from .records import Draft, Record
+from .run_report import State
 
 
 class Chains:

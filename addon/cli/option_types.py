@@ -9,11 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from ...core import udim
-from ...core.declarations import kinds
-from ...core.errors import BakeError
-from ...core.naming import Suffixes, did_you_mean
-from ..results import gates
+from ..core import udim
+from ..core.declarations import kinds
+from ..core.errors import BakeError
+from ..core.naming import Suffixes, did_you_mean
+from . import gates
 
 LAST_FRAME = 1_048_574
 """The last frame that Blender knows."""

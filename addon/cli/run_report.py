@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
-from ...core import versions
+from ..core import versions
 
 
 @dataclass(frozen=True)

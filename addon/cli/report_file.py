@@ -9,11 +9,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
-from ...core.errors import BakeError, WrongPlace
-from ...output.files.atomic_file import check_writable, make_folder, reason, replacing
-from ...output.files.temporary_paths import check_folder
-from ..usage.options import STDOUT
+from ..core.errors import BakeError, WrongPlace
+from ..output.files.atomic_file import check_writable, make_folder, reason, replacing
+from ..output.files.temporary_paths import check_folder
 from . import run_report
+from .options import STDOUT
 from .run_report import Entry, State
 
 READ = 1024

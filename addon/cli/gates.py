@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...core.declarations import readers
-from ...core.errors import BakeError
-from ...core.naming import did_you_mean
+from ..core.declarations import readers
+from ..core.errors import BakeError
+from ..core.naming import did_you_mean
 
 SHARE, DEGREES, COUNT, LENGTH, SECONDS = "%", "deg", "", "units", "s"
 """What figures are: shares of texels, degrees, numbers of things, lengths in scene units, and seconds."""

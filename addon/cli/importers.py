@@ -14,10 +14,9 @@ from tempfile import TemporaryFile
 import bpy
 import numpy as np
 
-from ...core.errors import BakeError
-from ...output.files.atomic_file import reason
-from .. import blender_process, standard_streams
-from . import far_coordinates, ply, textures
+from ..core.errors import BakeError
+from ..output.files.atomic_file import reason
+from . import blender_process, far_coordinates, ply, standard_streams, textures
 from .textures import Materials
 
 _MOST = 1 << 22

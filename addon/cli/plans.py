@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
-from ...core.errors import BakeError
-from ...core.file_formats import OPENED
-from ...core.naming import Pair, Suffixes, match, printable
-from ...output.files.atomic_file import reason
-from ..usage import arguments
-from ..usage.arguments import WrongUsage
+from ..core.errors import BakeError
+from ..core.file_formats import OPENED
+from ..core.naming import Pair, Suffixes, match, printable
+from ..output.files.atomic_file import reason
+from . import arguments
+from .arguments import WrongUsage
 
 
 def folder_pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list[str]]:

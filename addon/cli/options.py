@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
 
-from ...core.declarations import kinds
-from ...core.declarations.all_settings import DECLARED, PANELS
-from ...core.naming import Suffixes
-from ..results import run_report
-from . import option_types
+from ..core.declarations import kinds
+from ..core.declarations.all_settings import DECLARED, PANELS
+from ..core.naming import Suffixes
+from . import option_types, run_report
 
 STDOUT = "-"
 """A report's path that stands for standard output."""

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...output.files import temporary_paths
-from ...output.files.atomic_file import make_folder
-from ...output.files.temporary_paths import TemporaryPath
+from ..output.files import temporary_paths
+from ..output.files.atomic_file import make_folder
+from ..output.files.temporary_paths import TemporaryPath
 from . import claim_beats
 from .claim_beats import Beats
 

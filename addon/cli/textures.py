@@ -9,11 +9,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ... import older_blender
-from ...core import udim
-from ...core.file_formats import OPEN_EXR
-from ...core.file_structure import mesh_references
-from ...scene import image_files
+from .. import older_blender
+from ..core import udim
+from ..core.file_formats import OPEN_EXR
+from ..core.file_structure import mesh_references
+from ..scene import image_files
 from .ply import Texture
 
 _COLORS = ("map_kd", "map_ke", "map_ks", "map_ka")

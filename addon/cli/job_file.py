@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...core.naming import did_you_mean
+from ..core.naming import did_you_mean
 from . import arguments, option_types, run_options
 from .arguments import WrongUsage
 from .options import FILE, OPTIONS, STDOUT, CommandOption

@@ -13,14 +13,13 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, TextIO
 
-from ...core.naming import printable
-from ...core.progress import Progress
-from .. import standard_streams
-from ..plan.plans import Plan
-from ..usage.options import STDOUT
-from ..usage.run_options import RunOptions
-from . import run_report
+from ..core.naming import printable
+from ..core.progress import Progress
+from . import run_report, standard_streams
 from .bake_result import Result
+from .options import STDOUT
+from .plans import Plan
+from .run_options import RunOptions
 from .run_report import Entry, State
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from ...core import udim
+from ..core import udim
 
 BLOCK = 1 << 18
 """Bytes that are hashed between two checks."""

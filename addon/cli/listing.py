@@ -9,18 +9,17 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ...core import naming
-from ...core.errors import BakeError
-from ...core.file_formats import OPENED
-from ...core.file_structure import blend_files, usd_layers, whole_files
-from ...core.naming import match
-from ...output.files.atomic_file import check_writable
-from ..results import run_report
-from ..usage.options import STDOUT
-from ..usage.run_options import RunOptions
-from . import clashes, plans
+from ..core import naming
+from ..core.errors import BakeError
+from ..core.file_formats import OPENED
+from ..core.file_structure import blend_files, usd_layers, whole_files
+from ..core.naming import match
+from ..output.files.atomic_file import check_writable
+from . import clashes, plans, run_report
 from .clashes import InputFiles
+from .options import STDOUT
 from .plans import Plan
+from .run_options import RunOptions
 
 
 class InputProblems:

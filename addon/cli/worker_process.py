@@ -21,10 +21,10 @@ from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
 
-from ...core.naming import printable
-from ...core.progress import BEGUN
-from .. import interruption
-from ..sandbox import Sandbox, processes_in
+from ..core.naming import printable
+from ..core.progress import BEGUN
+from . import interruption
+from .sandbox import Sandbox, processes_in
 
 STALLED = 20.0
 """Seconds that a message may take, in either direction, before its worker counts as gone."""
@@ -232,7 +232,7 @@ CONNECTION = "IMPRINT_WORKER"
 """The environment variable with the number of the worker's end of the connection."""
 ENDING = 5.0
 """Seconds for a sandbox to end that was killed."""
-SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "bake.py"
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "bake.py"
 
 
 def command(words: Sequence[str] = (), *, is_untrusted: bool = False) -> list[str]:

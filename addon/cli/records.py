@@ -11,20 +11,17 @@ from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path, PurePath
 from typing import Any
 
-from ...core import naming, versions
-from ...core.errors import BakeError
-from ...output.files.atomic_file import replacing
-from ..bounds import Bounds
-from ..plan import plans
-from ..plan.plans import Plan
-from ..results import bake_result, run_report
-from ..results.bake_result import Done
-from ..results.run_report import Entry, State
-from ..usage import arguments
-from ..usage.options import FILE, JOBS, OPTIONS, STRICT
-from ..usage.run_options import RUN_OPTIONS
-from . import contents
+from ..core import naming, versions
+from ..core.errors import BakeError
+from ..output.files.atomic_file import replacing
+from . import arguments, bake_result, contents, plans, run_report
+from .bake_result import Done
+from .bounds import Bounds
 from .contents import Content, Contents
+from .options import FILE, JOBS, OPTIONS, STRICT
+from .plans import Plan
+from .run_options import RUN_OPTIONS
+from .run_report import Entry, State
 
 
 def path_from(path: str, folder: str) -> str:

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BakeError, sentence
-from ..usage import option_types
-from ..usage.arguments import Parser, WrongUsage
-from ..usage.options import STDOUT, CommandOption
-from . import report_file, run_report, sheet, terminal
+from ..core.errors import BakeError, sentence
+from . import option_types, report_file, run_report, sheet, terminal
+from .arguments import Parser, WrongUsage
+from .options import STDOUT, CommandOption
 from .report_file import LINES
 from .run_report import WRONG_USAGE, Entry, Only, State
 

@@ -11,9 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
-from ...core.errors import BakeError
-from ...core.file_formats import PNG
-from ...output.files.atomic_file import check_writable, make_folder, reason, replacing
+from ..core.errors import BakeError
+from ..core.file_formats import PNG
+from ..output.files.atomic_file import check_writable, make_folder, reason, replacing
 from . import report_file, run_report
 from .bake_result import Done
 from .run_report import Entry, State
