@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makes settings from options."""
+"""Reads the words of the command line, and makes settings from options."""
 
 import argparse
 import functools
@@ -7,18 +7,17 @@ import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import fields
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
-from ..core import file_formats, naming, udim
+from ..core import file_formats, levels, naming, udim
 from ..core.conversion import StoredNormals
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError
 from ..core.naming import did_you_mean
 from ..core.settings import PART_OF, Settings
-from . import gates, run_options
-from .options import FILE, JOBS, OPTIONS, SUBJECTS
-from .run_options import RUN_OPTIONS, RunOptions
+from . import gates
+from .options import FILE, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, SUBJECTS, RunOptions
 
 
 def settings(options: argparse.Namespace) -> Settings:
@@ -87,7 +86,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         description="Bake the detail of high-poly meshes into maps of a low-poly mesh.",
         allow_abbrev=False,
     )
-    for title, options in (*OPTIONS.items(), (run_options.TITLE, RUN_OPTIONS)):
+    for title, options in (*OPTIONS.items(), (RUN_TITLE, RUN_OPTIONS)):
         group = result.add_argument_group(title)
         if title == "what to bake":
             group.add_argument("file", **FILE.arguments)
@@ -290,3 +289,58 @@ def _joined(arguments: Sequence[str]) -> list[str]:
         value = next(words, None) if word in _MAY_BE_NEGATIVE else None
         result.append(word if value is None else f"{word}={value}")
     return result
+
+
+_NOT_OF_LOD = ("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers")
+"""Options that a chain has no use for."""
+
+
+def read_lod(words: Sequence[str], program: str) -> argparse.Namespace:
+    """The options of the bake that makes the chain: its `levels` are the texts of the limits. Raises WrongUsage."""
+    own, rest = _lod_parser(program).parse_known_args(words)
+    options = parse(rest, program)
+    defaults = vars(parse([]))
+    wrong = next((name for name in _NOT_OF_LOD if getattr(options, name) != defaults[name]), None)
+    if wrong:
+        raise WrongUsage(f"--{wrong.replace('_', '-')} is not for lod, which makes coarser meshes of one mesh")
+    degrees = own.degrees if own.degrees is not None else "" if own.distance else levels.DEGREES
+    options.levels = degrees, levels.PERCENT if own.distance is None else own.distance
+    check(options)
+    try:
+        count = len(levels.limits(*options.levels))
+    except BakeError as error:
+        raise WrongUsage(str(error).rstrip(".")) from error
+    if count > 1 and naming.LOW not in options.output:
+        raise WrongUsage(f"each level has a map: put {naming.LOW} into --output")
+    is_one_file = bool(options.export) and naming.LOW not in options.export
+    if count > 1 and is_one_file and Path(options.export).suffix.lower() != ".glb":
+        raise WrongUsage(f"only .glb has levels in one file: put {naming.LOW} into --export")
+    return options
+
+
+def _lod_parser(program: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=program,
+        usage="%(prog)s [FILE ...] --low NAME --output MAP [--degrees 1,2,4] [--distance 1] [option ...]\n"
+        "       %(prog)s --low-file FILE --output MAP [--degrees 1,2,4] [--distance 1] [option ...]",
+        description="Make levels of detail of one mesh: for each limit the coarsest mesh with the same UV layout that, with "
+        "its map, stays within the limit on 99 % of the map's texels.",
+        epilog="Other options are those of a bake, as --size, --basis, --save-blend, --report and --untrusted: see `bake "
+        "--help`. --output has {low}, which stands for the level's name.",
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "--degrees",
+        default=None,
+        metavar="1,2,4",
+        help="The largest angles between the normals that each level shows with its map and those of the mesh (default: "
+        "1,2,4, without --distance)",
+    )
+    parser.add_argument(
+        "--distance",
+        default=None,
+        metavar="0.5,1,2",
+        help="The largest distances of each level from the mesh, in percent of the longest side of its box; one for all "
+        "levels, or one for each (default: 1)",
+    )
+    return parser

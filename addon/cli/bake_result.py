@@ -9,7 +9,6 @@ from ..core.errors import BakeError, NoGpu, sentence
 from ..core.levels import ChainReport
 from ..core.report import Report
 from . import gates, run_report
-from .contents import Content, Contents
 from .gates import Gate
 from .plans import Plan
 from .run_report import Cause, Entry, State
@@ -36,7 +35,7 @@ class Result:
     """The warnings that were printed before the bake."""
     inputs: list[dict[str, Any]] = field(default_factory=list)
     """The files that it read, as Content.facts returns them."""
-    hashes: Contents | None = None
+    hashes: Any = None
     """For the files that were written; None if neither a report nor a record wants them."""
     scene: Path | None = None
     """The .blend that was saved."""
@@ -76,6 +75,8 @@ class Result:
 
     def entry(self, number: int = 1) -> Entry:
         """The entry in the report. number: of the bake. Reads what was written."""
+        from .records import Content
+
         reports = [report.to_dict() for report in self.reports]
         over = gates.over(self.strict, reports)
         state = State.STOPPED if self.is_stopped else State.FAILED if self.error else State.GATE if over else State.DONE

@@ -19,12 +19,11 @@ from ..core.naming import ATLAS
 from ..output import map_names
 from ..output.files.atomic_file import reason
 from ..output.files.path_clashes import Places
-from . import arguments, bounds, plans, report_file
-from .bounds import Bounds
-from .options import STDOUT
+from . import arguments, plans, report_file, untrusted
+from .options import STDOUT, RunOptions
 from .plans import Plan
 from .report_file import LINES
-from .run_options import RunOptions
+from .untrusted import Bounds
 
 
 class InputFiles:
@@ -350,7 +349,7 @@ def plan_call(
     sets: the options of each set. inputs: as in RunFiles. Raises WrongPlace for folders that an
     untrusted call cannot use.
     """
-    open_file, within = plans.open_file(), bounds.of(options, sets[0])
+    open_file, within = plans.open_file(), untrusted.bounds_of(options, sets[0])
     if within is not None:
         within.check_sets(sets)
     warnings: list[str] = []

@@ -15,7 +15,6 @@ from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress, startup
 from . import (
     arguments,
-    bounds,
     clashes,
     interruption,
     job_file,
@@ -23,12 +22,13 @@ from . import (
     run_report,
     standard_streams,
     terminal,
+    untrusted,
     worker_process,
 )
 from .arguments import WrongUsage
 from .blender_process import load_blender
 from .clashes import InputFiles
-from .run_options import RunOptions
+from .options import RunOptions
 from .run_report import DONE, FAILED, WRONG_USAGE, Only, ThisCall
 from .terminal import Meter
 
@@ -136,7 +136,7 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions,
     if options.jobs:
         own, more = arguments.split_jobs(words, program)
         if own.untrusted:
-            bounds.check_job_file(own.jobs)
+            untrusted.check_job_file(own.jobs)
 
         def show(share: float) -> None:
             meter.show(own.jobs, Progress("Reading", share))
@@ -150,9 +150,7 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions,
 
 def _read_levels(words: Sequence[str], program: str, _meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
     """As `_read`, of the command lod."""
-    from . import lod_command
-
-    options = lod_command.read(words, program)
+    options = arguments.read_lod(words, program)
     return RunOptions.of(options, program), [options]
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..core.naming import did_you_mean
-from . import arguments, option_types, run_options
+from . import arguments, option_types
 from .arguments import WrongUsage
-from .options import FILE, OPTIONS, STDOUT, CommandOption
+from .options import FILE, OPTIONS, RUN_OPTIONS, STDOUT, CommandOption
 
 MOST_SHOWN = 80
 """Characters of a wrong value in a message."""
@@ -96,7 +96,7 @@ def check_known(key: str, written: str, known: Sequence[str]) -> None:
     """Raise Unknown for an unknown key."""
     if key in known:
         return
-    if key in run_options.RUN_OPTIONS:
+    if key in RUN_OPTIONS:
         raise Unknown(f"unknown key {written!r}: it works only on the command line")
     raise Unknown(f"unknown key {written!r}{did_you_mean([key], known)}")
 

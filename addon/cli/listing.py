@@ -17,9 +17,8 @@ from ..core.naming import match
 from ..output.files.atomic_file import check_writable
 from . import clashes, plans, run_report
 from .clashes import InputFiles
-from .options import STDOUT
+from .options import STDOUT, RunOptions
 from .plans import Plan
-from .run_options import RunOptions
 
 
 class InputProblems:

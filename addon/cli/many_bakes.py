@@ -14,18 +14,16 @@ from ..core.progress import Progress, startup
 from . import clashes, plans, report_file, run_report, sheet, terminal
 from .bake_result import Done
 from .blender_process import load_blender
-from .bounds import Bounds
 from .claims import Claims
-from .options import STDOUT
+from .options import STDOUT, RunOptions
 from .plans import Plan
 from .pool import Supervisor
 from .report_file import ReportFile
-from .run_options import RunOptions
 from .run_report import Entry, State
-from .sandbox import MOST_SECONDS, Sandbox, most_memory
 from .sheet import SheetFile
 from .terminal import Meter
 from .turns import Resuming, Turns, TurnsAside
+from .untrusted import MOST_SECONDS, Bounds, Sandbox, most_memory
 
 
 def run(

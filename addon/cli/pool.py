@@ -19,14 +19,25 @@ from ..core.progress import Progress
 from ..output.files.atomic_file import reason
 from . import clashes, interruption, records, report_file, worker_process
 from .bake_result import Done
-from .messages import MOST_BYTES, Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, unpacked
+from .options import RunOptions
 from .plans import Plan
-from .run_options import RunOptions
 from .run_report import Cause, Entry, State
-from .sandbox import Sandbox
 from .terminal import Meter
 from .turns import Chains, Resumed, Turns
-from .worker_process import STALLED, WorkerProcess
+from .untrusted import Sandbox
+from .worker_process import (
+    LONGEST_MESSAGE,
+    STALLED,
+    Answer,
+    Assignment,
+    Begun,
+    FilesFound,
+    Line,
+    Percent,
+    Ready,
+    WorkerProcess,
+    unpacked,
+)
 
 
 class BusyWorker:
@@ -276,7 +287,7 @@ class Supervisor:
         channel, is_trusted = worker.process.channel, self._sandbox is None
         try:
             channel.flush()
-            content = channel.receive(None if is_trusted else MOST_BYTES) if has_more else None
+            content = channel.receive(None if is_trusted else LONGEST_MESSAGE) if has_more else None
             message = None if content is None else unpacked(content, is_trusted=is_trusted)
         except ConnectionError as error:
             raise EOFError from error

@@ -17,9 +17,8 @@ from ..core.naming import printable
 from ..core.progress import Progress
 from . import run_report, standard_streams
 from .bake_result import Result
-from .options import STDOUT
+from .options import STDOUT, RunOptions
 from .plans import Plan
-from .run_options import RunOptions
 from .run_report import Entry, State
 
 

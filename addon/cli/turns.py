@@ -14,15 +14,14 @@ from typing import Any
 
 from ..core import versions
 from ..core.errors import BakeError, shorten_list
-from . import bake_result, contents, gates, interruption, plans, records, report_file, sheet
+from . import bake_result, gates, interruption, plans, records, report_file, sheet
 from .bake_result import Done, Result
-from .bounds import Bounds
 from .claims import Claims
-from .contents import Content, Contents
 from .options import STDOUT
 from .plans import Plan
-from .records import Draft, Record
+from .records import Content, Contents, Draft, Record
 from .run_report import State
+from .untrusted import Bounds
 
 
 class Chains:
@@ -281,7 +280,7 @@ class Resuming(Turns):
         pairs += [(before, path) for before, (path, _) in zip(old.inputs, files, strict=False)]
         for before, path in pairs:
             is_elsewhere = self._bounds is not None and not self._bounds.may_read(path)
-            if is_elsewhere or contents.size_of(path) != before.size:
+            if is_elsewhere or records.size_of(path) != before.size:
                 yield _has_changed(before)
         for before, path in pairs:
             if not self._contents.of(path).is_same(before):

@@ -28,22 +28,20 @@ from . import (
     blender_process,
     clashes,
     interruption,
-    read_files,
     records,
     run_report,
+    scene_files,
     standard_streams,
 )
 from .bake_result import Done, Result
-from .contents import Contents
-from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, packed
+from .options import RunOptions
 from .plans import Plan
-from .records import Draft
-from .run_options import RunOptions
+from .records import Contents, Draft
 from .run_report import State
 from .scene_files import SceneLoader
 from .terminal import Meter
 from .turns import Chains, Resumed, Turns
-from .worker_process import CONNECTION
+from .worker_process import CONNECTION, Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, packed
 
 MOST_PICTURES = 4
 """Pairs or frames of a bake that have pictures."""
@@ -179,7 +177,7 @@ def run_worker() -> int:
             problem = prints.to(Path(assigned.log)) if assigned.log else ""
             run_report.note(assigned.options.call)
             if assigned.folders:
-                read_files.forbid_scripts()
+                scene_files.forbid_scripts()
             meter, of_all = _Meter(parent, is_on=assigned.is_shown), assigned.options
             own = {"needs_all": assigned.needs_all, "folders": assigned.folders}
             baker = baker or Baker(_Files(parent), meter, of_all, **own)

@@ -14,7 +14,7 @@ import pytest
 
 from addon.cli import clashes, command, job_file
 from addon.cli.clashes import InputFiles
-from addon.cli.run_options import RunOptions
+from addon.cli.options import RunOptions
 from addon.cli.turns import Resuming
 from scripts.imprint import ROOT
 from tests.support import dependency_kinds, file_kinds, reports, zoo

@@ -11,7 +11,7 @@ import bpy
 import pytest
 
 from addon.cli import command, run_report
-from addon.cli.contents import Contents
+from addon.cli.records import Contents
 from addon.cli.run_report import Cause, State
 from addon.core import versions
 from addon.core.progress import STARTUP

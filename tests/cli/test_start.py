@@ -22,7 +22,6 @@ LEFT_OUT = {*blender_process.INTERFACE, *blender_process.ADDONS, *blender_proces
 
 LATER = {
     "addon.cli.farm_command",
-    "addon.cli.lod_command",
     "addon.cli.many_bakes",
     "addon.cli.report_command",
     "addon.export.engine_files",

@@ -29,11 +29,11 @@ from addon.cli import (
     worker_process,
 )
 from addon.cli.bake_result import Done
-from addon.cli.messages import Answer, FilesFound, Percent, packed
-from addon.cli.run_options import RunOptions
+from addon.cli.options import RunOptions
 from addon.cli.run_report import Entry
 from addon.cli.terminal import Meter
 from addon.cli.turns import Turns
+from addon.cli.worker_process import Answer, FilesFound, Percent, packed
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
 from scripts.imprint import ROOT

@@ -49,9 +49,8 @@ WITHOUT = {
 WITHOUT_BLENDER = "addon/cli", "addon/output/files"
 """Folders whose modules need no Blender, although others of their package do. They import only what needs none."""
 WITH_BLENDER = {
-    *("addon/cli/batch.py", "addon/cli/convert.py", "addon/cli/importers.py", "addon/cli/input_checks.py"),
-    *("addon/cli/memory_check.py", "addon/cli/read_files.py", "addon/cli/scene_files.py", "addon/cli/side_files.py"),
-    *("addon/cli/textures.py", "addon/cli/worker.py"),
+    *("addon/cli/batch.py", "addon/cli/importers.py", "addon/cli/input_checks.py", "addon/cli/scene_files.py"),
+    "addon/cli/worker.py",
 }
 """The modules in these folders that do."""
 

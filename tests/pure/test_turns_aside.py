@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from addon.cli import interruption, turns
-from addon.cli.contents import BLOCK, Contents
+from addon.cli.records import BLOCK, Contents
 from addon.cli.turns import Turns, TurnsAside
 
 
