@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import bpy
 import numpy as np
 
-from .cli.mesh_files.importers import PLAIN
+from .cli.importers import PLAIN
 from .cli.scene_files import import_meshes
 from .core import file_formats, map_types
 from .core.declarations import kinds

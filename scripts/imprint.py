@@ -91,7 +91,7 @@ def print_message(text, severity="error"):
     # Names come from files, and must not control the terminal.
     line = "".join(each if each.isprintable() or each == "\n" else "?" for each in f"imprint: {text}")
     if "--progress json" in " ".join(sys.argv).replace("=", " "):
-        line = json.dumps({"event": "message", "severity": severity, "text": line})  # as addon/cli/results/terminal.py
+        line = json.dumps({"event": "message", "severity": severity, "text": line})  # as addon/cli/terminal.py
     with contextlib.suppress(OSError):  # for example, a full disk: then there is only the exit code
         print(line, file=sys.stderr, flush=True)
 
@@ -406,7 +406,7 @@ class Bake:
     STOP = ("SIGINT", "SIGTERM", "SIGHUP")
     PATIENCE = 20.0
     """Seconds from the first signal until this sends a second one. Farms send SIGKILL 30 seconds after the first one. Many
-    bakes end sooner by themselves: addon/cli/workers/pool.py."""
+    bakes end sooner by themselves: addon/cli/pool.py."""
     GRACE = 3.0
     """Seconds from the second signal to SIGKILL. Blender may be busy in code that ignores signals."""
 

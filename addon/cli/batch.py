@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs a bake of the command line in this process: opens its files, bakes, and saves what its options name."""
+"""Runs bakes in this process: opens their files, bakes, and saves what their options name."""
 
 import argparse
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from functools import cache, partial
@@ -13,30 +13,42 @@ from pathlib import Path
 import bpy
 
 from .. import older_blender
-from ..core import levels, naming, progress
+from ..core import levels, naming, progress, udim
+from ..core.conversion import ConversionReport
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
 from ..core.naming import printable
-from ..core.progress import startup
+from ..core.progress import Pace, Task, startup
 from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import bake_jobs
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.job import Job, files_read_by, jobs_by_name
-from ..output.atomic_file import all_or_none, check_writable
+from ..output.atomic_file import all_or_none, check_writable, replacing
+from ..scene import object_checks
 from ..scene.object_checks import object_by_name
-from . import blender_process, input_checks, interruption, memory_check, read_files, side_files, standard_streams
-from .done.contents import Content, Contents
-from .mesh_files.importers import Space
-from .plan import clashes, plans
-from .plan.plans import Plan, subject
-from .results import bake_result, gates, report_file, run_report, terminal
-from .results.bake_result import Result
-from .results.terminal import Meter
+from . import (
+    arguments,
+    bake_result,
+    blender_process,
+    clashes,
+    gates,
+    input_checks,
+    interruption,
+    plans,
+    report_file,
+    run_report,
+    scene_files,
+    standard_streams,
+    terminal,
+)
+from .bake_result import Result
+from .importers import Space
+from .options import STDOUT, RunOptions
+from .plans import Plan, subject
+from .records import Content, Contents
 from .scene_files import SceneLoader
-from .usage import arguments
-from .usage.options import STDOUT
-from .usage.run_options import RunOptions
+from .terminal import Meter
 
 
 def need_all(planned: Sequence[Plan]) -> bool:
@@ -124,7 +136,7 @@ def open_files(
         job.is_measured, job.is_pictured = gates.DEVIATION in gates.needs(options.strict), is_pictured
     # In a chain, a bake may read the maps of those before it.
     read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
-    used = [*read_files.used(options), *read]
+    used = [*scene_files.used(options), *read]
     files.opened(plan.name, options, _lows(options, jobs), used)
     notes = input_checks.check_pages(options, settings.map, jobs)
     hints = input_checks.fit_hints(options, jobs)
@@ -134,8 +146,8 @@ def open_files(
     hashes = hashes or (Contents() if options.report else None)
     reading = hashes.checking(interruption.check) if hashes else None
     declared = reading.all_of(plans.input_paths(options, bpy.data.filepath)) if reading else []
-    found = reading.all_of(read_files.read_by(options, jobs)) if reading else []
-    not_followed = read_files.not_followed(options, jobs)
+    found = reading.all_of(scene_files.read_by(options, jobs)) if reading else []
+    not_followed = scene_files.not_followed(options, jobs)
     return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, not_followed, hashes)
 
 
@@ -156,7 +168,7 @@ def run(opened: Opened, loader: SceneLoader, files: clashes.RunFiles, meter: Met
         reports = [report.with_memory(memory).with_warnings(notes) for report in baked.reports]
         if options.export and not is_stopped:
             check_beside = partial(files.exported, opened.name)
-            reports = side_files.export(reports, options.export, check_beside, are_levels=chain is not None)
+            reports = export(reports, options.export, check_beside, are_levels=chain is not None)
         reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
         loader.changed(job.low.name for job in opened.jobs)
         problems = [*opened.problems, *(chain.left_out if chain else ())]
@@ -164,7 +176,7 @@ def run(opened: Opened, loader: SceneLoader, files: clashes.RunFiles, meter: Met
         result.strict, result.chain = options.strict, chain
         if opened.scene is not None and not is_stopped:
             with loader.caches_released():
-                side_files.save_scene(opened.scene, reports)
+                save_scene(opened.scene, reports)
             result.scene = opened.scene
         result.hashes = opened.hashes
         result.inputs = [each.facts() for each in (*opened.declared, *opened.found)]
@@ -178,7 +190,7 @@ def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
     """Print what memory the bake needs, now: a system that lacks it may end the process. Returns it for the report."""
     if opened.options.convert:
         return {}
-    text, is_much, numbers = memory_check.check(opened.jobs, opened.settings)
+    text, is_much, numbers = input_checks.check_memory(opened.jobs, opened.settings)
     is_one_scan = bool(opened.options.low_file) and not meter.place  # of many bakes, only those that need much
     if text and (is_much or (meter.is_on and is_one_scan)):
         meter.report(f"imprint: {opened.name}: {text}")
@@ -241,8 +253,6 @@ def _baked(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
 
     speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
     if options.convert:
-        from .convert import convert_map  # here, since a bake does not need it
-
         return _Baked([progress.finish(convert_map(bpy.context, jobs[0], options, settings), on_step)])
     if options.levels:
         from ..jobs import lod  # likewise
@@ -370,3 +380,90 @@ def _report_failure(result: Result, report: str | None, program: str, meter: Met
     elif report:
         print(report_file.as_text(document))
     return run_report.exit_code(entry)
+
+
+EXPORTERS = {".fbx": ("io_scene_fbx",)}
+"""Blender's add-ons that write files, by their ending, beside those that `blender_process.complete` loads."""
+
+
+def export(
+    reports: Sequence[Report], output: str, check_beside: Callable[[str], None], *, are_levels: bool = False
+) -> list[Report]:
+    """Write the low meshes of `reports` with their maps to `output`, with a file for each if it has LOW.
+
+    check_beside: as in engine_files.export. are_levels: whether those in one file are levels of detail of one object, from the
+    finest. Returns the reports with what the files show. Raises BakeError.
+    """
+    from ..export import engine_files  # here, since a bake without exports does not need it
+
+    blender_process.complete(*EXPORTERS.get(Path(output).suffix.lower(), ()))
+    by_low: dict[int, list[Report]] = {}
+    for report in reports:
+        by_low.setdefault(report.refs[0].uid, []).append(report)
+    lows = list(by_low.values())
+    together = [[low] for low in lows] if naming.LOW in output else [lows]
+    found = {}
+    for bakes in together:
+        path = Path(naming.fill(output, bakes[0][0].low)).absolute()
+        with standard_streams.silence():
+            are_linked = are_levels and len(bakes) > 1
+            done = engine_files.export_files(bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside)
+        found |= {bake[0].refs[0].uid: one for bake, one in zip(bakes, done, strict=True)}
+    result = []
+    for report in reports:
+        one = found[report.refs[0].uid]
+        result.append(report.with_export(one.to_dict()).with_warnings(one.warnings))
+    return result
+
+
+def _image_names(reports: Sequence[Report]) -> set[str]:
+    """The names of the images that hold the maps. A sequence keeps only that of the normal map."""
+    return {name for report in reports for name in (report.image, *(how["image"] for how in report.maps.values()))}
+
+
+def save_scene(path: Path, reports: Sequence[Report]) -> None:
+    """Save the scene; the paths of the maps of `reports` become relative."""
+    maps = set(map(bpy.data.images.get, _image_names(reports))) - {None}
+    folder = path.parent.resolve()  # it may have been named with ".."
+    for image in maps:
+        output = Path(bpy.path.abspath(image.filepath))
+        if output.parent.resolve().is_relative_to(folder):
+            # So that the files can be moved together. Relative to the file that is open: saving takes all such paths
+            # along to the new place.
+            image.filepath = bpy.path.relpath(str(output), start=str(Path(bpy.data.filepath or path).parent))
+    with replacing(path) as partial, standard_streams.silence():
+        # As a copy: relative paths are those of the final place, which is in the same folder.
+        bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, compress=False, relative_remap=True)
+
+
+def convert_map(
+    context: bpy.types.Context, job: Job, options: argparse.Namespace, settings: Settings
+) -> Task[ConversionReport]:
+    """Convert the image file that the options name, a map of the job's low object. Raises BakeError.
+
+    A low object without other high ones is its own if its modifiers add detail; then the map is of its base mesh, as in bakes.
+    """
+    from ..jobs import convert  # here, since a bake does not need it
+
+    low = job.low
+    is_own_base = job.highs == [low] == object_checks.own_highs(low)
+    image = _loaded(options.convert)
+    try:
+        conversion = convert.Conversion(low, image, arguments.stored_normals(options), is_own_base=is_own_base)
+        pace = Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False)
+        return (yield from convert.work(context, conversion, settings, pace))
+    finally:
+        bpy.data.images.remove(image)
+
+
+def _loaded(path: str) -> bpy.types.Image:
+    """A new image datablock of a file, or of the files of all tiles. Raises BakeError."""
+    full = Path(path).absolute()
+    is_tiled = udim.is_tiled(str(full))
+    if not (udim.files(str(full)) if is_tiled else full.is_file()):
+        raise BakeError(f"{path!r} does not exist.")
+    image = bpy.data.images.new(full.name, 1, 1)
+    image.source, image.filepath = "FILE", str(full)
+    if is_tiled:
+        image.source = "TILED"  # looks for the files
+    return image

@@ -13,17 +13,24 @@ from collections.abc import Callable, Sequence
 from ..core import versions
 from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress, startup
-from . import bounds, interruption, standard_streams
+from . import (
+    arguments,
+    clashes,
+    interruption,
+    job_file,
+    plans,
+    run_report,
+    standard_streams,
+    terminal,
+    untrusted,
+    worker_process,
+)
+from .arguments import WrongUsage
 from .blender_process import load_blender
-from .plan import clashes, plans
-from .plan.clashes import InputFiles
-from .results import run_report, terminal
-from .results.run_report import DONE, FAILED, WRONG_USAGE, Only, ThisCall
-from .results.terminal import Meter
-from .usage import arguments, job_file
-from .usage.arguments import WrongUsage
-from .usage.run_options import RunOptions
-from .workers import worker_process
+from .clashes import InputFiles
+from .options import RunOptions
+from .run_report import DONE, FAILED, WRONG_USAGE, Only, ThisCall
+from .terminal import Meter
 
 LOD = "lod"
 """The first argument for levels of detail."""
@@ -59,7 +66,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
 
                 done = farm_command.run(words[1:], f"{program} {FARM}")
             elif words[:1] == [REPORT]:
-                from .results import report_command
+                from . import report_command
 
                 done = report_command.run_report_command(words[1:], f"{program} {REPORT}")
             else:
@@ -74,7 +81,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
 def _work() -> int:
     load_blender()
     with startup.spent("imprint"):
-        from .workers import worker  # needs Blender
+        from . import worker  # needs Blender
 
     return worker.run_worker()
 
@@ -86,7 +93,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
         if options.quiet:
             meter.be_quiet()
         if options.list or options.check:
-            from .plan import listing
+            from . import listing
 
             return listing.list_bakes(options, sets)
         inputs = InputFiles()
@@ -129,7 +136,7 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions,
     if options.jobs:
         own, more = arguments.split_jobs(words, program)
         if own.untrusted:
-            bounds.check_job_file(own.jobs)
+            untrusted.check_job_file(own.jobs)
 
         def show(share: float) -> None:
             meter.show(own.jobs, Progress("Reading", share))
@@ -143,9 +150,7 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions,
 
 def _read_levels(words: Sequence[str], program: str, _meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
     """As `_read`, of the command lod."""
-    from . import lod_command
-
-    options = lod_command.read(words, program)
+    options = arguments.read_lod(words, program)
     return RunOptions.of(options, program), [options]
 
 

@@ -10,11 +10,10 @@ from pathlib import Path
 
 from .. import flamenco
 from ..core.errors import BakeError, WrongPlace, sentence
-from . import bounds
-from .results.run_report import DONE, FAILED, WRONG_USAGE
-from .usage import arguments, job_file, option_types
-from .usage.arguments import Parser, WrongUsage
-from .usage.options import CommandOption
+from . import arguments, job_file, option_types, untrusted
+from .arguments import Parser, WrongUsage
+from .options import CommandOption
+from .run_report import DONE, FAILED, WRONG_USAGE
 
 
 def _number(text: str) -> int:
@@ -97,7 +96,7 @@ def _check(options: argparse.Namespace) -> None:
             raise WrongUsage(f"--options: leave out --{name}, which the tasks of a farm have already")
     run, more = arguments.split_jobs(["--jobs", options.jobs, *words, "--force" if options.force else "--resume"])
     if run.untrusted:
-        bounds.check_job_file(options.jobs)
+        untrusted.check_job_file(options.jobs)
     job_file.read(options.jobs, more, is_untrusted=run.untrusted)
 
 

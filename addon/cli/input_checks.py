@@ -1,27 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks of the open files before a bake: images that are missing, and meshes that do not fit each other."""
+"""Checks of the open files before a bake: images that are missing, meshes that do not fit each other, and memory."""
 
 import argparse
+import ctypes
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ..core import map_types, udim
-from ..core.declarations.choices import Modifiers
+from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError, shorten_list
 from ..core.file_formats import BY_ENDING
 from ..core.file_structure import usd_layers
 from ..core.file_structure.whole_files import MISSING
-from ..core.preflight import placement_hint, rounding_hint
-from ..core.settings import MapSettings
-from ..jobs.job import Job
+from ..core.map_types import BY_NAME
+from ..core.preflight import Amounts, Need, memory_sentence, placement_hint, rounding_hint
+from ..core.settings import MapSettings, Settings
+from ..jobs.job import Job, band_texels, draws_in_software
 from ..scene import complaints, dependencies, object_checks
-from .mesh_files import textures
-from .plan import plans
-from .usage.option_types import word_for
+from ..scene.textures import header_size
+from . import importers, plans
+from .option_types import word_for
 
 _IMAGES = {*BY_ENDING, ".jpg", ".jpeg", ".webp", ".hdr", ".bmp"}
 MOST_NAMED = 8
@@ -45,7 +48,7 @@ def check_pages(options: argparse.Namespace, settings: MapSettings, jobs: Sequen
     highs = [high for job in jobs for high in job.highs if high.type == "MESH"]
     libraries = list(_libraries(options))
     if not any(Path(name).suffix.lower().startswith(".blend") for name in plans.scene_paths(options) or (".blend",)):
-        libraries += map(repr, textures.missing_tiles(highs))
+        libraries += map(repr, importers.missing_tiles(highs))
     if options.allow_missing_pages:  # the bake reports the images that each material lacks
         return [_not_found(libraries)] if libraries else []
     lacking = dependencies.lacking(each for each in dependencies.of((), highs) if each.is_surface)
@@ -126,7 +129,7 @@ def _libraries(options: argparse.Namespace) -> Iterator[str]:
     for name in [*options.file, *options.high_file]:
         path = Path(name).absolute()
         if path.suffix.lower() == ".obj":
-            yield from (repr(str(path.parent / library)) for library in textures.missing_libraries(path))
+            yield from (repr(str(path.parent / library)) for library in importers.missing_libraries(path))
         images = [each for each in usd_layers.named(str(path)).assets if Path(each).suffix.lower() in _IMAGES]
         yield from (
             repr(each) for each in images if not (udim.files(each) if udim.is_tiled(each) else os.path.isfile(each))
@@ -138,3 +141,97 @@ def _box(obj: bpy.types.Object) -> np.ndarray:
     matrix = np.array(obj.matrix_world, np.float64)
     corners = np.array(obj.bound_box, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     return np.array([corners.min(axis=0), corners.max(axis=0)])
+
+
+WORTH_A_LINE = 0.5
+"""The share of the free memory from which the need is also printed where no terminal shows it."""
+
+
+def check_memory(jobs: Sequence[Job], settings: Settings) -> tuple[str, bool, dict[str, int]]:
+    """The memory for the largest of several jobs, whose GPU is started: a sentence, whether it needs attention, and bytes for
+    the report. Empty where modifiers or instances decide how large the meshes are.
+    """
+    needs = [need for need in (need_of(job, settings) for job in jobs) if need]
+    if len(needs) < len(jobs):
+        return "", False, {}
+    largest = max(needs, key=lambda need: need.peak)
+    try:
+        is_software, free = draws_in_software(), free_bytes()
+    except (SystemError, RuntimeError):  # there is no GPU, as the bake will report
+        return "", False, {}
+    wanted = largest.of_machine(is_software=is_software)
+    numbers = {"needed": wanted, "on_gpu": largest.on_gpu, "free": free or 0}
+    return (
+        memory_sentence(largest, free, is_software=is_software),
+        free is not None and wanted > WORTH_A_LINE * free,
+        numbers,
+    )
+
+
+def need_of(job: Job, settings: Settings) -> Need | None:
+    """The memory that the bake of a job needs; None where modifiers or instances decide how many triangles there are."""
+    objects = list(dict.fromkeys([job.low, *job.highs]))
+    if any(obj.type != "MESH" or obj.modifiers or obj.is_instancer for obj in objects):
+        return None
+    shows_images = any(BY_NAME[name].family.shows_materials for name in settings.map.drawn_maps)
+    pages = importers.images_of(job.highs)
+    return Need.of(
+        Amounts(
+            triangles=sum(len(obj.data.loops) - 2 * len(obj.data.polygons) for obj in objects),
+            texels=settings.sampling.width * settings.sampling.height * max(1, len(settings.sampling.tiles)),
+            band_texels=band_texels(settings.sampling),
+            samples=settings.sampling.samples,
+            other_maps=len(settings.map.drawn_maps),
+            is_adaptive=settings.sampling.are_adaptive(settings.tracing.method) and not settings.map.drawn_maps,
+            is_flat=settings.tracing.method == Method.FLATTEN
+            and not settings.map.drawn_maps
+            and not (settings.map.detail_maps and pages),
+            page_pixels=max(map(_pixels, pages), default=0) if shows_images else 0,
+        )
+    )
+
+
+def _pixels(image: bpy.types.Image) -> int:
+    """The number of pixels of an image, or of its largest tile, by the headers of files; 0 for headers that are not known."""
+    tiles = [tile.number for tile in image.tiles] if image.source == "TILED" else [0]
+    sizes = (header_size(image, tile) or (0, 0) for tile in tiles)
+    return max((width * height for width, height in sizes), default=0)
+
+
+def free_bytes() -> int | None:
+    """The memory that this process can have, with what it already has; None where the system does not say."""
+    with suppress(OSError, ValueError, IndexError, AttributeError):
+        if os.name == "nt":
+            return _free_on_windows()
+        fields = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines())
+        page = os.sysconf("SC_PAGE_SIZE")
+        own = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * page
+        free = int(fields["MemAvailable"].split()[0]) * 1024 + own
+        return min(free, _limit_of_container() or free)
+    with suppress(OSError, ValueError, AttributeError):
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")  # macOS reports only all memory
+    return None
+
+
+def _limit_of_container() -> int | None:
+    """The bytes that a container on Linux may have, or None."""
+    for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
+        with suppress(OSError, ValueError):  # "max" is no number
+            return int(Path(name).read_text(encoding="ascii"))
+    return None
+
+
+class _Status(ctypes.Structure):
+    """MEMORYSTATUSEX of Windows."""
+
+    _fields_ = (
+        ("length", ctypes.c_uint32),
+        ("load", ctypes.c_uint32),
+        *((name, ctypes.c_uint64) for name in ("total", "free", "total_file", "free_file", "total_virtual")),
+        *((name, ctypes.c_uint64) for name in ("free_virtual", "free_extended")),
+    )
+
+
+def _free_on_windows() -> int | None:
+    status = _Status(length=ctypes.sizeof(_Status))
+    return status.free if ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status)) else None

@@ -11,22 +11,19 @@ from typing import Any
 from ..core.errors import BakeError, NoGpu, sentence
 from ..core.naming import printable
 from ..core.progress import Progress, startup
+from . import clashes, plans, report_file, run_report, sheet, terminal
+from .bake_result import Done
 from .blender_process import load_blender
-from .bounds import Bounds
-from .done.claims import Claims
-from .done.turns import Resuming, Turns, TurnsAside
-from .plan import clashes, plans
-from .plan.plans import Plan
-from .results import report_file, run_report, sheet, terminal
-from .results.bake_result import Done
-from .results.report_file import ReportFile
-from .results.run_report import Entry, State
-from .results.sheet import SheetFile
-from .results.terminal import Meter
-from .sandbox import MOST_SECONDS, Sandbox, most_memory
-from .usage.options import STDOUT
-from .usage.run_options import RunOptions
-from .workers.pool import Supervisor
+from .claims import Claims
+from .options import STDOUT, RunOptions
+from .plans import Plan
+from .pool import Supervisor
+from .report_file import ReportFile
+from .run_report import Entry, State
+from .sheet import SheetFile
+from .terminal import Meter
+from .turns import Resuming, Turns, TurnsAside
+from .untrusted import MOST_SECONDS, Bounds, Sandbox, most_memory
 
 
 def run(
@@ -111,7 +108,7 @@ def _turns(
 def _bake_here(turns: Turns, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Done]:
     load_blender()
     with startup.spent("imprint"):
-        from .workers import worker  # needs Blender
+        from . import worker  # needs Blender
 
     yield from worker.bake_all(turns, files, meter, options)
 

@@ -256,7 +256,7 @@ class MapInBands:
 class KeptMap:
     """The normal map of one low object, which is not larger than a band. Draw with the same pool of targets each time.
 
-    settings: of the bake, with the normal map alone. state (height, width) uint8: as texel_state has it; None before the first
+    settings: of the bake, with the normal map alone. state (height, width) uint8: as map_types has it; None before the first
     map.
     """
 

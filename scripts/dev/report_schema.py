@@ -18,8 +18,8 @@ from typing import Any, get_args, get_origin, get_type_hints
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from addon.cli.results import run_report  # noqa: E402
-from addon.cli.results.run_report import Entry, ThisCall  # noqa: E402
+from addon.cli import run_report  # noqa: E402
+from addon.cli.run_report import Entry, ThisCall  # noqa: E402
 from addon.core.conversion import ConversionReport  # noqa: E402
 from addon.core.levels import Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402

@@ -16,11 +16,10 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from addon.cli.farm_command import FARM_OPTIONS  # noqa: E402
-from addon.cli.results.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
-from addon.cli.usage.job_file import KEYS  # noqa: E402
-from addon.cli.usage.option_types import word_for  # noqa: E402
-from addon.cli.usage.options import FILE, JOBS, OBJECTS, OPTIONS, CommandOption, option_word  # noqa: E402
-from addon.cli.usage.run_options import RUN_OPTIONS, TITLE  # noqa: E402
+from addon.cli.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
+from addon.cli.job_file import KEYS  # noqa: E402
+from addon.cli.option_types import word_for  # noqa: E402
+from addon.cli.options import FILE, JOBS, OBJECTS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption, option_word  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
 from addon.core.declarations import kinds, readers  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
@@ -137,7 +136,11 @@ def options() -> str:
         if word not in settings
     ]
     runs = [option_row(f"--{word}", option) for word, option in RUN_OPTIONS.items()]
-    groups = ("What to bake", own), ("What a bake writes beside its maps", beside), (TITLE[0].upper() + TITLE[1:], runs)
+    groups = (
+        ("What to bake", own),
+        ("What a bake writes beside its maps", beside),
+        (RUN_TITLE[0].upper() + RUN_TITLE[1:], runs),
+    )
     return "\n".join(f"**{title}**\n\n{table(('option', 'default', 'what it does'), rows)}" for title, rows in groups)
 
 

@@ -13,9 +13,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, scene_files
-from addon.cli.mesh_files import importers
-from addon.cli.results import run_report
+from addon.cli import command, importers, run_report, scene_files
 from addon.core import file_formats
 from scripts import imprint
 from tests.support import angles, maps, reports, zoo

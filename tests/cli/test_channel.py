@@ -7,8 +7,8 @@ import struct
 
 import pytest
 
-from addon.cli.workers import worker_process
-from addon.cli.workers.worker_process import Channel
+from addon.cli import worker_process
+from addon.cli.worker_process import Channel
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="pipes of Windows have whole messages")
 

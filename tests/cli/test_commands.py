@@ -5,15 +5,14 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command
-from addon.cli.results import run_report
-from addon.cli.usage import arguments
+from addon.cli import arguments, command, run_report
 from addon.core import versions
 from addon.core.errors import BakeError
 from addon.export import engine_files
@@ -750,7 +749,8 @@ def test_exports_that_cannot_be_are_refused_before_the_bake(fails, more, reason)
 
 
 def test_an_export_that_fails_takes_the_maps_along(fails, monkeypatch):
-    monkeypatch.setattr(engine_files.FORMATS[".glb"], "read", _unreadable)
+    broken = replace(engine_files.FORMATS[".glb"], read=_unreadable)
+    monkeypatch.setattr(engine_files, "FORMATS", {**engine_files.FORMATS, ".glb": broken})
     assert "is broken" in fails(1, *BAKE, "--output", "map.png", "--export", "lo.glb")
 
 

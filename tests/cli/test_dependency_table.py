@@ -12,12 +12,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command
-from addon.cli.done.turns import Resuming
-from addon.cli.plan import clashes
-from addon.cli.plan.clashes import InputFiles
-from addon.cli.usage import job_file
-from addon.cli.usage.run_options import RunOptions
+from addon.cli import clashes, command, job_file
+from addon.cli.clashes import InputFiles
+from addon.cli.options import RunOptions
+from addon.cli.turns import Resuming
 from scripts.imprint import ROOT
 from tests.support import dependency_kinds, file_kinds, reports, zoo
 

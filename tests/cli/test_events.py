@@ -12,8 +12,8 @@ from pathlib import Path
 import bpy
 import pytest
 
-from addon.cli.results import run_report, terminal
-from addon.cli.results.run_report import State
+from addon.cli import run_report, terminal
+from addon.cli.run_report import State
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
 from tests.support import lanes, zoo

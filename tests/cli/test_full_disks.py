@@ -6,10 +6,10 @@ import tempfile
 
 import pytest
 
-from addon.cli.results import run_report
-from addon.cli.results.report_file import ReportFile
-from addon.cli.results.run_report import Entry
-from addon.cli.results.sheet import SheetFile
+from addon.cli import run_report
+from addon.cli.report_file import ReportFile
+from addon.cli.run_report import Entry
+from addon.cli.sheet import SheetFile
 from addon.core.errors import BakeError
 from tests.pure.test_report_merge import entry
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from addon.cli import command
-from addon.cli.results import run_report
+from addon.cli import command, run_report
 from tests.support import zoo
 
 pytestmark = [

@@ -12,9 +12,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, interruption
-from addon.cli.mesh_files import importers
-from addon.cli.results import report_file, run_report
+from addon.cli import command, importers, interruption, report_file, run_report
 from addon.jobs import bake_jobs
 from scripts import imprint
 from tests.support import reports, zoo

@@ -6,8 +6,7 @@ import json
 import bpy
 import pytest
 
-from addon.cli import command
-from addon.cli.results import run_report
+from addon.cli import command, run_report
 from scripts.imprint import ROOT
 from tests.support import json_schema, reports, trees, untrusted, zoo
 

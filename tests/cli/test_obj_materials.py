@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.cli.mesh_files import textures
+from addon.cli import importers
 from addon.core.file_structure import mesh_references
 
 
@@ -22,7 +22,7 @@ def read(folder, library, head="mtllib m.mtl\n"):
     """The lines of the library that the importer gets, and the names of the images' files by placeholder."""
     (folder / "m.mtl").write_bytes(library.encode() if isinstance(library, str) else library)
     (folder / "scan.obj").write_text(head + "v 0 0 0\n")
-    found = textures.read_materials(folder / "scan.obj")
+    found = importers.read_materials(folder / "scan.obj")
     files = {name: page.path.name if page.path else page.name for name, page in found.placeholders.items()}
     return found.content.decode(errors="surrogateescape").splitlines(), files
 
@@ -86,7 +86,7 @@ def test_a_page_of_several_materials_has_one_placeholder_for_each_use(folder):
     )
     (folder / "m.mtl").write_text(library)
     (folder / "scan.obj").write_text("mtllib m.mtl\n")
-    pages = textures.read_materials(folder / "scan.obj").placeholders.values()
+    pages = importers.read_materials(folder / "scan.obj").placeholders.values()
     assert [(page.name, page.is_color, page.path is None) for page in pages][:2] == [
         ("a.png", True, False),
         ("a.png", False, False),
@@ -108,7 +108,7 @@ LIBRARIES = {
 @pytest.mark.parametrize("head", LIBRARIES)
 def test_missing_libraries_are_named(folder, head):
     lines, _ = read(folder, "newmtl x\n", head)
-    assert textures.missing_libraries(folder / "scan.obj") == LIBRARIES[head]
+    assert importers.missing_libraries(folder / "scan.obj") == LIBRARIES[head]
     assert lines == (["newmtl x"] if "m.mtl" in head.lower().replace("none.mtl", "") else [])
 
 
@@ -116,7 +116,7 @@ def test_a_library_with_the_name_of_the_obj_counts(folder):
     """As in Blender's importer."""
     (folder / "SCAN.mtl").write_text("newmtl own\n")
     assert read(folder, "newmtl x\n", "mtllib none.mtl\n")[0] == ["newmtl own"]
-    assert textures.missing_libraries(folder / "scan.obj") == []
+    assert importers.missing_libraries(folder / "scan.obj") == []
     (folder / "scan.mtl").write_text("newmtl own\nmap_Kd own.png\n")
     assert folder / "own.png" in mesh_references.of(str(folder / "scan.obj"))
 

@@ -5,9 +5,9 @@ import os
 
 import pytest
 
-from addon.cli.done.contents import Contents
-from addon.cli.results.run_report import FAILED, State
-from addon.cli.workers import worker_process
+from addon.cli import worker_process
+from addon.cli.records import Contents
+from addon.cli.run_report import FAILED, State
 from tests.pure import test_plan_listing as lists
 from tests.pure import test_resuming as records
 

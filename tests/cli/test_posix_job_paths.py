@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from addon.cli.usage import arguments, job_file
-from addon.cli.usage.arguments import WrongUsage
+from addon.cli import arguments, job_file
+from addon.cli.arguments import WrongUsage
 from tests.pure import test_job_file as files
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="paths of POSIX")

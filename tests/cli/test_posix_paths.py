@@ -6,8 +6,7 @@ import os
 
 import pytest
 
-from addon.cli import command
-from addon.cli.usage import arguments, job_file
+from addon.cli import arguments, command, job_file
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="on Windows, two slashes start the name of a server")
 

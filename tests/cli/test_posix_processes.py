@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from addon.cli.done.claims import Claims
+from addon.cli.claims import Claims
 from scripts.imprint import ROOT
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the other process does nothing there")
@@ -49,7 +49,7 @@ def test_claims_stay_if_the_process_that_changes_them_is_killed(tmp_path):
 def test_the_process_that_changes_claims_ends_with_its_parent(tmp_path):
     program = (
         "import os, sys, time; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
-        "from addon.cli.done.claims import Claims\n"
+        "from addon.cli.claims import Claims\n"
         "held = Claims(is_busy=True); held.take(Path(sys.argv[2])); print(held._beats._process.pid, flush=True)\n"
         "os._exit(9)"
     )

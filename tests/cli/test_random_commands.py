@@ -14,8 +14,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command
-from addon.cli.results import run_report
+from addon.cli import command, run_report
 from addon.core.file_structure import blend_files, mesh_references
 from tests.support import random_cases, scenes, zoo
 

@@ -10,10 +10,9 @@ from pathlib import Path
 import bpy
 import pytest
 
-from addon.cli import command
-from addon.cli.done.contents import Contents
-from addon.cli.results import run_report
-from addon.cli.results.run_report import Cause, State
+from addon.cli import command, run_report
+from addon.cli.records import Contents
+from addon.cli.run_report import Cause, State
 from addon.core import versions
 from addon.core.progress import STARTUP
 from scripts.imprint import ROOT

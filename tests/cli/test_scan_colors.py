@@ -7,8 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command
-from addon.cli.results import run_report
+from addon.cli import command, run_report
 from tests.support import maps, reports, scans
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -10,11 +10,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import batch, command, memory_check
-from addon.cli.mesh_files import far_coordinates, ply, textures
-from addon.cli.mesh_files.importers import PLAIN, Space, import_file
-from addon.cli.mesh_files.ply import Texture
-from addon.cli.results import run_report
+from addon.cli import batch, command, importers, input_checks, run_report, scan_files
+from addon.cli.importers import PLAIN, Space, import_file
+from addon.cli.scan_files import Texture
 from addon.cli.scene_files import SceneLoader
 from addon.core.errors import BakeError
 from addon.core.preflight import PAGE_PIXEL, PAGE_PIXEL_ON_GPU
@@ -433,10 +431,10 @@ def test_uvs_by_face_are_left_out_where_the_faces_are_others(folder):
     scans.write_ply(folder / "scan.ply", points, faces)
     (obj,) = import_file(folder / "scan.ply", PLAIN)
     for corners in (faces[:, ::-1], faces[1:]):
-        textures.show_texture(obj, Texture(["a.png"], uv[corners], corners, np.zeros(len(corners), int)), folder)
+        importers.show_texture(obj, Texture(["a.png"], uv[corners], corners, np.zeros(len(corners), int)), folder)
         assert not obj.data.uv_layers
         assert not obj.material_slots
-    textures.show_texture(obj, Texture(["a.png"], uv[faces], faces, np.zeros(len(faces), int)), folder)
+    importers.show_texture(obj, Texture(["a.png"], uv[faces], faces, np.zeros(len(faces), int)), folder)
     assert len(obj.data.uv_layers) == len(obj.material_slots) == 1
 
 
@@ -452,7 +450,7 @@ def test_the_report_has_the_memory_that_was_estimated(incomplete, run):
 
 
 def test_a_lack_of_memory_is_said_before_the_bake(incomplete, run, monkeypatch, capsys):
-    monkeypatch.setattr(memory_check, "free_bytes", lambda: 10**8)
+    monkeypatch.setattr(input_checks, "free_bytes", lambda: 10**8)
     said = []
     monkeypatch.setattr("addon.cli.batch._baked", lambda *_: said.append(capsys.readouterr().err) or batch._Baked([]))
     run(*PAIR)
@@ -460,14 +458,14 @@ def test_a_lack_of_memory_is_said_before_the_bake(incomplete, run, monkeypatch, 
 
 
 def test_free_memory_is_part_of_the_machine():
-    assert 10**8 < memory_check.free_bytes() <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    assert 10**8 < input_checks.free_bytes() <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def test_the_largest_page_counts_if_a_map_shows_it(incomplete):
     for name in ("page2.png", "page3.png"):
         scans.page(incomplete / name, scans.COLORS[0], side=64)
     job = SceneLoader().job("low.obj", ["scan.obj"])
-    pages = [memory_check.need_of(job, Settings(maps=maps)).page for maps in ((), ("AO",), ("BASE_COLOR",))]
+    pages = [input_checks.need_of(job, Settings(maps=maps)).page for maps in ((), ("AO",), ("BASE_COLOR",))]
     assert pages == [0, 0, 64 * 64 * (PAGE_PIXEL + PAGE_PIXEL_ON_GPU)]
     assert not any(image.has_data for image in bpy.data.images)
 
@@ -476,7 +474,7 @@ def test_flatten_needs_no_tree_unless_more_than_the_normal_map_is_drawn(incomple
     job = SceneLoader().job("low.obj", ["scan.obj"])
 
     def tree(**settings):
-        return memory_check.need_of(job, Settings(**settings)).tree
+        return input_checks.need_of(job, Settings(**settings)).tree
 
     assert tree(method="FLATTEN", detail_maps=False) == 0
     assert tree(method="FLATTEN", detail_maps=False, maps=("POSITION",)) > 0
@@ -487,7 +485,7 @@ def test_flatten_needs_no_tree_unless_more_than_the_normal_map_is_drawn(incomple
 def test_modifiers_leave_the_size_of_a_mesh_open(incomplete):
     job = SceneLoader().job("low.obj", ["scan.obj"])
     job.highs[0].modifiers.new("Subdivision", "SUBSURF")
-    assert memory_check.need_of(job, Settings()) is None
+    assert input_checks.need_of(job, Settings()) is None
 
 
 # Damaged files
@@ -525,8 +523,8 @@ def test_damaged_ply_files_are_read_without_an_error_by_seed(folder, name, seed)
             folder / name, (points, faces, uv[faces]), np.zeros(len(faces), int), ["a.png"], form=form
         )
     scans.damage(folder / name, random)
-    origin = far_coordinates.far_origin(folder / name)
+    origin = scan_files.far_origin(folder / name)
     if origin is not None:
-        far_coordinates.write_near(folder / name, folder / "near.ply", origin)
-    found = ply.read_texture(folder / name)
+        scan_files.write_near(folder / name, folder / "near.ply", origin)
+    found = scan_files.read_texture(folder / name)
     assert found is None or found.uv is None or found.uv.shape == (*found.corners.shape, 2)

@@ -46,7 +46,7 @@ HOSTILE = "a\x1b]0;title\x07\x1b]52;c;eA==\x07\x9b2J\u202e\r\b\nimprint: fake"
 PRINTS = """
 import sys
 from addon.cli import standard_streams
-from addon.cli.results.terminal import Meter
+from addon.cli.terminal import Meter
 from addon.core.progress import Progress
 name = sys.argv[1]
 with standard_streams.ours(), Meter(sys.stderr) as meter:

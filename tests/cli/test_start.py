@@ -22,9 +22,8 @@ LEFT_OUT = {*blender_process.INTERFACE, *blender_process.ADDONS, *blender_proces
 
 LATER = {
     "addon.cli.farm_command",
-    "addon.cli.lod_command",
     "addon.cli.many_bakes",
-    "addon.cli.results.report_command",
+    "addon.cli.report_command",
     "addon.export.engine_files",
     "addon.jobs.convert",
     "addon.jobs.lod",

@@ -7,8 +7,7 @@ import bpy
 import pytest
 from mathutils import Matrix
 
-from addon.cli import command
-from addon.cli.results import run_report
+from addon.cli import command, run_report
 from tests.support import reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli import bounds, command
-from addon.cli.results import run_report
-from addon.cli.usage.job_file import KEYS
+from addon.cli import command, run_report, untrusted
+from addon.cli.job_file import KEYS
 from addon.core.file_structure import blend_files
 from tests.support import trees
 
@@ -260,7 +259,7 @@ def test_a_file_that_would_be_read_for_days_is_refused(root, capfd):
 
 def test_the_job_file_must_be_a_file_of_usual_size(root, capfd):
     with (root / "job/large.json").open("wb") as file:
-        file.truncate(bounds.MOST_BYTES + 1)
+        file.truncate(untrusted.LARGEST_JOB_FILE + 1)
     for name, words in (
         ("large.json", "has more than 64 MiB"),
         ("pipe.json", "is no file"),

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from addon.cli import command
-from addon.cli.done.contents import Contents
-from addon.cli.done.records import CLAIM, ENDING
+from addon.cli.records import CLAIM, ENDING, Contents
 from tests.support import untrusted
 from tests.support.untrusted import MESH, bake
 

@@ -16,11 +16,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, read_files
-from addon.cli.results import run_report
-from addon.cli.results.bake_result import Done
-from addon.cli.results.run_report import Entry, State
-from addon.cli.workers import messages, worker_process
+from addon.cli import command, run_report, scene_files, worker_process
+from addon.cli.bake_result import Done
+from addon.cli.run_report import Entry, State
 from addon.core.report import Report
 from scripts.imprint import ROOT
 from tests.support import untrusted, zoo
@@ -234,16 +232,16 @@ def test_paths_of_files_outside_are_emptied(tmp_path):
     outside, inside = (bpy.data.images.new(name, 4, 4) for name in "ab")
     for image, path in ((outside, "/etc/secret.png"), (inside, str(tmp_path / "in.png"))):
         image.source, image.filepath = "FILE", path
-    (note,) = read_files.leave_out([str(tmp_path)])
+    (note,) = scene_files.leave_out([str(tmp_path)])
     assert (outside.filepath, inside.filepath) == ("", str(tmp_path / "in.png"))
     assert "'/etc/secret.png'" in note
-    assert read_files.leave_out([str(tmp_path)]) == []
+    assert scene_files.leave_out([str(tmp_path)]) == []
 
 
 def test_preferences_cannot_allow_scripts(monkeypatch):
     paths = bpy.context.preferences.filepaths
     monkeypatch.setattr(paths, "use_scripts_auto_execute", True)
-    read_files.forbid_scripts()
+    scene_files.forbid_scripts()
     assert not paths.use_scripts_auto_execute
     given = ["blender", "-b", "--command", "imprint", "--jobs", "j"]
     monkeypatch.setitem(
@@ -345,7 +343,7 @@ class Code:
     "content",
     [
         pickle.dumps(Code()),
-        pickle.dumps(messages.packed),
+        pickle.dumps(worker_process.packed),
         b"",
         b"garbage",
         b"7",
@@ -357,7 +355,7 @@ class Code:
 )
 def test_a_message_of_a_worker_cannot_run_code(content):
     with pytest.raises(OSError, match="no message"):
-        messages.unpacked(content)
+        worker_process.unpacked(content)
 
 
 FILE = {"path": "/a", "bytes": 1, "sha256": "0" * 64, "what": "map"}
@@ -368,22 +366,22 @@ REPORT = Report("CAST", "TANGENT", (16, 16), "low", ["high"]).to_dict()
 def test_messages_of_a_worker_arrive(is_trusted):
     report = json.loads(json.dumps(REPORT))
     for message in (
-        messages.Ready(),
-        messages.Begun(),
-        messages.Percent("a", "b", 0.5),
-        messages.Percent("a", "b", 1),
-        messages.Line("x\udc80"),
-        messages.FilesFound(["a"], [("b", "c")]),
+        worker_process.Ready(),
+        worker_process.Begun(),
+        worker_process.Percent("a", "b", 0.5),
+        worker_process.Percent("a", "b", 1),
+        worker_process.Line("x\udc80"),
+        worker_process.FilesFound(["a"], [("b", "c")]),
         Done(Entry(1, "a", State.GATE, files=[FILE], reports=[report]), ["b"], picture=b"c\0d"),
     ):
-        assert messages.unpacked(messages.packed(message), is_trusted=is_trusted) == message
+        assert worker_process.unpacked(worker_process.packed(message), is_trusted=is_trusted) == message
 
 
 def done(*, picture=b"", **values):
     """A result with other values in its entry."""
     found = Done(Entry(1, "a", files=[FILE]), picture=picture)
     vars(found.entry).update(values)
-    return messages.packed(found)
+    return worker_process.packed(found)
 
 
 def lacking(name):
@@ -394,10 +392,10 @@ def lacking(name):
 
 
 LIES = {
-    "a text for a number": messages.packed(messages.Percent("a", "b", "0.5")),
-    "a number for a text": messages.packed(messages.Line(7)),
-    "files of one word": messages.packed(messages.FilesFound(["a"], [("b",)])),
-    "no list": messages.packed(messages.FilesFound("abc")),
+    "a text for a number": worker_process.packed(worker_process.Percent("a", "b", "0.5")),
+    "a number for a text": worker_process.packed(worker_process.Line(7)),
+    "files of one word": worker_process.packed(worker_process.FilesFound(["a"], [("b",)])),
+    "no list": worker_process.packed(worker_process.FilesFound("abc")),
     "no values": b'["Line", []]',
     "values of another": b'["Line", {"subject": "a"}]',
     "no entry": b'["Done", {"entry": "a", "warnings": [], "is_listed": true}]',
@@ -418,4 +416,4 @@ LIES = {
 def test_a_message_of_other_types_is_none(content):
     """Its parent would fail at it, and end all bakes."""
     with pytest.raises(OSError, match="no message"):
-        messages.unpacked(content, is_trusted=False)
+        worker_process.unpacked(content, is_trusted=False)

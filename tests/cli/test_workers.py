@@ -16,17 +16,24 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon.cli import command, interruption
-from addon.cli.done.turns import Turns
-from addon.cli.plan import clashes, plans
-from addon.cli.results import run_report
-from addon.cli.results.bake_result import Done
-from addon.cli.results.run_report import Entry
-from addon.cli.results.terminal import Meter
-from addon.cli.usage import arguments, job_file
-from addon.cli.usage.run_options import RunOptions
-from addon.cli.workers import pool, worker, worker_process
-from addon.cli.workers.messages import Answer, FilesFound, Percent, packed
+from addon.cli import (
+    arguments,
+    clashes,
+    command,
+    interruption,
+    job_file,
+    plans,
+    pool,
+    run_report,
+    worker,
+    worker_process,
+)
+from addon.cli.bake_result import Done
+from addon.cli.options import RunOptions
+from addon.cli.run_report import Entry
+from addon.cli.terminal import Meter
+from addon.cli.turns import Turns
+from addon.cli.worker_process import Answer, FilesFound, Percent, packed
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
 from scripts.imprint import ROOT

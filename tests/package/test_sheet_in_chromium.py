@@ -10,7 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from addon.cli.results import sheet
+from addon.cli import sheet
 from addon.output import png_writer
 from scripts.dev.in_engines.chromium import CHROMIUMS
 from tests.support import reports

@@ -5,10 +5,10 @@ import os
 
 import pytest
 
-from addon.cli.results import report_file, run_report
-from addon.cli.results.report_file import ReportFile
-from addon.cli.results.run_report import Entry
-from addon.cli.results.sheet import SheetFile
+from addon.cli import report_file, run_report
+from addon.cli.report_file import ReportFile
+from addon.cli.run_report import Entry
+from addon.cli.sheet import SheetFile
 from addon.core.errors import BakeError
 from addon.output import atomic_file
 from addon.output.atomic_file import Partial, Replaced, all_or_none, check_writable, make_folder, replacing

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from addon.cli.usage import option_types
+from addon.cli import option_types
 from addon.core.declarations import bases
 from addon.core.declarations.all_settings import DECLARED
 from addon.passes import lit

@@ -11,14 +11,14 @@ import time
 
 import pytest
 
-from addon.cli.done import claims
-from addon.cli.done.claims import EMPTY_FOR, LEFT_AFTER, Claims
+from addon.cli import claims
+from addon.cli.claims import EMPTY_FOR, LEFT_AFTER, Claims
 from scripts.imprint import ROOT
 
 HOLD = """
 import sys
 from pathlib import Path
-from addon.cli.done.claims import Claims
+from addon.cli.claims import Claims
 held = Claims(machine=sys.argv[2], beat=float(sys.argv[3]))
 print(held.take(Path(sys.argv[1])), flush=True)
 sys.stdin.read()
@@ -27,7 +27,7 @@ held.close()
 TAKE_ALL = """
 import random, sys, time
 from pathlib import Path
-from addon.cli.done.claims import Claims
+from addon.cli.claims import Claims
 folder, name, seed = Path(sys.argv[1]), sys.argv[2], random.Random(sys.argv[3])
 print("ready", flush=True)
 sys.stdin.readline()

@@ -6,9 +6,9 @@ from dataclasses import fields
 
 import pytest
 
-from addon.cli.usage import arguments
-from addon.cli.usage.job_file import KEYS
-from addon.cli.usage.options import FILES, OBJECTS, OPTIONS
+from addon.cli import arguments
+from addon.cli.job_file import KEYS
+from addon.cli.options import FILES, OBJECTS, OPTIONS
 from addon.core.declarations import kinds
 from addon.core.declarations.all_settings import DECLARED, PANELS
 from addon.core.declarations.map_settings import CONVERT

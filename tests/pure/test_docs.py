@@ -10,13 +10,10 @@ import tomllib
 
 import pytest
 
-from addon.cli import command, farm_command
+from addon.cli import arguments, command, farm_command, job_file, report_command, run_report
 from addon.cli.farm_command import FARM_OPTIONS
-from addon.cli.results import report_command, run_report
-from addon.cli.results.report_command import REPORT_OPTIONS
-from addon.cli.usage import arguments, job_file
-from addon.cli.usage.options import OPTIONS
-from addon.cli.usage.run_options import RUN_OPTIONS
+from addon.cli.options import OPTIONS, RUN_OPTIONS
+from addon.cli.report_command import REPORT_OPTIONS
 from addon.core import map_types
 from addon.core.report import STAGES, Report
 from scripts import imprint
@@ -118,7 +115,7 @@ def known_options():
     ours = {
         f"--{name}" for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS, REPORT_OPTIONS) for name in group
     } | {"--jobs"}
-    ours |= options_in(ROOT / "addon" / "cli" / "lod_command.py")
+    ours |= options_in(ROOT / "addon" / "cli" / "arguments.py")
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
 
 

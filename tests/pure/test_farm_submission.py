@@ -7,8 +7,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
-from addon.cli import farm_command
-from addon.cli.results import run_report
+from addon.cli import farm_command, run_report
 
 KIND = {
     "name": "imprint-bake",

@@ -3,9 +3,8 @@
 
 import pytest
 
-from addon.cli.results import gates
-from addon.cli.usage import arguments
-from addon.cli.usage.arguments import WrongUsage
+from addon.cli import arguments, gates
+from addon.cli.arguments import WrongUsage
 from addon.core.errors import BakeError
 
 REPORT = {

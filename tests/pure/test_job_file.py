@@ -7,9 +7,9 @@ import re
 
 import pytest
 
-from addon.cli.usage import arguments, job_file
-from addon.cli.usage.arguments import WrongUsage
-from addon.cli.usage.run_options import RunOptions
+from addon.cli import arguments, job_file
+from addon.cli.arguments import WrongUsage
+from addon.cli.options import RunOptions
 from addon.core import file_formats, map_types
 from addon.core.declarations.all_settings import DECLARED
 from addon.core.naming import Suffixes

@@ -9,9 +9,9 @@ import random
 import re
 from pathlib import Path
 
-from addon.cli.usage import arguments, job_file
-from addon.cli.usage.arguments import WrongUsage
-from addon.cli.usage.job_file import KEYS
+from addon.cli import arguments, job_file
+from addon.cli.arguments import WrongUsage
+from addon.cli.job_file import KEYS
 from tests.support import random_cases
 
 SETS = 250

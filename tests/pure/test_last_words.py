@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from addon.cli.workers import worker_process
+from addon.cli import worker_process
 
 DUMP = """Fatal Python error: Segmentation fault
 

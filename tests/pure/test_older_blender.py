@@ -23,11 +23,11 @@ CALLS = {
     ("export/staging.py", "switch_on_nodes"): 1,
     ("scene/materials/material_reading.py", "shows_nodes"): 1,
     ("output/materials.py", "switch_on_nodes"): 2,
-    ("cli/mesh_files/textures.py", "switch_on_nodes"): 1,
+    ("cli/importers.py", "switch_on_nodes"): 1,
     ("scene/dependencies.py", "kept_properties"): 1,
     ("scene/dependencies.py", "modifier_input"): 2,
     ("scene/dependencies.py", "visit_file_paths"): 1,
-    ("cli/read_files.py", "visit_file_paths"): 1,
+    ("cli/scene_files.py", "visit_file_paths"): 1,
 }
 """What to change when older versions are dropped: the docstrings of older_blender.py say into what."""
 

@@ -11,11 +11,10 @@ from argparse import Namespace
 
 import pytest
 
-from addon.cli.plan import clashes, listing, plans
-from addon.cli.plan.plans import Plan
-from addon.cli.results.run_report import FAILED, WRONG_USAGE
-from addon.cli.usage import arguments, job_file
-from addon.cli.usage.arguments import WrongUsage
+from addon.cli import arguments, clashes, job_file, listing, plans
+from addon.cli.arguments import WrongUsage
+from addon.cli.plans import Plan
+from addon.cli.run_report import FAILED, WRONG_USAGE
 from addon.core.file_structure import mesh_references
 from scripts.imprint import ROOT
 
@@ -255,7 +254,7 @@ def test_each_process_lists_the_same(here, words):
     sets = [{**SET, "output": f"{number}.png", "size": 16 << number % 3, "maps": "ao"} for number in range(50)]
     (here / "jobs.json").write_text(json.dumps({"bake": sets}))
     program = (
-        "import sys; from addon.cli.plan import listing; from addon.cli.usage import arguments, job_file\n"
+        "import sys; from addon.cli import listing; from addon.cli import arguments, job_file\n"
         "options, more = arguments.split_jobs(sys.argv[1:])\n"
         "listing.list_bakes(options, job_file.read(options.jobs, more))"
     )

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli import command
-from addon.cli.results import run_report
-from addon.cli.results.report_file import ReportFile
-from addon.cli.results.run_report import Cause, Entry, Only, State, ranges
+from addon.cli import command, run_report
+from addon.cli.report_file import ReportFile
+from addon.cli.run_report import Cause, Entry, Only, State, ranges
 
 
 def entry(number, state=State.DONE, **values):

@@ -10,12 +10,11 @@ import tempfile
 
 import pytest
 
-from addon.cli import command
-from addon.cli.results import run_report
-from addon.cli.results import sheet as sheet_module
-from addon.cli.results.bake_result import Done
-from addon.cli.results.run_report import Entry
-from addon.cli.results.sheet import SheetFile
+from addon.cli import command, run_report
+from addon.cli import sheet as sheet_module
+from addon.cli.bake_result import Done
+from addon.cli.run_report import Entry
+from addon.cli.sheet import SheetFile
 from addon.core.errors import BakeError
 from tests.support import reports
 

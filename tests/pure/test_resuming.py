@@ -16,18 +16,16 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli.bounds import Bounds
-from addon.cli.done import contents, records
-from addon.cli.done import turns as turns_module
-from addon.cli.done.claims import Claims
-from addon.cli.done.contents import Contents
-from addon.cli.done.turns import POLL, Resumed, Resuming, ToDo, Turns
-from addon.cli.plan import clashes
-from addon.cli.plan.plans import Plan
-from addon.cli.results.bake_result import Done
-from addon.cli.results.run_report import Entry, State
-from addon.cli.usage import arguments
-from addon.cli.usage.options import OPTIONS
+from addon.cli import arguments, clashes, records
+from addon.cli import turns as turns_module
+from addon.cli.bake_result import Done
+from addon.cli.claims import Claims
+from addon.cli.options import OPTIONS
+from addon.cli.plans import Plan
+from addon.cli.records import Contents
+from addon.cli.run_report import Entry, State
+from addon.cli.turns import POLL, Resumed, Resuming, ToDo, Turns
+from addon.cli.untrusted import Bounds
 from addon.core import versions
 from addon.core.errors import BakeError
 from addon.output import atomic_file
@@ -491,7 +489,7 @@ def test_tiles_count_together(folder):
         (folder / f"n.{tile}.png").write_text(str(tile))
     path = str(folder / "n.<UDIM>.png")
     first = Contents().of(path)
-    assert (first.size, contents.size_of(path), contents.stamp_of(path)) == (8, 8, first.stamp)
+    assert (first.size, records.size_of(path), records.stamp_of(path)) == (8, 8, first.stamp)
     (folder / "n.1003.png").write_text("")
     assert not Contents().of(path).is_same(first)
     assert Contents().of(str(folder / "m.<UDIM>.png")).sha256 is None

@@ -6,8 +6,8 @@ from copy import deepcopy
 
 import pytest
 
-from addon.cli.results import run_report
-from addon.cli.results.run_report import Cause, Entry, State
+from addon.cli import run_report
+from addon.cli.run_report import Cause, Entry, State
 from addon.core.report import Report
 from scripts.dev import report_schema
 from tests.support import json_schema

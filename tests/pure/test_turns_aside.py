@@ -7,10 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from addon.cli import interruption
-from addon.cli.done import turns
-from addon.cli.done.contents import BLOCK, Contents
-from addon.cli.done.turns import Turns, TurnsAside
+from addon.cli import interruption, turns
+from addon.cli.records import BLOCK, Contents
+from addon.cli.turns import Turns, TurnsAside
 
 
 def plans(*chains):

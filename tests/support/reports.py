@@ -4,8 +4,8 @@
 import json
 from pathlib import Path
 
-from addon.cli.results import run_report
-from addon.cli.results.run_report import Entry, State
+from addon.cli import run_report
+from addon.cli.run_report import Entry, State
 from addon.core.report import Report
 
 EVIL = '<script>document.title="bad"</script>"\'&<img src=x onerror=alert(1)>'

@@ -10,7 +10,7 @@ import sys
 import bpy
 import pytest
 
-from addon.cli.results import run_report
+from addon.cli import run_report
 from scripts.imprint import ROOT
 from tests.support import reports, trees, zoo
 

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli.usage.arguments import parser
+from addon.cli.arguments import parser
 from addon.core.errors import Fix, in_window
 from addon.jobs import bake_jobs
 from addon.ui import bake_panel

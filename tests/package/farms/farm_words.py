@@ -3,9 +3,7 @@
 
 import os
 
-from addon.cli import command
-from addon.cli.results import report_command
-from addon.cli.usage import arguments
+from addon.cli import arguments, command, report_command
 from scripts import imprint
 
 FARM = imprint.ROOT / "scripts" / "farm"

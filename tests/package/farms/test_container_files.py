@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from addon.cli.results import run_report
+from addon.cli import run_report
 from scripts import imprint
 from tests.package.farms.farm_words import FARM, JOBS, add_program, check_merge, check_shard
 

@@ -8,8 +8,7 @@ import subprocess
 import pytest
 
 from addon import flamenco
-from addon.cli import farm_command
-from addon.cli.usage import arguments
+from addon.cli import arguments, farm_command
 from tests.package.farms.farm_words import FARM, JOBS, check_first, check_merge, check_shard
 
 RUN_JOB_TYPE = """

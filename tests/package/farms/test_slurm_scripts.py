@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from addon.cli.results import run_report
+from addon.cli import run_report
 from tests.package.farms.farm_words import FARM, JOBS, add_program, check_merge, check_shard
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the scripts are for Linux and macOS")

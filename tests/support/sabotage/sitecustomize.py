@@ -16,7 +16,7 @@ from multiprocessing import connection
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-TARGET, HASHES = "addon.cli.batch", "addon.cli.done.contents"
+TARGET, HASHES = "addon.cli.batch", "addon.cli.records"
 IS_WORKER = "IMPRINT_WORKER" in os.environ
 
 
@@ -140,7 +140,7 @@ def write():
 
 def lie():
     """Say that the bake wrote a file of the system, which is its picture as well."""
-    from addon.cli.workers import worker
+    from addon.cli import worker
 
     true = worker.packed
 

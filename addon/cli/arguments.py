@@ -1,0 +1,346 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads the words of the command line, and makes settings from options."""
+
+import argparse
+import functools
+import os
+import re
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import fields
+from pathlib import Path, PurePath
+from typing import Any
+
+from ..core import file_formats, levels, naming, udim
+from ..core.conversion import StoredNormals
+from ..core.declarations.choices import Space, Storage
+from ..core.errors import BakeError
+from ..core.naming import did_you_mean
+from ..core.settings import PART_OF, Settings
+from . import gates
+from .options import FILE, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, SUBJECTS, RunOptions
+
+
+def settings(options: argparse.Namespace) -> Settings:
+    """The settings of the bake. The map goes to a file, of the format's usual depth if no depth is given."""
+    given = vars(options)
+    values = {name: given[name] for name in PART_OF if name in given}
+    values["width"], values["height"] = options.size
+    values["storage"], values["output"] = Storage.FILE, os.path.abspath(options.output)
+    values["udim"] = options.udim or bool(options.tiles) or udim.TOKEN in options.output
+    if options.depth is None:
+        values["depth"] = file_formats.usual_depth(options.output)
+    return Settings(**values)
+
+
+def stored_normals(options: argparse.Namespace) -> StoredNormals:
+    """What the map to convert means."""
+    return StoredNormals(**{field.name: vars(options)[field.name] for field in fields(StoredNormals)})
+
+
+def settings_fault(options: argparse.Namespace) -> str:
+    """What is wrong with the settings, without a full stop, or ""."""
+    try:
+        settings(options).check()
+        stored_normals(options).check()
+    except BakeError as error:
+        return str(error).rstrip(".")
+    return ""
+
+
+# noqa: F401 - callers find them here
+
+
+class WrongUsage(Exception):
+    """The arguments are unknown or contradict each other. The text is for the user, without a full stop."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that raises WrongUsage, and ends no process."""
+
+    def error(self, message: str):
+        raise WrongUsage(message)
+
+
+class _BakeParser(Parser):
+    def error(self, message: str):
+        unknown = re.match("unrecognized arguments: (--[^ =]+)", message)
+        raise WrongUsage(message + (_similar_option(unknown[1]) if unknown else ""))
+
+
+def _similar_option(name: str) -> str:
+    """The end of a sentence about an unknown option, whose dashes do not count as similar."""
+    names = ("jobs", *(name for options in (*OPTIONS.values(), RUN_OPTIONS) for name in options))
+    return did_you_mean([name.lstrip("-")], names).replace("'", "'--", 1)
+
+
+@functools.cache
+def parser(program: str) -> argparse.ArgumentParser:
+    """The parser of the command line. It raises WrongUsage."""
+    result = _BakeParser(
+        prog=program,
+        usage="%(prog)s [FILE ...] --low NAME [--high NAME ...] --output MAP [option ...]\n"
+        "       %(prog)s [FILE ...] --pairs [DIR] --output MAP [option ...]\n"
+        "       %(prog)s --low-file FILE --high-file FILE ... --output MAP [option ...]\n"
+        "       %(prog)s [FILE ...] --low NAME --convert MAP --output MAP [option ...]\n"
+        "       %(prog)s --jobs FILE [--report REPORT.json] [option ...]",
+        description="Bake the detail of high-poly meshes into maps of a low-poly mesh.",
+        allow_abbrev=False,
+    )
+    for title, options in (*OPTIONS.items(), (RUN_TITLE, RUN_OPTIONS)):
+        group = result.add_argument_group(title)
+        if title == "what to bake":
+            group.add_argument("file", **FILE.arguments)
+            group.add_argument("--jobs", **JOBS.arguments)
+        for name, option in options.items():
+            group.add_argument(f"--{name}", **option.arguments)
+    result.set_defaults(levels=None)  # the command lod has them
+    return result
+
+
+def parse(arguments: Sequence[str], program: str = "imprint") -> argparse.Namespace:
+    """The options in `arguments`, each checked by itself. Raises WrongUsage."""
+    return with_pairs(parser(program).parse_intermixed_args(_joined(arguments)))
+
+
+def given(arguments: Sequence[str]) -> dict[str, Any]:
+    """The values of the options in `arguments` that take one value, by their names. Raises WrongUsage."""
+    defaults = vars(parse([]))
+    single = [name for name, value in defaults.items() if not isinstance(value, list)]
+    absent = object()
+    found = argparse.Namespace(**dict.fromkeys(single, absent))
+    parser("imprint").parse_intermixed_args(_joined(arguments), found)
+    return {name: value for name in single if (value := vars(found)[name]) is not absent}
+
+
+def with_pairs(options: argparse.Namespace) -> argparse.Namespace:
+    """The options, where what is on disk decides whether `--pairs` names a FILE or a folder."""
+    if options.pairs is True and len(options.file) == 1 and os.path.isdir(options.file[0]):
+        options.pairs, options.file = options.file[0], []
+    elif options.pairs not in (None, True) and not options.file and os.path.isfile(options.pairs):
+        options.file, options.pairs = [options.pairs], True  # `--pairs FILE.blend`
+    return options
+
+
+def split_jobs(arguments: Sequence[str], program: str = "imprint") -> tuple[RunOptions, list[str]]:
+    """The options of the run of a job file, and the other arguments, which override all sets. Raises WrongUsage."""
+    own = _BakeParser(add_help=False, allow_abbrev=False)
+    for name, option in {"jobs": JOBS, "report": OPTIONS["output"]["report"], **RUN_OPTIONS}.items():
+        own.add_argument(f"--{name}", **option.arguments)
+    known, more = own.parse_known_args(_joined(arguments))
+    rest = parse(more)
+    if rest.file or any(vars(rest)[name.replace("-", "_")] for name in SUBJECTS):
+        raise WrongUsage("--jobs FILE names what to bake: name nothing beside it")
+    run = RunOptions.of(known, program)
+    _refuse(run.mistakes(has_files=True))
+    return run, more
+
+
+def check(options: argparse.Namespace, program: str = "imprint") -> RunOptions:
+    """The options of the run. Raises WrongUsage for options that are missing or contradict each other."""
+    if job_file := next((name for name in options.file if PurePath(name).suffix.lower() in JOB_FILES), None):
+        raise WrongUsage(f"{job_file!r} is a job file: put --jobs before it")
+    run = RunOptions.of(options, program)
+    _refuse([*mistakes(options), *run.mistakes(has_files=bool(options.file or options.low_file))])
+    return run
+
+
+def _refuse(found: Iterable[str]) -> None:
+    if text := "; ".join(found):
+        raise WrongUsage(text)
+
+
+def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Iterator[str]:
+    """What is missing among the options of a set, or contradicts another one. Each text is without a full stop.
+
+    unread: names of options that are given but cannot be read, which are not missing.
+    """
+    yield from _wrong_subjects(options, unread)
+    if not options.output and "output" not in unread:
+        yield "--output is required"
+    if is_folder(options):
+        yield from _wrong_folder(options)
+    if options.save_blend and PurePath(options.save_blend).suffix != ".blend":
+        yield f"{options.save_blend!r} does not end in .blend"
+    if options.export:
+        yield from _wrong_export(options)
+    yield from _unmeasured(options)
+    files = [options.low_file, *options.high_file, options.cage_file]
+    yield from _wrong_paths(
+        [
+            *(options.output, options.report, options.save_blend, options.export, options.pairs, options.convert),
+            *options.file,
+            *files,
+        ]
+    )
+    if options.output and (fault := settings_fault(options)):
+        # What else is a folder, or no file, is found with the other files of a call.
+        yield f"{options.output!r} is a folder: name a file" if os.path.isdir(options.output) else fault
+
+
+def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Iterator[str]:
+    ways = ("low", "pairs", "low-file")
+    named = [name for name in ways if vars(options)[name.replace("-", "_")]]
+    by_file = options.low_file or options.high_file or options.cage_file
+    if not named and not set(ways).intersection(unread):
+        yield "one of --low, --low-file and --pairs is required"
+    if len(named) > 1:
+        yield "--low, --low-file and --pairs exclude each other"
+    elif options.pairs and (options.high or options.cage or by_file):
+        yield "--pairs finds the high objects and the cages by itself"
+    elif by_file and (options.file or options.low or options.high or options.cage):
+        yield "--low-file, --high-file and --cage-file go together, without FILE, --low, --high and --cage"
+    if options.high_up and not (options.high_file or options.pairs):
+        yield "--high-up is for --high-file"
+    if options.convert and (others := _not_converted(options)):
+        yield f"--convert converts one normal map: leave out {', '.join(others)}"
+    if options.convert and options.export:
+        yield "--export follows a bake: leave it out with --convert"
+    if options.pairs and options.frames:
+        yield "--frames is for one low object, --pairs for many"
+
+
+JOB_FILES = (".toml", ".json")
+_OF_BAKES = {
+    "high-file": "high_file",
+    "cage": "cage",
+    "cage-file": "cage_file",
+    "pairs": "pairs",
+    "frames": "frames",
+    "no-normal": "normal",
+    "maps": "maps",
+    "pack": "pack",
+    "texture-sets": "texture_sets",
+    "vertex-domain": "vertex_domain",
+    "connect-maps": "connect_maps",
+    "mask": "mask",
+    "readers": "readers",
+}
+"""Options that ask for what a conversion does not make, and where their values are."""
+
+
+def _not_converted(options: argparse.Namespace) -> list[str]:
+    """Those of these options that are given."""
+    defaults = parser("imprint").get_default
+    return [f"--{word}" for word, name in _OF_BAKES.items() if vars(options)[name] != defaults(name)]
+
+
+def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
+    if PurePath(options.export).suffix.lower() not in file_formats.MESHES:
+        yield f"{options.export!r} does not end in {file_formats.listed_meshes()}"
+    if options.frames:
+        yield "--export is for one map, --frames for many"
+    if options.normal and options.space != Space.TANGENT:
+        yield "--export needs a normal map in tangent space, which engines read: leave out --space"
+    if is_folder(options) and naming.LOW not in options.export:
+        yield f"--export needs {naming.LOW} in its name, as the meshes of a folder are baked one by one"
+
+
+def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
+    """Errors for limits on metrics that will not be reported."""
+    for gate in options.strict:
+        needs = gate.figure.needs
+        if options.levels and needs == gates.DEVIATION:
+            yield f"--strict: lod keeps {gate.name} within --degrees"
+        elif options.convert and not gate.figure.is_of_conversions:
+            yield f"--strict: a conversion does not measure {gate.name}"
+        elif needs == gates.DEVIATION and not options.normal:
+            yield f"--strict: {gate.name} needs a normal map: leave out --no-normal"
+        elif needs == gates.EXPORT and not (options.export and options.normal):
+            yield f"--strict: {gate.name} needs --export and a normal map"
+        elif needs.startswith(gates.READERS) and needs.partition(".")[2] not in options.readers:
+            yield f"--strict: {gate.name} needs --readers {needs.partition('.')[2]}"
+
+
+def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:
+    if options.file:
+        yield "--pairs DIR takes the files of that folder: name no others"
+    if options.output and "{low}" not in options.output:
+        yield "--pairs DIR makes a map for each pair: put {low} into --output"
+    if options.save_blend:
+        yield "--pairs DIR has a scene for each pair: --save-blend saves one alone"
+
+
+def _wrong_paths(paths: Sequence[str | bool | None]) -> Iterator[str]:
+    """A mistake if one of `paths` is relative and Blender cannot use the current folder."""
+    if all(os.path.isabs(name) for name in paths if isinstance(name, str)):
+        return
+    here = os.getcwd()
+    try:
+        here.encode()
+    except UnicodeEncodeError:
+        yield f"the folder {here!r} is not UTF-8, as all paths in Blender are: start in another one"
+
+
+def is_folder(options: argparse.Namespace) -> bool:
+    """Whether the options bake the pairs of a folder of mesh files."""
+    return isinstance(options.pairs, str)
+
+
+_MAY_BE_NEGATIVE = {f"--{start}{channel}" for start in ("", "from-") for channel in ("red", "green", "blue")} | {
+    "--origin"
+}
+"""Options whose values may begin with a minus."""
+
+
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """The arguments with `--green -y` as `--green=-y`: argparse takes -y, and -1,2,3, for an option."""
+    result, words = [], iter(arguments)
+    for word in words:
+        value = next(words, None) if word in _MAY_BE_NEGATIVE else None
+        result.append(word if value is None else f"{word}={value}")
+    return result
+
+
+_NOT_OF_LOD = ("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers")
+"""Options that a chain has no use for."""
+
+
+def read_lod(words: Sequence[str], program: str) -> argparse.Namespace:
+    """The options of the bake that makes the chain: its `levels` are the texts of the limits. Raises WrongUsage."""
+    own, rest = _lod_parser(program).parse_known_args(words)
+    options = parse(rest, program)
+    defaults = vars(parse([]))
+    wrong = next((name for name in _NOT_OF_LOD if getattr(options, name) != defaults[name]), None)
+    if wrong:
+        raise WrongUsage(f"--{wrong.replace('_', '-')} is not for lod, which makes coarser meshes of one mesh")
+    degrees = own.degrees if own.degrees is not None else "" if own.distance else levels.DEGREES
+    options.levels = degrees, levels.PERCENT if own.distance is None else own.distance
+    check(options)
+    try:
+        count = len(levels.limits(*options.levels))
+    except BakeError as error:
+        raise WrongUsage(str(error).rstrip(".")) from error
+    if count > 1 and naming.LOW not in options.output:
+        raise WrongUsage(f"each level has a map: put {naming.LOW} into --output")
+    is_one_file = bool(options.export) and naming.LOW not in options.export
+    if count > 1 and is_one_file and Path(options.export).suffix.lower() != ".glb":
+        raise WrongUsage(f"only .glb has levels in one file: put {naming.LOW} into --export")
+    return options
+
+
+def _lod_parser(program: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=program,
+        usage="%(prog)s [FILE ...] --low NAME --output MAP [--degrees 1,2,4] [--distance 1] [option ...]\n"
+        "       %(prog)s --low-file FILE --output MAP [--degrees 1,2,4] [--distance 1] [option ...]",
+        description="Make levels of detail of one mesh: for each limit the coarsest mesh with the same UV layout that, with "
+        "its map, stays within the limit on 99 % of the map's texels.",
+        epilog="Other options are those of a bake, as --size, --basis, --save-blend, --report and --untrusted: see `bake "
+        "--help`. --output has {low}, which stands for the level's name.",
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "--degrees",
+        default=None,
+        metavar="1,2,4",
+        help="The largest angles between the normals that each level shows with its map and those of the mesh (default: "
+        "1,2,4, without --distance)",
+    )
+    parser.add_argument(
+        "--distance",
+        default=None,
+        metavar="0.5,1,2",
+        help="The largest distances of each level from the mesh, in percent of the longest side of its box; one for all "
+        "levels, or one for each (default: 1)",
+    )
+    return parser

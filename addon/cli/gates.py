@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Limits for figures of a bake, as in --strict "missed<0.1%, deviation.p99<2deg": reads them, and compares the report."""
+
+import operator
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..core.declarations import readers
+from ..core.errors import BakeError
+from ..core.naming import did_you_mean
+
+SHARE, DEGREES, COUNT, LENGTH, SECONDS = "%", "deg", "", "units", "s"
+"""What figures are: shares of texels, degrees, numbers of things, lengths in scene units, and seconds."""
+COMPARISONS = {
+    "<=": (operator.le, "at most"),
+    ">=": (operator.ge, "at least"),
+    "<": (operator.lt, "less than"),
+    ">": (operator.gt, "more than"),
+    "=": (operator.eq, "exactly"),
+}
+"""The signs, what each compares, and its words."""
+PERCENTILES = {"p50": "median", "p95": "percentile_95", "p99": "percentile_99", "max": "maximum"}
+"""The ends of the names of figures, and the keys of the report."""
+TEXELS = "uncovered", "far", "unsure", "gaps", "backwards"
+"""Checks of the report whose figure is a share of texels."""
+OTHERS = "outside", "no_area", "behind", "hard_edges", "polygons", "uneven"
+"""Checks of the report whose figure is a number of triangles, edges or faces."""
+_PART = re.compile(r"\s*([\w.-]+?)\s*(<=|>=|<|>|==|=)\s*(\d+(?:\.\d+)?|\.\d+)\s*([a-z%]*)\s*", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the report of one bake.
+
+    unit: one of the constants above. meaning: what it is, in words. of: finds it in a report; None if it was not measured.
+    needs: the setting without which it is not measured, as "readers" or "export"; empty if it always is.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    of: Callable[[dict[str, Any]], float | None]
+    needs: str = ""
+
+    @property
+    def is_of_conversions(self) -> bool:
+        """Whether a conversion has it."""
+        return self.name.split(".")[0] in {"coverage", "loss", "warnings", "seconds"}
+
+
+def _shares() -> Iterator[Figure]:
+    yield Figure("missed", SHARE, "texels of the low mesh whose ray hit nothing", lambda report: report.get("missed"))
+    yield Figure("coverage", SHARE, "texels of the map that the mesh covers", lambda report: report.get("coverage"))
+    yield Figure(
+        "overlap", SHARE, "texels of the low mesh that several triangles cover", lambda report: report.get("overlap")
+    )
+    meanings = (
+        "texels without a high surface",
+        "texels whose high surface is farther away than the limit",
+        "texels whose hit may be on the wrong layer",
+        "texels too close to another island, or to the border",
+        "texels with a z of 0 or less",
+    )
+    for name, meaning in zip(TEXELS, meanings, strict=True):
+        yield Figure(name, SHARE, meaning, lambda report, name=name: _of_check(report, name, "share"))
+
+
+def _counts() -> Iterator[Figure]:
+    yield Figure("mirrored", COUNT, "triangles that are mirrored in UV space", lambda report: report.get("mirrored"))
+    meanings = (
+        "triangles that reach outside the tile",
+        "triangles without area in UV space",
+        "triangles with shading normals that point behind them",
+        "hard edges without a UV seam",
+        "faces that are not triangles",
+        "faces that are not planar",
+    )
+    for name, meaning in zip(OTHERS, meanings, strict=True):
+        yield Figure(name, COUNT, meaning, lambda report, name=name: _of_check(report, name, "count"))
+    yield Figure("warnings", COUNT, "warnings", lambda report: len(report["warnings"]))
+
+
+def _of_check(report: dict[str, Any], name: str, key: str) -> float | None:
+    return report.get("checks", {}).get(name, {}).get(key)
+
+
+def _of_angles(start: str, meaning: str, find: Callable[[dict], dict | None], needs: str = "") -> Iterator[Figure]:
+    for end, key in PERCENTILES.items():
+        yield Figure(f"{start}.{end}", DEGREES, meaning, lambda report, key=key: (find(report) or {}).get(key), needs)
+
+
+def _angles() -> Iterator[Figure]:
+    yield from _of_angles(
+        "deviation",
+        "degrees between the normals that the low mesh shows with its map and those of the high mesh at its texels' hits",
+        lambda report: report.get("deviation"),
+        DEVIATION,
+    )
+    for end in ("p50", "max"):
+        yield Figure(
+            f"loss.{end}",
+            DEGREES,
+            "degrees by which 8 or 16 bits turned the normals",
+            lambda report, key=PERCENTILES[end]: (report.get("loss") or {key: 0.0}).get(key),
+        )
+    yield from _of_angles(
+        "export",
+        "degrees between the normals that were baked and those that a reader of the exported file shows",
+        lambda report: report.get("export", {}).get("degrees", {}).get(report.get("export", {}).get("basis")),
+        EXPORT,
+    )
+    for reader in readers.READERS:
+        yield from _of_angles(
+            f"readers.{reader.name}",
+            f"degrees by which {reader.label} is off",
+            lambda report, name=reader.name: report.get("readers", {}).get(name),
+            f"{READERS}.{reader.name}",
+        )
+
+
+DEVIATION, EXPORT, READERS = "deviation", "export", "readers"
+"""What figures need."""
+FIGURES = {
+    figure.name: figure
+    for figure in (
+        *_shares(),
+        *_counts(),
+        *_angles(),
+        Figure(
+            "far.p99", LENGTH, "distance to the high surface", lambda report: _of_check(report, "far", "percentile_99")
+        ),
+        Figure("far.max", LENGTH, "distance to the high surface", lambda report: _of_check(report, "far", "maximum")),
+        Figure("seconds", SECONDS, "seconds of the bake", lambda report: report["seconds"]["total"]),
+    )
+}
+"""All figures by their names."""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A limit for a figure. limit: a share from 0 to 1, or in the figure's unit."""
+
+    name: str
+    sign: str
+    limit: float
+
+    @property
+    def figure(self) -> Figure:
+        return FIGURES[self.name]
+
+    def over(self, report: dict[str, Any]) -> str:
+        """A sentence if the figure in the report of one bake is over the limit, else empty."""
+        value = self.figure.of(report)
+        if value is None:
+            return f"{self.name} was not measured, and must be {self._words}."
+        compare, _ = COMPARISONS[self.sign]
+        return "" if compare(value, self.limit) else f"{self.name} is {self._shown(value)}, and must be {self._words}."
+
+    @property
+    def _words(self) -> str:
+        return f"{COMPARISONS[self.sign][1]} {self._shown(self.limit)}"
+
+    def _shown(self, value: float) -> str:
+        unit = self.figure.unit
+        if unit == SHARE:
+            return f"{100.0 * value:.6g} %"
+        return f"{value:.6g} {'degrees' if unit == DEGREES else unit}".strip()
+
+
+def parse(text: str) -> tuple[Gate, ...]:
+    """The limits in a text, separated by commas. Raises BakeError."""
+    return tuple(_gate(part) for part in text.split(",") if part.strip())
+
+
+def _gate(text: str) -> Gate:
+    match = _PART.fullmatch(text)
+    if not match:
+        signs = ", ".join(COMPARISONS)
+        raise BakeError(
+            f"{text.strip()!r} is not a limit, such as missed<0.1%: a figure, one of {signs}, and a number."
+        )
+    name, sign, number, unit = match[1].lower(), match[2].replace("==", "="), float(match[3]), match[4].lower()
+    if name not in FIGURES:
+        starts = ", ".join(dict.fromkeys(known.split(".")[0] for known in FIGURES))
+        hint = did_you_mean([name], FIGURES) or f", which are {starts}."
+        raise BakeError(f"{match[1]!r} is not among the figures of a bake{hint}")
+    own = FIGURES[name].unit
+    allowed = [unit for unit in ("", own) if unit not in (COUNT, LENGTH)]
+    if unit and unit not in allowed:
+        are = f"takes {own}, or no unit" if allowed else "takes no unit"
+        raise BakeError(f"{text.strip()!r}: {name} {are}, and not {match[4]!r}.")
+    limit = number / 100.0 if unit == SHARE else number
+    if own == SHARE and limit > 1.0:
+        hint = "which is 100 % at most" if unit else f"from 0 to 1: for percent, write {name}{match[2]}{match[3]}%"
+        raise BakeError(f"{text.strip()!r}: {name} is a share of texels, {hint}.")
+    return Gate(name, sign, limit)
+
+
+def over(gates: Iterable[Gate], reports: Sequence[dict[str, Any]]) -> list[str]:
+    """The figures of a bake that are over their limits, in sentences. Of several reports, each names its low object."""
+    found = []
+    for report in reports:
+        start = f"{report['low']}: " if len(reports) > 1 else ""
+        found += [f"{start}{sentence}" for gate in gates if (sentence := gate.over(report))]
+    return found
+
+
+def needs(gates: Iterable[Gate]) -> set[str]:
+    """What the figures need, as Figure.needs has it."""
+    return {gate.figure.needs for gate in gates} - {""}

@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads job files: sets of options, as TOML or JSON, whose values mean what the same words mean to the command line."""
+
+import argparse
+import json
+import re
+import tomllib
+from collections.abc import Callable, Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..core.naming import did_you_mean
+from . import arguments, option_types
+from .arguments import WrongUsage
+from .options import FILE, OPTIONS, RUN_OPTIONS, STDOUT, CommandOption
+
+MOST_SHOWN = 80
+"""Characters of a wrong value in a message."""
+KEYS: dict[str, CommandOption] = {
+    "file": FILE,
+    **{name: option for options in OPTIONS.values() for name, option in options.items()},
+}
+"""The keys of a set."""
+
+
+def _name(key: str) -> str:
+    """The attribute of the options that a key sets."""
+    return KEYS[key].parsing.get("dest") or key.replace("-", "_")
+
+
+class KeyValue(NamedTuple):
+    """What a value means for the options."""
+
+    name: str
+    """The attribute of the options."""
+    value: Any = None
+    is_given: bool = True
+    """Whether it changes the options. False and empty lists do not."""
+    fault: str = ""
+    """Why the parser does not take it."""
+
+
+class Unknown(WrongUsage):
+    """A key is unknown, or its value has another type."""
+
+
+class KeyValues:
+    """Reads values. Paths start at a folder."""
+
+    def __init__(self, folder: Path, *, is_untrusted: bool = False):
+        self._folder, self._is_untrusted = folder, is_untrusted
+
+    def read(self, written: str, value: Any) -> KeyValue:
+        """The value of a key. written: the key, with dashes or underscores. Raises Unknown, without a full stop."""
+        key = written.replace("_", "-")
+        words = _words_of(written, key, value)
+        option, name = KEYS[key], _name(key)
+        if option.is_path:
+            try:
+                words = [self._path(word) if word else word for word in words]
+            except argparse.ArgumentTypeError as fault:
+                return KeyValue(name, fault=f"{key}: {fault}")
+        if value is not True and not words:
+            return KeyValue(name, is_given=False)
+        try:
+            return KeyValue(name, _value(option, words))
+        except (argparse.ArgumentTypeError, TypeError, ValueError):
+            pass
+        try:  # for the message
+            dashed = [f"--{key}"] if value is True else [f"--{key}={word}" for word in words]
+            return KeyValue(name, vars(arguments.parse(words if key == "file" else dashed))[name])
+        except WrongUsage as fault:
+            return KeyValue(name, fault=str(fault))
+
+    def _path(self, word: str) -> str:
+        return str(self._folder / option_types.path_in_file(word, is_untrusted=self._is_untrusted))
+
+
+def _value(option: CommandOption, words: Sequence[str]) -> Any:
+    """What the parser makes of the words of an option. Raises what the option's type raises, and ValueError."""
+    parsing = option.parsing
+    if option.is_flag:
+        return parsing["action"] == "store_true"
+    if not words:
+        return parsing["const"]
+    values = [parsing["type"](word) for word in words]
+    if option.may_repeat:
+        return values
+    (value,) = values
+    if value not in parsing.get("choices", (value,)):
+        raise ValueError
+    return value
+
+
+def check_known(key: str, written: str, known: Sequence[str]) -> None:
+    """Raise Unknown for an unknown key."""
+    if key in known:
+        return
+    if key in RUN_OPTIONS:
+        raise Unknown(f"unknown key {written!r}: it works only on the command line")
+    raise Unknown(f"unknown key {written!r}{did_you_mean([key], known)}")
+
+
+def _words_of(written: str, key: str, value) -> list[str]:
+    """The value as words, for a key that may be unknown."""
+    check_known(key, written, list(KEYS) if key not in KEYS else (key,))
+    words = _words(key, value)
+    if key == "report" and STDOUT in words:
+        raise Unknown(f"report: {STDOUT!r}, standard output, works only on the command line")
+    return words
+
+
+def _short(value) -> str:
+    """A value as JSON, cut to MOST_SHOWN characters."""
+    try:
+        text = json.dumps(value, default=str)
+    except RecursionError:
+        return "lists in lists"
+    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}…"
+
+
+def _words(key: str, value) -> list[str]:
+    """A value as words of the command line: several where the option may be repeated, else one."""
+    option = KEYS[key]
+    if isinstance(value, bool) and option.may_be_flag:
+        return []
+    parts = value if isinstance(value, list) else [value]
+    types = str if option.is_text else (str, int, float)
+    fits = all(isinstance(part, types) and not isinstance(part, bool) for part in parts)
+    is_one = not isinstance(value, list) or option.may_repeat or not option.is_text
+    if option.is_flag or not fits or not is_one:
+        raise Unknown(f"{key}: {option.value} is expected, not {_short(value)}")
+    return list(map(str, parts)) if option.is_text or not parts else [",".join(map(str, parts))]
+
+
+DEFAULTS, SETS = "defaults", "bake"
+PROGRESS_EVERY = 100
+"""Sets between two calls of the progress function."""
+
+
+class WrongJobs(WrongUsage):
+    """A job file cannot be read or has mistakes. The text has a line for each part with mistakes, without a full stop."""
+
+
+def read(
+    name: str,
+    more: Sequence[str] = (),
+    on_progress: Callable[[float], None] = lambda _share: None,
+    *,
+    is_untrusted: bool = False,
+) -> list[argparse.Namespace]:
+    """The options of each set of a job file, checked. Paths in the file start at its folder.
+
+    more: arguments that override all sets. on_progress: called now and then with the share of the sets that was read.
+    is_untrusted: whether it may read no variables. Raises WrongJobs with a line for each set that has mistakes.
+    """
+    path = Path(name).absolute()
+    table = _load(name, path)
+    defaults, sets, faults = _parts(name, table)
+    reader = _Reader(KeyValues(path.parent, is_untrusted=is_untrusted), more)
+    _, wrong = reader.read(defaults)
+    # Mistakes in the defaults are reported once, not for each set.
+    defaults = {key: value for key, value in defaults.items() if key.replace("_", "-") not in wrong}
+    if wrong:
+        faults.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
+    found = []
+    for number, values in enumerate(sets, 1):
+        if number % PROGRESS_EVERY == 0:
+            on_progress(number / len(sets))
+        try:
+            found.append(_options({**defaults, **values}, reader, wrong))
+        except WrongUsage as fault:
+            faults.append(f"{name}, set {number}: {fault}")
+    if faults:
+        raise WrongJobs("\n".join(faults))
+    return found
+
+
+def _options(values: dict, reader: "_Reader", unread: Collection[str]) -> argparse.Namespace:
+    """The options of a set, checked. unread: the keys of defaults that cannot be read.
+
+    Raises WrongUsage with all mistakes of the set.
+    """
+    options, wrong = reader.read(values)
+    unread = {*unread, *wrong}
+    faults = [*wrong.values(), *map(_plain, _mistakes(options, unread))]
+    if faults:
+        raise WrongUsage("; ".join(faults))
+    return options
+
+
+def _mistakes(options: argparse.Namespace, unread: Collection[str]) -> Iterator[str]:
+    has_file = options.file or options.low_file or arguments.is_folder(options)
+    if not has_file and not {"file", "low-file", "pairs"}.intersection(unread):
+        yield "file, low-file or a folder for pairs is missing"
+    if options.report and arguments.is_folder(options):
+        yield "report: the pairs of a folder have no report of their own, use --report on the command line"
+    yield from arguments.mistakes(options, unread)
+
+
+def _plain(message: str) -> str:
+    """A message about options as one about keys, which are written without dashes."""
+    return re.sub(r"(?<!\S)--(?=\w)", "", message).removeprefix("argument ").rstrip(".")
+
+
+def _load(name: str, path: Path) -> dict:
+    readers = dict(zip(arguments.JOB_FILES, (tomllib.loads, _json), strict=True))
+    if path.suffix.lower() not in readers:
+        raise WrongJobs(f"{name!r} does not end in .toml or .json")
+    try:
+        return readers[path.suffix.lower()](path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise WrongJobs(f"{name!r} cannot be read: {error.strerror}") from error
+    except RecursionError as error:
+        raise WrongJobs(f"{name!r} is nested too deeply to be a list of sets") from error
+    except UnicodeDecodeError as error:
+        raise WrongJobs(f"{name!r} is not UTF-8: save it as UTF-8") from error
+    except ValueError as error:  # the error of both decoders
+        hint = r". Write paths with /, or with \\" if "Unescaped '\\'" in str(error) else ""
+        raise WrongJobs(f"{name!r} is no {path.suffix[1:].upper()}: {error}{hint}") from error
+
+
+def _json(text: str) -> Any:
+    """As json.loads, which keeps only the last of two values with the same key. Raises ValueError, as TOML does, for them."""
+    return json.loads(text, object_pairs_hook=_once)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        names = [key for key, _ in pairs]
+        raise ValueError(f"{next(key for key in names if names.count(key) > 1)!r} is given twice")
+    return table
+
+
+def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
+    """The defaults, the sets, and a line for each other part. Raises WrongJobs if there are no sets to check."""
+    if not isinstance(table, dict):
+        raise WrongJobs(f"{name}: a table with {SETS!r}, a list of sets, is expected")
+    faults = []
+    for key in table:
+        if key.replace("_", "-") in KEYS:
+            faults.append(f"{name}: {key!r} belongs into {DEFAULTS!r} or a set")
+            continue
+        try:
+            check_known(key, key, (DEFAULTS, SETS))
+        except WrongUsage as fault:
+            faults.append(f"{name}: {fault}")
+    defaults, sets = table.get(DEFAULTS, {}), table.get(SETS, [])
+    if not isinstance(defaults, dict):
+        faults.append(f"{name}: {DEFAULTS!r} must be a table")
+        defaults = {}
+    if not isinstance(sets, list) or not sets or not all(isinstance(values, dict) for values in sets):
+        if SETS in table or not faults:  # otherwise an unknown key may stand for it
+            faults.append(
+                f"{name}: {SETS!r} must be a list of sets, and not empty: in TOML each starts with [[{SETS}]]"
+            )
+        raise WrongJobs("\n".join(faults))
+    return defaults, sets, faults
+
+
+class _Reader:
+    """Reads sets."""
+
+    def __init__(self, keys: KeyValues, more: Sequence[str] = ()):
+        """more: arguments that override all sets."""
+        self._keys, self._usual, self._over = keys, vars(arguments.parse([])), arguments.given(more)
+
+    def read(self, values: dict) -> tuple[argparse.Namespace, dict[str, str]]:
+        """The options of a set, and what is wrong with its keys that cannot be read."""
+        found: dict[str, KeyValue] = {}
+        wrong = {}
+        for written, value in values.items():
+            key = written.replace("_", "-")
+            try:
+                found[key] = self._keys.read(written, value)
+            except Unknown as fault:
+                wrong[key] = _plain(str(fault))
+        given = self._usual.copy()
+        for key, read in found.items():
+            if read.fault:
+                wrong[key] = _plain(read.fault)
+            elif read.is_given:
+                given[read.name] = list(read.value) if isinstance(read.value, list) else read.value
+        given |= self._over
+        options = argparse.Namespace()
+        options.__dict__ = given
+        return arguments.with_pairs(options), wrong

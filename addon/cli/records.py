@@ -1,0 +1,477 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The record of a bake, a file beside its map: what decided its result, what it wrote, and its entry of the report."""
+
+import argparse
+import functools
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, is_dataclass, replace
+from pathlib import Path, PurePath
+from typing import Any, BinaryIO
+
+from ..core import naming, udim, versions
+from ..core.errors import BakeError
+from ..output.atomic_file import replacing
+from . import arguments, bake_result, plans, run_report
+from .bake_result import Done
+from .options import FILE, JOBS, OPTIONS, RUN_OPTIONS, STRICT
+from .plans import Plan
+from .run_report import Entry, State
+from .untrusted import Bounds
+
+BLOCK = 1 << 18
+"""Bytes that are hashed between two checks."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """The content of the file at an absolute path. size and sha256 are None if there is none that can be read.
+
+    For a path that udim.is_tiled, that of the files of all tiles together, and for a folder, that of all files in it.
+    """
+
+    path: str
+    what: str = ""
+    """What the file is, in words for messages."""
+    size: int | None = None
+    """In bytes."""
+    sha256: str | None = None
+    stamp: str = ""
+    """Changes when the file does, on this machine."""
+
+    def facts(self) -> dict[str, Any]:
+        """Plain data for a report."""
+        return {"path": self.path, "bytes": self.size, "sha256": self.sha256, "what": self.what}
+
+    def is_same(self, other: "Content") -> bool:
+        """Whether both have the same content, wherever they are."""
+        return (self.size, self.sha256) == (other.size, other.sha256)
+
+
+class Contents:
+    """Hashes files, each once as long as it does not change while this object exists."""
+
+    def __init__(self, check: Callable[[], None] = lambda: None):
+        """check: called again and again while a file is read. What it raises ends that."""
+        self._check = check
+        self._known: dict[str, str] = {}
+        """Hashes by stamps. No file keeps them: other machines have other clocks and numbers of files."""
+
+    def of(self, path: str, what: str = "") -> Content:
+        """The content of a file, which is read if needed."""
+        path = os.path.abspath(path)
+        if (several := files(path)) != [path]:
+            return self._of_several(path, what, several)
+        try:
+            with open(path, "rb", opener=_at_once) as file:
+                found = os.fstat(file.fileno())
+                if not stat.S_ISREG(found.st_mode):
+                    return Content(path, what)
+                stamp = _stamp_of_file(found)
+                if stamp not in self._known:
+                    self._known[stamp] = self._hash(file)
+        except (OSError, ValueError):  # missing, a folder, or not a valid path
+            return Content(path, what)
+        return Content(path, what, found.st_size, self._known[stamp], stamp)
+
+    def checking(self, check: Callable[[], None]) -> "Contents":
+        """These contents with another `check`."""
+        found = Contents(check)
+        found._known = self._known
+        return found
+
+    def all_of(self, paths: Iterable[tuple[str, str]]) -> list[Content]:
+        """The contents of files, each once: paths, and what they are."""
+        titles: dict[str, str] = {}
+        for path, what in paths:
+            titles.setdefault(os.path.abspath(path), what)
+        return [self.of(path, what) for path, what in titles.items()]
+
+    def _hash(self, file: BinaryIO) -> str:
+        digest, block = hashlib.sha256(), memoryview(bytearray(BLOCK))
+        while count := file.readinto(block):
+            self._check()
+            digest.update(block[:count])
+        return digest.hexdigest()
+
+    def _of_several(self, path: str, what: str, paths: Sequence[str]) -> Content:
+        found = [self.of(each) for each in paths]
+        if not found:
+            return Content(path, what)
+        start = path if os.path.isdir(path) else os.path.dirname(path)
+        lines = [f"{each.sha256} {Path(os.path.relpath(each.path, start)).as_posix()}" for each in found]
+        digest = hashlib.sha256(os.fsencode("\n".join(lines))).hexdigest()
+        return Content(path, what, size_of(path), digest, stamp_of(path))
+
+
+def _at_once(path: str, flags: int) -> int:
+    """Open a file. Opening a pipe does not wait for its other end."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def size_of(path: str) -> int | None:
+    """The size of the files that `path` stands for, without reading them; None if there is none."""
+    found = _found(path)
+    return sum(each.st_size for each in found) if found else None
+
+
+def stamp_of(path: str) -> str:
+    """The stamp of Content, without reading the file. Empty if there is none."""
+    return " ".join(map(_stamp_of_file, _found(path)))
+
+
+def files(path: str) -> list[str]:
+    """The files that a path stands for: those of all tiles, all below a folder, or the one at the path."""
+    if udim.is_tiled(path):
+        return list(udim.files(path).values())
+    if not os.path.isdir(path):
+        return [path]
+    return sorted(os.path.join(folder, name) for folder, _, names in os.walk(path) for name in names)
+
+
+def _found(path: str) -> list[os.stat_result]:
+    """What the system says of the files that `path` stands for."""
+    try:
+        return [os.stat(each) for each in files(path)]
+    except (OSError, ValueError):
+        return []
+
+
+def _stamp_of_file(found: os.stat_result) -> str:
+    # A program can set the time of a change back, but not that of the last change of anything, which Windows does not have.
+    return f"{found.st_dev}:{found.st_ino}:{found.st_size}:{found.st_mtime_ns}:{found.st_ctime_ns}"
+
+
+def path_from(path: str, folder: str) -> str:
+    """An absolute path, relative to `folder` if both are below one folder, with slashes on each system.
+
+    What has only the root in common with `folder` may be at the same place on another machine where `folder` is not.
+    """
+    try:
+        common = os.path.commonpath([path, folder])
+    except ValueError:  # on other drives
+        common = ""
+    is_apart = not common or common == os.path.dirname(common)
+    return PurePath(path if is_apart else os.path.relpath(path, folder)).as_posix()
+
+
+def path_in(text: str, folder: str) -> str:
+    """The absolute path that was written as `text` to a file in `folder`."""
+    return os.path.normpath(os.path.join(folder, text))
+
+
+@dataclass(frozen=True)
+class Key:
+    """What decides the result of a bake, beside the files that are only found while it is done."""
+
+    settings: dict[str, Any]
+    """As plain data."""
+    inputs: tuple[Content, ...]
+    """The files that its options name."""
+    imprint: str
+    """The version."""
+    blender: str
+    """The version."""
+    code: str
+    """The hash of Imprint's code."""
+
+    @functools.cached_property
+    def value(self) -> str:
+        """The hash. Files count by their content and name: they may be in another folder, as on another machine."""
+        inputs = [[each.what, os.path.basename(each.path), each.size, each.sha256] for each in self.inputs]
+        decided = [self.settings, inputs, self.imprint, self.blender, self.code]
+        return hashlib.sha256(canonical(decided).encode()).hexdigest()
+
+
+def canonical(value: Any) -> str:
+    """Plain data as JSON, the same text for the same data."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+
+
+def key_of(options: argparse.Namespace, contents: Contents, open_file: str = "") -> Key:
+    """The key of a bake. This reads its files. open_file: the path of the open .blend, which a bake without files uses."""
+    found = tuple(contents.of(path, what) for path, what in plans.input_paths(options, open_file))
+    return Key(deciding_settings(options), found, versions.imprint(), versions.blender(), versions.code())
+
+
+def deciding_settings(options: argparse.Namespace) -> dict[str, Any]:
+    """The options that decide the result, as plain data. Paths of what is written start at the folder of the map."""
+    given = {name: value for name, value in vars(options).items() if name not in _NOT_SETTINGS}
+    output = os.path.abspath(options.output)
+    for name in _WRITTEN:
+        path = getattr(options, name)
+        given[name] = path and path_from(os.path.abspath(path), os.path.dirname(output))
+    given["pairs"] = bool(options.pairs)  # a folder's meshes are inputs of their bakes
+    return json.loads(json.dumps(given, default=_plain_value))
+
+
+def _plain_value(value: Any) -> Any:
+    if is_dataclass(value):
+        return asdict(value)
+    raise TypeError(f"{value!r} is no plain data")
+
+
+def _names(options: dict[str, Any]) -> Iterator[str]:
+    """The names of options as those of their values."""
+    return (name.replace("-", "_") for name in options)
+
+
+_WRITTEN = ("output", "export", "save_blend")
+"""The options that name files to write."""
+_PATHS = {name: option for each in OPTIONS.values() for name, option in each.items() if option.is_path}
+_NOT_SETTINGS = {*_names({**_PATHS, "file": FILE, "jobs": JOBS, "strict": STRICT, **RUN_OPTIONS}), "name"}
+"""The options that say where files are, those of a run, the name of the bake, and limits, which are compared with what a bake
+has measured."""
+
+
+RECORD_VERSION = 1
+"""The version of the record's keys."""
+ENDING, CLAIM = ".imprint.json", ".lock"
+"""Of the names of records, and what the name of a claim has after that."""
+LONGEST = 200
+"""Bytes of a record's name before its ending. File systems take 255, of which a claim needs some."""
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What is known of a record before its bake. It can be pickled for another process."""
+
+    path: Path
+    name: str
+    """The name of the bake."""
+    key: Key
+    report: str | None = None
+    """The path of the bake's own report."""
+    is_pictured: bool = False
+    """Whether the run keeps its picture."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """A file that a bake wrote."""
+
+    content: Content
+    stamp: str
+    """As `_stamp` returns it. A file with the same stamp has not changed."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """The content of a record's file."""
+
+    key: Key
+    key_value: str
+    found: tuple[Content, ...]
+    """The files that the bake read beside those of its key."""
+    files: tuple[Written, ...]
+    picture: str
+    """The hash of its picture; empty if the run kept none."""
+    result: dict[str, Any]
+    """The bake's entry of the report."""
+
+
+def record_path(options: argparse.Namespace, records: str | None = None) -> Path:
+    """The path of a bake's record: that of its map, with another ending. records: the folder of all records; None if each is
+    beside its map.
+
+    Bakes of several low objects, whose names are not known, can have one path of maps, and so can sequences of other frames.
+    A hash of what they bake is in the names of their records. In a folder of all records, all names have it: maps of two
+    folders may have one name.
+    """
+    output = os.path.abspath(options.output)
+    low = "" if options.levels else options.low or (Path(options.low_file).stem if options.low_file else "")
+    folder, name = os.path.split(naming.fill(output, low) if low else output)
+    plain = naming.file_name(name)
+    is_long = len(os.fsencode(plain)) > LONGEST
+    if is_long:
+        plain = os.fsencode(plain)[:LONGEST].decode(errors="ignore")
+    place = os.path.abspath(records) if records else folder
+    if records or is_long or options.frames or naming.LOW in name or naming.MATERIAL in name:
+        plain = f"{plain}.{_identity(options, place)}"
+    return Path(place, plain + ENDING)
+
+
+def claim_of(record: Path) -> Path:
+    """The path of the claim on the bake that has the record at `record`."""
+    return record.with_name(record.name + CLAIM)
+
+
+def record_files(options: argparse.Namespace, records: str | None = None) -> Iterator[tuple[str, str]]:
+    """The paths of a bake's record and claim, and what they are. records: as in `path_of`."""
+    record = record_path(options, records)
+    yield str(record), "the record"
+    yield str(claim_of(record)), "the claim on the bake"
+
+
+def _identity(options: argparse.Namespace, folder: str) -> str:
+    """A short hash of what is baked: names of files and objects, and frames. folder: of the record."""
+    files = [[what, path_from(os.path.abspath(path), folder)] for path, what in plans.input_paths(options)]
+    if arguments.is_folder(options):
+        files.append(["", path_from(os.path.abspath(options.pairs), folder)])
+    output = path_from(os.path.abspath(options.output), folder)
+    names = [options.low, options.high, options.cage, options.frames, output]
+    return hashlib.sha256(canonical([files, names]).encode()).hexdigest()[:16]
+
+
+def write_record(
+    draft: Draft,
+    result: dict[str, Any],
+    found: Sequence[Content],
+    files: Sequence[str],
+    hashes: Contents,
+    *,
+    picture: bytes = b"",
+) -> None:
+    """Write the record of a bake whose files are complete.
+
+    result: its entry of the report. found: the files that it read beside those of the key, as they were when it read them.
+    files: the paths of all files that it wrote beside its report. hashes: may have read them. picture: that of the bake. Raises
+    BakeError, also for a file that was changed since the bake began.
+    """
+    own = set(map(os.path.realpath, files))
+    for each in (*draft.key.inputs, *found):
+        is_touched = stamp_of(each.path) != each.stamp and os.path.realpath(each.path) not in own
+        if is_touched and not hashes.of(each.path).is_same(each):
+            raise BakeError(f"{each.path!r} was changed during the bake, which --resume does again.")
+    folder = str(draft.path.parent)
+    paths = dict.fromkeys([*files, *([draft.report] if draft.report else [])])
+    values = {
+        "imprint_record": RECORD_VERSION,
+        "key": draft.key.value,
+        "name": draft.name,
+        "version": draft.key.imprint,
+        "blender": draft.key.blender,
+        "code": draft.key.code,
+        "settings": draft.key.settings,
+        "declared": [_plain(each, folder) for each in draft.key.inputs],
+        "inputs": [_plain(each, folder) for each in found],
+        "files": [_plain(hashes.of(path), folder) | {"stamp": _stamp(path)} for path in paths],
+        "picture": hashlib.sha256(picture).hexdigest() if draft.is_pictured and picture else "",
+        "result": result,
+    }
+    with replacing(draft.path) as partial:
+        partial.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
+
+
+def read_record(path: Path) -> Record | None:
+    """The record at `path`; None if there is none, or it cannot be read."""
+    folder = str(path.parent)
+    try:
+        values = json.loads(path.read_bytes())
+        if values["imprint_record"] != RECORD_VERSION:
+            return None
+        declared, found = (tuple(_content(each, folder) for each in values[key]) for key in ("declared", "inputs"))
+        files = tuple(Written(_content(each, folder), each["stamp"]) for each in values["files"])
+        key = Key(dict(values["settings"]), declared, values["version"], values["blender"], values["code"])
+        return Record(key, values["key"], found, files, values["picture"], dict(values["result"]))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _plain(content: Content, folder: str) -> dict[str, Any]:
+    path = path_from(content.path, folder)
+    what = {"what": content.what} if content.what else {}
+    return {"path": path, **what, "bytes": content.size, "sha256": content.sha256}
+
+
+def _content(values: dict[str, Any], folder: str) -> Content:
+    return Content(path_in(values["path"], folder), values.get("what", ""), values["bytes"], values["sha256"])
+
+
+def is_unchanged(file: Written, hashes: Contents, *, is_trusted: bool = True) -> bool:
+    """Whether a file is as a bake wrote it. If its stamp is to be trusted, it is read only if that differs, as that of a copy
+    does."""
+    if size_of(file.content.path) != file.content.size:
+        return False
+    stamp = _stamp(file.content.path) if is_trusted else ""
+    return (bool(stamp) and stamp == file.stamp) or hashes.of(file.content.path).is_same(file.content)
+
+
+def _stamp(path: str) -> str:
+    """What changes whenever a file is changed or replaced, whatever times a program gives it. It is the same for all machines
+    that see the file. Empty where the system does not tell it."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):  # the next run will miss the file
+        return ""
+    # Windows has the time at which a file was made in its place.
+    return f"{found.st_ino}:{found.st_mtime_ns}:{found.st_ctime_ns}" if os.name != "nt" else ""
+
+
+def finish_record(
+    draft: Draft | None, done: Done, found: Sequence[Content], hashes: Contents, not_followed: Sequence[str] = ()
+) -> Done:
+    """Write the record of a bake if it has one and is done. A record that cannot be written is a warning.
+
+    found, hashes: as in `write_record`. not_followed: why files that the bake read are not known, in clauses.
+    """
+    if draft is None or done.entry.state not in {State.DONE, State.GATE}:
+        return done
+    try:
+        if not_followed:
+            raise BakeError(f"{not_followed[0]}, so --resume does it again.")
+        files = [each["path"] for each in done.entry.files]
+        write_record(draft, done.entry.to_dict(), found, files, hashes, picture=done.picture)
+    except BakeError as error:
+        return replace(done, warnings=[*done.warnings, f"The bake has no record: {error}"])
+    return done
+
+
+def finish_untrusted(
+    draft: Draft | None,
+    plan: Plan,
+    done: Done,
+    bounds: Bounds,
+    unplanned: Callable[[Sequence[str]], Sequence[str]],
+    *,
+    check: Callable[[], None] = lambda: None,
+) -> Done:
+    """As `finish`, by the parent of the process that did the bake and may lie: what it says of files is compared with them. A
+    bake has failed if its process names what it may not have written or read.
+
+    unplanned: returns the paths among others to which the bake may not have written, as clashes.RunFiles.unplanned.
+    check: as in Contents.
+    """
+    entry = done.entry
+    entry.number, entry.name, entry.signal, entry.log, entry.picture = plan.number, plan.name, "", "", ""
+    hashes = Contents(check)
+    try:
+        _check_written(entry, bounds, unplanned, hashes)
+        for each in entry.inputs:
+            bounds.check_read(each["path"], each["what"])
+    except BakeError as error:
+        return Done.of(
+            bake_result.failure(plan.name, BakeError(f"Its process gave a wrong result: {error}")), plan.number
+        )
+    named = {os.path.abspath(path) for path, _ in plans.input_paths(plan.options)}
+    found = [hashes.of(each["path"], each["what"]) for each in entry.inputs]
+    for said, content in zip(entry.inputs, found, strict=True):
+        if content.facts() != said:
+            why = " and the bake has no record" if draft else ""
+            return replace(done, warnings=[*done.warnings, f"{content.path!r} is not as it was in the bake{why}."])
+    return finish_record(draft, done, [each for each in found if each.path not in named], hashes)
+
+
+def _check_written(
+    entry: Entry, bounds: Bounds, unplanned: Callable[[Sequence[str]], Sequence[str]], hashes: Contents
+) -> None:
+    """Raise BakeError unless the files that a bake is said to have written are those that it may write, and have the content
+    that is said."""
+    if entry.state == State.RESUMED:
+        raise BakeError("it was not done by an earlier call.")
+    if entry.state in {State.DONE, State.GATE} and not entry.files:
+        raise BakeError("it names no file.")
+    paths = {each["path"] for each in entry.files}
+    for each in entry.files:
+        bounds.check_write(each["path"], "a file")
+    for path in unplanned(sorted(paths)):
+        raise BakeError(f"{path!r} is no file that it was to write.")
+    if more := {path for each in entry.reports for path in run_report.paths(each)} - paths:
+        raise BakeError(f"a report names {min(more)!r}, which is not among its files.")
+    for each in entry.files:
+        content = hashes.of(each["path"], each["what"])
+        if not os.path.isfile(each["path"]) or content.facts() != each:
+            raise BakeError(f"{content.path!r} is not as it says.")

@@ -1,0 +1,389 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads what Blender's importers leave out of scans: double precision in .obj and .ply, and images and UVs by face in .ply.
+
+Blender reads coordinates in single precision. At 5,000,000, as in maps of whole countries, it rounds them to 0.5. MeshLab,
+Metashape and OpenMVS write an image for each `comment TextureFile`, a list `texcoord` of each face, and `texnumber`, the
+number of its image.
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+LONGEST_LINE, MOST_LINES = 1 << 14, 1000
+TYPES = {
+    **dict.fromkeys(("char", "int8"), "i1"),
+    **dict.fromkeys(("uchar", "uint8"), "u1"),
+    **dict.fromkeys(("short", "int16"), "i2"),
+    **dict.fromkeys(("ushort", "uint16"), "u2"),
+    **dict.fromkeys(("int", "int32"), "i4"),
+    **dict.fromkeys(("uint", "uint32"), "u4"),
+    **dict.fromkeys(("float", "float32"), "f4"),
+    **dict.fromkeys(("double", "float64"), "f8"),
+}
+"""The types of .ply files as numpy names them."""
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+@dataclass(frozen=True)
+class Property:
+    """A property of an element. counts: the type of a list's length; empty for a single value."""
+
+    name: str
+    kind: str
+    counts: str = ""
+
+
+@dataclass(frozen=True)
+class Element:
+    """Rows of a .ply, such as its points or its faces."""
+
+    name: str
+    count: int
+    properties: list[Property] = field(default_factory=list)
+
+    @property
+    def names(self) -> list[str]:
+        return [each.name for each in self.properties]
+
+    def dtype(self, order: str, sides: dict[str, int] | None = None) -> np.dtype | None:
+        """The type of a row; None if it has lists whose length is not in `sides`, by name. Lengths precede their lists."""
+        fields = []
+        for each in self.properties:
+            if each.counts:
+                if not sides or each.name not in sides:
+                    return None
+                fields += [
+                    (f"count of {each.name}", order + each.counts),
+                    (each.name, order + each.kind, sides[each.name]),
+                ]
+            else:
+                fields.append((each.name, order + each.kind))
+        return np.dtype(fields)
+
+
+@dataclass(frozen=True)
+class Header:
+    """order: of bytes, as numpy spells it; empty for text. start: of the first element, in bytes from the start of the file.
+    textures: the images that comments name."""
+
+    order: str
+    start: int
+    elements: list[Element]
+    textures: list[str]
+
+
+def read_header(path: Path) -> Header | None:
+    """The header of the .ply at `path`; None if it cannot be read. Raises OSError."""
+    order, start, elements, textures = None, 0, [], []
+    with path.open("rb") as file:
+        for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), b"")):
+            start += len(line)
+            words = line.decode(errors="replace").split()
+            if (number == 0 and words != ["ply"]) or number > MOST_LINES:
+                return None
+            if words == ["end_header"]:
+                valid = order is not None and all(len(set(each.names)) == len(each.names) for each in elements)
+                return Header(order, start, elements, textures) if valid else None
+            match words:
+                case ["format", name, _]:
+                    order = _ORDERS.get(name)
+                case ["element", name, count] if count.isdecimal():
+                    elements.append(Element(name, int(count)))
+                case ["property", "list", counts, kind, name] if elements and {counts, kind} <= set(TYPES):
+                    elements[-1].properties.append(Property(name, TYPES[kind], TYPES[counts]))
+                case ["property", kind, name] if elements and kind in TYPES:
+                    elements[-1].properties.append(Property(name, TYPES[kind]))
+                case ["element" | "property", *_]:
+                    return None
+                case ["comment", "TextureFile", *_]:
+                    textures.append(line.decode(errors="replace").split("TextureFile", 1)[1].strip())
+    return None
+
+
+_SIDES = 3
+"""Faces are read if all are triangles, as scans have."""
+_INDICES = ("vertex_indices", "vertex_index")
+_UV, _IMAGE = "texcoord", "texnumber"
+
+
+@dataclass(frozen=True)
+class Texture:
+    """The images of a .ply, as it spells them. Of UVs by face also: uv (T, 3, 2) float32; corners (T, 3), indices of points;
+    images (T,), the number of each triangle's image.
+    """
+
+    names: list[str]
+    uv: np.ndarray | None = None
+    corners: np.ndarray | None = None
+    images: np.ndarray | None = None
+
+
+def read_texture(path: Path) -> Texture | None:
+    """The images of the .ply at `path`; None if it names none. Raises OSError."""
+    header = read_header(path)
+    if header is None or not header.textures:
+        return None
+    by_name = {element.name: element for element in header.elements}
+    face = by_name.get("face")
+    if face is None or _UV not in face.names or not any(name in face.names for name in _INDICES):
+        return Texture(header.textures)
+    rows = _rows(path, header, face)
+    if rows is None:
+        return Texture(header.textures)
+    corners, uv, images = rows
+    return Texture(header.textures, uv.reshape(-1, _SIDES, 2).astype(np.float32), corners, images)
+
+
+def _rows(path: Path, header: Header, face: Element) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """The points, UVs and images of all faces; None if they are not all triangles with UVs."""
+    index = next(name for name in _INDICES if name in face.names)
+    sides = {index: _SIDES, _UV: 2 * _SIDES}
+    dtype = face.dtype("<" if not header.order else header.order, sides)
+    before = list(itertools.takewhile(lambda each: each is not face, header.elements))
+    if dtype is None:
+        return None
+    if header.order:
+        widths = [each.dtype(header.order) for each in before]
+        if any(width is None for width in widths):
+            return None
+        start = header.start + sum(each.count * width.itemsize for each, width in zip(before, widths, strict=True))
+        if path.stat().st_size < start + face.count * dtype.itemsize:
+            return None
+        table = np.fromfile(path, dtype, face.count, offset=start)
+    else:
+        table = _from_text(path, header, sum(each.count for each in before), face, dtype)
+    if table is None or not all((table[f"count of {name}"] == count).all() for name, count in sides.items()):
+        return None
+    images = table[_IMAGE] if _IMAGE in face.names else np.zeros(len(table), np.int32)
+    return table[index].astype(np.int64), table[_UV], images.astype(np.int64)
+
+
+def _from_text(path: Path, header: Header, skipped: int, face: Element, dtype: np.dtype) -> np.ndarray | None:
+    with path.open("rb") as file:
+        file.seek(header.start)
+        try:
+            lines = list(itertools.islice(file, skipped, skipped + face.count))
+            return np.loadtxt(lines, dtype, comments=None, ndmin=1) if lines else None
+        except ValueError:
+            return None
+
+
+CHUNK = 1 << 24
+"""Bytes of text that are moved at once."""
+WINDOW, WINDOWS = 1 << 17, 24
+"""Bytes of a window in a file, and the number of windows from which its box is estimated."""
+FAR, LEAST = 16.0, 1000.0
+"""A mesh is far from the origin if it is this many times its own size away, and at least this far."""
+LARGEST = 1e18
+"""Larger coordinates are damaged: single precision has no areas of such meshes."""
+_AXES = ("x", "y", "z")
+_IN_OBJ = [1, 2, 3]
+"""The columns of x, y and z in a line of an .obj, after its letter."""
+
+
+def far_origin(path: Path) -> np.ndarray | None:
+    """A point (3,) float64 near the mesh in the file, which single precision stores exactly; None if it is not far away.
+
+    Also None for files that store single precision, and for formats other than .obj and .ply. In the file's axes. Raises
+    OSError.
+    """
+    find = {".obj": _obj_points, ".ply": _ply_points}.get(path.suffix.lower())
+    points = find(path) if find else np.empty((0, 3))
+    points = points[(np.abs(points) < LARGEST).all(axis=1)]
+    if not len(points):
+        return None
+    low, high = points.min(axis=0), points.max(axis=0)
+    center, size = (low + high) / 2.0, float(np.linalg.norm(high - low))
+    if np.linalg.norm(center) <= max(FAR * size, LEAST):
+        return None
+    return np.round(center).astype(np.float32).astype(np.float64)
+
+
+def write_near(source: Path, target: Path, origin: np.ndarray) -> None:
+    """Copy the .obj or .ply at `source` with `origin` (3,) subtracted from all its points. Raises OSError."""
+    with source.open("rb") as read, target.open("wb") as write:
+        if source.suffix.lower() == ".obj":
+            for lines in _blocks(read):
+                write.write(_moved_obj(lines, origin))
+            return
+        header = _Points.of(source)
+        write.write(read.read(header.start))
+        if header.order:
+            _move_binary(read, write, header, origin)
+        else:
+            _move_text(read, write, header, origin)
+        while content := read.read(CHUNK):
+            write.write(content)
+
+
+# .obj
+
+
+def _obj_points(path: Path) -> np.ndarray:
+    """Points (N, 3) float64 of an .obj, from windows that are spread over the file."""
+    size, found = path.stat().st_size, []
+    with path.open("rb") as file:
+        for start in _windows(0, size):
+            file.seek(start)
+            text = file.read(WINDOW)
+            lines = text.split(b"\n")[1 if start else 0 : None if start + WINDOW >= size else -1]
+            found.append(_points([line for line in lines if line.lstrip().startswith((b"v ", b"v\t"))], _IN_OBJ))
+    return np.concatenate(found) if found else np.empty((0, 3))
+
+
+def _moved_obj(text: bytes, origin: np.ndarray) -> bytes:
+    """Whole lines of an .obj, with `origin` subtracted from the points."""
+    lines = np.array(text.split(b"\n"), object)
+    starts = np.concatenate([[0], np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n")) + 1])
+    padded = np.frombuffer(text + b"\n\n", np.uint8)
+    first, second = padded[starts], padded[starts + 1]
+    for indented in np.flatnonzero((first == ord(" ")) | (first == ord("\t"))):
+        lines[indented] = lines[indented].lstrip()
+        first[indented], second[indented] = (lines[indented] + b"\n\n")[:2]
+    is_point = (first == ord("v")) & ((second == ord(" ")) | (second == ord("\t")))
+    lines[is_point] = _moved(lines[is_point].tolist(), origin, _IN_OBJ)
+    return b"\n".join(lines.tolist())
+
+
+# .ply
+
+
+@dataclass(frozen=True)
+class _Points:
+    """The points of a .ply. order, start: as Header has them. columns: the places of x, y and z in a line of text."""
+
+    order: str
+    start: int
+    count: int
+    dtype: np.dtype
+    columns: list[int]
+
+    @classmethod
+    def of(cls, path: Path) -> "_Points | None":
+        """The points of the .ply at `path`; None unless they come first and are text or have double precision."""
+        header = read_header(path)
+        if header is None or not header.elements or header.elements[0].name != "vertex":
+            return None
+        points = header.elements[0]
+        dtype = points.dtype(header.order)
+        if dtype is None or not set(_AXES) <= set(points.names):
+            return None
+        if header.order and any(dtype[axis] != np.dtype(f"{header.order}f8") for axis in _AXES):
+            return None
+        count = min(points.count, path.stat().st_size)  # a row has at least a byte
+        return cls(header.order, header.start, count, dtype, [points.names.index(axis) for axis in _AXES])
+
+
+def _ply_points(path: Path) -> np.ndarray:
+    """Points (N, 3) float64 of a .ply in double precision, from windows that are spread over its points."""
+    header = _Points.of(path)
+    if header is None:
+        return np.empty((0, 3))
+    with path.open("rb") as file:
+        file.seek(header.start)
+        if not header.order:
+            lines = file.read(WINDOW).split(b"\n")
+            return _points(lines[: min(header.count, len(lines) - 1)], header.columns)
+        found, width = [], header.dtype.itemsize
+        for start in _windows(0, header.count * width):
+            file.seek(header.start + start // width * width)
+            content = file.read(WINDOW // width * width)
+            points = np.frombuffer(content[: len(content) // width * width], header.dtype)
+            left = header.count - start // width
+            found.append(np.stack([points[axis][:left] for axis in _AXES], axis=1).astype(np.float64))
+    return np.concatenate(found) if found else np.empty((0, 3))
+
+
+def _move_binary(read: BinaryIO, write: BinaryIO, header: _Points, origin: np.ndarray) -> None:
+    left, width = header.count, header.dtype.itemsize
+    while left > 0 and (content := read.read(min(left, CHUNK // width) * width)):
+        points = np.frombuffer(content[: len(content) // width * width], header.dtype).copy()
+        for axis, value in zip(_AXES, origin, strict=True):
+            points[axis] -= value
+        write.write(points.tobytes() + content[len(content) // width * width :])
+        left -= len(points) or left
+
+
+def _move_text(read: BinaryIO, write: BinaryIO, header: _Points, origin: np.ndarray) -> None:
+    left = header.count
+    for text in _blocks(read):
+        lines = text.split(b"\n")
+        here = min(left, len(lines) - 1 if text.endswith(b"\n") else len(lines))
+        lines[:here] = _moved(lines[:here], origin, header.columns)
+        write.write(b"\n".join(lines))
+        left -= here
+        if not left:
+            return
+
+
+# Both
+
+
+def _windows(start: int, stop: int) -> Iterator[int]:
+    """The beginnings of windows that are spread evenly from `start` to `stop`, or cover it."""
+    if stop - start <= WINDOWS * WINDOW:
+        yield from range(start, stop, WINDOW)
+    else:
+        yield from np.linspace(start, stop - WINDOW, WINDOWS).astype(np.int64).tolist()
+
+
+def _blocks(file: BinaryIO) -> Iterator[bytes]:
+    """The rest of a file in blocks of whole lines."""
+    rest = b""
+    while content := file.read(CHUNK):
+        block, end, rest = (rest + content).rpartition(b"\n")
+        if end:
+            yield block + end
+    if rest:
+        yield rest
+
+
+def _points(lines: list[bytes], columns: list[int]) -> np.ndarray:
+    """The points (N, 3) float64 of lines of text, without those that cannot be read. columns: of x, y and z."""
+    table = _table(lines, columns)
+    if table is not None:
+        return table
+    rows = (_row(line, columns) for line in lines)
+    return np.array([row for row in rows if row], np.float64).reshape(-1, 3)
+
+
+def _moved(lines: list[bytes], origin: np.ndarray, columns: list[int]) -> list[bytes]:
+    """Lines of text with `origin` subtracted from their points. Lines that cannot be read stay, for the importer to judge."""
+    width = len(lines[0].split()) if lines else 0
+    start = 1 if columns[0] == 1 else 0  # the letter of a line in an .obj is no number
+    table = _table(lines, list(range(start, width)))
+    if table is None or max(columns) >= width:
+        return [_moved_line(line, origin, columns) for line in lines]
+    table[:, np.array(columns) - start] -= origin
+    row = " ".join(["v"] * start + ["%.12g"] * (width - start)) + "\n"
+    return (row * len(table) % tuple(table.ravel().tolist())).encode().split(b"\n")[:-1]
+
+
+def _table(lines: list[bytes], columns: list[int]) -> np.ndarray | None:
+    """These columns of lines of text, float64; None if the lines differ in their columns or cannot be read."""
+    if not lines or not columns or not all(lines):
+        return None
+    try:
+        return np.loadtxt(lines, comments=None, usecols=columns, ndmin=2, encoding="latin1")
+    except ValueError:
+        return None
+
+
+def _row(line: bytes, columns: list[int]) -> list[float]:
+    words = line.split()
+    try:
+        return [float(words[column]) for column in columns]
+    except (ValueError, IndexError):
+        return []
+
+
+def _moved_line(line: bytes, origin: np.ndarray, columns: list[int]) -> bytes:
+    words = line.split()
+    for column, value, offset in zip(columns, _row(line, columns), origin, strict=False):
+        words[column] = b"%.12g" % (value - offset)
+    return b" ".join(words)
