@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.declarations import bases, readers
+from ..core.declarations import bases, targets
 from ..core.declarations.choices import Space, Storage
 from ..core.settings import MapSettings, SamplingSettings, Settings
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
@@ -141,7 +141,7 @@ def is_for_others(settings: Settings) -> bool:
     """
     if not is_in_tangent_space(settings.map):
         return False
-    if settings.map.green == "-Y" or set(settings.map.readers) - readers.IN_BLENDER:
+    if settings.map.green == "-Y" or set(settings.map.targets) - targets.IN_BLENDER:
         return True
     if settings.map.basis == bases.AUTO:
         return False

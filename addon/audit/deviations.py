@@ -7,7 +7,7 @@ from functools import cached_property
 import gpu
 import numpy as np
 
-from ..core.declarations import bases, readers
+from ..core.declarations import bases, targets
 from ..core.declarations.choices import Space
 from ..core.map_types import WRITTEN, Map
 from ..core.settings import Settings
@@ -135,17 +135,17 @@ class Deviations:
 class OtherEngines:
     """The angles between the normals that a map means, before it is rounded, and those that programs show of it.
 
-    low: the low mesh with its tangents; None for a map in another space, which has no readers. warnings: names the programs
+    low: the low mesh with its tangents; None for a map in another space, which has no target engines. warnings: names those
     that cannot be measured, as they make other tangents of an unevenly scaled mesh.
     """
 
     def __init__(self, low: Mesh | None, settings: Settings):
         is_measured = low is not None and settings.map.space == Space.TANGENT and settings.map.normal
-        wanted = [readers.BY_NAME[name] for name in settings.map.readers] if is_measured else []
+        wanted = [targets.BY_NAME[name] for name in settings.map.targets] if is_measured else []
         own = bases.of_name(settings.map.basis)
         is_uneven = bool(wanted) and triangle_mesh.is_uneven(low.to_world)
-        self.readers = [reader for reader in wanted if not is_uneven or reader.basis.has_tangents_of(own)]
-        unlike = ", ".join(reader.label for reader in wanted if reader not in self.readers)
+        self.targets = [target for target in wanted if not is_uneven or target.basis.has_tangents_of(own)]
+        unlike = ", ".join(target.label for target in wanted if target not in self.targets)
         self.warnings = []
         if unlike:
             self.warnings.append(
@@ -153,12 +153,12 @@ class OtherEngines:
                 "there than the map is for. Apply the scale (Object > Apply > Scale) and bake again."
             )
         self.low, self.settings = low, settings
-        self._counts = {reader.name: AngleCounts() for reader in self.readers}
+        self._counts = {target.name: AngleCounts() for target in self.targets}
         self._uploaded: gpu.types.GPUBatch | None = None
 
     def add(self, tile: int, stored: Map) -> None:
         """Measure a UDIM tile of the normal map as it is stored, before rounding."""
-        if not self.readers:
+        if not self.targets:
             return
         texels, state = stored
         if self._uploaded is None:
@@ -171,30 +171,30 @@ class OtherEngines:
             texture = gpu.types.GPUTexture((band.width, len(rows)), format="RGBA32F", data=data)
             is_written = state[band.start : band.stop] == WRITTEN
             to_clip = band.without_halo.uv_to_clip
-            for reader in self.readers:
-                other = normal_space.reading_by(reader, self.settings)
-                angles = audit.measure_reader_angles(self._uploaded, texture, to_clip, own, other)
-                self._counts[reader.name].add(angles[is_written & (angles >= 0.0)])
+            for each in self.targets:
+                other = normal_space.reading_by(each, self.settings)
+                angles = audit.measure_target_angles(self._uploaded, texture, to_clip, own, other)
+                self._counts[each.name].add(angles[is_written & (angles >= 0.0)])
 
     def add_raw(self, tile: int, normals: np.ndarray) -> None:
         """Measure a tile of normals as baking.Renderer.raw returns them."""
-        if self.readers:
+        if self.targets:
             self.add(tile, normal_space.stored(normals, self.settings))
 
     def results(self, backwards: int) -> dict[str, dict[str, float | int]]:
-        """The figures by the names of the programs, as Report.readers has them. backwards: the texels with a z of 0 or less."""
+        """The figures by the names of the programs, as Report.targets has them. backwards: the texels with a z of 0 or less."""
         return {
-            reader.name: {
-                **self._counts[reader.name].results(),
-                "rebuilt": backwards if reader.rebuilds_z else 0,
+            target.name: {
+                **self._counts[target.name].results(),
+                "rebuilt": backwards if target.rebuilds_z else 0,
             }
-            for reader in self.readers
+            for target in self.targets
         }
 
 
 def engine_warnings(results: dict[str, dict[str, float | int]]) -> list[str]:
     """A sentence for the programs that show texels wrong because they make z of x and y."""
-    wrong = {readers.BY_NAME[name].label: found["rebuilt"] for name, found in results.items() if found["rebuilt"]}
+    wrong = {targets.BY_NAME[name].label: found["rebuilt"] for name, found in results.items() if found["rebuilt"]}
     if not wrong:
         return []
     count = max(wrong.values())

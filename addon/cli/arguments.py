@@ -13,11 +13,11 @@ from typing import Any
 from ..core import file_formats, levels, naming, udim
 from ..core.conversion import StoredNormals
 from ..core.declarations.choices import Space, Storage
-from ..core.errors import BakeError
+from ..core.errors import BakeError, warn_of_former
 from ..core.naming import did_you_mean
 from ..core.settings import PART_OF, Settings
 from . import gates
-from .options import FILE, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, SUBJECTS, RunOptions
+from .options import FILE, FORMER_WORDS, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, SUBJECTS, RunOptions
 
 
 def settings(options: argparse.Namespace) -> Settings:
@@ -213,7 +213,7 @@ _OF_BAKES = {
     "vertex-domain": "vertex_domain",
     "connect-maps": "connect_maps",
     "mask": "mask",
-    "readers": "readers",
+    "targets": "targets",
 }
 """Options that ask for what a conversion does not make, and where their values are."""
 
@@ -247,8 +247,8 @@ def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
             yield f"--strict: {gate.name} needs a normal map: leave out --no-normal"
         elif needs == gates.EXPORT and not (options.export and options.normal):
             yield f"--strict: {gate.name} needs --export and a normal map"
-        elif needs.startswith(gates.READERS) and needs.partition(".")[2] not in options.readers:
-            yield f"--strict: {gate.name} needs --readers {needs.partition('.')[2]}"
+        elif needs.startswith(gates.TARGETS) and needs.partition(".")[2] not in options.targets:
+            yield f"--strict: {gate.name} needs --targets {needs.partition('.')[2]}"
 
 
 def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:
@@ -283,12 +283,23 @@ _MAY_BE_NEGATIVE = {f"--{start}{channel}" for start in ("", "from-") for channel
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """The arguments with `--green -y` as `--green=-y`: argparse takes -y, and -1,2,3, for an option."""
-    result, words = [], iter(arguments)
+    """The arguments with `--green -y` as `--green=-y`: argparse takes -y, and -1,2,3, for an option. Earlier names of options
+    are replaced."""
+    result, words = [], map(_present, arguments)
     for word in words:
         value = next(words, None) if word in _MAY_BE_NEGATIVE else None
         result.append(word if value is None else f"{word}={value}")
     return result
+
+
+def _present(argument: str) -> str:
+    """An argument with the present name of an option in place of an earlier one."""
+    name, is_given, value = argument.partition("=")
+    now = FORMER_WORDS.get(name.removeprefix("--")) if name.startswith("--") else None
+    if now is None:
+        return argument
+    warn_of_former(name, f"--{now}")
+    return f"--{now}{is_given}{value}"
 
 
 _NOT_OF_LOD = ("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers")

@@ -132,7 +132,7 @@ def open_files(
         if not plan.chain and loader.reopen_if_changed(high.name for job in jobs for high in job.highs):
             jobs, problems = _jobs(options, loader)  # a bake does not depend on those before it
     for job in jobs:
-        job.is_exported, job.must_be_whole = bool(options.export), not options.allow_missing_pages
+        job.is_exported, job.must_be_whole = bool(options.export), not options.allow_missing_files
         job.is_measured, job.is_pictured = gates.DEVIATION in gates.needs(options.strict), is_pictured
     # In a chain, a bake may read the maps of those before it.
     read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
@@ -231,7 +231,7 @@ def _explained(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
     except WrongPlace:
         raise
     except Incomplete as error:
-        raise BakeError(f"{error} --allow-missing-pages makes it a warning.") from error
+        raise BakeError(f"{error} --allow-missing-files makes it a warning.") from error
     except BakeError as error:
         if not opened.hints:
             raise

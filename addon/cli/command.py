@@ -8,6 +8,7 @@ only some calls need is imported by them, since a farm starts many processes.
 import argparse
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 
 from ..core import versions
@@ -51,7 +52,12 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
     with interruption.listening():
         if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
             return _work()
-        with standard_streams.ours(interruption.said()) as said_by_blender, terminal.meter(words) as meter:
+        with (
+            standard_streams.ours(interruption.said()) as said_by_blender,
+            terminal.meter(words) as meter,
+            warnings.catch_warnings(),
+        ):
+            warnings.showwarning = lambda text, *_: meter.report(f"{program}: warning: {text}")
             if VERSION in words:
                 print(versions.line())
                 return DONE

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..core.declarations import readers
-from ..core.errors import BakeError
+from ..core.declarations import targets
+from ..core.errors import BakeError, warn_of_former
 from ..core.naming import did_you_mean
 
 SHARE, DEGREES, COUNT, LENGTH, SECONDS = "%", "deg", "", "units", "s"
@@ -35,7 +35,7 @@ class Figure:
     """A figure of the report of one bake.
 
     unit: one of the constants above. meaning: what it is, in words. of: finds it in a report; None if it was not measured.
-    needs: the setting without which it is not measured, as "readers" or "export"; empty if it always is.
+    needs: the setting without which it is not measured, as "targets" or "export"; empty if it always is.
     """
 
     name: str
@@ -107,20 +107,20 @@ def _angles() -> Iterator[Figure]:
         )
     yield from _of_angles(
         "export",
-        "degrees between the normals that were baked and those that a reader of the exported file shows",
+        "degrees between the normals that were baked and those that a target engine shows of the exported file",
         lambda report: report.get("export", {}).get("degrees", {}).get(report.get("export", {}).get("basis")),
         EXPORT,
     )
-    for reader in readers.READERS:
+    for target in targets.TARGETS:
         yield from _of_angles(
-            f"readers.{reader.name}",
-            f"degrees by which {reader.label} is off",
-            lambda report, name=reader.name: report.get("readers", {}).get(name),
-            f"{READERS}.{reader.name}",
+            f"targets.{target.name}",
+            f"degrees by which {target.label} is off",
+            lambda report, name=target.name: report.get("targets", {}).get(name),
+            f"{TARGETS}.{target.name}",
         )
 
 
-DEVIATION, EXPORT, READERS = "deviation", "export", "readers"
+DEVIATION, EXPORT, TARGETS, FORMER_TARGETS = "deviation", "export", "targets", "readers"
 """What figures need."""
 FIGURES = {
     figure.name: figure
@@ -182,6 +182,10 @@ def _gate(text: str) -> Gate:
             f"{text.strip()!r} is not a limit, such as missed<0.1%: a figure, one of {signs}, and a number."
         )
     name, sign, number, unit = match[1].lower(), match[2].replace("==", "="), float(match[3]), match[4].lower()
+    if name.startswith(FORMER_TARGETS):
+        now = f"{TARGETS}{name.removeprefix(FORMER_TARGETS)}"
+        warn_of_former(name, now)
+        name = now
     if name not in FIGURES:
         starts = ", ".join(dict.fromkeys(known.split(".")[0] for known in FIGURES))
         hint = did_you_mean([name], FIGURES) or f", which are {starts}."

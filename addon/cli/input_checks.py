@@ -39,9 +39,9 @@ def check_pages(options: argparse.Namespace, settings: MapSettings, jobs: Sequen
     """
     objects = list(dict.fromkeys(obj for job in jobs for obj in (job.low, *job.highs, job.cage) if obj))
     lacks = complaints.of_files(objects, for_render=settings.modifiers == Modifiers.RENDER)
-    if lacks and not options.allow_missing_pages:  # else the bake says so
+    if lacks and not options.allow_missing_files:  # else the bake says so
         more = f" So are {len(lacks) - MOST_NAMED} more." if len(lacks) > MOST_NAMED else ""
-        raise BakeError(f"{' '.join(lacks[:MOST_NAMED])}{more} --allow-missing-pages makes it a warning.")
+        raise BakeError(f"{' '.join(lacks[:MOST_NAMED])}{more} --allow-missing-files makes it a warning.")
     maps = _of_materials(settings)
     if not maps:
         return []
@@ -49,12 +49,12 @@ def check_pages(options: argparse.Namespace, settings: MapSettings, jobs: Sequen
     libraries = list(_libraries(options))
     if not any(Path(name).suffix.lower().startswith(".blend") for name in plans.scene_paths(options) or (".blend",)):
         libraries += map(repr, importers.missing_tiles(highs))
-    if options.allow_missing_pages:  # the bake reports the images that each material lacks
+    if options.allow_missing_files:  # the bake reports the images that each material lacks
         return [_not_found(libraries)] if libraries else []
     lacking = dependencies.lacking(each for each in dependencies.of((), highs) if each.is_surface)
     missing = [*libraries, *(repr(each.path) for each in lacking if each.problem == MISSING)]
     broken = [f"{each.path!r} {each.problem}" for each in lacking if each.problem != MISSING]
-    without = f"leave {shorten_list(map(word_for, maps))} out of the maps, or add --allow-missing-pages."
+    without = f"leave {shorten_list(map(word_for, maps))} out of the maps, or add --allow-missing-files."
     if missing:
         raise BakeError(f"{_not_found(missing)} Put them beside the mesh file, {without}")
     if broken:

@@ -9,10 +9,11 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..core.errors import warn_of_former
 from ..core.naming import did_you_mean
 from . import arguments, option_types
 from .arguments import WrongUsage
-from .options import FILE, OPTIONS, RUN_OPTIONS, STDOUT, CommandOption
+from .options import FILE, FORMER_WORDS, OPTIONS, RUN_OPTIONS, STDOUT, CommandOption
 
 MOST_SHOWN = 80
 """Characters of a wrong value in a message."""
@@ -53,6 +54,9 @@ class KeyValues:
     def read(self, written: str, value: Any) -> KeyValue:
         """The value of a key. written: the key, with dashes or underscores. Raises Unknown, without a full stop."""
         key = written.replace("_", "-")
+        if key in FORMER_WORDS:
+            warn_of_former(key, FORMER_WORDS[key])
+            key = FORMER_WORDS[key]
         words = _words_of(written, key, value)
         option, name = KEYS[key], _name(key)
         if option.is_path:

@@ -215,7 +215,7 @@ OBJECTS = {
         {"type": option_types.text, "default": "", "metavar": "TEXT"},
         "that of the low object or its file",
     ),
-    "allow-missing-pages": CommandOption(
+    "allow-missing-files": CommandOption(
         "Bake although files are missing or not whole, as images of the high meshes, caches and fonts, or although Blender "
         "leaves out modifiers: each is a warning then",
         {"action": "store_true"},
@@ -282,6 +282,8 @@ JOBS = CommandOption(
     "Bake the sets in a .toml or .json file. Other options count for all sets, over what the file says",
     {"type": option_types.path, "metavar": "FILE"},
 )
+FORMER_WORDS = {"readers": "targets", "allow-missing-pages": "allow-missing-files"}
+"""Options and keys by their earlier names, which still work."""
 SUBJECTS = ("low", "high", "cage", "low-file", "high-file", "cage-file", "pairs")
 """The options that name what to bake."""
 

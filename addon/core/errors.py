@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Messages that the user reads: errors, what fixes their cause, and lengths and lists in words."""
 
+import warnings
 from collections.abc import Callable, Iterable
 from enum import Enum
 from typing import Any
@@ -29,6 +30,11 @@ def sentence(error: BakeError | MemoryError) -> str:
     if isinstance(error, BakeError):
         return str(error)
     return f"There is not enough memory{f' ({error})' if str(error) else ''}: choose a smaller map, or bake less at a time."
+
+
+def warn_of_former(former: str, name: str) -> None:
+    """Warn the caller of the caller that an earlier name will not work for ever."""
+    warnings.warn(f"{former} is now called {name}; the old name goes with version 0.4.", FutureWarning, stacklevel=3)
 
 
 class Fix(Enum):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from . import udim
-from .declarations import bases, readers
+from .declarations import bases, targets
 from .declarations.choices import Space
 from .errors import Length, plain_length
 from .map_types import BY_NAME, Kind
@@ -80,7 +80,7 @@ class Report:
     own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
     contested, jumps, other_layer) of engine.rays.unsure_texels.Doubts; a texel can have several. uneven: whether the low mesh
     is the base of its own high one."""
-    readers: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
     normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
     program makes z of x and y."""
@@ -107,8 +107,8 @@ class Report:
     """The file for an engine, as it was read back: files, triangles, basis, and has_applied_scale: whether the scale of the
     object, which is mirrored or uneven, is in the mesh. With a normal map also has_tangents, points (how many texels were
     compared) and degrees: by basis, the median, percentile_95, percentile_99 and maximum of the angles between the normals that
-    a reader with this basis shows of the file and those that were baked; readers: the same of the programs that the settings
-    name. Empty without such a file."""
+    an engine with this basis shows of the file and those that were baked; targets: the same of the target engines that the
+    settings name. Empty without such a file."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
@@ -133,6 +133,11 @@ class Report:
         """Plain data for json.dump, without references to objects of this session, and without the picture."""
         values = asdict(self)
         del values["refs"], values["picture"]
+        # The former names of keys, until version 0.4.
+        values["readers"] = values["targets"]
+        values["seconds"]["pages"] = values["seconds"]["textures"]
+        if "targets" in values["export"]:
+            values["export"]["readers"] = values["export"]["targets"]
         return {"version": values.pop("version"), **values}
 
     def with_warnings(self, warnings: Iterable[str]) -> "Report":
@@ -179,15 +184,15 @@ class Report:
             f"{figures[own]['percentile_99']:.2g} (99th percentile), at most {figures[own]['maximum']:.2g}"
             + (f"; read with another basis, by (99th percentile): {others}" if others else "")
             + "".join(
-                f"; {readers.BY_NAME[name].label} is off by {found['median']:.2g} (median), {found['percentile_99']:.2g} "
+                f"; {targets.BY_NAME[name].label} is off by {found['median']:.2g} (median), {found['percentile_99']:.2g} "
                 f"(99th percentile), at most {found['maximum']:.2g}"
-                for name, found in how["readers"].items()
+                for name, found in how["targets"].items()
             )
         )
 
     def _other_green(self, name: str) -> str:
         """The end of a sentence about a program that reads another green than the map stores; empty if it is the same."""
-        green = readers.BY_NAME[name].green
+        green = targets.BY_NAME[name].green
         return "" if self.settings.get("green") == green else f"; it reads green as {green}"
 
     def _shared(self) -> list[str]:
@@ -207,10 +212,10 @@ class Report:
         has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
         if basis in bases.BY_NAME:
-            details.append(f"Basis: {bases.BY_NAME[basis].label}, for {readers.names(bases.BY_NAME[basis])}")
-        for name, found in self.readers.items():
+            details.append(f"Basis: {bases.BY_NAME[basis].label}, for {targets.names(bases.BY_NAME[basis])}")
+        for name, found in self.targets.items():
             details.append(
-                f"{readers.BY_NAME[name].label} is off by {found['median']:.3f} degrees (median), "
+                f"{targets.BY_NAME[name].label} is off by {found['median']:.3f} degrees (median), "
                 f"{found['percentile_99']:.3f} (99th percentile), at most {found['maximum']:.2f}{self._other_green(name)}"
             )
         if self.why:

@@ -10,10 +10,10 @@ from typing import Any
 
 from . import file_formats, udim
 from .declarations import bases
-from .declarations.all_settings import DECLARED
+from .declarations.all_settings import DECLARED, FORMER
 from .declarations.choices import Method, Pack, Storage
 from .declarations.map_settings import ADAPTIVE_FROM
-from .errors import BakeError
+from .errors import BakeError, warn_of_former
 from .map_types import BY_NAME, CUSTOM_SUFFIX, NAMES, PACKINGS, WHITE, WIDENED_ROUGHNESS, Packing
 from .naming import LOW, MATERIAL
 from .progress import Pace, Timings
@@ -31,8 +31,8 @@ class MapSettings:
 
     space: str = _field("space")
     basis: str = _field("basis")
-    readers: tuple[str, ...] = _field("readers")
-    """Names among declarations.readers.BY_NAME, in their order."""
+    targets: tuple[str, ...] = _field("targets")
+    """Names among declarations.targets.BY_NAME, in their order."""
     uv_layer: str = _field("uv_layer")
     modifiers: str = _field("modifiers")
     normal: bool = _field("normal")
@@ -180,6 +180,9 @@ class Settings:
         Args:
             values: settings by their names in `DECLARED`, and parts by theirs. The others have their defaults.
         """
+        for former in FORMER.keys() & values:
+            warn_of_former(former, FORMER[former])
+            values[FORMER[former]] = values.pop(former)
         for part, kind in PARTS.items():
             own = {each.name: values.pop(each.name) for each in fields(kind) if each.name in values}
             object.__setattr__(self, part, replace(values.pop(part, kind()), **own))

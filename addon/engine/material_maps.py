@@ -59,7 +59,7 @@ def draw_images(
                 pages.setdefault((use.feed.image, tile), []).append(use)
     for done, ((image, tile), found) in enumerate(pages.items()):
         yield Progress("Reading the images of the high meshes", done / len(pages))
-        with run.timings.timed("pages"):
+        with run.timings.timed("textures"):
             page = surface_tables.upload_image(load_page(image, tile))
         with run.timings.timed("draw"):
             for use in found:

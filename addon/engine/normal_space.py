@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.declarations import bases
 from ..core.declarations.choices import Space
-from ..core.declarations.readers import Reader
+from ..core.declarations.targets import TargetEngine
 from ..core.map_types import WRITTEN, Map, states_of_raw
 from ..core.settings import MapSettings, Settings
 from ..core.udim import UvToClip
@@ -94,12 +94,12 @@ def reading(settings: MapSettings) -> tuple[int, int, int]:
     return lit.reading(kind, channels(settings))
 
 
-def reading_by(reader: Reader, settings: Settings) -> tuple[int, int, int]:
+def reading_by(target: TargetEngine, settings: Settings) -> tuple[int, int, int]:
     """How a program reads a tangent-space map of these settings."""
-    depth = min(settings.storing.depth, reader.depth)
+    depth = min(settings.storing.depth, target.depth)
     steps = 0 if depth > 8 and settings.storing.is_float else 2**depth - 1
-    axes = channels(replace(settings, red="+X", green=reader.green, blue="+Z").map)
-    return lit.reading(lit.TANGENT + reader.basis.flags, axes, steps=steps, rebuilds_z=reader.rebuilds_z)
+    axes = channels(replace(settings, red="+X", green=target.green, blue="+Z").map)
+    return lit.reading(lit.TANGENT + target.basis.flags, axes, steps=steps, rebuilds_z=target.rebuilds_z)
 
 
 def stored(normals: np.ndarray, settings: Settings) -> Map:

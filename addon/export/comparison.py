@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.declarations import bases
 from ..core.declarations.bases import Basis
-from ..core.declarations.readers import Reader
+from ..core.declarations.targets import TargetEngine
 from ..core.errors import BakeError
 from . import map_pictures
 from .baked_low import FileMesh
@@ -79,11 +79,11 @@ class Baked:
 @dataclass(frozen=True)
 class Measured:
     """Degrees between the normals that were baked and those that an engine makes of the file, by the name of its basis: median,
-    percentile_95, percentile_99, maximum. readers: the same by the names of programs. points: how many texels were compared.
+    percentile_95, percentile_99, maximum. targets: the same by the names of programs. points: how many texels were compared.
     has_tangents: whether the file has its own."""
 
     degrees: dict[str, dict[str, float]]
-    readers: dict[str, dict[str, float]]
+    targets: dict[str, dict[str, float]]
     points: int
     has_tangents: bool
 
@@ -108,18 +108,18 @@ def measure(
     baked: Baked,
     found: FileMesh,
     texels_in: Callable[[int], np.ndarray | None],
-    readers: Sequence[Reader] = (),
+    targets: Sequence[TargetEngine] = (),
     channels: Sequence[str] = (),
 ) -> Measured | None:
     """Compare the normals of texels. texels_in: as Baked.texels_of, of a page of the file. None without normal maps.
 
-    readers: the programs to measure as well. channels: the axes in red, green and blue, where the format does not say them.
+    targets: the programs to measure as well. channels: the axes in red, green and blue, where the format does not say them.
 
     Engines make tangents of their own for files without: then those of the bake are taken.
     """
     tangents = baked.tangents if found.tangents is None else found.tangents
     ways = {basis.name: (basis, None) for basis in bases.BASES}
-    ways |= {reader.name: (reader.basis, reader) for reader in readers}
+    ways |= {target.name: (target.basis, target) for target in targets}
     angles: dict[str, list[np.ndarray]] = {name: [] for name in ways}
     for page in np.unique(baked.pages).tolist():
         texels = baked.texels_of(page)
@@ -135,8 +135,8 @@ def measure(
             baked.basis, _looked_up(texels, uv), weights, baked.normals[triangles], baked.tangents[triangles]
         )
         values = _looked_up(stored, np.einsum("nc,nck->nk", weights, found.uv[triangles]))
-        for name, (basis, reader) in ways.items():
-            read = values if reader is None else _read_by(reader, values, channels)
+        for name, (basis, target) in ways.items():
+            read = values if target is None else _read_by(target, values, channels)
             shown = decoded(basis, read, weights, found.normals[triangles], tangents[triangles])
             angles[name].append(degrees_between(truth, shown))
     if not any(angles.values()):
@@ -144,18 +144,18 @@ def measure(
     figures = {name: _figures(np.concatenate(parts)) for name, parts in angles.items()}
     return Measured(
         {basis.name: figures[basis.name] for basis in bases.BASES},
-        {reader.name: figures[reader.name] for reader in readers},
+        {target.name: figures[target.name] for target in targets},
         sum(map(len, angles[bases.BASES[0].name])),
         found.has_tangents and found.tangents is not None,
     )
 
 
-def _read_by(reader: Reader, values: np.ndarray, channels: Sequence[str]) -> np.ndarray:
+def _read_by(target: TargetEngine, values: np.ndarray, channels: Sequence[str]) -> np.ndarray:
     """The values (N, 3) that a program reads of a map's. channels: as in `measure`."""
     read = values.copy()
-    for number, (wanted, stored) in enumerate(zip(("+X", reader.green, "+Z"), channels, strict=False)):
+    for number, (wanted, stored) in enumerate(zip(("+X", target.green, "+Z"), channels, strict=False)):
         read[:, number] = values[:, "XYZ".index(stored[1])] * (1.0 if stored[0] == wanted[0] else -1.0)
-    if reader.rebuilds_z:
+    if target.rebuilds_z:
         read[:, 2] = np.sqrt(np.maximum(1.0 - (read[:, :2] ** 2).sum(axis=1), 0.0))
     return read
 

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ..core import file_formats, naming, progress
-from ..core.declarations import readers
+from ..core.declarations import targets
 from ..core.errors import BakeError
 from ..core.progress import Progress, Task
 from ..core.report import VISIBLE, Report
@@ -97,12 +97,12 @@ def work(
             yield Progress("Reading the file back", WRITTEN + (1.0 - WRITTEN) * number / len(objects))
             done.append(_exported(file_format, one, folder / path.name))
         maps = {file for low in lows for report in low.reports for file in report.output}
-        targets = _targets(files, folder, path, maps)
-        _check_read(targets)
-        for other in targets[1:] if check_beside else ():
+        destinations = _destinations(files, folder, path, maps)
+        _check_read(destinations)
+        for other in destinations[1:] if check_beside else ():
             check_beside(str(other))
-        _move(files, targets)
-    paths = list(map(str, targets))
+        _move(files, destinations)
+    paths = list(map(str, destinations))
     return [replace(one, paths=paths) for one in done]
 
 
@@ -141,33 +141,35 @@ def _written(
             raise BakeError(f"{str(path)!r} could not be written: {atomic_file.reason(error)}.") from error
 
 
-def _targets(files: Sequence[Path], folder: Path, path: Path, maps: Collection[str]) -> list[Path]:
+def _destinations(files: Sequence[Path], folder: Path, path: Path, maps: Collection[str]) -> list[Path]:
     """Where the files written to `folder` go: beside `path`. Raises BakeError for one of `maps`, which stay as they are."""
-    targets = [path.parent / file.relative_to(folder) for file in files]
+    destinations = [path.parent / file.relative_to(folder) for file in files]
     known = set(map(os.path.realpath, maps))
-    taken = next((str(one) for one in targets if os.path.realpath(one) in known), None)
+    taken = next((str(one) for one in destinations if os.path.realpath(one) in known), None)
     if taken is not None:
         raise BakeError(
             f"The export would replace {taken!r}, a map of the bake: choose another folder for one of them."
         )
-    return targets
+    return destinations
 
 
-def _check_read(targets: Sequence[Path]) -> None:
+def _check_read(destinations: Sequence[Path]) -> None:
     """Raise WrongPlace if a file is one that the open scene reads. Images that Imprint has baked are its maps."""
     places = Places()
     for path, title in (*datablocks.sources(), *datablocks.pictures()):
         places.read(path, title)
-    for target in targets:
-        places.write(str(target), "the file for an engine" if target is targets[0] else "a texture of the file")
+    for destination in destinations:
+        places.write(
+            str(destination), "the file for an engine" if destination is destinations[0] else "a texture of the file"
+        )
 
 
-def _move(files: Sequence[Path], targets: Sequence[Path]) -> None:
+def _move(files: Sequence[Path], destinations: Sequence[Path]) -> None:
     """Put files in their places, all or none. Raises BakeError."""
     partials = []
     with ExitStack() as discards, atomic_file.all_or_none():
-        for file, target in zip(files, targets, strict=True):
-            partials.append(Partial(target))
+        for file, destination in zip(files, destinations, strict=True):
+            partials.append(Partial(destination))
             discards.callback(partials[-1].discard)
             with partials[-1].writing():
                 partials[-1].temporary.write_bytes(file.read_bytes())
@@ -195,7 +197,7 @@ def _exported(file_format: MeshFormat, one: Staged, path: Path) -> Exported:
             baked,
             found,
             _kept(lambda page: _texels_in(found, page, file_format.channels or one.channels(page), path.parent)),
-            [readers.BY_NAME[name] for name in low.reports[0].settings["readers"]],
+            [targets.BY_NAME[name] for name in low.reports[0].settings["targets"]],
             () if file_format.channels else one.channels(0),
         )
     about = low.name, [], len(one.faces), low.basis.name, low.has_applied_scale

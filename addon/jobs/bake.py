@@ -46,7 +46,7 @@ READY = 0.2
 @dataclass(frozen=True)
 class DrawnJob:
     """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
-    the objects. stopped_early, rays, readers, deviation, picture: as in Report."""
+    the objects. stopped_early, rays, targets, deviation, picture: as in Report."""
 
     job: Job
     settings: Settings
@@ -58,7 +58,7 @@ class DrawnJob:
     warnings: Sequence[Warned] = ()
     stopped_early: float = 0.0
     rays: float = 0.0
-    readers: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     deviation: dict[str, float | int] = field(default_factory=dict)
     picture: np.ndarray | None = None
 
@@ -275,7 +275,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         overlap=findings.checks["overlap"]["share"],
         mirrored=findings.checks["mirrored"]["count"],
         checks=findings.checks,
-        readers=drawn.readers,
+        targets=drawn.targets,
         deviation=drawn.deviation,
         picture=drawn.picture,
         tiles=[tile for tile in plan.tiles if tile in stored.tiles],
@@ -296,7 +296,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
                 *map(Warned, slope_notes(settings)),
                 *map(Warned, plan.warnings),
                 *findings.warnings,
-                *(Warned(text, severity.REBUILT) for text in deviations.engine_warnings(drawn.readers)),
+                *(Warned(text, severity.REBUILT) for text in deviations.engine_warnings(drawn.targets)),
                 *(Warned(text, severity.HIDDEN_MISSES if text == HIDDEN_MISSES else "") for text in notes),
             )
         ),

@@ -244,7 +244,7 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     settings.check()
     if reason := object_checks.low_problem(context, low, is_own_base=is_own_base):
         raise BakeError(reason)
-    with timings.timed("pages"):
+    with timings.timed("textures"):
         tiles = {tile: textures.read_stored(image, tile) for tile in _tiles(image, settings.sampling)}
     settings = _sized(image, tiles, settings)
     check_outputs(low, settings)

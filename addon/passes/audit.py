@@ -78,9 +78,9 @@ def layers_of_triangles(
         above, into = into, above
 
 
-READER_ANGLES = Program(
+TARGET_ANGLES = Program(
     vertex="bake/tangent_vert.glsl",
-    fragment="audit/reader_angles_frag.glsl",
+    fragment="audit/target_angles_frag.glsl",
     inputs=low_in_uv.TANGENT.inputs,
     varyings=low_in_uv.TANGENT_VARYINGS,
     texels=(("RGBA32F", "FLOAT_2D", "normal_map"),),
@@ -89,7 +89,7 @@ READER_ANGLES = Program(
 )
 
 
-def measure_reader_angles(
+def measure_target_angles(
     low: gpu.types.GPUBatch,
     normal_map: gpu.types.GPUTexture,
     uv_to_clip: UvToClip,
@@ -101,12 +101,12 @@ def measure_reader_angles(
     low: as low_in_uv.draw_in_tangent_space takes it. normal_map: RGBA32F, colors before they are
     rounded. own: how the map is meant; other: how the program reads it; both from lit.reading.
     """
-    into = target.get("reader angles", normal_map.width, normal_map.height, "R32F")
-    compiled = shader.load(READER_ANGLES)
+    into = target.get("target angles", normal_map.width, normal_map.height, "R32F")
+    compiled = shader.load(TARGET_ANGLES)
     with target.drawing(into):
         compiled.bind()
         bound = {"own": (*own, 0.0), "other": (*other, 0.0)}
-        target.bind(compiled, READER_ANGLES, normal_map=normal_map, uv_to_clip=uv_to_clip, **bound)
+        target.bind(compiled, TARGET_ANGLES, normal_map=normal_map, uv_to_clip=uv_to_clip, **bound)
         low.draw(compiled)
     angles = np.empty((normal_map.height, normal_map.width), np.float32)
     into.read(angles)

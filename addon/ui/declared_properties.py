@@ -6,6 +6,7 @@ from functools import singledispatch
 from typing import Any
 
 import bpy
+from bpy.app.handlers import persistent
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
@@ -19,8 +20,9 @@ from bpy.props import (
 
 from ..core import file_formats, map_types, udim
 from ..core.declarations import kinds
-from ..core.declarations.all_settings import DECLARED
+from ..core.declarations.all_settings import DECLARED, FORMER
 from ..core.declarations.choices import DistanceUnit, Storage
+from ..core.errors import warn_of_former
 from ..core.map_types import MapType
 from ..core.settings import PART_OF, Settings
 from .texts import LABEL
@@ -55,7 +57,8 @@ def _(setting: kinds.Choice, more):
 @_property.register
 def _(setting: kinds.Flags, more):
     items = [(item.value, item.label, item.tooltip) for item in setting.items]
-    return EnumProperty(**_words(setting), items=items, default=set(setting.default), options={"ENUM_FLAG"}, **more)
+    options = {"ENUM_FLAG", *more.pop("options", ())}
+    return EnumProperty(**_words(setting), items=items, default=set(setting.default), options=options, **more)
 
 
 @_property.register
@@ -124,6 +127,33 @@ def _(setting: kinds.ObjectSlots, more):
     return CollectionProperty(**_words(setting), **more)
 
 
+FORMER_PROPERTIES = {"imprint": FORMER, "imprint_view": {"reader": "target"}}
+"""The properties of groups of a scene by their earlier names, which scripts and files may still have."""
+
+
+def passed_on(former: str, name: str):
+    """A callback of a property with an earlier name: what a script sets goes to the present one."""
+
+    def update(group: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+        warn_of_former(former, name)
+        setattr(group, name, getattr(group, former))
+
+    return update
+
+
+@persistent
+def take_former_values(*_) -> None:
+    """Called by Blender when it has opened a file, which may have values under earlier names."""
+    for scene in (scene for scene in bpy.data.scenes if scene.is_editable):
+        for group, names in FORMER_PROPERTIES.items():
+            values = getattr(scene, group)
+            for former, name in names.items():
+                if values.is_property_set(former):
+                    if not values.is_property_set(name):
+                        setattr(values, name, getattr(values, former))
+                    values.property_unset(former)
+
+
 class Options:
     """The fields of Settings, under the same names, and the switches that make some of them None."""
 
@@ -156,6 +186,9 @@ class Options:
             name: None if is_switched_off(name) else _plain(DECLARED[name], getattr(owner(name), name))
             for name in PART_OF
         }
+        if fallback is not None:
+            given = [former for former in FORMER if self.properties.is_property_set(former)]
+            values |= {former: _plain(DECLARED[FORMER[former]], getattr(self, former)) for former in given}
         if fallback is not None and owner("output") is self and owner("storage") is fallback:
             values["storage"] = Storage.FILE  # if a script sets a file name, the file is written
         if values["storage"] == Storage.FILE and not _is_set(owner("depth"), "depth"):
@@ -184,7 +217,7 @@ Options.__annotations__ = {
     name: declared(name)
     for name, setting in DECLARED.items()
     if name in PART_OF or getattr(setting, "empties", None) is not None
-}
+} | {former: declared(name, options={"HIDDEN", "SKIP_SAVE"}) for former, name in FORMER.items()}
 
 
 REACHES = tuple(name for name, setting in DECLARED.items() if isinstance(setting, kinds.Reach))

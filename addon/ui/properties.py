@@ -17,7 +17,8 @@ from ..jobs.job import Job
 from ..scene import evaluation, object_checks
 from . import bake_results, object_pairs
 from .bake_results import results
-from .declared_properties import MapList, Options, declared
+from .callbacks import Handlers
+from .declared_properties import MapList, Options, declared, passed_on, take_former_values
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
 from .texts import LABEL
 
@@ -59,6 +60,7 @@ def _choose(name: str):
 class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     """Scene.imprint."""
 
+    readers: declared("targets", update=passed_on("readers", "targets"), options={"HIDDEN"})
     low: declared("low", poll=is_mesh)
     highs: declared("highs", type=ImprintHigh)
     cage: declared("cage", poll=is_mesh, update=_choose("cage"))
@@ -229,7 +231,11 @@ class ImprintFound(bpy.types.PropertyGroup):
     )
 
 
+_handlers = Handlers(("load_post", take_former_values))
+
+
 def register() -> None:
+    _handlers.add()
     object_pairs.register()
     bpy.utils.register_class(ImprintSettings)
     bpy.utils.register_class(ImprintFound)
@@ -250,6 +256,7 @@ def register() -> None:
 
 
 def unregister() -> None:
+    _handlers.remove()
     del bpy.types.WindowManager.imprint_warnings
     del bpy.types.WindowManager.imprint_summary
     del bpy.types.Scene.imprint

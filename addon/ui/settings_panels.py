@@ -198,19 +198,19 @@ class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
             column.prop(context.scene.imprint, name)
 
 
-class IMPRINT_PT_readers(SettingsPanel, bpy.types.Panel):
+class IMPRINT_PT_targets(SettingsPanel, bpy.types.Panel):
     """The programs for which the report says how far off they are."""
 
-    bl_idname = "IMPRINT_PT_readers"
+    bl_idname = "IMPRINT_PT_targets"
     bl_parent_id = "IMPRINT_PT_map"
-    bl_label = "Target Programs"
+    bl_label = "Target Engines"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.imprint
         column = self.layout.column(align=True)
         column.active = settings.space == Space.TANGENT
-        column.prop(settings, "readers")
+        column.prop(settings, "targets")
 
 
 GROUPS = {
@@ -504,7 +504,7 @@ CLASSES = (
     IMPRINT_OT_propose_weights,
     IMPRINT_PT_map,
     IMPRINT_PT_channels,
-    IMPRINT_PT_readers,
+    IMPRINT_PT_targets,
     IMPRINT_PT_maps,
     IMPRINT_PT_packing,
     IMPRINT_PT_output,

@@ -10,7 +10,7 @@ import gpu
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ..core.declarations import readers
+from ..core.declarations import targets
 from ..core.declarations.choices import Pack, Space, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
@@ -58,9 +58,9 @@ ITEMS = [
 ]
 """The modes as items of an EnumProperty, in their order."""
 OWN = "OWN"
-READERS = [
+TARGETS = [
     (OWN, "As Baked", "The program that the map is made for"),
-    *((reader.name, reader.label, f"It decodes with the basis {reader.basis.label}") for reader in readers.READERS),
+    *((one.name, one.label, f"It decodes with the basis {one.basis.label}") for one in targets.TARGETS),
 ]
 """The programs as which a view can read the map, as items of an EnumProperty."""
 SHOWN = tuple(mode for mode in Mode if mode is not Mode.OFF)
@@ -264,7 +264,7 @@ def zones(width: int, split: float) -> list[range]:
 class Shading:
     """Draws the objects of `session` where they are now, with their meshes as last read. The session must have a map.
 
-    deviations: those of the map from the last `update` that measured them, or None. reader: the name of the program as
+    deviations: those of the map from the last `update` that measured them, or None. target_engine: the name of the program as
     which a tangent-space map is read; empty for those that it is made for.
     """
 
@@ -278,7 +278,7 @@ class Shading:
             )
         self.session, self.objects = session, ViewObjects(session)
         self.deviations: Deviations | None = None
-        self.reader = ""
+        self.target_engine = ""
         self._number = 0
         self._measured: target.Target | None = None
         self._hidden: list[tuple[Mesh, target.Target]] = []
@@ -286,10 +286,15 @@ class Shading:
         self._hidden_scene: ViewScene | None = None
         self._square: gpu.types.GPUBatch | None = None
 
-    def update(self, *, is_measured: bool, reader: str = "") -> None:
-        """Use the session's last map, read as the program `reader` reads it. Do not call this while a view is being drawn."""
-        if (self.session.drawn, reader) != (self._number, self.reader):
-            self._number, self.reader, self.deviations, self._measured = self.session.drawn, reader, None, None
+    def update(self, *, is_measured: bool, target_engine: str = "") -> None:
+        """Use the session's last map, read as `target_engine` reads it. Do not call this while a view is being drawn."""
+        if (self.session.drawn, target_engine) != (self._number, self.target_engine):
+            self._number, self.target_engine, self.deviations, self._measured = (
+                self.session.drawn,
+                target_engine,
+                None,
+                None,
+            )
             self._hidden = []
         if is_measured and self._measured is None:
             self._measure()
@@ -344,9 +349,9 @@ class Shading:
 
     def _reading(self, normals: np.ndarray, light: np.ndarray | None = None) -> np.ndarray:
         """How the map is read, and the light, as the shaders take them."""
-        settings, reader = self.session.settings, readers.BY_NAME.get(self.reader)
-        if reader and settings.map.space == Space.TANGENT:
-            read = normal_space.reading_by(reader, settings)
+        settings, target_engine = self.session.settings, targets.BY_NAME.get(self.target_engine)
+        if target_engine and settings.map.space == Space.TANGENT:
+            read = normal_space.reading_by(target_engine, settings)
         else:
             read = (255 if settings.storing.depth == 8 else 0, *normal_space.reading(settings.map)[1:])
         return lit.shading(normals, light, read=read)

@@ -10,7 +10,7 @@ from bpy.props import EnumProperty, FloatProperty, PointerProperty
 from gpu_extras.batch import batch_for_shader
 
 from ..core import progress
-from ..core.declarations import readers
+from ..core.declarations import targets
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.progress import Pace, Task
@@ -19,12 +19,13 @@ from ..jobs import live_session
 from ..jobs.live_session import Session
 from . import progress_display, view_shading
 from .callbacks import DrawCallbacks, Key, Timer, redraw
+from .declared_properties import passed_on
 from .live import live
 from .modal import SlicedOperator
 from .object_hiding import hiding
 from .progress_display import display
 from .texts import LABEL, SidebarPanel, draw_paragraphs, label, message, split_layout
-from .view_shading import ITEMS, OWN, READERS, Mode
+from .view_shading import ITEMS, OWN, TARGETS, Mode
 
 HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))
 """Direction to the view's own light, in view space: slightly from above and from the left."""
@@ -288,8 +289,8 @@ class ViewMode:
             self.free()
         if self.shading is None or self.shading.session is not self.session:
             self.shading = view_shading.Shading(self.session)
-        reader = bpy.context.scene.imprint_view.reader
-        self.shading.update(is_measured=self.mode.is_deviation, reader="" if reader == OWN else reader)
+        target = bpy.context.scene.imprint_view.target
+        self.shading.update(is_measured=self.mode.is_deviation, target_engine="" if target == OWN else target)
         redraw()
 
     def _ask_for(self, wanted: Mode) -> None:
@@ -406,12 +407,20 @@ class ImprintView(bpy.types.PropertyGroup):
         options=set(),
         translation_context=LABEL,
     )
-    reader: EnumProperty(
-        name="Target Program",
+    target: EnumProperty(
+        name="Target Engine",
         description="Program as which the view reads a tangent-space map. It shows what the program would show of this map",
-        items=READERS,
+        items=TARGETS,
         update=_read_again,
         options=set(),
+        translation_context=LABEL,
+    )
+    reader: EnumProperty(
+        name="Target Engine",
+        description="Program as which the view reads a tangent-space map. It shows what the program would show of this map",
+        items=TARGETS,
+        update=passed_on("reader", "target"),
+        options={"HIDDEN"},
         translation_context=LABEL,
     )
     light: PointerProperty(
@@ -496,7 +505,7 @@ class IMPRINT_OT_view_refresh(SlicedOperator, bpy.types.Operator):
         yield from viewer.switching(context, viewer.mode, pace, redrawn=True)
 
 
-GREEN = "{reader} reads green as {wanted}, and the map stores {stored}: the preset {preset} of the Map panel sets it."
+GREEN = "{target} reads green as {wanted}, and the map stores {stored}: the preset {preset} of the Map panel sets it."
 
 
 class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
@@ -515,8 +524,8 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
         if viewer.is_outdated(context):
             draw_paragraphs(layout, context, [message("The settings have changed: refresh the view.")], "INFO")
         if viewer.mode is not Mode.OFF and context.scene.imprint.space == Space.TANGENT:
-            layout.prop(view, "reader")
-            draw_paragraphs(layout, context, _green_problem(view.reader, viewer.session), "INFO")
+            layout.prop(view, "target")
+            draw_paragraphs(layout, context, _green_problem(view.target, viewer.session), "INFO")
         if viewer.mode in {Mode.MAP, Mode.SPLIT}:
             layout.prop(view, "light")
         if viewer.mode is Mode.SPLIT:
@@ -531,11 +540,11 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
 
 def _green_problem(name: str, session: Session | None) -> list[str]:
     """Why the program of this name shows the map with green upside down, in a sentence; empty if it does not."""
-    reader = readers.BY_NAME.get(name)
-    if reader is None or session is None or session.settings.map.green == reader.green:
+    target = targets.BY_NAME.get(name)
+    if target is None or session is None or session.settings.map.green == target.green:
         return []
     stored = session.settings.map.green
-    return [message(GREEN).format(reader=reader.label, wanted=reader.green, stored=stored, preset=reader.preset)]
+    return [message(GREEN).format(target=target.label, wanted=target.green, stored=stored, preset=target.preset)]
 
 
 CLASSES = (

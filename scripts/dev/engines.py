@@ -23,7 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from addon.core.declarations import bases, readers  # noqa: E402
+from addon.core.declarations import bases, targets  # noqa: E402
 from scripts.dev.in_engines import chromium  # noqa: E402
 
 PAGE = ROOT / "docs" / "engines.md"
@@ -54,8 +54,8 @@ def measure(files: list[Path], engines: list[str], modules: Path, *, texels: int
         sample = samples.make(file, texels)
         setting = comparing.set_up(sample, pixels)
         for engine in engines:
-            reader = readers.BY_NAME[engine]
-            row = {"sample": sample.name, "label": reader.label, "basis": reader.basis.name}
+            target = targets.BY_NAME[engine]
+            row = {"sample": sample.name, "label": target.label, "basis": target.basis.name}
             rows.append(row | comparing.degrees(comparing.run(sample, setting, modules, engine, pixels), setting))
             print(table(rows[-1:])[-1], flush=True)
     addon.free()

@@ -16,12 +16,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from addon.cli.farm_command import FARM_OPTIONS  # noqa: E402
-from addon.cli.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
+from addon.cli.gates import COUNT, DEGREES, FIGURES, LENGTH, SECONDS, SHARE, TARGETS  # noqa: E402
 from addon.cli.job_file import KEYS  # noqa: E402
 from addon.cli.option_types import word_for  # noqa: E402
 from addon.cli.options import FILE, JOBS, OBJECTS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption, option_word  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
-from addon.core.declarations import kinds, readers  # noqa: E402
+from addon.core.declarations import kinds, targets  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
 from addon.core.declarations.choices import Pack  # noqa: E402
 from addon.core.map_types import CUSTOM_SUFFIX, PACKINGS, RGBA, Channel, Family, Kind, Packing  # noqa: E402  # noqa: E402
@@ -105,7 +105,7 @@ def panel(shown: PanelSettings) -> str:
 
 MEANINGS = {
     "maps": f"{sentence(DECLARED['maps'].tooltip)} See [all maps](maps.md#all-maps).",
-    "readers": f"{sentence(DECLARED['readers'].tooltip)} See [the names](engines.md#presets).",
+    "targets": f"{sentence(DECLARED['targets'].tooltip)} See [the names](engines.md#presets).",
 }
 """What settings do whose values stand in a table of another page."""
 
@@ -266,13 +266,13 @@ def programs() -> str:
             code(one.names),
             one.settings,
         )
-        for one in readers.READERS
+        for one in targets.TARGETS
     )
     scene = (
         "The scene's render engine",
-        readers.OF_SCENE,
+        targets.OF_SCENE,
         "",
-        readers.UP,
+        targets.UP,
         DECLARED["basis"].items[0].label,
         "read",
         "16",
@@ -285,7 +285,7 @@ def programs() -> str:
 def preset_options() -> str:
     """The options that do the same as each preset."""
     by_options: dict[str, list[str]] = {}
-    for name, values in readers.presets().items():
+    for name, values in targets.presets().items():
         said = f"--green {values['green'].lower()} --basis {word_for(values['basis'])} --depth {values['depth']}"
         by_options.setdefault(said + ("" if values["alpha"] else " --no-alpha"), []).append(name)
     return table(("Preset", "Options"), ((", ".join(names), code(said)) for said, names in by_options.items()))
@@ -306,7 +306,7 @@ def preset(values: dict[str, str | bool]) -> str:
 
 def preset_files() -> dict[Path, str]:
     """The texts of all presets by their paths."""
-    return {PRESETS / f"{name}.py": preset(values) for name, values in readers.presets().items()}
+    return {PRESETS / f"{name}.py": preset(values) for name, values in targets.presets().items()}
 
 
 UNITS = {SHARE: "%, or a share from 0 to 1", COUNT: "a number", LENGTH: "scene units", SECONDS: "s", DEGREES: "deg"}
@@ -317,10 +317,10 @@ def figures() -> str:
     rows: dict[tuple[str, str], list[str]] = {}
     for figure in FIGURES.values():
         name, meaning = figure.name, figure.meaning
-        if name.startswith(READERS):
+        if name.startswith(TARGETS):
             name, meaning = (
-                f"{READERS}.NAME.{name.rpartition('.')[2]}",
-                "degrees by which a program of --readers is off",
+                f"{TARGETS}.NAME.{name.rpartition('.')[2]}",
+                "degrees by which a program of --targets is off",
             )
         names = rows.setdefault((meaning, UNITS[figure.unit]), [])
         if code(name) not in names:

@@ -82,8 +82,8 @@ WRONG = {
     "a mask": (2, ["tangent.png", "--mask"], "leave out --mask"),
     "several of them": (
         2,
-        ["tangent.png", "--texture-sets", "--readers", "three", "--no-normal"],
-        "leave out --no-normal, --texture-sets, --readers",
+        ["tangent.png", "--texture-sets", "--targets", "three", "--no-normal"],
+        "leave out --no-normal, --texture-sets, --targets",
     ),
     "a packed image": (2, ["tangent.png", "--pack", "gltf"], "leave out --pack"),
     "an attribute": (2, ["tangent.png", "--vertex-domain", "corner"], "leave out --vertex-domain"),

@@ -205,9 +205,9 @@ def test_a_texture_that_is_no_whole_image_fails_like_a_missing_one(ending, damag
     assert command.run(words) == 1
     err = capfd.readouterr().err
     assert repr(str(path)) in err
-    assert "--allow-missing-pages" in err
+    assert "--allow-missing-files" in err
     assert not (tmp_path / "skin_out.png").exists()
-    command.run([*words, "--allow-missing-pages"])
+    command.run([*words, "--allow-missing-files"])
     assert str(path) in capfd.readouterr().err
 
 
@@ -275,7 +275,7 @@ def test_a_tile_that_faces_show_and_that_no_file_has_is_named(tmp_path, capsys):
     path.unlink()
     assert command.run(words) == 1
     assert repr(str(path)) in capsys.readouterr().err
-    assert command.run([*words, "--allow-missing-pages"]) == 0
+    assert command.run([*words, "--allow-missing-files"]) == 0
     assert repr(str(path)) in capsys.readouterr().err
 
 

@@ -91,7 +91,7 @@ def test_a_far_scan_of_several_objects(folder, paged, colors):
 
 
 def test_missing_pages_are_left_out_if_that_is_allowed(folder, paged, colors):
-    found, err = colors(paged(missing=[1]), "--method", "cast", "--allow-missing-pages")
+    found, err = colors(paged(missing=[1]), "--method", "cast", "--allow-missing-files")
     (line,) = err.splitlines()
     assert line.startswith('imprint: warning: Material "m1": Base Color')
     assert str(folder / "SCAN_u2_v1_diffuse.png") in line
@@ -104,7 +104,7 @@ def test_missing_pages_are_left_out_if_that_is_allowed(folder, paged, colors):
 def test_a_missing_library_is_named_once(folder, paged, colors):
     name = paged()
     (folder / "scan.mtl").unlink()
-    _, err = colors(name, "--method", "cast", "--allow-missing-pages")
+    _, err = colors(name, "--method", "cast", "--allow-missing-files")
     assert err == (
         f"imprint: warning: 1 file of the high meshes' materials cannot be found: {str(folder / 'scan.mtl')!r}.\n"
     )

@@ -216,7 +216,7 @@ def test_missing_pages_are_an_error_if_a_map_shows_materials(incomplete, run, mo
     paths = ", ".join(repr(str(incomplete / f"page{number}.png")) for number in (2, 3))
     assert err == (
         f"imprint: 2 files of the high meshes' materials cannot be found: {paths}. Put them beside the mesh file, leave "
-        "base-color out of the maps, or add --allow-missing-pages.\n"
+        "base-color out of the maps, or add --allow-missing-files.\n"
     )
     assert not (incomplete / "m.png").exists()
 

@@ -165,7 +165,7 @@ def test_all_lines_of_a_bake_are_of_imprint(tmp_path):
     mesh = (tmp_path / "high.obj").read_text()
     (tmp_path / "high.obj").write_text(re.sub("^f ", "usemtl m\nf ", mesh, count=1, flags=re.MULTILINE))
     words = "--low-file low.obj --high-file high.obj --size 16 --limit 9 --maps base-color --output m_normal.png"
-    program = [sys.executable, imprint.__file__, "bake", *words.split(), "--allow-missing-pages"]
+    program = [sys.executable, imprint.__file__, "bake", *words.split(), "--allow-missing-files"]
     done = subprocess.run(program, capture_output=True, text=True, check=True, cwd=tmp_path)
     lines = done.stderr.splitlines()
     assert all(line.startswith("imprint: ") for line in lines), lines

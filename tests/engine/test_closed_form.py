@@ -173,10 +173,10 @@ def test_both_bases_agree_on_a_plane_and_differ_on_a_bent_mesh():
 
 
 @pytest.mark.parametrize(
-    ("engine", "basis", "reader"),
+    ("engine", "basis", "target"),
     [("CYCLES", "CYCLES", "Basis: Cycles"), ("BLENDER_EEVEE", "MIKKTSPACE", "Basis: MikkTSpace")],
 )
-def test_a_map_is_made_for_the_render_engine_of_the_scene(engine, basis, reader):
+def test_a_map_is_made_for_the_render_engine_of_the_scene(engine, basis, target):
     low, high = zoo.sphere("low", n=4), zoo.sphere("high", n=48)
     chosen = bake(low, high, basis=basis)
     bpy.context.scene.render.engine = engine
@@ -184,7 +184,7 @@ def test_a_map_is_made_for_the_render_engine_of_the_scene(engine, basis, reader)
     settings = Settings(width=64, height=64, material=False)
     report = bake_pair(bpy.context, low, [high], settings)
     assert report.settings["basis"] == basis
-    assert any(line.startswith(reader) for line in report.summary())
+    assert any(line.startswith(target) for line in report.summary())
     assert live_session.Session(bpy.context, Job(low, [high]), settings, progress.Pace()).settings.map.basis == basis
 
 

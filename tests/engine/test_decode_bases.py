@@ -20,17 +20,17 @@ WRONG = 1.0
 NAMES = [basis.name for basis in bases.BASES]
 
 
-def off(low, high, basis, readers=NAMES, size=(256, 256), **settings):
-    """Degrees by reader at the 99th percentile, outside folded triangles and away from borders."""
+def off(low, high, basis, targets=NAMES, size=(256, 256), **settings):
+    """Degrees by target engine at the 99th percentile, outside folded triangles and away from borders."""
     settings = {"size": size, **settings}
     normals = angles.decode(bake(low, high, space="OBJECT", image="object", **settings))
     texels = bake(low, high, basis=basis, image=basis, **settings)
     seen = frames(low, size)
     kept = (angles.eroded(texels[..., 3] > 0, 2) & seen.covered)[seen.covered] & ~seen.is_folded
     assert kept.mean() > 0.5
-    shown = {reader: seen.decoded(angles.decode(texels), reader) for reader in readers}
+    shown = {target: seen.decoded(angles.decode(texels), target) for target in targets}
     expected = normals[seen.covered][kept]
-    return {reader: np.percentile(angles.degrees(found[kept], expected), 99) for reader, found in shown.items()}
+    return {target: np.percentile(angles.degrees(found[kept], expected), 99) for target, found in shown.items()}
 
 
 def triangulate(obj):
@@ -48,7 +48,7 @@ def test_each_basis_has_a_decoder():
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 @pytest.mark.parametrize("basis", NAMES)
-def test_a_map_is_exact_for_its_readers_and_for_no_others(basis, method):
+def test_a_map_is_exact_for_its_targets_and_for_no_others(basis, method):
     low, high = zoo.terrain("low", n=9, height=0.3), zoo.terrain("high", n=96, height=0.3)
     found = off(low, high, basis, method=method)
     assert found.pop(basis) < EXACT
@@ -63,7 +63,7 @@ def test_a_map_is_exact_for_its_readers_and_for_no_others(basis, method):
 )
 @pytest.mark.shared
 @pytest.mark.parametrize("basis", NAMES)
-def test_a_map_of_a_real_pair_is_exact_for_its_readers(shared_assets, basis, name):
+def test_a_map_of_a_real_pair_is_exact_for_its_targets(shared_assets, basis, name):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     triangulate(low)

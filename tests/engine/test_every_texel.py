@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""No texel is wrong: at the center of each one, a reader decodes the normal that the object-space map of the same pair has,
+"""No texel is wrong: at the center of each one, an engine decodes the normal that the object-space map of the same pair has,
 however many samples it is the mean of."""
 
 import math
@@ -14,7 +14,7 @@ from addon.core.map_types import NORMAL
 from addon.mesh import uv_islands
 from addon.passes import samples
 from addon.scene import mesh_reader
-from tests.engine.test_blender_readers import PAIRS, triangulated
+from tests.engine.test_blender_engines import PAIRS, triangulated
 from tests.support import angles, decoders, raster, zoo
 from tests.support.covering import covering
 from tests.support.maps import bake, raw_maps

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.core.declarations import bases, readers
+from addon.core.declarations import bases, targets
 from addon.core.errors import BakeError
 from addon.export import comparison
 from addon.export.baked_low import FileMesh
@@ -96,11 +96,11 @@ def test_another_surface_is_refused(other, reason):
 def test_programs_read_their_green_and_make_their_z(name, channels, read):
     vector = np.array((0.36, 0.48, -0.8))
     measured = comparison.measure(
-        baked(vector), found(), lambda _page: texels(vector), [readers.BY_NAME[name]], channels
+        baked(vector), found(), lambda _page: texels(vector), [targets.BY_NAME[name]], channels
     )
     angle = np.degrees(np.arccos(np.clip(vector @ read, -1.0, 1.0)))
-    assert measured.readers.keys() == {name}
-    assert measured.readers[name]["median"] == pytest.approx(angle, abs=1e-3)
+    assert measured.targets.keys() == {name}
+    assert measured.targets[name]["median"] == pytest.approx(angle, abs=1e-3)
     assert measured.degrees["MIKKTSPACE"]["median"] == pytest.approx(0.0, abs=1e-3)
 
 

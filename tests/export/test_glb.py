@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Exports .glb files, and reads them by the specification: what a reader shows of them is the object-space map."""
+"""Exports .glb files, and reads them by the specification: what a target engine shows of them is the object-space map."""
 
 from dataclasses import replace
 
@@ -40,8 +40,8 @@ def bent_pair(**options):
 
 
 def off(path, name, truth, tmp_path, *, shared=False):
-    """Degrees between what a MikkTSpace reader shows of a file and an object-space map, where both have texels. shared (H, W):
-    texels that do not count, since the reader shows the last of several triangles there."""
+    """Degrees between what a MikkTSpace engine shows of a file and an object-space map, where both have texels. shared (H, W):
+    texels that do not count, since the engine shows the last of several triangles there."""
     (part,) = glb.parts(path, name)
     picture, channels, depth = glb.texels(part.normal_map, tmp_path)
     assert (channels, depth) == (3, 8)

@@ -74,9 +74,9 @@ def test_surface_and_map_are_those_of_the_bake(tmp_path, ending):
 def test_programs_that_are_named_are_measured_too(tmp_path, ending):
     low, high = bent_pair()
     triangulated(low)
-    report = bake(low, high, readers=("three", "unreal"))
+    report = bake(low, high, targets=("three", "unreal"))
     (done,) = export(tmp_path / f"out{ending}", report)
-    found = done.to_dict()["readers"]
+    found = done.to_dict()["targets"]
     assert found["three"] == done.measured.degrees["NORMALIZED"]
     assert (found["unreal"]["percentile_99"] > 1.0) is (ending == ".fbx")  # which does not say what green is
     summary = report.with_export(done.to_dict()).exported

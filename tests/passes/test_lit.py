@@ -387,12 +387,12 @@ class TestDeviation:
         low, high = zoo.terrain("lo", n=9, height=0.3), zoo.terrain("hi", n=96, height=0.3)
         drawn = self.of(low, high, basis="NORMALIZED")
         exact = drawn.deviations
-        drawn.update(is_measured=True, reader="godot-old")  # it makes z, which no texel here has below 0
+        drawn.update(is_measured=True, target_engine="godot-old")  # it makes z, which no texel here has below 0
         assert drawn.deviations.percentile_99 == pytest.approx(exact.percentile_99, abs=0.01)
-        for reader in ("eevee", "cycles", "godot"):
-            drawn.update(is_measured=True, reader=reader)
+        for name in ("eevee", "cycles", "godot"):
+            drawn.update(is_measured=True, target_engine=name)
             assert drawn.deviations.percentile_99 > 1.0
-        drawn.update(is_measured=True, reader="directx")
+        drawn.update(is_measured=True, target_engine="directx")
         assert drawn.deviations.mean > 10.0
         drawn.update(is_measured=True)
         assert drawn.deviations == exact

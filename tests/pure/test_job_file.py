@@ -35,7 +35,7 @@ SAID = {
     "method": ("--method cast", "CAST"),
     "space": ("--space WORLD", "WORLD"),
     "basis": ("--basis mikktspace", "MIKKTSPACE"),
-    "readers": ("--readers three,unreal", ("unreal", "three")),
+    "targets": ("--targets three,unreal", ("unreal", "three")),
     "uv_layer": ("--uv Layout", "Layout"),
     "width": ("--size 64x32", 64),
     "height": ("--size 64x32", 32),

@@ -4,7 +4,7 @@
 import pytest
 
 from addon.core import naming
-from addon.core.declarations.readers import READERS
+from addon.core.declarations.targets import TARGETS
 from addon.core.map_types import BY_NAME
 from addon.core.naming import LOW
 from addon.core.settings import Settings
@@ -69,7 +69,7 @@ def test_short_suffixes_are_distinct():
     assert len({*short, "N"}) == len(short) + 1
 
 
-@pytest.mark.parametrize("names", dict.fromkeys(reader.names for reader in READERS))
+@pytest.mark.parametrize("names", dict.fromkeys(target.names for target in TARGETS))
 def test_the_suffix_takes_the_place_of_the_ending_of_each_preset(names):
     name = names.replace(LOW, "rock")
     assert beside("THICKNESS", image=name).storing.image == f"{name.rpartition('_')[0]}_thickness"

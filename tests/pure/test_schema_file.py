@@ -52,7 +52,7 @@ def test_reports_fit():
         (("bakes", 0, "files", 0, "sha256"), "abc"),
         (("bakes", 0, "reports", 0, "size"), [16]),
         (("bakes", 0, "reports", 0, "missed"), "0.1"),
-        (("bakes", 0, "reports", 0, "readers"), {"three": {"median": "small"}}),
+        (("bakes", 0, "reports", 0, "targets"), {"three": {"median": "small"}}),
         (("summary", "done"), 1.5),
     ],
 )

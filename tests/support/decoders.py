@@ -45,7 +45,7 @@ DECODERS = {
 
 
 def decoded(normals, basis, normal, tangent, bitangent):
-    """Normals (N, 3), not of length one, that a reader of `basis` shows of tangent-space ones (N, 3).
+    """Normals (N, 3), not of length one, that an engine of `basis` shows of tangent-space ones (N, 3).
 
     normal (N, 3), tangent (N, 4), bitangent (N, 3): of the mesh's corners, interpolated.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads a .glb by its specification, without Imprint's code, and draws what a reader's shader makes of it in UV space."""
+"""Reads a .glb by its specification, without Imprint's code, and draws what an engine's shader makes of it in UV space."""
 
 import json
 import struct
@@ -94,7 +94,7 @@ def texels(data, tmp_path):
 
 
 def shown(part, picture):
-    """The object-space normals (H, W, 3), in Blender's axes and with row 0 at v = 0, that a MikkTSpace reader shows at the
+    """The object-space normals (H, W, 3), in Blender's axes and with row 0 at v = 0, that a MikkTSpace engine shows at the
     centers of texels, and which texels (H, W) triangles cover. picture (H, W, 3) uint8, row 0 at the top."""
     height, width = picture.shape[:2]
     layer = part.material["normalTexture"].get("texCoord", 0)

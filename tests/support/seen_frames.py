@@ -21,7 +21,7 @@ class Frames:
     """(N,) Whether a corner's normal points behind the triangle: no map is right there."""
 
     def decoded(self, normals, basis):
-        """Object-space unit normals (N, 3) that a reader of `basis` shows of a tangent-space map (H, W, 3)."""
+        """Object-space unit normals (N, 3) that an engine of `basis` shows of a tangent-space map (H, W, 3)."""
         return raster.unit(decoders.decoded(normals[self.covered], basis, self.normal, self.tangent, self.bitangent))
 
 

@@ -101,9 +101,9 @@ def test_mirrored_copies_are_found_and_harmless():
         ({"basis": "AUTO", "storage": "FILE"}, False),
         ({"basis": "MIKKTSPACE_VERTEX"}, True),
         ({"basis": "NORMALIZED"}, True),
-        ({"readers": ("cycles", "eevee")}, False),
-        ({"readers": ("cycles", "unreal")}, True),
-        ({"readers": ("unreal",), "space": "WORLD"}, False),
+        ({"targets": ("cycles", "eevee")}, False),
+        ({"targets": ("cycles", "unreal")}, True),
+        ({"targets": ("unreal",), "space": "WORLD"}, False),
     ],
 )
 def test_only_maps_for_other_programs_are_asked_about(settings, asks):

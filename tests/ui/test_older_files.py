@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.declarations.all_settings import FORMER
 from addon.ui import object_pairs
 from tests.support import older_file
 from tests.support.maps import pixels
@@ -28,7 +29,7 @@ def opened(registered):
 def test_settings_have_the_values_that_were_saved(opened, scene):
     found = older_file.values(bpy.data.scenes[scene].imprint)
     wanted = opened[scene]["values"]
-    assert {name: found[name] for name in wanted} == wanted
+    assert {name: found[FORMER.get(name, name)] for name in wanted} == wanted
 
 
 def test_choices_have_the_numbers_that_files_have_for_them(opened):
@@ -36,6 +37,19 @@ def test_choices_have_the_numbers_that_files_have_for_them(opened):
     found = older_file.items(bpy.context.scene.imprint)
     for name, items in opened["changed"]["items"].items():
         assert items.items() <= found[name].items(), name
+
+
+def test_values_of_earlier_names_go_to_the_present_ones_once(opened):
+    settings, view = bpy.data.scenes["changed"].imprint, bpy.data.scenes["changed"].imprint_view
+    assert settings.targets == {"directx"}
+    assert not settings.is_property_set("readers")
+    settings.targets, settings.tiles = set(), ""
+    with pytest.warns(FutureWarning, match="readers is now called targets"):
+        settings.readers = {"unreal", "three"}
+    assert settings.to_settings().map.targets == ("unreal", "three")
+    with pytest.warns(FutureWarning, match="reader is now called target"):
+        view.reader = "godot"
+    assert view.target == "godot"
 
 
 def test_the_map_and_its_material_are_there(opened):

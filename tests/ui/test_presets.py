@@ -8,7 +8,7 @@ import pytest
 
 import addon
 from addon.core import naming
-from addon.core.declarations import readers
+from addon.core.declarations import targets
 from tests.support import maps, panel_layout, zoo
 
 BUILT_IN = sorted((Path(addon.__file__).parent / "presets" / "imprint").glob("*.py"))
@@ -72,25 +72,25 @@ def test_a_preset_that_is_no_python_says_so(tmp_path):
 def test_all_presets_are_found_by_blender():
     folders = {Path(folder) for folder in bpy.utils.preset_paths("imprint")}
     assert BUILT_IN[0].parent in folders
-    assert {path.stem for path in BUILT_IN} == {readers.OF_SCENE, *(reader.preset for reader in readers.READERS)}
+    assert {path.stem for path in BUILT_IN} == {targets.OF_SCENE, *(target.preset for target in targets.TARGETS)}
 
 
 @pytest.mark.parametrize("path", BUILT_IN, ids=lambda path: path.stem)
 def test_a_preset_sets_what_its_programs_need(path):
     settings = bpy.context.scene.imprint
     settings.red, settings.green, settings.blue = "-Z", "+X", "-Y"
-    settings.basis = "CYCLES" if path.stem == readers.OF_SCENE else "AUTO"
+    settings.basis = "CYCLES" if path.stem == targets.OF_SCENE else "AUTO"
     settings.image, settings.output = "of another preset", "//maps/mine.<UDIM>.tif"
     assert use(path) == {"FINISHED"}
     found = settings.red, settings.green, settings.blue, settings.basis, settings.depth, settings.alpha
-    names = readers.presets()[path.stem]["names"]
+    names = targets.presets()[path.stem]["names"]
     # Without a name, an image has the usual one.
     assert settings.image == ("" if names == naming.USUAL else names)
     assert settings.output == f"//maps/{names}.<UDIM>.tif"
-    served = [reader for reader in readers.READERS if reader.preset == path.stem]
-    for reader in served:
-        assert found == ("+X", reader.green, "+Z", reader.basis.name, str(reader.depth), reader.alpha)
-        assert names == reader.names
+    served = [target for target in targets.TARGETS if target.preset == path.stem]
+    for target in served:
+        assert found == ("+X", target.green, "+Z", target.basis.name, str(target.depth), target.alpha)
+        assert names == target.names
     if not served:
         assert found == ("+X", "+Y", "+Z", "AUTO", "16", True)
 

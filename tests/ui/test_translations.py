@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon.core.declarations import readers
+from addon.core.declarations import targets
 from addon.engine import ray_maps
 from addon.ui import texts
 from addon.ui.texts import FOLDER, LABEL, OPERATOR, SENTENCE
@@ -34,7 +34,7 @@ UNTRANSLATED = {
     "Unreal": "a name",
     "Unity URP": "a name",
     "Unity HDRP": "a name",
-    **{reader.label: "a program that reads maps" for reader in readers.READERS},
+    **{target.label: "a program that reads maps" for target in targets.TARGETS},
     **dict.fromkeys(("1", "2", "4", "8", "16", "32", "64"), "a number"),
     **dict.fromkeys(("+X", "-X", "+Y (OpenGL)", "-Y (DirectX)", "+Z", "-Z"), "an axis"),
     **dict.fromkeys(("Auto", "Material"), "the same in all languages"),

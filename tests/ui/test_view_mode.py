@@ -106,14 +106,14 @@ def test_the_deviations_are_shown_as_text(pair):
 
 def test_a_view_reads_the_map_as_the_chosen_program_does(pair):
     bpy.context.scene.imprint.basis = "CYCLES"
-    view().reader = "directx"  # while no view is on
+    view().target = "directx"  # while no view is on
     view().mode = "DEVIATION"
     wrong, seen = viewer.deviations, drawn_pixels()
-    view().reader = "OWN"
+    view().target = "OWN"
     assert viewer.deviations.percentile_99 < 0.1
     assert wrong.mean > 5.0
     assert not np.array_equal(drawn_pixels(), seen)
-    view().reader = "directx"
+    view().target = "directx"
     assert viewer.deviations == wrong
     bpy.context.scene.imprint.space = "OBJECT"
     assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
@@ -123,14 +123,14 @@ def test_a_view_reads_the_map_as_the_chosen_program_does(pair):
 def test_the_panel_says_that_a_program_reads_green_upside_down(pair):
     bpy.context.scene.imprint.green = "+Y"
     view().mode = "DEVIATION"
-    view().reader = "unreal"
+    view().target = "unreal"
     assert (
         "Unreal Engine reads green as -Y, and the map stores +Y: the preset Unreal"
         in panel_layout.draw(width=2000).text
     )
-    view().reader = "unity"
+    view().target = "unity"
     assert "reads green" not in panel_layout.draw(width=2000).text
-    view().reader = "OWN"
+    view().target = "OWN"
     assert "reads green" not in panel_layout.draw(width=2000).text
 
 

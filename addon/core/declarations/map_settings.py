@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from .. import map_types
 from ..map_types import AO, METALLIC, NORMAL, ONE, ROUGHNESS, SMOOTHNESS, ZERO, Kind
-from . import bases, readers
+from . import bases, targets
 from .choices import DistanceUnit, Fade, MarginType, Method, Modifiers, Occluders, Pack, Space, Stacked, VertexDomain
 from .kinds import Choice, Distance, Flags, Item, Option, Reach, Setting, Switch, Text, WholeNumber
 
@@ -58,14 +58,15 @@ MAP: dict[str, Setting] = {
         ),
         option=Option(note="Mesh files have no scene: for them, auto means mikktspace"),
     ),
-    "readers": Flags(
-        label="Target Programs",
+    "targets": Flags(
+        label="Target Engines",
         tooltip="Programs for which the report says by how many degrees they are off when they read this tangent-space map",
         items=tuple(
-            Item(reader.name, reader.label, f"It decodes with the basis {reader.basis.label}")
-            for reader in readers.READERS
+            Item(target.name, target.label, f"It decodes with the basis {target.basis.label}")
+            for target in targets.TARGETS
         ),
-        option=Option(explains=False, note=f"Any of {', '.join(reader.name for reader in readers.READERS)}"),
+        option=Option(explains=False, note=f"Any of {', '.join(target.name for target in targets.TARGETS)}"),
+        former="readers",
     ),
     "uv_layer": Text(
         label="UV Map", tooltip="UV map of the low mesh", empty="the active one", option=Option(word="uv")

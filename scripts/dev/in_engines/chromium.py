@@ -24,7 +24,7 @@ PACKAGES = {
 }
 """The npm packages and their versions."""
 ENGINES = "three", "babylon", "khronos"
-"""The engines, by the names of the declared readers. A page of the same name drives each."""
+"""The engines, by the names of the declared target engines. A page of the same name drives each."""
 WITHOUT_OBJECT_SPACE = {"khronos"}
 """Engines without object-space normal maps. They show such a map as a surface's colors."""
 NORMAL, COLOR, SURFACE = OUTPUTS = "normal", "color", "surface"

@@ -68,7 +68,7 @@ def _plaque(name: str = "plaque") -> tuple[bpy.types.Object, bpy.types.Object]:
 
 
 def green() -> Iterator[Picture]:
-    """A map with green down, read as if it were up: as a reader does that was not told."""
+    """A map with green down, read as if it were up: as an engine does that was not told."""
     high, low = _plaque()
     right = models.bake(low, high, green="+Y")
     wrong = models.bake(low, high, green="-Y", material=False)

@@ -145,11 +145,11 @@ def views() -> Iterator[Action]:
         yield from window.wait()
         yield 1.5
         yield name, _viewport_alone()
-    shown.mode, shown.reader, shown.limit = "DEVIATION", "godot", 5.0
+    shown.mode, shown.target, shown.limit = "DEVIATION", "godot", 5.0
     yield from window.wait()
     yield 1.5
-    yield "view-reader", _viewport_alone()
-    shown.mode, shown.reader = "OFF", "OWN"
+    yield "view-target", _viewport_alone()
+    shown.mode, shown.target = "OFF", "OWN"
     bpy.data.objects["monkey_high"].hide_set(True)
     with window.override():
         bpy.ops.imprint.show_cage()
@@ -195,10 +195,10 @@ def panels() -> Iterator[Action]:
             settings.storage, settings.output, settings.export = "PACK", "", ""
             settings.convert_image = bpy.data.images["monkey_low_normal"]
         if name == "view":
-            shown.mode, shown.reader = "DEVIATION", "unreal"
+            shown.mode, shown.target = "DEVIATION", "unreal"
             yield from window.wait()
         yield f"panel-{name}", (yield from _picture(copies))
-        shown.mode, shown.reader = "OFF", "OWN"
+        shown.mode, shown.target = "OFF", "OWN"
     preferences.view.ui_scale, preferences.system.use_region_overlap = 1.0, True
     settings.convert_image = None
     settings.maps, settings.pack, settings.ao_limited = set(), "NONE", False

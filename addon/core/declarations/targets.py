@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The programs that read normal maps, and what each needs. To add one, add it to READERS: no other module names a program."""
+"""The target engines: programs that read normal maps, and what each needs. To add one, add it to TARGETS: no other module names
+a program.
+"""
 
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -17,7 +19,7 @@ OF_SCENE = "Blender"
 
 
 @dataclass(frozen=True)
-class Reader:
+class TargetEngine:
     """A program that decodes tangent-space normal maps.
 
     name: on the command line and in job files. label: in the interface and the manual. basis: that it decodes with. green: UP
@@ -44,11 +46,11 @@ _WITH_TANGENTS = "Export with *Tangents*; viewers read 8 bits"
 _OF_UNITY = "Texture type *Normal map*; model: tangents *Calculate Mikktspace* or *Import*"
 _OF_GODOT = "Normal map *Enabled* in the texture's import settings; the mesh exported with tangents"
 
-READERS = (
-    Reader(
+TARGETS = (
+    TargetEngine(
         "cycles", "Blender Cycles", bases.CYCLES, "Blender Cycles", "Imprint sets up the material", depth=16, alpha=True
     ),
-    Reader(
+    TargetEngine(
         "eevee",
         "Blender EEVEE",
         bases.MIKKTSPACE,
@@ -57,7 +59,7 @@ READERS = (
         depth=16,
         alpha=True,
     ),
-    Reader(
+    TargetEngine(
         "unreal",
         "Unreal Engine",
         bases.MIKKTSPACE,
@@ -68,7 +70,7 @@ READERS = (
         depth=16,
         names="T_{low}_N",
     ),
-    Reader(
+    TargetEngine(
         "unity",
         "Unity URP, HDRP",
         bases.MIKKTSPACE,
@@ -79,7 +81,7 @@ READERS = (
         alpha=True,
         names="{low}_Normal",
     ),
-    Reader(
+    TargetEngine(
         "unity-built-in",
         "Unity Built-in",
         bases.MIKKTSPACE_VERTEX,
@@ -90,7 +92,7 @@ READERS = (
         alpha=True,
         names="{low}_Normal",
     ),
-    Reader(
+    TargetEngine(
         "godot",
         "Godot 4.4+",
         bases.MIKKTSPACE_VERTEX,
@@ -99,7 +101,7 @@ READERS = (
         rebuilds_z=True,
         depth=16,
     ),
-    Reader(
+    TargetEngine(
         "godot-old",
         "Godot 3, 4.0-4.3",
         bases.NORMALIZED,
@@ -108,12 +110,12 @@ READERS = (
         rebuilds_z=True,
         depth=16,
     ),
-    Reader("three", "three.js", bases.NORMALIZED, "glTF", _WITH_TANGENTS),
-    Reader("khronos", "Khronos glTF viewer", bases.NORMALIZED, "glTF", _WITH_TANGENTS),
-    Reader("babylon", "Babylon.js", bases.MIKKTSPACE_VERTEX, "Babylon.js", _WITH_TANGENTS),
-    Reader("bevy", "Bevy", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS),
-    Reader("filament", "Filament", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS),
-    Reader(
+    TargetEngine("three", "three.js", bases.NORMALIZED, "glTF", _WITH_TANGENTS),
+    TargetEngine("khronos", "Khronos glTF viewer", bases.NORMALIZED, "glTF", _WITH_TANGENTS),
+    TargetEngine("babylon", "Babylon.js", bases.MIKKTSPACE_VERTEX, "Babylon.js", _WITH_TANGENTS),
+    TargetEngine("bevy", "Bevy", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS),
+    TargetEngine("filament", "Filament", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS),
+    TargetEngine(
         "cryengine",
         "CryEngine",
         bases.MIKKTSPACE_VERTEX,
@@ -124,8 +126,8 @@ READERS = (
         depth=16,
         names="{low}_ddn",
     ),
-    Reader("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance and xNormal", _LINEAR, depth=16),
-    Reader(
+    TargetEngine("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance and xNormal", _LINEAR, depth=16),
+    TargetEngine(
         "substance",
         "Substance 3D",
         bases.MIKKTSPACE_VERTEX,
@@ -133,7 +135,7 @@ READERS = (
         "*Compute tangent space per fragment* off",
         depth=16,
     ),
-    Reader(
+    TargetEngine(
         "substance-per-fragment",
         "Substance 3D per fragment",
         bases.MIKKTSPACE,
@@ -141,33 +143,33 @@ READERS = (
         "*Compute tangent space per fragment* on",
         depth=16,
     ),
-    Reader("directx", "DirectX", bases.MIKKTSPACE, "DirectX", _LINEAR, green=DOWN, depth=16),
+    TargetEngine("directx", "DirectX", bases.MIKKTSPACE, "DirectX", _LINEAR, green=DOWN, depth=16),
 )
-BY_NAME = MappingProxyType({reader.name: reader for reader in READERS})
+BY_NAME = MappingProxyType({target.name: target for target in TARGETS})
 
 
-def of_basis(basis: Basis) -> tuple[Reader, ...]:
+def of_basis(basis: Basis) -> tuple[TargetEngine, ...]:
     """The programs that decode with a basis."""
-    return tuple(reader for reader in READERS if reader.basis == basis)
+    return tuple(target for target in TARGETS if target.basis == basis)
 
 
 def names(basis: Basis) -> str:
     """The programs that decode with a basis, as words."""
-    *first, last = (reader.label for reader in of_basis(basis))
+    *first, last = (target.label for target in of_basis(basis))
     return f"{', '.join(first)} and {last}" if first else last
 
 
 def presets() -> dict[str, dict[str, str | bool]]:
     """The settings of each preset, by its name and theirs. Programs that share a preset need the same."""
     of_scene = {"basis": bases.AUTO, "green": UP, "depth": "16", "alpha": True, "names": USUAL}
-    of_readers = {
-        reader.preset: {
-            "basis": reader.basis.name,
-            "green": reader.green,
-            "depth": str(reader.depth),
-            "alpha": reader.alpha,
-            "names": reader.names,
+    of_targets = {
+        target.preset: {
+            "basis": target.basis.name,
+            "green": target.green,
+            "depth": str(target.depth),
+            "alpha": target.alpha,
+            "names": target.names,
         }
-        for reader in READERS
+        for target in TARGETS
     }
-    return {OF_SCENE: of_scene, **of_readers}
+    return {OF_SCENE: of_scene, **of_targets}

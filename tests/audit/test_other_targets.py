@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.audit import deviations
-from addon.core.declarations import readers
+from addon.core.declarations import targets
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.engine import bands
@@ -22,7 +22,7 @@ CLOSE = 0.003
 """Degrees. Percentiles are rounded down to 0.001 degrees, and rasterizers round corners to 1/256 texel."""
 BORDER = 0.02
 """Share of the texels: those whose center is at the border of a triangle, which one rasterizer may give to its neighbor."""
-ALL = tuple(reader.name for reader in readers.READERS)
+ALL = tuple(target.name for target in targets.TARGETS)
 
 
 def terrains():
@@ -30,22 +30,22 @@ def terrains():
 
 
 def settings(**values):
-    usual = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, "readers": ALL}
+    usual = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, "targets": ALL}
     return Settings(**{**usual, "width": SIZE[0], "height": SIZE[1], "basis": "CYCLES", **values})
 
 
-def expected(low, texels, chosen, reader):
+def expected(low, texels, chosen, target):
     """The angles (N,) between what the map means and what the program shows, in float64."""
     seen = frames(low, SIZE)
     axes = chosen.map.channels
     stored = texels[..., :3].astype(np.float64)
     meant = decode(stored, axes)
-    if min(chosen.storing.depth, reader.depth) == 8:
+    if min(chosen.storing.depth, target.depth) == 8:
         stored = np.floor(stored * 255.0 + 0.5) / 255.0
-    shown = decode(stored, ("+X", reader.green, "+Z"))
-    if reader.rebuilds_z:
+    shown = decode(stored, ("+X", target.green, "+Z"))
+    if target.rebuilds_z:
         shown[..., 2] = np.sqrt(np.maximum(0.0, 1.0 - shown[..., 0] ** 2 - shown[..., 1] ** 2))
-    return angles.degrees(seen.decoded(meant, chosen.map.basis), seen.decoded(shown, reader.basis.name))
+    return angles.degrees(seen.decoded(meant, chosen.map.basis), seen.decoded(shown, target.basis.name))
 
 
 def decode(stored, axes):
@@ -62,9 +62,9 @@ def test_each_program_is_off_by_what_its_rules_give(values):
     chosen = settings(**values)
     report = bake_pair(bpy.context, low, [high], chosen)
     texels = pixels(bpy.data.images[report.image])
-    assert list(report.readers) == list(ALL)
-    for name, found in report.readers.items():
-        off = expected(low, texels, chosen, readers.BY_NAME[name])
+    assert list(report.targets) == list(ALL)
+    for name, found in report.targets.items():
+        off = expected(low, texels, chosen, targets.BY_NAME[name])
         assert found["texels"] == pytest.approx(len(off), rel=BORDER)
         for key, percent in (("median", 50), ("percentile_95", 95)):
             below, above = np.percentile(off, [percent - 2, percent + 2])
@@ -75,12 +75,12 @@ def test_each_program_is_off_by_what_its_rules_give(values):
 
 
 def test_the_programs_that_the_map_is_made_for_are_exact():
-    for basis in {reader.basis.name for reader in readers.READERS}:
-        for green in (readers.UP, readers.DOWN):
-            found = bake_pair(bpy.context, *pair_of(terrains()), settings(basis=basis, green=green)).readers
-            for reader in readers.READERS:
-                is_made = (reader.basis.name, reader.green) == (basis, green) and reader.depth > 8
-                assert (found[reader.name]["percentile_95"] < CLOSE) == is_made, (basis, green, reader.name)
+    for basis in {target.basis.name for target in targets.TARGETS}:
+        for green in (targets.UP, targets.DOWN):
+            found = bake_pair(bpy.context, *pair_of(terrains()), settings(basis=basis, green=green)).targets
+            for target in targets.TARGETS:
+                is_made = (target.basis.name, target.green) == (basis, green) and target.depth > 8
+                assert (found[target.name]["percentile_95"] < CLOSE) == is_made, (basis, green, target.name)
 
 
 def pair_of(objects):
@@ -98,42 +98,42 @@ def assert_same(one, other):
 
 def test_bands_and_tiles_and_an_atlas_count_the_same_texels(monkeypatch):
     low, high = terrains()
-    whole = bake_pair(bpy.context, low, [high], settings()).readers
+    whole = bake_pair(bpy.context, low, [high], settings()).targets
     monkeypatch.setattr(bands, "BAND_TEXELS", SIZE[0] * 10)
-    assert_same(bake_pair(bpy.context, low, [high], settings()).readers, whole)
-    tiled = bake_pair(bpy.context, low, [high], settings(udim=True, tiles=(1001,), storage="PACK")).readers
+    assert_same(bake_pair(bpy.context, low, [high], settings()).targets, whole)
+    tiled = bake_pair(bpy.context, low, [high], settings(udim=True, tiles=(1001,), storage="PACK")).targets
     assert_same(tiled, whole)
     (report,) = finish(
         bake_jobs.work(bpy.context, [Job(low, [high])], settings(image="atlas"), Pace(None), share_image=True)
     )
-    assert_same(report.readers, whole)
+    assert_same(report.targets, whole)
 
 
 def test_texels_with_a_z_of_0_or_less_are_a_warning_for_programs_that_make_z():
     low, high = zoo.plane("low"), zoo.plane("high")
     high.rotation_euler.x = 2.0
-    report = bake_pair(bpy.context, low, [high], settings(readers=("unreal", "godot", "three")))
-    rebuilt = {name: found["rebuilt"] for name, found in report.readers.items()}
+    report = bake_pair(bpy.context, low, [high], settings(targets=("unreal", "godot", "three")))
+    rebuilt = {name: found["rebuilt"] for name, found in report.targets.items()}
     texels = SIZE[0] * SIZE[1]
     assert rebuilt == {"unreal": texels, "godot": texels, "three": 0}
     assert not any("z is made" in text for text in report.warnings)  # they name the cause
-    assert deviations.engine_warnings(report.readers) == [
+    assert deviations.engine_warnings(report.targets) == [
         f"Unreal Engine, Godot 4.4+: z is made of x and y there, and {texels:,} texels with a z of 0 or less come out wrong."
     ]
     away = 180.0 - 2.0 * np.degrees(2.0 - np.pi / 2.0)  # mirrored at the surface, by green as well in Unreal
-    assert report.readers["godot"]["maximum"] == pytest.approx(180.0 - away, abs=0.01)
+    assert report.targets["godot"]["maximum"] == pytest.approx(180.0 - away, abs=0.01)
 
 
 def test_the_summary_has_a_line_for_each_program():
-    report = bake_pair(bpy.context, *pair_of(terrains()), settings(readers=("unreal", "cycles")))
+    report = bake_pair(bpy.context, *pair_of(terrains()), settings(targets=("unreal", "cycles")))
     lines = [line for line in report.summary() if " is off by " in line]
     assert [line.split(" is off by ")[0] for line in lines] == ["Unreal Engine", "Blender Cycles"]
     assert [line.endswith("; it reads green as -Y") for line in lines] == [True, False]
 
 
-@pytest.mark.parametrize("values", [{"space": "OBJECT"}, {"normal": False, "maps": ("AO",)}, {"readers": ()}], ids=str)
-def test_a_bake_without_a_tangent_space_map_has_no_readers(values):
-    assert bake_pair(bpy.context, *pair_of(terrains()), settings(**values)).readers == {}
+@pytest.mark.parametrize("values", [{"space": "OBJECT"}, {"normal": False, "maps": ("AO",)}, {"targets": ()}], ids=str)
+def test_a_bake_without_a_tangent_space_map_has_no_targets(values):
+    assert bake_pair(bpy.context, *pair_of(terrains()), settings(**values)).targets == {}
 
 
 def test_programs_with_other_tangents_of_an_uneven_scale_are_named_and_not_measured():
@@ -146,13 +146,13 @@ def test_programs_with_other_tangents_of_an_uneven_scale_are_named_and_not_measu
         basis="NORMALIZED",
         width=64,
         height=64,
-        readers=("three", "cycles", "babylon"),
+        targets=("three", "cycles", "babylon"),
     )
     report = bake_pair(bpy.context, low, [high], settings)
-    assert set(report.readers) == {"three", "babylon"}
+    assert set(report.targets) == {"three", "babylon"}
     (said,) = (warning for warning in report.warnings if "Apply the scale" in warning)
     assert said.startswith("Blender Cycles: of 'low', which is scaled more along one axis")
     low.scale = high.scale = (2.0, 2.0, 2.0)
     report = bake_pair(bpy.context, low, [high], settings)
-    assert set(report.readers) == {"three", "cycles", "babylon"}
+    assert set(report.targets) == {"three", "cycles", "babylon"}
     assert not [warning for warning in report.warnings if "Apply the scale" in warning]
