@@ -20,7 +20,7 @@ from ..engine.shared_uvs import HiddenParts, Layer
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..passes import audit, lit, mesh_upload, target, viewport
+from ..passes import audit, data_texture, lit, mesh_upload, target, viewport
 from .pictures import BakePictures
 
 
@@ -85,7 +85,7 @@ class Deviations:
         for band in of_tile:
             rows = slice(band.start, band.stop)
             part = np.arange(band.start, band.stop) * len(elsewhere) // len(state)
-            texels_of_band = np.ascontiguousarray(self._kept(np.ascontiguousarray(texels[rows], np.float32)))
+            texels_of_band = self._kept(np.ascontiguousarray(texels[rows], np.float32))
             angles = self._angles(band.without_halo, texels_of_band, elsewhere[part], drawn)
             is_drawn = state[rows] == texel_state.WRITTEN
             if drawn.layer is not None:
@@ -114,23 +114,19 @@ class Deviations:
     def _angles(self, band: Band, texels: np.ndarray, elsewhere: np.ndarray, drawn: _Drawn) -> np.ndarray:
         """What viewport.measure_deviation writes, (height, width, 4) float32."""
         low, settings = drawn.low, self._settings
-        data = gpu.types.Buffer("FLOAT", texels.shape, texels)
-        normal_map = gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
         read = normal_space.reading(settings.map)
         measured = target.get("deviation", band.width, band.height, "RGBA32F")
         viewport.measure_deviation(
             measured,
             drawn.uploaded,
-            normal_map,
+            data_texture.image(texels),
             drawn.highs.high_normals(band),
             lit.shading(low.normal_matrix, read=read),
             elsewhere=elsewhere,
             stretch=low.stretch,
             uv_to_clip=band.uv_to_clip,
         )
-        values = np.empty((band.height, band.width, 4), np.float32)
-        measured.read(values)
-        return values
+        return measured.texels()
 
 
 class OtherEngines:
@@ -167,9 +163,7 @@ class OtherEngines:
             self._uploaded = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=low.tangents)
         own = normal_space.reading(self.settings.map)
         for band in bands.bands(state.shape[1], state.shape[0], 0, tile):
-            rows = np.ascontiguousarray(texels[band.start : band.stop], np.float32)
-            data = gpu.types.Buffer("FLOAT", rows.shape, rows)
-            texture = gpu.types.GPUTexture((band.width, len(rows)), format="RGBA32F", data=data)
+            texture = data_texture.image(texels[band.start : band.stop])
             is_written = state[band.start : band.stop] == texel_state.WRITTEN
             to_clip = band.without_halo.uv_to_clip
             for reader in self.readers:

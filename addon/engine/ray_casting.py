@@ -176,7 +176,5 @@ def rays_at_points(
         start_offset=extrusion,
         start_on_cage=meshes.cage is not None,
     )
-    away = np.empty((side, side, 4), np.float32)
-    drawn.read(away, slot=1)
-    away = away.reshape(-1, 4)[:count]
+    away = drawn.texels(1).reshape(-1, 4)[:count]
     return RayPoints(by_point["position"], away[:, :3], away[:, 3])

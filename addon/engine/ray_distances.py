@@ -147,9 +147,7 @@ def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: 
     )
     heights = texels[..., 0]
     if rule == Hit.OUTERMOST:
-        away = np.empty_like(texels)
-        drawn.read(away, slot=1)
-        heights -= away[..., 3]
+        heights -= drawn.texels(1)[..., 3]
     return heights[texels[..., 3] > 0.0]
 
 
@@ -160,9 +158,7 @@ def hit_heights(tables: cast.Tables, owners: Owners | None, drawn: target.Target
     for _ in cast_in_slices(hits, drawn, tables, owners, pace=Pace(), **options):
         pass
     cast.heights(found, hits, drawn)
-    texels = np.empty((drawn.height, drawn.width, 4), np.float32)
-    found.read(texels)
-    return texels
+    return found.texels()
 
 
 def _with_reserve(distances: np.ndarray) -> float:

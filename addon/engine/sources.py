@@ -336,12 +336,8 @@ class FlatAndRays(Rays):
         key = band.tile, band.start
         if key in self._counts or band.size != self.settings.size:
             return
-        found = []
-        for drawn in (points, rays):
-            texels = np.empty((band.height, band.width, 4), np.float32)
-            drawn.read(texels)
-            found.append(np.count_nonzero(texels[band.halo : band.height - band.halo, :, 3]))
-        self._counts[key] = np.array(found)
+        rows = slice(band.halo, band.height - band.halo)
+        self._counts[key] = np.array([np.count_nonzero(drawn.texels()[rows, :, 3]) for drawn in (points, rays)])
 
     def _join(
         self,

@@ -102,9 +102,7 @@ def _clearances(owners: Owners, count: int) -> np.ndarray:
         count=count,
         per_row=CLEARED_WIDTH // CLEARED_AT_ONCE,
     )
-    found = np.empty((into.height, into.width), np.float32)
-    into.read(found)
-    blocks = found.reshape(rows, CLEARED_AT_ONCE, -1, CLEARED_AT_ONCE)
+    blocks = into.texels().reshape(rows, CLEARED_AT_ONCE, -1, CLEARED_AT_ONCE)
     return blocks.transpose(0, 2, 1, 3).reshape(-1)[:count]
 
 

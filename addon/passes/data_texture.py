@@ -56,6 +56,13 @@ def upload_numbers(*columns: np.ndarray) -> gpu.types.GPUTexture:
     return upload_padded(texels)
 
 
+def image(values: np.ndarray, texel: str = "RGBA32F") -> gpu.types.GPUTexture:
+    """A texture of this format with the texels of `values`, (height, width, 4), or (height, width) for a single channel."""
+    values = np.ascontiguousarray(values, np.float32)
+    data = gpu.types.Buffer("FLOAT", values.shape, values)
+    return gpu.types.GPUTexture(values.shape[1::-1], format=texel, data=data)
+
+
 def empty(count: int) -> np.ndarray:
     """A zeroed array (rows * WIDTH, 4) float32 with space for `count` texels. Raises BakeError for more than `limit`."""
     if count > limit():
@@ -65,5 +72,4 @@ def empty(count: int) -> np.ndarray:
 
 def upload_padded(padded: np.ndarray) -> gpu.types.GPUTexture:
     """Upload an array that `empty` made."""
-    data = gpu.types.Buffer("FLOAT", padded.shape, padded)
-    return gpu.types.GPUTexture((WIDTH, len(padded) // WIDTH), format="RGBA32F", data=data)
+    return image(padded.reshape(-1, WIDTH, 4))

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.udim import UvToClip
 from . import blender_gpu as gpu
-from . import data_texture, mesh_upload, shader, target
+from . import data_texture, mesh_upload, target
 from .shader import Program
 
 RAYS = Program(
@@ -141,27 +141,27 @@ def draw(
     the surface and how far outside it the ray starts. start_offset: that distance where nothing is painted; with
     start_on_cage it is the length of the smooth normals instead, which then point at the cage.
 
-    clear, stopped: as in target.drawing. parts: of `low`, as in mesh_upload.draw.
+    clear, stopped: as in target.drawing. parts: of `low`, as in target.draw_bound.
     """
-    compiled = shader.load(RAYS)
     edges = directions.edges
-    with target.drawing(into, clear=clear, stopped=stopped):
-        compiled.bind()
-        target.bind(
-            compiled,
-            RAYS,
-            uv_to_clip=uv_to_clip,
-            edge_nodes=edges.nodes,
-            edge_ends=edges.ends,
-            edge_origin=(*edges.origin, 0.0),
-            edge_scale=(*edges.scale, 0.0),
-            edge_first_leaf=edges.first_leaf,
-            blend_width=directions.blend_width,
-            straight_share=directions.straight_share,
-            start_offset=start_offset,
-            start_on_cage=int(start_on_cage),
-        )
-        mesh_upload.draw(low, compiled, parts)
+    target.draw(
+        into,
+        RAYS,
+        low,
+        clear=clear,
+        stopped=stopped,
+        parts=parts,
+        uv_to_clip=uv_to_clip,
+        edge_nodes=edges.nodes,
+        edge_ends=edges.ends,
+        edge_origin=(*edges.origin, 0.0),
+        edge_scale=(*edges.scale, 0.0),
+        edge_first_leaf=edges.first_leaf,
+        blend_width=directions.blend_width,
+        straight_share=directions.straight_share,
+        start_offset=start_offset,
+        start_on_cage=int(start_on_cage),
+    )
 
 
 def upload_points(places: np.ndarray, directions: np.ndarray, start: float) -> target.Target:
@@ -181,8 +181,7 @@ def upload_texels(places: np.ndarray, away: np.ndarray) -> target.Target:
     side = max(8, 1 << math.isqrt(max(0, len(places) - 1)).bit_length())
     drawn = target.Target(side, side, ("RGBA32F", "RGBA32F"))
     for slot, values in enumerate((places, away)):
-        texels = np.zeros((side * side, 4), np.float32)
-        texels[: len(values)] = values
-        data = gpu.types.Buffer("FLOAT", texels.shape, texels)
-        drawn.textures[slot] = gpu.types.GPUTexture((side, side), format="RGBA32F", data=data)
+        texels = np.zeros((side, side, 4), np.float32)
+        texels.reshape(-1, 4)[: len(values)] = values
+        drawn.textures[slot] = data_texture.image(texels)
     return drawn

@@ -7,6 +7,7 @@ from addon.core.declarations.choices import Hit
 from addon.core.material_feeds import ImagePixels
 from addon.mesh import bvh
 from addon.passes import cast, data_texture, samples, surface_tables, surface_values, target
+from addon.passes.surface_values import ImageAtHits
 
 
 def grid(nu, nv, height=None, tilt=None):
@@ -85,17 +86,11 @@ class SeenSurface:
 
     def add(self, page, feed, materials, number=1, **options):
         """Add an image."""
-        surface_values.add_image(
-            self.sums,
-            self.hits,
-            page,
-            feed,
-            number,
-            tables=self.tables,
-            uvs=self.uvs,
-            materials=materials,
-            **options,
-        )
+        surface_values.add_image(self.sums, self.at_hits(page, feed, materials, number, **options))
+
+    def at_hits(self, page, feed, materials, number=1, **options):
+        """An image at the hits."""
+        return ImageAtHits(self.hits, page, feed, number, self.tables, self.uvs, materials, **options)
 
     def shown(self, page, feed, **options):
         """The whole map (height, width, 4) of one image on all materials."""
