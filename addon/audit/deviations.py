@@ -101,7 +101,7 @@ class Deviations:
             self.add(tile, normal_space.stored(normals, self._settings))
 
     def results(self) -> dict[str, float | int]:
-        """The figures as Report.deviation has them; empty if no texel was measured."""
+        """The angles as Report.deviation has them; empty if no texel was measured."""
         found = self._counts.results() if self._counts else {}
         return found if found.get("texels") else {}
 
@@ -132,17 +132,17 @@ class Deviations:
 class OtherEngines:
     """The angles between the normals that a map means, before it is rounded, and those that programs show of it.
 
-    low: the low mesh with its tangents; None for a map in another space, which has no readers. warnings: names the programs
+    low: the low mesh with its tangents; None for a map in another space, which no engine reads. warnings: names the engines
     that cannot be measured, as they make other tangents of an unevenly scaled mesh.
     """
 
     def __init__(self, low: Mesh | None, settings: Settings):
         is_measured = low is not None and settings.map.space == Space.TANGENT and settings.map.normal
-        wanted = [readers.BY_NAME[name] for name in settings.map.readers] if is_measured else []
+        named = [readers.BY_NAME[name] for name in settings.map.readers] if is_measured else []
         own = bases.of_name(settings.map.basis)
-        is_uneven = bool(wanted) and triangle_mesh.is_uneven(low.to_world)
-        self.readers = [reader for reader in wanted if not is_uneven or reader.basis.has_tangents_of(own)]
-        unlike = ", ".join(reader.label for reader in wanted if reader not in self.readers)
+        is_uneven = bool(named) and triangle_mesh.is_uneven(low.to_world)
+        self.engines = [engine for engine in named if not is_uneven or engine.basis.has_tangents_of(own)]
+        unlike = ", ".join(engine.label for engine in named if engine not in self.engines)
         self.warnings = []
         if unlike:
             self.warnings.append(
@@ -150,12 +150,12 @@ class OtherEngines:
                 "there than the map is for. Apply the scale (Object > Apply > Scale) and bake again."
             )
         self.low, self.settings = low, settings
-        self._counts = {reader.name: AngleCounts() for reader in self.readers}
+        self._counts = {engine.name: AngleCounts() for engine in self.engines}
         self._uploaded: gpu.types.GPUBatch | None = None
 
     def add(self, tile: int, stored: Map) -> None:
         """Measure a UDIM tile of the normal map as it is stored, before rounding."""
-        if not self.readers:
+        if not self.engines:
             return
         texels, state = stored
         if self._uploaded is None:
@@ -166,24 +166,24 @@ class OtherEngines:
             texture = data_texture.image(texels[band.start : band.stop])
             is_written = state[band.start : band.stop] == texel_state.WRITTEN
             to_clip = band.without_halo.uv_to_clip
-            for reader in self.readers:
-                other = normal_space.reading_by(reader, self.settings)
-                angles = audit.measure_reader_angles(self._uploaded, texture, to_clip, own, other)
-                self._counts[reader.name].add(angles[is_written & (angles >= 0.0)])
+            for engine in self.engines:
+                other = normal_space.reading_by(engine, self.settings)
+                angles = audit.measure_engine_angles(self._uploaded, texture, to_clip, own, other)
+                self._counts[engine.name].add(angles[is_written & (angles >= 0.0)])
 
     def add_raw(self, tile: int, normals: np.ndarray) -> None:
         """Measure a tile of normals as baking.Renderer.raw returns them."""
-        if self.readers:
+        if self.engines:
             self.add(tile, normal_space.stored(normals, self.settings))
 
     def results(self, backwards: int) -> dict[str, dict[str, float | int]]:
-        """The figures by the names of the programs, as Report.readers has them. backwards: the texels with a z of 0 or less."""
+        """The angles by the names of the engines, as Report.readers has them. backwards: the texels with a z of 0 or less."""
         return {
-            reader.name: {
-                **self._counts[reader.name].results(),
-                "rebuilt": backwards if reader.rebuilds_z else 0,
+            engine.name: {
+                **self._counts[engine.name].results(),
+                "rebuilt": backwards if engine.rebuilds_z else 0,
             }
-            for reader in self.readers
+            for engine in self.engines
         }
 
 

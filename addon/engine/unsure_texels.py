@@ -85,16 +85,7 @@ class Explorer:
         self._unit = ray_cast.ray_scene.local_space.size
         self._gap = GAP * local_space_of([low]).size / self._unit
         owners, points = ray_cast.low.owners, data_texture.upload(ray_cast.ray_scene.local_space.points(low))
-        tables = cast.Tables(
-            owners.nodes,
-            _triangles(ray_cast, low),
-            points,
-            points,
-            owners.first_leaf,
-            owners.origin,
-            owners.scale,
-            bytes=0,
-        )
+        tables = cast.Tables(owners.tree, _triangles(ray_cast, low), points, points)
         self._at_low = replace(
             ray_cast,
             ray_scene=replace(ray_cast.ray_scene, tables=tables),

@@ -71,9 +71,9 @@ def layers_of_triangles(
         above, into = into, above
 
 
-READER_ANGLES = Program(
+ENGINE_ANGLES = Program(
     vertex="bake/tangent_vert.glsl",
-    fragment="audit/reader_angles_frag.glsl",
+    fragment="audit/engine_angles_frag.glsl",
     inputs=low_in_uv.TANGENT.inputs,
     varyings=low_in_uv.TANGENT_VARYINGS,
     texels=(("RGBA32F", "FLOAT_2D", "normal_map"),),
@@ -82,7 +82,7 @@ READER_ANGLES = Program(
 )
 
 
-def measure_reader_angles(
+def measure_engine_angles(
     low: gpu.types.GPUBatch,
     normal_map: gpu.types.GPUTexture,
     uv_to_clip: UvToClip,
@@ -94,7 +94,7 @@ def measure_reader_angles(
     low: as low_in_uv.draw_in_tangent_space takes it. normal_map: RGBA32F, colors before they are
     rounded. own: how the map is meant; other: how the program reads it; both from lit.reading.
     """
-    into = target.get("reader angles", normal_map.width, normal_map.height, "R32F")
+    into = target.get("engine angles", normal_map.width, normal_map.height, "R32F")
     bound = {"own": (*own, 0.0), "other": (*other, 0.0)}
-    target.draw(into, READER_ANGLES, low, normal_map=normal_map, uv_to_clip=uv_to_clip, **bound)
+    target.draw(into, ENGINE_ANGLES, low, normal_map=normal_map, uv_to_clip=uv_to_clip, **bound)
     return into.texels() - 1.0

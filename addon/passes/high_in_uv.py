@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.udim import UvToClip
 from . import blender_gpu as gpu
-from . import cast, mesh_upload, samples, shader, target
+from . import cast, data_texture, mesh_upload, samples, shader, target
 from .cast import Owners
 from .samples import Active
 from .shader import Program
@@ -148,12 +148,7 @@ LEFT = Program(
         (*_FLOATS, "low_nodes"),
         (*_FLOATS, "low_corners"),
     ),
-    constants=(
-        ("VEC4", "low_origin"),
-        ("VEC4", "low_scale"),
-        ("INT", "low_first_leaf"),
-        ("FLOAT", "near"),
-    ),
+    constants=(*data_texture.tree_constants("low"), ("FLOAT", "near")),
     outputs=(("VEC4", "left_out"),),
 )
 JOIN = Program(
@@ -194,11 +189,7 @@ def draw_left(
         flat_normals=flat_normals.texture,
         triangles=tables.triangles,
         points=tables.points,
-        low_nodes=owners.nodes,
-        low_corners=owners.corners,
-        low_origin=(*owners.origin, 0.0),
-        low_scale=(*owners.scale, 0.0),
-        low_first_leaf=owners.first_leaf,
+        **owners.bindings,
         near=owners.room,
     )
 

@@ -35,9 +35,7 @@ RAYS = Program(
     texels=(("RGBA32F", "FLOAT_2D", "edge_nodes"), ("RGBA32F", "FLOAT_2D", "edge_ends")),
     constants=(
         ("VEC4", "uv_to_clip"),
-        ("VEC4", "edge_origin"),
-        ("VEC4", "edge_scale"),
-        ("INT", "edge_first_leaf"),
+        *data_texture.tree_constants("edge"),
         ("FLOAT", "blend_width"),
         ("FLOAT", "straight_share"),
         ("FLOAT", "start_offset"),
@@ -53,11 +51,8 @@ MOST_TRIANGLES = 2**24 - 1
 class Edges:
     """The hard edges of a low mesh and a tree over them (bvh.Tree) on the GPU. Edge i has two texels in `ends`."""
 
-    nodes: gpu.types.GPUTexture
+    tree: data_texture.Tree
     ends: gpu.types.GPUTexture
-    first_leaf: int
-    origin: np.ndarray
-    scale: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -74,19 +69,15 @@ class Directions:
     blend_width: float = 0.0
 
 
-def upload_edges(
-    nodes: np.ndarray, ends: np.ndarray, *, first_leaf: int, origin: np.ndarray, scale: np.ndarray
-) -> Edges:
+def upload_edges(tree: data_texture.BuiltTree, ends: np.ndarray) -> Edges:
     """Upload a tree over edges (bvh.Tree) and their ends (E, 2, 3) float32, in the tree's order."""
-    return Edges(
-        data_texture.upload(nodes.reshape(-1, 4)), data_texture.upload(ends.reshape(-1, 3)), first_leaf, origin, scale
-    )
+    return Edges(data_texture.upload_tree(tree), data_texture.upload(ends.reshape(-1, 3)))
 
 
 def no_edges() -> Edges:
     """The edges of a low mesh that has no hard ones; a shader needs textures."""
     nothing = data_texture.upload(np.zeros((1, 4), np.float32))
-    return Edges(nothing, nothing, 0, np.zeros(3), np.ones(3))
+    return Edges(data_texture.Tree(nothing, 0, np.zeros(3), np.ones(3)), nothing)
 
 
 def upload(triangles: np.ndarray, numbers: np.ndarray, **arrays: np.ndarray | None) -> gpu.types.GPUBatch:
@@ -152,11 +143,8 @@ def draw(
         stopped=stopped,
         parts=parts,
         uv_to_clip=uv_to_clip,
-        edge_nodes=edges.nodes,
         edge_ends=edges.ends,
-        edge_origin=(*edges.origin, 0.0),
-        edge_scale=(*edges.scale, 0.0),
-        edge_first_leaf=edges.first_leaf,
+        **edges.tree.bindings("edge"),
         blend_width=directions.blend_width,
         straight_share=directions.straight_share,
         start_offset=start_offset,

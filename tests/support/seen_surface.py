@@ -40,14 +40,11 @@ class SeenSurface:
         tree = bvh.build(points, numbers)
         self.corners = numbers[tree.order]
         self.tables = cast.upload(
-            tree.nodes,
+            tree,
             points,
             self.corners,
             np.asarray(self.normals, np.float32).reshape(-1, 3),
             np.zeros(count, int),
-            first_leaf=tree.first_leaf,
-            origin=tree.origin,
-            scale=tree.scale,
         )
         ordered = self.materials[tree.order]
         self.uvs = surface_tables.upload_uvs(self.uv.reshape(-1, 2), self.corners, ordered)
@@ -69,7 +66,7 @@ class SeenSurface:
             for texels in ((self.x, self.y, zero, self.is_low), (zero, zero, one, one * 5))
         ]
         self.hits = target.Target(self.width, self.height, ("RGBA32UI",))
-        cast.trace(self.hits, rays, self.tables, None, rule=Hit.OUTERMOST, inside=10.0, max_t=20.0, facing_only=False)
+        cast.trace(self.hits, rays, self.tables, None, cast.Search(Hit.OUTERMOST, 10.0, 20.0, False))
         self.rays = rays
         self.drawn_normals = target.Target(self.width, self.height, ("RGBA32F",))
         self.draw_normals(self.drawn_normals, np.eye(3))
