@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can be said of meshes before they are baked: faces that point to the wrong side, and what other engines show wrong."""
+"""Finds problems of meshes before they are baked: faces that point to the wrong side, and what other engines show wrong."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

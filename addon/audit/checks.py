@@ -329,16 +329,14 @@ def _count(found: np.ndarray, of: int) -> dict[str, float]:
 def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRST,)) -> Iterator[np.ndarray]:
     """How many triangles of `low` cover each texel that tally.sampled selects, tile by tile. size: of the map.
 
-    Yields (height, width) float32. The next tile overwrites the array.
+    Yields (height, width) float32.
     """
     sparse = sampled(size)
     drawn = target.get("overlap", *sparse.small, "R16F")
     uploaded = mesh_upload.upload(low.triangles, uv=low.uv)
-    counts = np.empty(sparse.small[::-1], np.float32)
     for tile in tiles:
         audit_module.draw_overlap(drawn, uploaded, sparse.uv_to_clip(tile))
-        drawn.read(counts)
-        yield counts
+        yield drawn.texels()
 
 
 UNSURE_SIDE = 128

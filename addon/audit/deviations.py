@@ -19,7 +19,7 @@ from ..engine.shared_uvs import HiddenParts, Layer
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..passes import audit, lit, mesh_upload, target, viewport
+from ..passes import audit, data_texture, lit, mesh_upload, target, viewport
 from .pictures import BakePictures
 
 
@@ -84,7 +84,7 @@ class Deviations:
         for band in of_tile:
             rows = slice(band.start, band.stop)
             part = np.arange(band.start, band.stop) * len(elsewhere) // len(state)
-            texels_of_band = np.ascontiguousarray(self._kept(np.ascontiguousarray(texels[rows], np.float32)))
+            texels_of_band = self._kept(np.ascontiguousarray(texels[rows], np.float32))
             angles = self._angles(band.without_halo, texels_of_band, elsewhere[part], drawn)
             is_drawn = state[rows] == WRITTEN
             if drawn.layer is not None:
@@ -100,7 +100,7 @@ class Deviations:
             self.add(tile, normal_space.stored(normals, self._settings))
 
     def results(self) -> dict[str, float | int]:
-        """The figures as Report.deviation has them; empty if no texel was measured."""
+        """The angles as Report.deviation has them; empty if no texel was measured."""
         found = self._counts.results() if self._counts else {}
         return found if found.get("texels") else {}
 
@@ -113,39 +113,35 @@ class Deviations:
     def _angles(self, band: Band, texels: np.ndarray, elsewhere: np.ndarray, drawn: _Drawn) -> np.ndarray:
         """What viewport.measure_deviation writes, (height, width, 4) float32."""
         low, settings = drawn.low, self._settings
-        data = gpu.types.Buffer("FLOAT", texels.shape, texels)
-        normal_map = gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
         read = normal_space.reading(settings.map)
         measured = target.get("deviation", band.width, band.height, "RGBA32F")
         viewport.measure_deviation(
             measured,
             drawn.uploaded,
-            normal_map,
+            data_texture.image(texels),
             drawn.highs.high_normals(band),
             lit.shading(low.normal_matrix, read=read),
             elsewhere=elsewhere,
             stretch=low.stretch,
             uv_to_clip=band.uv_to_clip,
         )
-        values = np.empty((band.height, band.width, 4), np.float32)
-        measured.read(values)
-        return values
+        return measured.texels()
 
 
 class OtherEngines:
     """The angles between the normals that a map means, before it is rounded, and those that programs show of it.
 
-    low: the low mesh with its tangents; None for a map in another space, which has no target engines. warnings: names those
+    low: the low mesh with its tangents; None for a map in another space, which no engine reads. warnings: names the engines
     that cannot be measured, as they make other tangents of an unevenly scaled mesh.
     """
 
     def __init__(self, low: Mesh | None, settings: Settings):
         is_measured = low is not None and settings.map.space == Space.TANGENT and settings.map.normal
-        wanted = [targets.BY_NAME[name] for name in settings.map.targets] if is_measured else []
+        named = [targets.BY_NAME[name] for name in settings.map.targets] if is_measured else []
         own = bases.of_name(settings.map.basis)
-        is_uneven = bool(wanted) and triangle_mesh.is_uneven(low.to_world)
-        self.targets = [target for target in wanted if not is_uneven or target.basis.has_tangents_of(own)]
-        unlike = ", ".join(target.label for target in wanted if target not in self.targets)
+        is_uneven = bool(named) and triangle_mesh.is_uneven(low.to_world)
+        self.engines = [engine for engine in named if not is_uneven or engine.basis.has_tangents_of(own)]
+        unlike = ", ".join(engine.label for engine in named if engine not in self.engines)
         self.warnings = []
         if unlike:
             self.warnings.append(
@@ -153,12 +149,12 @@ class OtherEngines:
                 "there than the map is for. Apply the scale (Object > Apply > Scale) and bake again."
             )
         self.low, self.settings = low, settings
-        self._counts = {target.name: AngleCounts() for target in self.targets}
+        self._counts = {engine.name: AngleCounts() for engine in self.engines}
         self._uploaded: gpu.types.GPUBatch | None = None
 
     def add(self, tile: int, stored: Map) -> None:
         """Measure a UDIM tile of the normal map as it is stored, before rounding."""
-        if not self.targets:
+        if not self.engines:
             return
         texels, state = stored
         if self._uploaded is None:
@@ -166,29 +162,27 @@ class OtherEngines:
             self._uploaded = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=low.tangents)
         own = normal_space.reading(self.settings.map)
         for band in bands.bands(state.shape[1], state.shape[0], 0, tile):
-            rows = np.ascontiguousarray(texels[band.start : band.stop], np.float32)
-            data = gpu.types.Buffer("FLOAT", rows.shape, rows)
-            texture = gpu.types.GPUTexture((band.width, len(rows)), format="RGBA32F", data=data)
+            texture = data_texture.image(texels[band.start : band.stop])
             is_written = state[band.start : band.stop] == WRITTEN
             to_clip = band.without_halo.uv_to_clip
-            for each in self.targets:
-                other = normal_space.reading_by(each, self.settings)
-                angles = audit.measure_target_angles(self._uploaded, texture, to_clip, own, other)
-                self._counts[each.name].add(angles[is_written & (angles >= 0.0)])
+            for engine in self.engines:
+                other = normal_space.reading_by(engine, self.settings)
+                angles = audit.measure_engine_angles(self._uploaded, texture, to_clip, own, other)
+                self._counts[engine.name].add(angles[is_written & (angles >= 0.0)])
 
     def add_raw(self, tile: int, normals: np.ndarray) -> None:
         """Measure a tile of normals as baking.Renderer.raw returns them."""
-        if self.targets:
+        if self.engines:
             self.add(tile, normal_space.stored(normals, self.settings))
 
     def results(self, backwards: int) -> dict[str, dict[str, float | int]]:
-        """The figures by the names of the programs, as Report.targets has them. backwards: the texels with a z of 0 or less."""
+        """The angles by the names of the engines, as Report.targets has them. backwards: the texels with a z of 0 or less."""
         return {
-            target.name: {
-                **self._counts[target.name].results(),
-                "rebuilt": backwards if target.rebuilds_z else 0,
+            engine.name: {
+                **self._counts[engine.name].results(),
+                "rebuilt": backwards if engine.rebuilds_z else 0,
             }
-            for target in self.targets
+            for engine in self.engines
         }
 
 

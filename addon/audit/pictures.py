@@ -3,7 +3,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-import gpu
 import numpy as np
 
 from ..core import udim
@@ -12,7 +11,7 @@ from ..core.settings import Settings
 from ..engine import normal_space
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from ..passes import lit, mesh_upload, target, viewport
+from ..passes import data_texture, lit, mesh_upload, target, viewport
 
 SIDE = 192
 """Pixels along a side of each picture."""
@@ -149,9 +148,7 @@ def _ramp() -> np.ndarray:
     square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
     with target.drawing(into):
         viewport.draw_legend(square, (2.0, 2.0, -1.0, -1.0))
-    colors = np.empty((1, 256, 4), np.float32)
-    into.read(colors)
-    return _display(colors[0, :, :3])
+    return _display(into.texels()[0, :, :3])
 
 
 def _display(linear: np.ndarray) -> np.ndarray:
@@ -188,13 +185,8 @@ def _draw_low(low: Mesh, tiles: Mapping[int, np.ndarray], settings: Settings, si
             batch = mesh_upload.upload_corners(
                 uv=uv, **{name: np.ascontiguousarray(values[chosen]) for name, values in attributes.items()}
             )
-            texels = np.ascontiguousarray(tiles[tile], np.float32)
-            data = gpu.types.Buffer("FLOAT", texels.shape, texels)
-            texture = gpu.types.GPUTexture(texels.shape[1::-1], format="RGBA32F", data=data)
-            lit.draw(batch, texture, matrix, shading)
-    pixels = np.empty((FINER * side, FINER * side, 4), np.float32)
-    into.read(pixels)
-    return pixels.reshape(side, FINER, side, FINER, 4).mean(axis=(1, 3))
+            lit.draw(batch, data_texture.image(tiles[tile]), matrix, shading)
+    return into.texels().reshape(side, FINER, side, FINER, 4).mean(axis=(1, 3))
 
 
 def _by_tile(

@@ -31,7 +31,7 @@ MANY_UNSURE = 1e-2
 MANY_CLOSE = 0.02
 """Share of texels that may lie closer to another island, or the border, than the mip level allows without harm."""
 MANY_BACKWARDS = 1e-3
-"""Share of texels whose normal may be wrong in target engines that rebuild z, without harm."""
+"""Share of texels whose normal may be wrong in engines that rebuild z, without harm."""
 MUCH_CUT_OFF = 1e-3
 """Share of the UV area that may lie outside the tile without harm: decimation and subdivision move UVs at its border."""
 
@@ -139,8 +139,8 @@ _SENTENCES = {
     "{low} closer to the right layer there, or paint an offset group.",
     "gaps": "{share:.2%} of the texels of {low} are within {needed} texels of another UV island, or {margin} of the border: "
     "mip level {level} mixes them. Pack the islands with a larger margin.",
-    "backwards": "{share:.2%} of the texels of {low} have a normal whose z is 0 or less: target engines that rebuild z from x "
-    "and y show a wrong normal. Split the UVs and normals where the low mesh faces away from the high one, or add faces there.",
+    "backwards": "{share:.2%} of the texels of {low} have a normal whose z is 0 or less: engines that rebuild z from x and y "
+    "show a wrong normal. Split the UVs and normals where the low mesh faces away from the high one, or add faces there.",
     "outside": "{low}: {count:,} of its triangles reach outside the {where} and are cut off there.",
     "no_area": "{low}: {count:,} of its triangles have no area in UV space and cannot be drawn.",
     "hard_edges": HARD_EDGES,

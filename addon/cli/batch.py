@@ -138,7 +138,7 @@ def open_files(
     read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
     used = [*scene_files.used(options), *read]
     files.opened(plan.name, options, _lows(options, jobs), used)
-    notes = input_checks.check_pages(options, settings.map, jobs)
+    notes = input_checks.check_textures(options, settings.map, jobs)
     hints = input_checks.fit_hints(options, jobs)
     for job in jobs:
         job.hints = hints

@@ -31,7 +31,7 @@ MOST_NAMED = 8
 """Missing files that a message names."""
 
 
-def check_pages(options: argparse.Namespace, settings: MapSettings, jobs: Sequence[Job]) -> list[str]:
+def check_textures(options: argparse.Namespace, settings: MapSettings, jobs: Sequence[Job]) -> list[str]:
     """Sentences about material libraries and images that are missing, if a map shows materials.
 
     Raises BakeError for them, for other files that objects are made from, and for images, that are missing or not whole, unless
@@ -174,7 +174,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
     if any(obj.type != "MESH" or obj.modifiers or obj.is_instancer for obj in objects):
         return None
     shows_images = any(BY_NAME[name].family.shows_materials for name in settings.map.drawn_maps)
-    pages = importers.images_of(job.highs)
+    textures = importers.images_of(job.highs)
     return Need.of(
         Amounts(
             triangles=sum(len(obj.data.loops) - 2 * len(obj.data.polygons) for obj in objects),
@@ -185,8 +185,8 @@ def need_of(job: Job, settings: Settings) -> Need | None:
             is_adaptive=settings.sampling.are_adaptive(settings.tracing.method) and not settings.map.drawn_maps,
             is_flat=settings.tracing.method == Method.FLATTEN
             and not settings.map.drawn_maps
-            and not (settings.map.detail_maps and pages),
-            page_pixels=max(map(_pixels, pages), default=0) if shows_images else 0,
+            and not (settings.map.detail_maps and textures),
+            texture_pixels=max(map(_pixels, textures), default=0) if shows_images else 0,
         )
     )
 

@@ -47,7 +47,7 @@ NO_LIMITS = Limits()
 class ImageFeed:
     """A value from an image.
 
-    image: the key that `load_page` takes. tiles: UDIM numbers of a tiled image; empty for a single image, which extends by
+    image: the key that `load_image` takes. tiles: UDIM numbers of a tiled image; empty for a single image, which extends by
     `extension`. uv_layer: empty for each mesh's active render layer. mapping: the first two rows of the affine matrix (2, 3)
     that takes (u, v, 1) to the image's coordinates. channel: 0 to 3 for one channel, in which case all
     three of the value are equal; None for the color; LUMINANCE or AVERAGE where a color or a vector feeds a number. is_smooth:
@@ -69,7 +69,7 @@ class ImageFeed:
 
 @dataclass(frozen=True)
 class ImagePixels:
-    """A page: the pixels of an image, or of one tile of it.
+    """The pixels of an image, or of one tile of it.
 
     values (h, w, 4) float32, row 0 at v = 0: scene-linear or data, or with is_srgb as sRGB stores colors. is_byte: whether
     they are whole steps of 1/255, so that 8 bits hold them. weighs_alpha: whether colors, which are not multiplied with their

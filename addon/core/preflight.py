@@ -25,7 +25,7 @@ TEXEL_OF_ADAPTIVE = 70
 """As TEXEL_OF_SUMS, with adaptive samples: the first two stay beside those that are added to the sums."""
 OTHER_TEXEL, OTHER_TEXEL_ON_GPU = 36, 32
 """The same for each other map."""
-PAGE_PIXEL, PAGE_PIXEL_ON_GPU = 25, 10
+TEXTURE_PIXEL, TEXTURE_PIXEL_ON_GPU = 25, 10
 """Bytes for each pixel of the largest image of the high meshes: one is in memory at a time."""
 GIGABYTE = 10**9
 
@@ -33,7 +33,7 @@ GIGABYTE = 10**9
 @dataclass(frozen=True)
 class Amounts:
     """The sizes of a bake. triangles: of all meshes. texels: of one map. band_texels: that are drawn at once. other_maps:
-    beside the normal map. page_pixels: of the largest image that the maps show. is_flat: whether Flatten draws the normal
+    beside the normal map. texture_pixels: of the largest image that the maps show. is_flat: whether Flatten draws the normal
     map alone, without a tree. is_adaptive: whether later samples are taken only in some texels."""
 
     triangles: int
@@ -41,15 +41,15 @@ class Amounts:
     band_texels: int
     samples: int = 1
     other_maps: int = 0
-    page_pixels: int = 0
+    texture_pixels: int = 0
     is_flat: bool = False
     is_adaptive: bool = False
 
 
 @dataclass(frozen=True)
 class Need:
-    """Bytes that a bake needs. Building the tree, drawing maps with a page, and storing them come one after the other, so that
-    `peak` is less than the sum.
+    """Bytes that a bake needs. Building the tree, drawing maps with a texture, and storing them come one after the other, so
+    that `peak` is less than the sum.
     """
 
     program: int
@@ -57,7 +57,7 @@ class Need:
     tree: int
     maps: int
     storing: int
-    page: int
+    texture: int
     on_gpu: int
     """Those of the above that are on the GPU."""
 
@@ -71,21 +71,21 @@ class Need:
             + amounts.other_maps * (OTHER_TEXEL_ON_GPU + sums)
         )
         maps_on_gpu = amounts.band_texels * drawn
-        meshes_on_gpu, page_on_gpu = _meshes_on_gpu(amounts), amounts.page_pixels * PAGE_PIXEL_ON_GPU
+        meshes_on_gpu, texture_on_gpu = _meshes_on_gpu(amounts), amounts.texture_pixels * TEXTURE_PIXEL_ON_GPU
         return cls(
             program=PROGRAM,
             meshes=_meshes(amounts) + meshes_on_gpu,
             tree=0 if amounts.is_flat else amounts.triangles * TRIANGLE_IN_TREE,
             maps=amounts.texels * (TEXEL + amounts.other_maps * OTHER_TEXEL) + maps_on_gpu,
             storing=amounts.texels * TEXEL_STORED,
-            page=amounts.page_pixels * PAGE_PIXEL + page_on_gpu,
-            on_gpu=meshes_on_gpu + maps_on_gpu + page_on_gpu,
+            texture=amounts.texture_pixels * TEXTURE_PIXEL + texture_on_gpu,
+            on_gpu=meshes_on_gpu + maps_on_gpu + texture_on_gpu,
         )
 
     @property
     def peak(self) -> int:
         """The most bytes at once, on the machine and on the GPU together."""
-        return self.program + self.meshes + max(self.tree, self.maps + max(self.page, self.storing))
+        return self.program + self.meshes + max(self.tree, self.maps + max(self.texture, self.storing))
 
     def of_machine(self, *, is_software: bool) -> int:
         """The most bytes at once in the machine's memory. is_software: whether the GPU is a program on the CPU."""
@@ -122,14 +122,14 @@ def _way_out(need: Need) -> str:
         (need.program, "program"),
         (need.meshes + need.tree, "meshes"),
         (need.maps + need.storing, "maps"),
-        (need.page, "page"),
+        (need.texture, "texture"),
     )
     largest = max(parts)[1]
     if largest == "program":
         return "close other programs"
     if largest == "maps":
         return "choose a smaller map, or bake fewer maps at a time"
-    if largest == "page":
+    if largest == "texture":
         return "reduce the largest image of the high meshes to half its size"
     return "simplify the high mesh, or split both meshes and bake the parts one after the other"
 

@@ -173,15 +173,15 @@ class Report:
             start += f", with the scale of {self.low} applied"
         if "degrees" not in how:
             return start
-        own, figures = how["basis"], how["degrees"]
+        own, metrics = how["basis"], how["degrees"]
         others = ", ".join(
             f"{bases.BY_NAME[name].label} {found['percentile_99']:.1f}"
-            for name, found in figures.items()
+            for name, found in metrics.items()
             if name != own and found["percentile_99"] >= VISIBLE
         )
         return (
-            f"{start}; normals, read as {bases.BY_NAME[own].label}, differ by {figures[own]['median']:.2g} degrees (median), "
-            f"{figures[own]['percentile_99']:.2g} (99th percentile), at most {figures[own]['maximum']:.2g}"
+            f"{start}; normals, read as {bases.BY_NAME[own].label}, differ by {metrics[own]['median']:.2g} degrees (median), "
+            f"{metrics[own]['percentile_99']:.2g} (99th percentile), at most {metrics[own]['maximum']:.2g}"
             + (f"; read with another basis, by (99th percentile): {others}" if others else "")
             + "".join(
                 f"; {targets.BY_NAME[name].label} is off by {found['median']:.2g} (median), {found['percentile_99']:.2g} "

@@ -12,6 +12,7 @@ import numpy as np
 from ..core import udim
 from ..core.progress import Task
 from ..core.udim import UvToClip
+from ..passes import data_texture
 
 BAND_TEXELS = 4096 * 4096
 """A larger map is drawn in bands of rows, so that no texture on the GPU has more texels than this."""
@@ -105,5 +106,4 @@ def upload_band(values: np.ndarray, band: Band) -> gpu.types.GPUTexture:
     first, last = band.start - band.halo, band.stop + band.halo
     rows = slice(max(0, first), min(last, len(values)))
     texels[rows.start - first : rows.stop - first] = values[rows]
-    data = gpu.types.Buffer("FLOAT", texels.shape, texels)
-    return gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
+    return data_texture.image(texels)

@@ -84,9 +84,7 @@ class ConvertedMap(BandMaps):
         yield NORMAL.name, into.texture
 
     def _count(self, decoded: target.Target, band: Band) -> None:
-        lengths = np.empty((band.height, band.width), np.float32)
-        decoded.read(lengths, 1)
-        self.fit.add(lengths[band.halo : band.height - band.halo])
+        self.fit.add(decoded.texels(1)[band.halo : band.height - band.halo])
 
 
 def _upload(low: Mesh) -> gpu.types.GPUBatch:

@@ -99,7 +99,7 @@ class HighBatches:
                 return
             batch = _unrolled(high, kept)
         _draw_batch(into, (batch, matrix), len(kept), band)
-        into.finish()  # so that the driver lets go of the part before the next one comes
+        into.finish()  # so that the driver frees the part before the next one is uploaded
 
 
 def _piece(high: Mesh, triangles: np.ndarray) -> gpu.types.GPUBatch:

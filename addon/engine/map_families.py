@@ -40,7 +40,7 @@ class MapFamily(ABC):
 
     effort: float
     """The time of a sample, roughly, as a multiple of the time that its hits take."""
-    has_pages = False
+    has_images = False
     """Whether it loads images, so that many samples at once take less time than one after another."""
 
     @abstractmethod

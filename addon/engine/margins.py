@@ -11,7 +11,7 @@ from ..core.map_types import BY_NAME, DEFERRED, MARGIN, MISSED, NORMAL, WRITTEN,
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
-from ..passes import margin_fill, target
+from ..passes import data_texture, margin_fill, target
 from .bands import REACH, Band, bands
 from .normal_space import channels
 
@@ -124,7 +124,7 @@ class PostProcess:
                 continue
             if values is None:
                 stop = band.stop + margin_fill.FARTHEST_ACROSS + 2
-                values = _uploaded(self._values(texels[first_row:stop], state[first_row:stop]))
+                values = data_texture.image(self._values(texels[first_row:stop], state[first_row:stop]))
             border, right, up = texels[y, x, :3].T
             places = np.column_stack([x, y, right, up]).astype(np.float32)
             colors = margin_fill.colors_across_seams(
@@ -165,7 +165,7 @@ def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> N
         block = values[: part.shape[0], : part.shape[1]]
         is_first = (part == WRITTEN) & (block[..., 3] == 0.0)
         np.copyto(block, texels[row::COARSE, column::COARSE], where=is_first[..., None])
-    uploaded = _uploaded(values)
+    uploaded = data_texture.image(values)
     stored = target.get("coarse", width, height, "RGBA32F", "R8")
     nearest = margin_fill.find_nearest(uploaded, None if reach is None else reach // COARSE)
     margin_fill.fill_from_nearest(stored, uploaded, nearest, halo=0, encode=np.eye(4), missed=(0.0, 0.0, 0.0))
@@ -177,12 +177,6 @@ def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> N
         is_found = found[:, 3] > 0.0
         y, x = y[is_found], x[is_found]
         texels[y, x], state[y, x] = found[is_found], MARGIN
-
-
-def _uploaded(values: np.ndarray) -> gpu.types.GPUTexture:
-    """A texture (RGBA32F) of values (height, width, 4) float32."""
-    data = gpu.types.Buffer("FLOAT", values.shape, values)
-    return gpu.types.GPUTexture(values.shape[1::-1], format="RGBA32F", data=data)
 
 
 def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]:

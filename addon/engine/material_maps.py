@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import gpu
 import numpy as np
@@ -17,14 +18,14 @@ from ..core.material_feeds import (
     Feed,
     HighMaterial,
     ImageFeed,
-    ImagePixels,
     NormalMapFeed,
 )
 from ..core.progress import Progress, Task, part
 from ..core.settings import Run, Settings
-from ..mesh.inputs import Meshes
+from ..mesh.inputs import LoadImage, Meshes
 from ..passes import low_in_uv, mesh_upload, samples, surface_tables, surface_values, target
 from ..passes.surface_tables import MaterialTable
+from ..passes.surface_values import ImageAtHits
 from .bands import Band
 from .high_meshes import HighSurface
 from .map_families import MapFamily, Mean, Sample
@@ -33,15 +34,12 @@ from .normal_space import NormalSpace
 
 @dataclass(frozen=True)
 class ImageUse:
-    """One use of an image, on the materials that have `number` in `materials`.
-
-    draw: draws a page at the hits of a sample. It takes the sample, the page, and the UDIM tile that the page is, or None.
-    """
+    """One use of an image, on the materials that have `number` in `materials`. draw: draws it at the hits of a sample."""
 
     feed: ImageFeed
     materials: MaterialTable
     number: int
-    draw: Callable[[Sample, surface_tables.ImageLevels, int | None], None]
+    draw: Callable[[Sample, ImageAtHits], None]
 
     def is_in(self, sample: Sample) -> bool:
         """Whether hits of a sample may show the image."""
@@ -49,24 +47,36 @@ class ImageUse:
 
 
 def draw_images(
-    uses: Iterable[ImageUse], drawn: Sequence[Sample], load_page: Callable[[str, int], ImagePixels], run: Run
+    uses: Iterable[ImageUse], drawn: Sequence[Sample], surface: HighSurface, load_image: LoadImage, run: Run
 ) -> Task[None]:
-    """Load each page that samples show, and draw all its uses. load_page: as Meshes has it."""
-    pages: dict[tuple[str, int], list[ImageUse]] = {}
+    """Load each image that samples show, and draw all its uses. load_image: as Meshes has it."""
+    images: dict[tuple[str, int], list[ImageUse]] = {}
     for use in uses:
         if any(map(use.is_in, drawn)):
             for tile in use.feed.tiles or (0,):
-                pages.setdefault((use.feed.image, tile), []).append(use)
-    for done, ((image, tile), found) in enumerate(pages.items()):
-        yield Progress("Reading the images of the high meshes", done / len(pages))
+                images.setdefault((use.feed.image, tile), []).append(use)
+    for done, ((key, tile), found) in enumerate(images.items()):
+        yield Progress("Reading the images of the high meshes", done / len(images))
         with run.timings.timed("textures"):
-            page = surface_tables.upload_image(load_page(image, tile))
+            image = surface_tables.upload_image(load_image(key, tile))
         with run.timings.timed("draw"):
             for use in found:
                 for sample in drawn:
-                    use.draw(sample, page, tile or None)
-            drawn[-1].hits.finish()  # before the page is freed
-        del page  # before the next one is loaded
+                    at_hits = ImageAtHits(
+                        sample.hits,
+                        image,
+                        use.feed,
+                        use.number,
+                        surface.tables,
+                        surface.uvs(use.feed.uv_layer),
+                        use.materials,
+                        tile or None,
+                        run.settings.sampling.samples,
+                        sample.blocks,
+                    )
+                    use.draw(sample, at_hits)
+            drawn[-1].hits.finish()  # before the image is freed
+        del image, at_hits  # before the next one is loaded
 
 
 @dataclass(frozen=True)
@@ -74,7 +84,7 @@ class _Map:
     """One map. feeds: the number of each image and attribute that feeds it, from 1. table: of all materials."""
 
     mean: Mean
-    table: surface_tables.MaterialTable
+    table: MaterialTable
     feeds: dict[Feed, int]
 
 
@@ -84,9 +94,9 @@ class MaterialMaps(MapFamily):
     effort = 0.5
 
     def __init__(self, names: Sequence[str], meshes: Meshes, surface: HighSurface, run: Run):
-        self.surface, self.run, self.load_page = surface, run, meshes.load_page
+        self.surface, self.run, self.load_image = surface, run, meshes.load_image
         self.maps = [_map_of(BY_NAME[name], meshes.materials, run.settings) for name in names]
-        self.has_pages = any(isinstance(feed, ImageFeed) for one in self.maps for feed in one.feeds)
+        self.has_images = any(isinstance(feed, ImageFeed) for one in self.maps for feed in one.feeds)
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
         surface = self.surface
@@ -115,38 +125,22 @@ class MaterialMaps(MapFamily):
                                 materials=one.table,
                             )
         uses = (
-            self._use(one, feed, number)
+            ImageUse(feed, one.table, number, partial(_add_image, one.mean))
             for one in self.maps
             for feed, number in one.feeds.items()
             if isinstance(feed, ImageFeed)
         )
-        yield from draw_images(uses, drawn, self.load_page, self.run)
-
-    def _use(self, one: _Map, feed: ImageFeed, number: int) -> ImageUse:
-        """How a map shows an image."""
-
-        def draw(sample: Sample, page: surface_tables.ImageLevels, tile: int | None) -> None:
-            surface_values.add_image(
-                one.mean.sums(sample.band),
-                sample.hits,
-                page,
-                feed,
-                number,
-                tables=self.surface.tables,
-                uvs=self.surface.uvs(feed.uv_layer),
-                materials=one.table,
-                tile=tile,
-                samples=self.run.settings.sampling.samples,
-                blocks=sample.blocks,
-            )
-
-        return ImageUse(feed, one.table, number, draw)
+        yield from draw_images(uses, drawn, surface, self.load_image, self.run)
 
     def finished(self, band: Band, _known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         for one in self.maps:
             with self.run.timings.timed("draw"):
                 drawn = one.mean.texture(band)
             yield one.mean.name, drawn
+
+
+def _add_image(mean: Mean, sample: Sample, at_hits: ImageAtHits) -> None:
+    surface_values.add_image(mean.sums(sample.band), at_hits)
 
 
 def _feed_of(map_type: MapType, material: HighMaterial, attribute: str) -> Feed | None:
@@ -173,7 +167,7 @@ class SlopeMaps(MapFamily):
 
     def __init__(self, meshes: Meshes, surface: HighSurface, run: Run, *, space: NormalSpace):
         self.roughness = MaterialMaps([WIDENED_ROUGHNESS.name], meshes, surface, run)
-        self.effort, self.has_pages = self.roughness.effort + 0.2, self.roughness.has_pages
+        self.effort, self.has_images = self.roughness.effort + 0.2, self.roughness.has_images
         self.space, self.run = space, run
         self.low = None if run.settings.map.space == Space.TANGENT else self._upload(meshes)
 
@@ -226,70 +220,25 @@ class OwnNormals:
     """
 
     def __init__(self, meshes: Meshes, surface: HighSurface, to_space: np.ndarray, run: Run):
-        self.surface, self.to_space, self.run, self.load_page = surface, to_space, run, meshes.load_page
+        self.surface, self.to_space, self.run, self.load_image = surface, to_space, run, meshes.load_image
         self.normal_maps, self.normal_table = _numbered([_normal_map(material) for material in meshes.materials])
         self.bumps, self.bump_table = _numbered([_bump(material) for material in meshes.materials])
 
     def apply(self, drawn: Sequence[Sample]) -> Task[None]:
         """Change the normals of these samples in place. Bump maps lie on the normal maps."""
-        for uses in (self._normal_map_uses(), self._bump_uses()):
-            yield from draw_images(uses, drawn, self.load_page, self.run)
+        for feeds, table, turn in (
+            (self.normal_maps, self.normal_table, self._apply_normal_map),
+            (self.bumps, self.bump_table, self._apply_bump),
+        ):
+            uses = [ImageUse(feed.image, table, number, partial(turn, feed)) for feed, number in feeds.items()]
+            yield from draw_images(uses, drawn, self.surface, self.load_image, self.run)
 
-    def _normal_map_uses(self) -> Iterator[ImageUse]:
-        for feed, number in self.normal_maps.items():
+    def _apply_normal_map(self, feed: NormalMapFeed, sample: Sample, at_hits: ImageAtHits) -> None:
+        tangents = self.surface.tangents(feed.uv_layer)
+        surface_values.apply_normal_map(sample.normals, at_hits, feed, tangents, self.to_space)
 
-            def turn(
-                sample: Sample,
-                page: surface_tables.ImageLevels,
-                tile: int | None,
-                feed: NormalMapFeed = feed,
-                number: int = number,
-            ) -> None:
-                surface_values.apply_normal_map(
-                    sample.normals,
-                    sample.hits,
-                    page,
-                    feed,
-                    number,
-                    tables=self.surface.tables,
-                    uvs=self.surface.uvs(feed.image.uv_layer),
-                    tangents=self.surface.tangents(feed.uv_layer),
-                    materials=self.normal_table,
-                    to_space=self.to_space,
-                    tile=tile,
-                    samples=self.run.settings.sampling.samples,
-                    blocks=sample.blocks,
-                )
-
-            yield ImageUse(feed.image, self.normal_table, number, turn)
-
-    def _bump_uses(self) -> Iterator[ImageUse]:
-        for feed, number in self.bumps.items():
-
-            def turn(
-                sample: Sample,
-                page: surface_tables.ImageLevels,
-                tile: int | None,
-                feed: BumpFeed = feed,
-                number: int = number,
-            ) -> None:
-                surface_values.apply_bump(
-                    sample.normals,
-                    sample.hits,
-                    page,
-                    feed,
-                    number,
-                    tables=self.surface.tables,
-                    uvs=self.surface.uvs(feed.image.uv_layer),
-                    materials=self.bump_table,
-                    to_space=self.to_space,
-                    unit=self.surface.local_space.size,
-                    tile=tile,
-                    samples=self.run.settings.sampling.samples,
-                    blocks=sample.blocks,
-                )
-
-            yield ImageUse(feed.image, self.bump_table, number, turn)
+    def _apply_bump(self, feed: BumpFeed, sample: Sample, at_hits: ImageAtHits) -> None:
+        surface_values.apply_bump(sample.normals, at_hits, feed, self.to_space, self.surface.local_space.size)
 
 
 def _normal_map(material: HighMaterial) -> NormalMapFeed | None:
@@ -301,7 +250,7 @@ def _bump(material: HighMaterial) -> BumpFeed | None:
     return material.detail if isinstance(material.detail, BumpFeed) else None
 
 
-def _numbered(feeds: Sequence[DetailFeed | None]) -> tuple[dict[DetailFeed, int], surface_tables.MaterialTable]:
+def _numbered(feeds: Sequence[DetailFeed | None]) -> tuple[dict[DetailFeed, int], MaterialTable]:
     """The number of each feed, from 1, and a table of them by the numbers of materials, which count from 1."""
     numbers = np.full(len(feeds) + 1, surface_tables.UNKNOWN)
     found: dict[DetailFeed, int] = {}

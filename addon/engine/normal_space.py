@@ -94,12 +94,12 @@ def reading(settings: MapSettings) -> tuple[int, int, int]:
     return lit.reading(kind, channels(settings))
 
 
-def reading_by(target: TargetEngine, settings: Settings) -> tuple[int, int, int]:
-    """How a program reads a tangent-space map of these settings."""
-    depth = min(settings.storing.depth, target.depth)
+def reading_by(engine: TargetEngine, settings: Settings) -> tuple[int, int, int]:
+    """How an engine reads a tangent-space map of these settings."""
+    depth = min(settings.storing.depth, engine.depth)
     steps = 0 if depth > 8 and settings.storing.is_float else 2**depth - 1
-    axes = channels(replace(settings, red="+X", green=target.green, blue="+Z").map)
-    return lit.reading(lit.TANGENT + target.basis.flags, axes, steps=steps, rebuilds_z=target.rebuilds_z)
+    axes = channels(replace(settings, red="+X", green=engine.green, blue="+Z").map)
+    return lit.reading(lit.TANGENT + engine.basis.flags, axes, steps=steps, rebuilds_z=engine.rebuilds_z)
 
 
 def stored(normals: np.ndarray, settings: Settings) -> Map:

@@ -14,9 +14,8 @@ from ..core.udim import UvToClip
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import FARTHEST, LocalSpace
 from ..mesh.subdividing import Pieces
-from ..passes import rays, samples, target
+from ..passes import cast, rays, samples, target
 from ..passes.samples import Active
-from . import ray_distances
 from .tree_cache import LowSurface, RayScene
 
 TOUCHING = 1e-6
@@ -81,20 +80,17 @@ class RayCast:
     def traced(
         self, hits: target.Target, drawn: target.Target, pace: Pace, some: Active | None = None
     ) -> Iterator[range]:
-        """As `trace`, in slices, as ray_distances.cast_in_slices has them."""
+        """As `trace`, in slices, as cast.trace_in_slices has them."""
         unit = self.ray_scene.local_space.size
-        yield from ray_distances.cast_in_slices(
-            hits,
-            drawn,
-            self.ray_scene.tables,
-            self.low.owners,
-            pace=pace,
-            some=some,
-            rule=self.hit,
+        search = cast.Search(
+            self.hit,
             inside=FARTHEST if self.has_cage else (self.max_distance - self.extrusion) / unit,
             # Painting moves where rays start, not where they end. From a cage, they have a length instead.
             max_t=self.max_distance / unit if self.has_cage else FARTHEST,
             facing_only=self.facing_only,
+        )
+        yield from cast.trace_in_slices(
+            hits, drawn, self.ray_scene.tables, self.low.owners, search, pace=pace, some=some
         )
 
 
@@ -176,7 +172,5 @@ def rays_at_points(
         start_offset=extrusion,
         start_on_cage=meshes.cage is not None,
     )
-    away = np.empty((side, side, 4), np.float32)
-    drawn.read(away, slot=1)
-    away = away.reshape(-1, 4)[:count]
+    away = drawn.texels(1).reshape(-1, 4)[:count]
     return RayPoints(by_point["position"], away[:, :3], away[:, 3])

@@ -2,39 +2,21 @@
 """Measures what the settings of rays leave open: their distances, and how wide their directions blend."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gpu
 import numpy as np
 
 from ..core import udim
 from ..core.declarations.choices import Directions, Hit
-from ..core.progress import Pace
+from ..core.progress import Pace, Progress, Task, Timings
+from ..core.settings import Settings
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import FARTHEST
 from ..passes import cast, rays, target
 from ..passes.cast import Owners
-from ..passes.samples import Active
+from . import ray_casting, tree_cache
 from .tree_cache import LowSurface, SharpPoints
-
-
-def cast_in_slices(
-    hits: target.Target,
-    drawn: target.Target,
-    tables: cast.Tables,
-    owners: Owners | None,
-    *,
-    pace: Pace,
-    some: Active | None = None,
-    **options,
-) -> Iterator[range]:
-    """Cast the rays in `drawn` as cast.trace does, in slices. Yields the rows that are done; with `some`, rows of its list."""
-    height, work = (some.rows, "some texels") if some else (drawn.height, "")
-    for rows in pace.slices(height, work):
-        cast.trace(hits, drawn, tables, owners, rows=rows, some=some, **options)
-        hits.finish()
-        yield rows
-
 
 PROBE_SIZE = 256
 """The most rays a side that are cast."""
@@ -53,7 +35,60 @@ MOST_PARTS = 0.25
 PART_RESERVE = 1.1
 """Factor on the measured height of parts that stand off."""
 DIGITS = 3
-"""The significant digits of measured figures on which all rays depend. GPUs round measurements differently."""
+"""The significant digits of measured distances on which all rays depend. GPUs round measurements differently."""
+
+
+def measured_rays(
+    meshes: Meshes, tiles: Sequence[int], settings: Settings, timings: Timings
+) -> Task[ray_casting.RayCast]:
+    """The rays of a bake on these UDIM tiles. Distances that the settings do not set are measured."""
+    has_cage = meshes.cage is not None
+    yield Progress("Building the tree", 0.0)
+    ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
+    low_surface = tree_cache.trees.low_surface_of(
+        meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.tracing.hit == Hit.OWN
+    )
+    yield Progress("Measuring distances", 0.5)
+    with timings.timed("upload"):
+        ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, ray_scene.local_space)
+    with timings.timed("distances"):
+        directions = choose_directions(settings.tracing.directions, meshes, low_surface, ray_scene.tables)
+    # With a cage, rays start exactly on it.
+    extrusion, max_distance = 0.0 if has_cage else settings.tracing.extrusion, settings.tracing.max_distance
+    is_measured = extrusion is None or max_distance is None
+    if is_measured:
+        with timings.timed("distances"):
+            unit = ray_scene.local_space.size
+            # What is painted scales the measured distance, and does not change it.
+            unpainted = replace(meshes, offset=None)
+            probe = Probe(
+                ray_scene.tables,
+                ray_mesh
+                if meshes.offset is None
+                else ray_casting.upload_ray_mesh(unpainted, low_surface, ray_scene.local_space),
+                directions,
+                settings.sampling.size,
+                tiles,
+            )
+            outside, inside = measure_distances(probe, has_cage=has_cage, facing_only=settings.tracing.facing_only)
+            if settings.tracing.hit == Hit.OWN and not has_cage:
+                length = None if max_distance is None else max_distance / unit
+                outside, inside = with_room((outside, inside), length, probe, low_surface.owners)
+        extrusion = outside * unit if extrusion is None else extrusion
+        # Measured from the low surface; rays start `extrusion` outside it.
+        max_distance = extrusion + inside * unit if max_distance is None else max_distance
+    return ray_casting.RayCast(
+        ray_scene,
+        low_surface,
+        ray_mesh,
+        directions,
+        Hit(settings.tracing.hit),
+        extrusion,
+        max_distance,
+        settings.tracing.facing_only,
+        has_cage,
+        is_measured,
+    )
 
 
 @dataclass(frozen=True)
@@ -114,15 +149,15 @@ def with_room(
     outside, inside = measured
     farthest = max(outside, FARTHEST_PART * owners.room)
     height = _standing_off(probe, owners, farthest=farthest, inside=max(inside, owners.room))
-    wanted = max(owners.room, min(rounded(PART_RESERVE * height), farthest))
+    extrusion = max(owners.room, min(rounded(PART_RESERVE * height), farthest))
     if max_distance is not None:  # the rays must still reach as far inside as was measured
-        wanted = min(wanted, max_distance - inside)
-    return max(outside, wanted), max(inside, owners.room)
+        extrusion = min(extrusion, max_distance - inside)
+    return max(outside, extrusion), max(inside, owners.room)
 
 
-def rounded(figure: float) -> float:
-    """`figure` with DIGITS significant digits."""
-    return float(f"{figure:.{DIGITS}g}")
+def rounded(distance: float) -> float:
+    """`distance` with DIGITS significant digits."""
+    return float(f"{distance:.{DIGITS}g}")
 
 
 def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: float) -> float:
@@ -132,7 +167,8 @@ def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: floa
     """
     highest, covered, texels_of_low = 0.0, 0, 0
     for drawn in probe.drawn(start_offset=farthest, most=PART_PROBE_SIZE):
-        texels = hit_heights(probe.tables, owners, drawn, rule=Hit.OWN, inside=inside, max_t=FARTHEST, facing_only=True)
+        search = cast.Search(Hit.OWN, inside, FARTHEST, facing_only=True)
+        texels = hit_heights(probe.tables, owners, drawn, search)
         heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)
         is_part = (alpha > 0.0) & (is_not_owned == 0.0) & (heights > owners.room)
         highest = max(highest, float(heights[is_part].max(initial=0.0)))
@@ -142,27 +178,21 @@ def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: floa
 
 def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
     """The heights (N,) float32 of the hits above the low surface, or above the cage for OUTERMOST."""
-    texels = hit_heights(
-        tables, None, drawn, rule=rule, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=facing_only
-    )
+    texels = hit_heights(tables, None, drawn, cast.Search(rule, WHOLE_WORLD, 2.0 * WHOLE_WORLD, facing_only))
     heights = texels[..., 0]
     if rule == Hit.OUTERMOST:
-        away = np.empty_like(texels)
-        drawn.read(away, slot=1)
-        heights -= away[..., 3]
+        heights -= drawn.texels(1)[..., 3]
     return heights[texels[..., 3] > 0.0]
 
 
-def hit_heights(tables: cast.Tables, owners: Owners | None, drawn: target.Target, **options) -> np.ndarray:
-    """What cast.heights writes, (height, width, 4) float32. options: of cast.trace."""
+def hit_heights(tables: cast.Tables, owners: Owners | None, drawn: target.Target, search: cast.Search) -> np.ndarray:
+    """What cast.heights writes, (height, width, 4) float32."""
     hits = target.get("hits", drawn.width, drawn.height, "RGBA32UI")
     found = target.get("high", drawn.width, drawn.height, "RGBA32F")
-    for _ in cast_in_slices(hits, drawn, tables, owners, pace=Pace(), **options):
+    for _ in cast.trace_in_slices(hits, drawn, tables, owners, search, pace=Pace()):
         pass
     cast.heights(found, hits, drawn)
-    texels = np.empty((drawn.height, drawn.width, 4), np.float32)
-    found.read(texels)
-    return texels
+    return found.texels()
 
 
 def _with_reserve(distances: np.ndarray) -> float:
@@ -225,8 +255,7 @@ def _heights_along(places: np.ndarray, normals: np.ndarray, tables: cast.Tables)
     Returns heights (N,), and which rays hit, (N,) bool.
     """
     drawn = rays.upload_points(places, normals, WHOLE_WORLD)
-    texels = hit_heights(
-        tables, None, drawn, rule=Hit.NEAREST, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=False
-    )
+    search = cast.Search(Hit.NEAREST, WHOLE_WORLD, 2.0 * WHOLE_WORLD, facing_only=False)
+    texels = hit_heights(tables, None, drawn, search)
     texels = texels.reshape(-1, 4)[: len(places)]
     return texels[:, 0], texels[:, 3] > 0.0

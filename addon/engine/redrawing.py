@@ -326,7 +326,7 @@ class KeptMap:
         return True
 
     def free(self) -> None:
-        """Let go of the GPU memory. The texels stay."""
+        """Free the GPU memory. The texels stay."""
         self._texels = self.texels
         self._stored = self._nearest = self._meshes = None
         self._drawn = []

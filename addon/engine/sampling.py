@@ -108,14 +108,16 @@ class SampledMaps(BandMaps):
         return self.adaptive.stopped if self.adaptive else None
 
     @property
-    def _has_pages(self) -> bool:
+    def _has_images(self) -> bool:
         """Whether images of the high meshes are looked up."""
-        return self.detail is not None or any(family.has_pages for family in self.families)
+        return self.detail is not None or any(family.has_images for family in self.families)
 
     def _group_size(self, band: Band) -> int:
         """How many samples are drawn together: as many as fit, if images have to be loaded for them."""
         texels = band.width * band.height
-        return max(1, min(self.settings.sampling.samples, KEPT_BYTES // (HIT_BYTES * texels))) if self._has_pages else 1
+        return (
+            max(1, min(self.settings.sampling.samples, KEPT_BYTES // (HIT_BYTES * texels))) if self._has_images else 1
+        )
 
     def _group(
         self, band: Band, group: Sequence[tuple[int, tuple[float, float], bool]], sums: target.Target | None
@@ -138,7 +140,7 @@ class SampledMaps(BandMaps):
             if self.families or self.detail is not None:
                 hits = self.source.hits(sample_band, slot)
                 blocks = None
-                if self._has_pages:
+                if self._has_images:
                     with self.timings.timed("draw"):
                         blocks = surface_tables.find_blocks(hits, self.source.surface.labels)
                 drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits, blocks))

@@ -142,9 +142,7 @@ def _ray_probe(ray_cast: ray_casting.RayCast) -> Probe:
         ray_cast.draw(rays, uv_to_clip)
         ray_cast.trace(hits, rays)
         cast.heights(found, hits, rays)
-        heights, away = (np.empty((size[1], size[0], 4), np.float32) for _ in range(2))
-        found.read(heights)
-        rays.read(away, slot=1)
+        heights, away = found.texels(), rays.texels(1)
         away[..., :3] *= heights[..., :1] * unit
         away[..., 3] = heights[..., 3]
         return away
@@ -189,6 +187,4 @@ def draw_points(meshes: Sequence[gpu.types.GPUBatch], size: tuple[int, int], uv_
     """The points, in local space, of `meshes` drawn in UV space: (height, width, 4) float32, alpha 0 where there is no mesh."""
     drawn = target.get("audit points", *size, "RGBA32F", "RGBA32F")
     high_in_uv.draw_points(drawn, meshes, uv_to_clip)
-    texels = np.empty((size[1], size[0], 4), np.float32)
-    drawn.read(texels)
-    return texels
+    return drawn.texels()

@@ -65,12 +65,11 @@ def ordered(
 
 def overlap_depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
     """The most triangles of `low` on one texel of a map of this size."""
-    drawn, counts = target.get("overlap", *size, "R16F"), np.empty(size[::-1], np.float32)
+    drawn = target.get("overlap", *size, "R16F")
     uploaded, most = mesh_upload.upload(low.triangles, uv=low.uv), 0
     for tile in tiles:
         audit.draw_overlap(drawn, uploaded, udim.uv_to_clip(tile))
-        drawn.read(counts)
-        most = max(most, int(counts.max()))
+        most = max(most, int(drawn.texels().max()))
     return most
 
 
@@ -250,14 +249,13 @@ class HiddenParts:
             "position": space.points(low)[low.vertices],
             "direction": low.normals,
         }
-        drawn, texels = target.get("audit rays", *size, "RGBA32F", "RGBA32F"), np.empty((*size[::-1], 4), np.float32)
+        drawn = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
         for number in range(int(self._layers.max()) + 1):
             chosen = np.ascontiguousarray(low.triangles[self._layers == number])
             uploaded = mesh_upload.upload(chosen, **attributes) if len(chosen) else None
             for tile in self._plan.tiles if uploaded is not None else ():
                 low_in_uv.draw_points(drawn, uploaded, udim.uv_to_clip(tile))
-                drawn.read(texels)
-                nearest.add(number, texels, tile)
+                nearest.add(number, drawn.texels(), tile)
         return nearest.layers
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.map_types import BY_NAME
 from ..core.progress import Progress, Task, Timings
-from ..core.settings import MapSettings, Run, Settings, TracingSettings
+from ..core.settings import MapSettings, Run, TracingSettings
 from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -77,7 +77,7 @@ def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | No
             is_changed_later=meshes.has_detail,
             uploads=uploads,
         )
-    ray_cast = yield from _ray_cast(plan, run.settings, run.timings)
+    ray_cast = yield from ray_distances.measured_rays(meshes, plan.tiles, run.settings, run.timings)
     if plan.has_rays:
         return FlatAndRays(meshes, ray_cast, run)
     return Rays(meshes.low, ray_cast, meshes.highs, run)
@@ -99,59 +99,6 @@ def _flat_surface(highs: Sequence[Mesh], settings: MapSettings, timings: Timings
     if any(BY_NAME[name].family.casts_rays for name in settings.drawn_maps):
         return HighSurface(highs, tree_cache.trees.ray_scene_of(highs, timings))
     return HighSurface(highs, tree_cache.without_tree(highs, timings))
-
-
-def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_casting.RayCast]:
-    """The rays of a bake. Distances that the settings do not set are measured."""
-    meshes, has_cage = plan.meshes, plan.meshes.cage is not None
-    yield Progress("Building the tree", 0.0)
-    ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
-    low_surface = tree_cache.trees.low_surface_of(
-        meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.tracing.hit == Hit.OWN
-    )
-    yield Progress("Measuring distances", 0.5)
-    with timings.timed("upload"):
-        ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, ray_scene.local_space)
-    with timings.timed("distances"):
-        directions = ray_distances.choose_directions(settings.tracing.directions, meshes, low_surface, ray_scene.tables)
-    # With a cage, rays start exactly on it.
-    extrusion, max_distance = 0.0 if has_cage else settings.tracing.extrusion, settings.tracing.max_distance
-    is_measured = extrusion is None or max_distance is None
-    if is_measured:
-        with timings.timed("distances"):
-            unit = ray_scene.local_space.size
-            # What is painted scales the measured distance, and does not change it.
-            unpainted = replace(meshes, offset=None)
-            probe = ray_distances.Probe(
-                ray_scene.tables,
-                ray_mesh
-                if meshes.offset is None
-                else ray_casting.upload_ray_mesh(unpainted, low_surface, ray_scene.local_space),
-                directions,
-                settings.sampling.size,
-                plan.tiles,
-            )
-            outside, inside = ray_distances.measure_distances(
-                probe, has_cage=has_cage, facing_only=settings.tracing.facing_only
-            )
-            if settings.tracing.hit == Hit.OWN and not has_cage:
-                length = None if max_distance is None else max_distance / unit
-                outside, inside = ray_distances.with_room((outside, inside), length, probe, low_surface.owners)
-        extrusion = outside * unit if extrusion is None else extrusion
-        # Measured from the low surface; rays start `extrusion` outside it.
-        max_distance = extrusion + inside * unit if max_distance is None else max_distance
-    return ray_casting.RayCast(
-        ray_scene,
-        low_surface,
-        ray_mesh,
-        directions,
-        Hit(settings.tracing.hit),
-        extrusion,
-        max_distance,
-        settings.tracing.facing_only,
-        has_cage,
-        is_measured,
-    )
 
 
 class Flat(Source):
@@ -336,12 +283,8 @@ class FlatAndRays(Rays):
         key = band.tile, band.start
         if key in self._counts or band.size != self.settings.size:
             return
-        found = []
-        for drawn in (points, rays):
-            texels = np.empty((band.height, band.width, 4), np.float32)
-            drawn.read(texels)
-            found.append(np.count_nonzero(texels[band.halo : band.height - band.halo, :, 3]))
-        self._counts[key] = np.array(found)
+        rows = slice(band.halo, band.height - band.halo)
+        self._counts[key] = np.array([np.count_nonzero(drawn.texels()[rows, :, 3]) for drawn in (points, rays)])
 
     def _join(
         self,

@@ -45,7 +45,7 @@ class LowSurface:
     @property
     def bytes(self) -> int:
         """The GPU memory of both trees."""
-        return data_texture.size_of(self.owners.nodes, self.owners.corners, self.edges.nodes, self.edges.ends)
+        return data_texture.size_of(self.owners.tree.nodes, self.owners.corners, self.edges.tree.nodes, self.edges.ends)
 
 
 @dataclass(frozen=True)
@@ -79,16 +79,8 @@ def build_low_surface(low: Mesh, local_space: LocalSpace, *, has_clearances: boo
     # In one point, a triangle has a normal of exactly 0 on any GPU, which agrees with no hit.
     corners[~has_area] = corners[~has_area][:, :1]
     across, nearest = edges.past_flat(points, ordered, has_area)
-    uploaded = cast.upload_owners(
-        tree.nodes,
-        corners,
-        across,
-        first_leaf=tree.first_leaf,
-        origin=tree.origin,
-        scale=tree.scale,
-        room=ROOM * 2.0 * local_space_of([low]).size / local_space.size,
-        has_clearances=has_clearances,
-    )
+    room = ROOM * 2.0 * local_space_of([low]).size / local_space.size
+    uploaded = cast.upload_owners(tree, corners, across, room, has_clearances=has_clearances)
     numbers = np.empty(len(vertices), np.int64)
     numbers[tree.order] = np.arange(1, len(vertices) + 1)
     starts = 1 + nearest[numbers - 1]
@@ -111,9 +103,7 @@ def upload_hard_edges(low: Mesh, local_space: LocalSpace) -> tuple[rays.Edges, S
     if not is_sharp.any():
         return rays.no_edges(), None
     tree = bvh.build(points, ends[:, [0, 1, 1]])
-    uploaded = rays.upload_edges(
-        tree.nodes, points[ends[tree.order]], first_leaf=tree.first_leaf, origin=tree.origin, scale=tree.scale
-    )
+    uploaded = rays.upload_edges(tree, points[ends[tree.order]])
     # Each place is on the edge itself, where another part may hide it: several on each edge see more.
     sharp = np.repeat(ends[is_sharp], len(PLACES), axis=0)
     half = np.repeat(np.sqrt(0.5 * (1.0 + np.clip(cosines[is_sharp], -1.0, 1.0))), len(PLACES))
@@ -187,7 +177,7 @@ class TreeCache:
             )
             found = self._scenes.pop(key, None)
             if found is None:
-                found = _build(highs, timings)
+                found = _uploaded(highs, timings, has_tree=True)
                 self.built += 1
             self._scenes[key] = found
             while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
@@ -237,19 +227,7 @@ def without_tree(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     if not fits(highs):
         others = "Flatten, for other maps than the normal map, and materials with normal or bump maps,"
         raise BakeError(f"The high meshes have {_count(highs):,} triangles together; {_most(others)}.")
-    local_space, points, vertices, normals, own_normals = _arrays(highs)
-    with timings.timed("upload"):
-        tables = cast.upload(
-            np.zeros((1, 3, 4), np.float32),
-            points,
-            vertices,
-            normals,
-            own_normals,
-            first_leaf=0,
-            origin=np.zeros(3),
-            scale=np.ones(3),
-        )
-    return RayScene(local_space, tables, np.arange(len(vertices)))
+    return _uploaded(highs, timings, has_tree=False)
 
 
 def fits(highs: Sequence[Mesh]) -> bool:
@@ -270,21 +248,16 @@ def _most(who: str) -> str:
     return f"{who} takes at most {most_triangles():,} triangles, and as many vertices, on this GPU"
 
 
-def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
+def _uploaded(highs: Sequence[Mesh], timings: Timings, *, has_tree: bool) -> RayScene:
     local_space, points, vertices, normals, own_normals = _arrays(highs)
-    tree = bvh.build(points, vertices)
+    if has_tree:
+        tree = bvh.build(points, vertices)
+    else:
+        tree = bvh.Tree(np.arange(len(vertices)), np.zeros((1, 3, 4), np.float32), 0, np.zeros(3), np.ones(3))
     with timings.timed("upload"):
-        tables = cast.upload(
-            tree.nodes,
-            points,
-            threads.take(vertices, tree.order),
-            normals,
-            own_normals[tree.order],
-            first_leaf=tree.first_leaf,
-            origin=tree.origin,
-            scale=tree.scale,
-        )
-    return RayScene(local_space, tables, tree.order)
+        if has_tree:
+            vertices, own_normals = threads.take(vertices, tree.order), own_normals[tree.order]
+        return RayScene(local_space, cast.upload(tree, points, vertices, normals, own_normals), tree.order)
 
 
 def _arrays(highs: Sequence[Mesh]) -> tuple[LocalSpace, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -85,16 +85,7 @@ class Explorer:
         self._unit = ray_cast.ray_scene.local_space.size
         self._gap = GAP * local_space_of([low]).size / self._unit
         owners, points = ray_cast.low.owners, data_texture.upload(ray_cast.ray_scene.local_space.points(low))
-        tables = cast.Tables(
-            owners.nodes,
-            _triangles(ray_cast, low),
-            points,
-            points,
-            owners.first_leaf,
-            owners.origin,
-            owners.scale,
-            bytes=0,
-        )
+        tables = cast.Tables(owners.tree, _triangles(ray_cast, low), points, points)
         self._at_low = replace(
             ray_cast,
             ray_scene=replace(ray_cast.ray_scene, tables=tables),
@@ -108,7 +99,7 @@ class Explorer:
         drawn, first = self._bake(size, uv_to_clip)
         doubts, may_jump = self._look_farther(drawn, first)
         if may_jump.any():
-            points = _read(drawn, 0)[..., :3]
+            points = drawn.texels()[..., :3]
             for before, after in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
                 steps = np.linalg.norm(points[before] - points[after], axis=-1)
                 jumps = _jumps(first.at(before), first.at(after), steps, self._gap)
@@ -124,8 +115,8 @@ class Explorer:
         drawn, first = self._bake(size, uv_to_clip)
         doubts, may_jump = self._look_farther(drawn, first)
         if may_jump.any():
-            points = _read(drawn, 0)[may_jump]
-            neighbors = [_read(self._draw(size, to_neighbors), slot)[may_jump] for slot in range(2)]
+            points = drawn.texels()[may_jump]
+            neighbors = [self._draw(size, to_neighbors).texels(slot)[may_jump] for slot in range(2)]
             steps = np.linalg.norm(points[:, :3] - neighbors[0][:, :3], axis=-1)
             found = _cast(self._ray_cast, *neighbors)
             doubts.jumps[may_jump] = _jumps(first.at(may_jump), found, steps, self._gap)
@@ -139,7 +130,7 @@ class Explorer:
 
     def _look_farther(self, drawn: target.Target, first: _Hits) -> tuple[Doubts, np.ndarray]:
         """The doubts about hits, without jumps, and the texels (height, width) bool where jumps would count."""
-        places, away = _read(drawn, 0), _read(drawn, 1)
+        places, away = drawn.texels(), drawn.texels(1)
         nothing = np.zeros((len(REASONS) + 2, *first.is_hit.shape), bool)
         doubts = Doubts(places[..., 3].astype(np.int64), first.heights, *nothing)
         on_low = doubts.on_low
@@ -231,16 +222,10 @@ def _hits(hits: target.Target, drawn: target.Target, count: int | None = None) -
     """What cast.trace wrote into `hits`, (height, width), or of the first `count` texels, (count,)."""
     found = target.get("audit far", hits.width, hits.height, "RGBA32F")
     cast.heights(found, hits, drawn)
-    texels = _read(found, 0)
+    texels = found.texels()
     if count is not None:
         texels = texels.reshape(-1, 4)[:count]
     return _Hits(texels[..., 0], texels[..., 3] > 0.0, texels[..., 1] > 0.0, texels[..., 2] > 0.0)
-
-
-def _read(drawn: target.Target, slot: int) -> np.ndarray:
-    texels = np.empty((drawn.height, drawn.width, 4), np.float32)
-    drawn.read(texels, slot)
-    return texels
 
 
 def _triangles(ray_cast: RayCast, low: Mesh) -> gpu.types.GPUTexture:
@@ -301,7 +286,9 @@ def trace_doubts(ray_cast: RayCast, low: Mesh, size: tuple[int, int], views: Seq
     parts = []
     for view in views:
         doubts = explorer.doubts(size, view)
-        places, away = _rays(ray_cast, size, view)
+        drawn = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
+        ray_cast.draw(drawn, view)
+        places, away = drawn.texels(), drawn.texels(1)
         on_low = doubts.on_low
         directions, heights = away[on_low][:, :3], doubts.heights[on_low]
         parts.append(
@@ -317,13 +304,3 @@ def trace_doubts(ray_cast: RayCast, low: Mesh, size: tuple[int, int], views: Seq
         )
     gap = GAP * local_space_of([low]).size / ray_cast.ray_scene.local_space.size
     return Traced(*map(np.concatenate, zip(*parts, strict=True)), gap, len(numbers))
-
-
-def _rays(ray_cast: RayCast, size: tuple[int, int], view: UvToClip) -> list[np.ndarray]:
-    """Where rays begin and their directions, as RayCast.draw has them, (height, width, 4) float32 each."""
-    drawn = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
-    ray_cast.draw(drawn, view)
-    texels = [np.empty((size[1], size[0], 4), np.float32) for _ in range(2)]
-    for slot, into in enumerate(texels):
-        drawn.read(into, slot)
-    return texels

@@ -226,10 +226,7 @@ class _Surface:
         """
         drawn = target.get("audit rays", self.side, self.side, "RGBA32F", "RGBA32F")
         low_in_uv.draw_points(drawn, self.uploaded[is_last], uv_to_clip)
-        texels = [np.empty((self.side, self.side, 4), np.float32) for _ in range(2)]
-        for slot, array in enumerate(texels):
-            drawn.read(array, slot=slot)
-        return texels
+        return [drawn.texels(slot) for slot in range(2)]
 
 
 def _undrawn(high: Mesh) -> str:

@@ -64,14 +64,14 @@ POSITION_LIMIT, UV_LIMIT = 1e-4, 1e-4
 @dataclass(frozen=True)
 class Baked:
     """What was baked, in the order of the file's triangles: normals (T, 3, 3), tangents (T, 3, 4), positions (T, 3, 3) and uv
-    (T, 3, 2) of the corners; pages (T,): the map of each triangle. texels_of: the texels (height, width, 4) of a map as the
+    (T, 3, 2) of the corners; textures (T,): the map of each triangle. texels_of: the texels (height, width, 4) of a map as the
     bake stored them, in the channels of map_pictures.CHANNELS, or None without one."""
 
     positions: np.ndarray
     normals: np.ndarray
     tangents: np.ndarray
     uv: np.ndarray
-    pages: np.ndarray
+    textures: np.ndarray
     basis: Basis
     texels_of: Callable[[int], np.ndarray | None]
 
@@ -98,7 +98,7 @@ def check_surface(baked: Baked, found: FileMesh, name: str) -> None:
     size = float(np.ptp(baked.positions.reshape(-1, 3), axis=0).max()) or 1.0
     if np.abs(found.positions - baked.positions).max() > POSITION_LIMIT * size:
         raise BakeError(f"The file has other triangles of {name!r} than were baked: it was not written.")
-    if not np.array_equal(found.materials, baked.pages):
+    if not np.array_equal(found.materials, baked.textures):
         raise BakeError(f"The file has other materials of {name!r} than were baked: it was not written.")
     if np.abs(found.uv - baked.uv).max() > UV_LIMIT:
         raise BakeError(f"The file has other UVs of {name!r} than were baked: it was not written.")
@@ -111,7 +111,7 @@ def measure(
     targets: Sequence[TargetEngine] = (),
     channels: Sequence[str] = (),
 ) -> Measured | None:
-    """Compare the normals of texels. texels_in: as Baked.texels_of, of a page of the file. None without normal maps.
+    """Compare the normals of texels. texels_in: as Baked.texels_of, of a texture of the file. None without normal maps.
 
     targets: the programs to measure as well. channels: the axes in red, green and blue, where the format does not say them.
 
@@ -121,14 +121,14 @@ def measure(
     ways = {basis.name: (basis, None) for basis in bases.BASES}
     ways |= {target.name: (target.basis, target) for target in targets}
     angles: dict[str, list[np.ndarray]] = {name: [] for name in ways}
-    for page in np.unique(baked.pages).tolist():
-        texels = baked.texels_of(page)
+    for texture in np.unique(baked.textures).tolist():
+        texels = baked.texels_of(texture)
         if texels is None:
             continue
-        stored = texels_in(page)
+        stored = texels_in(texture)
         if stored is None:
             raise BakeError("The file has no normal map where one was baked: it was not written.")
-        chosen = np.flatnonzero(baked.pages == page)
+        chosen = np.flatnonzero(baked.textures == texture)
         triangles, weights, uv = points(baked.uv[chosen], texels.shape[1], texels.shape[0])
         triangles = chosen[triangles]
         truth = decoded(
@@ -141,10 +141,10 @@ def measure(
             angles[name].append(degrees_between(truth, shown))
     if not any(angles.values()):
         return None
-    figures = {name: _figures(np.concatenate(parts)) for name, parts in angles.items()}
+    metrics = {name: _metrics(np.concatenate(parts)) for name, parts in angles.items()}
     return Measured(
-        {basis.name: figures[basis.name] for basis in bases.BASES},
-        {target.name: figures[target.name] for target in targets},
+        {basis.name: metrics[basis.name] for basis in bases.BASES},
+        {target.name: metrics[target.name] for target in targets},
         sum(map(len, angles[bases.BASES[0].name])),
         found.has_tangents and found.tangents is not None,
     )
@@ -195,7 +195,7 @@ def _looked_up(texels: np.ndarray, uv: np.ndarray) -> np.ndarray:
     return map_pictures.directions(texels[row, column])
 
 
-def _figures(angles: np.ndarray) -> dict[str, float]:
+def _metrics(angles: np.ndarray) -> dict[str, float]:
     if not len(angles):
         return dict.fromkeys(("median", "percentile_95", "percentile_99", "maximum"), 0.0)
     median, high, higher = np.percentile(angles, (50, 95, 99))

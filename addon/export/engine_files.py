@@ -188,7 +188,7 @@ def _exported(file_format: MeshFormat, one: Staged, path: Path) -> Exported:
         one.uv,
         one.faces,
         low.basis,
-        _kept(lambda page: _baked_texels(one, page, path.parent)),
+        _kept(lambda texture: _baked_texels(one, texture, path.parent)),
     )
     comparison.check_surface(baked, found, low.name)
     measured = None
@@ -196,7 +196,9 @@ def _exported(file_format: MeshFormat, one: Staged, path: Path) -> Exported:
         measured = comparison.measure(
             baked,
             found,
-            _kept(lambda page: _texels_in(found, page, file_format.channels or one.channels(page), path.parent)),
+            _kept(
+                lambda texture: _texels_in(found, texture, file_format.channels or one.channels(texture), path.parent)
+            ),
             [targets.BY_NAME[name] for name in low.reports[0].settings["targets"]],
             () if file_format.channels else one.channels(0),
         )
@@ -205,30 +207,30 @@ def _exported(file_format: MeshFormat, one: Staged, path: Path) -> Exported:
 
 
 def _kept(load: Callable[[int], np.ndarray | None]) -> Callable[[int], np.ndarray | None]:
-    """`load`, called once for each page after the other."""
+    """`load`, called once for each texture after the other."""
     found: dict[int, np.ndarray | None] = {}
 
-    def kept(page: int) -> np.ndarray | None:
-        if page not in found:
+    def kept(texture: int) -> np.ndarray | None:
+        if texture not in found:
             found.clear()
-            found[page] = load(page)
-        return found[page]
+            found[texture] = load(texture)
+        return found[texture]
 
     return kept
 
 
-def _baked_texels(one: Staged, page: int, folder: Path) -> np.ndarray | None:
-    slot, tile = one.pages[page]
+def _baked_texels(one: Staged, texture: int, folder: Path) -> np.ndarray | None:
+    slot, tile = one.textures[texture]
     report = one.baked.report_of(slot)
     image = datablocks.get(report.image) if report is not None else None
     if image is None:
         return None
     with map_pictures.one_tile(image, tile, folder) as part:
-        return map_pictures.turned(map_pictures.pixels(part), one.channels(page))
+        return map_pictures.turned(map_pictures.pixels(part), one.channels(texture))
 
 
-def _texels_in(found: FileMesh, page: int, channels: Sequence[str], folder: Path) -> np.ndarray | None:
-    picture = found.pictures[page]
+def _texels_in(found: FileMesh, texture: int, channels: Sequence[str], folder: Path) -> np.ndarray | None:
+    picture = found.pictures[texture]
     if picture is None:
         return None
     path = folder / f"read back{file_formats.PNG.endings[0]}"

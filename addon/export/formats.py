@@ -257,20 +257,20 @@ def _file_mesh(obj: bpy.types.Object, one: Staged) -> FileMesh:
         raise BakeError(f"The file has no UVs of {one.name!r}: it was not written.")
     mesh = mesh_reader.with_tangents(data, data.uv_layers[0].name, obj.name, mesh_reader.matrix(obj))
     slots = mesh.labels[:, 0].astype(np.int32)
-    pages = np.full(max(len(obj.material_slots), int(slots.max()) + 1), -1)
+    textures = np.full(max(len(obj.material_slots), int(slots.max()) + 1), -1)
     if len(slots) == len(one.faces):  # formats order materials as they like
-        pages[slots] = one.faces
-    pictures: list[bytes | None] = [None] * len(one.pages)
+        textures[slots] = one.faces
+    pictures: list[bytes | None] = [None] * len(one.textures)
     for slot in obj.material_slots:
-        page = pages[slot.slot_index]
-        if page >= 0 and slot.material is not None:
-            pictures[page] = _normal_map(slot.material)
+        texture = textures[slot.slot_index]
+        if texture >= 0 and slot.material is not None:
+            pictures[texture] = _normal_map(slot.material)
     return FileMesh(
         mesh.positions[mesh.vertices][mesh.triangles],
         mesh.normals[mesh.triangles],
         mesh.uv[mesh.triangles],
         mesh.tangents[mesh.triangles],
-        pages[slots],
+        textures[slots],
         pictures,
         has_tangents=False,
     )

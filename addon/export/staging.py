@@ -25,8 +25,8 @@ TANGENTS = "_IMPRINT_TANGENTS"
 
 @dataclass(frozen=True)
 class Staged:
-    """A low object that stands in the file. uvs (T, 3, 2): as the file gets them. pages: the material slot and the UDIM tile of
-    each material; the tile is FIRST without UDIM. faces (T,): the page of each triangle, whose order is that of the file.
+    """A low object that stands in the file. uvs (T, 3, 2): as the file gets them. textures: the material slot and the UDIM tile
+    of each material; the tile is FIRST without UDIM. faces (T,): the texture of each triangle, whose order is that of the file.
     order (T,): which triangle of `baked` each one is. name: of the object, which is gone when the file is read back. notes:
     sentences of what could not be shown in its materials."""
 
@@ -34,14 +34,14 @@ class Staged:
     object: bpy.types.Object
     name: str
     uv: np.ndarray
-    pages: list[tuple[int, int]]
+    textures: list[tuple[int, int]]
     faces: np.ndarray
     order: np.ndarray
     notes: list[str] = field(default_factory=list)
 
-    def channels(self, page: int) -> tuple[str, str, str]:
-        """The axes that the bake's normal map of a page stores."""
-        settings = (self.baked.report_of(self.pages[page][0]) or self.baked.reports[0]).settings
+    def channels(self, texture: int) -> tuple[str, str, str]:
+        """The axes that the bake's normal map of a texture stores."""
+        settings = (self.baked.report_of(self.textures[texture][0]) or self.baked.reports[0]).settings
         return settings["red"], settings["green"], settings["blue"]
 
 
@@ -115,7 +115,7 @@ def _object(low: BakedLow, made: list[bpy.types.ID], names: ExitStack, *, with_t
     pairs, faces = np.unique(np.stack([low.slots, tiles], axis=1), axis=0, return_inverse=True)
     faces = faces.reshape(-1).astype(np.int32)
     order = np.argsort(faces, kind="stable")
-    pages = [(int(slot), int(tile)) for slot, tile in pairs]
+    textures = [(int(slot), int(tile)) for slot, tile in pairs]
     mesh = bpy.data.meshes.new("Imprint export")
     made.append(mesh)
     uvs = {name: uv[order] for name, uv in low.uvs.items()}
@@ -126,9 +126,9 @@ def _object(low: BakedLow, made: list[bpy.types.ID], names: ExitStack, *, with_t
     obj.matrix_world = Matrix(low.matrix) if low.has_applied_scale else low.low.matrix_world
     _take_name(obj, low.name, bpy.data.objects, made, names)
     _take_name(mesh, low.low.data.name, bpy.data.meshes, made, names)
-    for slot, tile in pages:
+    for slot, tile in textures:
         mesh.materials.append(_material(low, slot, tile, made, names))
-    return Staged(low, obj, obj.name, next(iter(uvs.values())), pages, faces[order], order)
+    return Staged(low, obj, obj.name, next(iter(uvs.values())), textures, faces[order], order)
 
 
 def _tiles(low: BakedLow) -> tuple[np.ndarray, np.ndarray]:
@@ -197,7 +197,7 @@ def _material(low: BakedLow, slot: int, tile: int, made: list[bpy.types.ID], nam
 def _with_maps(one: Staged, pictures: PictureFiles, channels: Sequence[str] | None) -> list[str]:
     """Show the maps of the bake in the materials of a staged object. Returns notes. Raises BakeError."""
     notes = []
-    for number, (slot, tile) in enumerate(one.pages):
+    for number, (slot, tile) in enumerate(one.textures):
         report = one.baked.report_of(slot)
         if report is None:
             notes.append(

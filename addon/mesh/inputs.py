@@ -9,6 +9,12 @@ import numpy as np
 from ..core.material_feeds import HighMaterial, ImagePixels
 from .triangle_mesh import Mesh
 
+LoadImage = Callable[[str, int], ImagePixels]
+
+
+def _no_image(key: str, _tile: int) -> ImagePixels:
+    raise LookupError(key)
+
 
 @dataclass(frozen=True)
 class Meshes:
@@ -18,7 +24,7 @@ class Meshes:
     smooth_normals (C, 3) float32: vertex normals by corner of `low`, without hard edges. cage: a mesh with the corners of
     `low`, or None. is_own_base: whether the high mesh is the low object's own surface with modifiers. materials: those behind
     the material labels of the high meshes, which count from 1. others: the high meshes of other low objects, if they are
-    occluders. load_page: loads the pixels of an image of the materials, by its key and its UDIM tile (0 without tiles).
+    occluders. load_image: loads the pixels of an image of the materials, by its key and its UDIM tile (0 without tiles).
     whole, kept, material: for a texture set, `low` has only the triangles of one material; then the low mesh with all of them,
     the indices of those that were kept, and the material's name. shown: with is_own_base, the high mesh with the UVs that
     modifiers moved, as the viewport shows it; None if no modifier moves UVs. lacks: what the objects lack, in sentences.
@@ -40,7 +46,7 @@ class Meshes:
     offset: np.ndarray | None = None
     straight: np.ndarray | None = None
     others: list[Mesh] = field(default_factory=list)
-    load_page: Callable[[str, int], ImagePixels] | None = None
+    load_image: LoadImage = _no_image
     whole: Mesh | None = None
     kept: np.ndarray | None = None
     material: str = ""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.udim import UvToClip
 from . import blender_gpu as gpu
-from . import low_in_uv, mesh_upload, shader, target
+from . import low_in_uv, mesh_upload, target
 from .shader import Program
 
 OVERLAP = Program(
@@ -26,12 +26,9 @@ def draw_overlap(into: target.Target, mesh: gpu.types.GPUBatch, uv_to_clip: UvTo
 
     mesh: batch with the attribute uv. Triangles that share an edge do not share texels along it.
     """
-    compiled = shader.load(OVERLAP)
     with target.drawing(into):
         gpu.state.blend_set("ADDITIVE")
-        compiled.bind()
-        target.bind(compiled, OVERLAP, uv_to_clip=uv_to_clip)
-        mesh.draw(compiled)
+        target.draw_bound(OVERLAP, mesh, uv_to_clip=uv_to_clip)
         gpu.state.blend_set("NONE")
 
 
@@ -64,23 +61,19 @@ def layers_of_triangles(
     The last triangle is on top, as in a map. After the lowest triangle of a texel comes a 0, then its top triangle again.
     The array is reused for the next layer.
     """
-    compiled = shader.load(TRIANGLE_IDS)
     above, into = (target.get(f"faces {name}", *size, "R32F") for name in ("above", "into"))
     target.clear(above)
     numbers = np.empty(size[::-1], np.float32)
     for _ in range(count):
-        with target.drawing(into):
-            compiled.bind()
-            target.bind(compiled, TRIANGLE_IDS, above=above.texture, uv_to_clip=uv_to_clip)
-            mesh.draw(compiled)
+        target.draw(into, TRIANGLE_IDS, mesh, above=above.texture, uv_to_clip=uv_to_clip)
         into.read(numbers)
         yield numbers
         above, into = into, above
 
 
-TARGET_ANGLES = Program(
+ENGINE_ANGLES = Program(
     vertex="bake/tangent_vert.glsl",
-    fragment="audit/target_angles_frag.glsl",
+    fragment="audit/engine_angles_frag.glsl",
     inputs=low_in_uv.TANGENT.inputs,
     varyings=low_in_uv.TANGENT_VARYINGS,
     texels=(("RGBA32F", "FLOAT_2D", "normal_map"),),
@@ -89,7 +82,7 @@ TARGET_ANGLES = Program(
 )
 
 
-def measure_target_angles(
+def measure_engine_angles(
     low: gpu.types.GPUBatch,
     normal_map: gpu.types.GPUTexture,
     uv_to_clip: UvToClip,
@@ -101,14 +94,7 @@ def measure_target_angles(
     low: as low_in_uv.draw_in_tangent_space takes it. normal_map: RGBA32F, colors before they are
     rounded. own: how the map is meant; other: how the program reads it; both from lit.reading.
     """
-    into = target.get("target angles", normal_map.width, normal_map.height, "R32F")
-    compiled = shader.load(TARGET_ANGLES)
-    with target.drawing(into):
-        compiled.bind()
-        bound = {"own": (*own, 0.0), "other": (*other, 0.0)}
-        target.bind(compiled, TARGET_ANGLES, normal_map=normal_map, uv_to_clip=uv_to_clip, **bound)
-        low.draw(compiled)
-    angles = np.empty((normal_map.height, normal_map.width), np.float32)
-    into.read(angles)
-    angles -= 1.0
-    return angles
+    into = target.get("engine angles", normal_map.width, normal_map.height, "R32F")
+    bound = {"own": (*own, 0.0), "other": (*other, 0.0)}
+    target.draw(into, ENGINE_ANGLES, low, normal_map=normal_map, uv_to_clip=uv_to_clip, **bound)
+    return into.texels() - 1.0

@@ -4,28 +4,25 @@ surface there."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..core.declarations.choices import Hit
+from ..core.progress import Pace
 from . import blender_gpu as gpu
 from . import data_texture, samples, shader, target
 from .samples import Active
 from .shader import Program
 
+_OWNERS = ("RGBA32F", "FLOAT_2D", "low_nodes"), ("RGBA32F", "FLOAT_2D", "low_corners")
 CLEARANCE = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/clearance_frag.glsl",
     inputs=(("VEC2", "position"),),
-    texels=(("RGBA32F", "FLOAT_2D", "low_nodes"), ("RGBA32F", "FLOAT_2D", "low_corners")),
-    constants=(
-        ("VEC4", "low_origin"),
-        ("VEC4", "low_scale"),
-        ("INT", "low_first_leaf"),
-        ("INT", "count"),
-        ("INT", "per_row"),
-    ),
+    texels=_OWNERS,
+    constants=(*data_texture.tree_constants("low"), ("INT", "count"), ("INT", "per_row")),
     outputs=(("VEC4", "clearance_out"),),
 )
 """A fragment shader: of what a compute shader writes, Blender makes only textures and images wait, and this is read back."""
@@ -47,40 +44,32 @@ class Owners:
     about at their closest point.
     """
 
-    nodes: gpu.types.GPUTexture
+    tree: data_texture.Tree
     corners: gpu.types.GPUTexture
-    first_leaf: int
-    origin: np.ndarray
-    scale: np.ndarray
     room: float
+
+    @property
+    def bindings(self) -> dict:
+        """What a Program that looks for owners is bound to, beside `near`."""
+        return {**self.tree.bindings("low"), "low_corners": self.corners}
 
 
 def upload_owners(
-    nodes: np.ndarray,
+    tree: data_texture.BuiltTree,
     corners: np.ndarray,
     neighbors: np.ndarray,
-    *,
-    first_leaf: int,
-    origin: np.ndarray,
-    scale: np.ndarray,
     room: float,
+    *,
     has_clearances: bool = True,
 ) -> Owners:
-    """Upload the nodes of a tree (bvh.Tree), with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order.
+    """Upload a tree (bvh.Tree), with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order.
 
     has_clearances: whether the clearances are measured, which makes many searches for owners quicker; otherwise they are 0.
     """
     texels = np.zeros((len(corners), OWNER_TEXELS, 4), np.float32)
     texels[:, :3, :3], texels[:, :3, 3] = corners, neighbors
     texels[:, 3, :3] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    uploaded = Owners(
-        data_texture.upload(nodes.reshape(-1, 4)),
-        data_texture.upload(texels.reshape(-1, 4)),
-        first_leaf,
-        origin,
-        scale,
-        room,
-    )
+    uploaded = Owners(data_texture.upload_tree(tree), data_texture.upload(texels.reshape(-1, 4)), room)
     if not has_clearances or len(corners) > MOST_CLEARED:
         return uploaded
     texels[:, 3, 3] = _clearances(uploaded, len(corners))
@@ -94,17 +83,11 @@ def _clearances(owners: Owners, count: int) -> np.ndarray:
     target.fill(
         into,
         CLEARANCE,
-        low_nodes=owners.nodes,
-        low_corners=owners.corners,
-        low_origin=(*owners.origin, 0.0),
-        low_scale=(*owners.scale, 0.0),
-        low_first_leaf=owners.first_leaf,
+        **owners.bindings,
         count=count,
         per_row=CLEARED_WIDTH // CLEARED_AT_ONCE,
     )
-    found = np.empty((into.height, into.width), np.float32)
-    into.read(found)
-    blocks = found.reshape(rows, CLEARED_AT_ONCE, -1, CLEARED_AT_ONCE)
+    blocks = into.texels().reshape(rows, CLEARED_AT_ONCE, -1, CLEARED_AT_ONCE)
     return blocks.transpose(0, 2, 1, 3).reshape(-1)[:count]
 
 
@@ -138,12 +121,7 @@ TRACE_FIRST = Program(
 """For the rules that need no owners. Software drivers run all of a shader for each texel, also what the texel does not need."""
 TRACE = Program(
     compute="bake/cast_comp.glsl",
-    texels=(
-        *_SEARCHED,
-        ("RGBA32F", "FLOAT_2D", "normals"),
-        ("RGBA32F", "FLOAT_2D", "low_nodes"),
-        ("RGBA32F", "FLOAT_2D", "low_corners"),
-    ),
+    texels=(*_SEARCHED, ("RGBA32F", "FLOAT_2D", "normals"), *_OWNERS),
     samplers=(*_RAYS, _PACKETS, *samples.ACTIVE_SAMPLERS),
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
@@ -151,9 +129,7 @@ TRACE = Program(
         *_LIMITS,
         ("INT", "has_packets"),
         ("INT", "facing_only"),
-        ("VEC4", "low_origin"),
-        ("VEC4", "low_scale"),
-        ("INT", "low_first_leaf"),
+        *data_texture.tree_constants("low"),
         ("FLOAT", "near"),
         *samples.ACTIVE_CONSTANTS,
     ),
@@ -204,41 +180,69 @@ class Tables:
     shaders/lib/triangle_lib.glsl reads them.
     """
 
-    nodes: gpu.types.GPUTexture
+    tree: data_texture.Tree
     triangles: gpu.types.GPUTexture
     points: gpu.types.GPUTexture
     normals: gpu.types.GPUTexture
-    first_leaf: int
-    origin: np.ndarray
-    scale: np.ndarray
-    bytes: int
+
+    @property
+    def bytes(self) -> int:
+        """The GPU memory."""
+        return data_texture.size_of(self.tree.nodes, self.triangles, self.points, self.normals)
+
+
+@dataclass(frozen=True)
+class Search:
+    """Which hit of a ray counts, and where rays end.
+
+    A ray runs against its direction, from its start to `inside` below the low surface, at most as far as `max_t`. rule: OWN
+    needs owners. facing_only: ignore triangles whose back faces the ray.
+    """
+
+    rule: Hit
+    inside: float
+    max_t: float
+    facing_only: bool
 
 
 def upload(
-    nodes: np.ndarray,
+    tree: data_texture.BuiltTree,
     points: np.ndarray,
     vertices: np.ndarray,
     normals: np.ndarray,
     own_normals: np.ndarray,
-    *,
-    first_leaf: int,
-    origin: np.ndarray,
-    scale: np.ndarray,
 ) -> Tables:
-    """Upload a tree (bvh.Tree: nodes (N, 3, 4), first_leaf, origin, scale) and its triangles.
+    """Upload a tree (bvh.Tree) and its triangles.
 
     Args:
         vertices: (T, 3) int, indices into points (P, 3) float32, in the tree's order.
         normals: (N, 3) float32, of any length.
         own_normals: (T,) int, where the normals of each triangle are, in the tree's order: as shared_values.joined has it.
     """
-    textures = [
-        data_texture.upload(nodes.reshape(-1, 4)),
+    return Tables(
+        data_texture.upload_tree(tree),
         data_texture.upload_numbers(vertices, own_normals),
         data_texture.upload(points),
         data_texture.upload(normals),
-    ]
-    return Tables(*textures, first_leaf, origin, scale, data_texture.size_of(*textures))
+    )
+
+
+def trace_in_slices(
+    into: target.Target,
+    rays: target.Target,
+    tables: Tables,
+    owners: Owners | None,
+    search: Search,
+    *,
+    pace: Pace,
+    some: Active | None = None,
+) -> Iterator[range]:
+    """As `trace`, in slices. Yields the rows that are done; with `some`, rows of its list."""
+    height, work = (some.rows, "some texels") if some else (rays.height, "")
+    for rows in pace.slices(height, work):
+        trace(into, rays, tables, owners, search, rows=rows, some=some)
+        into.finish()
+        yield rows
 
 
 def trace(
@@ -246,28 +250,30 @@ def trace(
     rays: target.Target,
     tables: Tables,
     owners: Owners | None,
+    search: Search,
     *,
-    rule: Hit,
-    inside: float,
-    max_t: float,
-    facing_only: bool,
     rows: range | None = None,
     some: Active | None = None,
 ) -> None:
     """Trace one ray per texel and write its hit into `into` (RGBA32UI), as shaders/lib/hit_lib.glsl reads it.
 
-    rays: what rays.draw wrote. A ray runs against its direction, from its start to `inside` below the low surface, at most
-    as far as `max_t`. rule: which hit counts. OWN needs `owners`. facing_only: ignore triangles whose back faces the ray.
-    rows: the rows to trace; the first is a multiple of 8. some: the texels to trace; `rows` are those of their list.
+    rays: what rays.draw wrote. rows: the rows to trace; the first is a multiple of 8. some: the texels to trace; `rows` are
+    those of their list.
     """
     rows = rows or range(some.rows if some else rays.height)
+    tree = tables.tree
     grid = {
-        "grid_origin": (*tables.origin, 0.0),
-        "grid_scale": (*tables.scale, 0.0),
-        "first_leaf": tables.first_leaf,
-        "nodes": tables.nodes,
+        "grid_origin": (*tree.origin, 0.0),
+        "grid_scale": (*tree.scale, 0.0),
+        "first_leaf": tree.first_leaf,
+        "nodes": tree.nodes,
     }
-    limits = {"max_t": max_t, "inside": inside, "positions": rays.textures[0], "directions": rays.textures[1]}
+    limits = {
+        "max_t": search.max_t,
+        "inside": search.inside,
+        "positions": rays.textures[0],
+        "directions": rays.textures[1],
+    }
     has_packets = some is None and rays.width * rays.height >= LEAST_PACKETS
     across, up = (-(-side // PACKET_SIDE) for side in (rays.width, rays.height))
     size = (2 * across, up) if has_packets else (2, 1)
@@ -281,28 +287,20 @@ def trace(
         "packets": packets.texture,
         "hits": into.texture,
         "has_packets": int(has_packets),
-        "facing_only": int(facing_only),
-        **samples.active_bindings(some, tables.nodes),
-    }
-    if rule != Hit.OWN:
-        is_nearest = int(rule == Hit.NEAREST)
-        target.dispatch(TRACE_FIRST, rays.width, rows, is_nearest=is_nearest, **searched, **grid, **limits)
-        return
-    target.dispatch(
-        TRACE,
-        rays.width,
-        rows,
-        normals=tables.normals,
-        low_nodes=owners.nodes,
-        low_corners=owners.corners,
-        low_origin=(*owners.origin, 0.0),
-        low_scale=(*owners.scale, 0.0),
-        low_first_leaf=owners.first_leaf,
-        near=owners.room,
-        **searched,
+        "facing_only": int(search.facing_only),
+        **samples.active_bindings(some, tree.nodes),
         **grid,
         **limits,
-    )
+    }
+    if search.rule != Hit.OWN:
+        is_nearest = int(search.rule == Hit.NEAREST)
+        target.dispatch(TRACE_FIRST, rays.width, rows, is_nearest=is_nearest, **searched)
+    elif owners is None:
+        raise ValueError("the rule OWN needs owners")
+    else:
+        target.dispatch(
+            TRACE, rays.width, rows, normals=tables.normals, near=owners.room, **owners.bindings, **searched
+        )
 
 
 def look_up(

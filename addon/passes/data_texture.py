@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
 
 from ..core import threads
@@ -15,6 +18,48 @@ BLOCK = 2**14
 """Rows that a thread writes at once, so that they fit in a processor's cache."""
 FIRST_NUMBER = 2**23
 """As in shaders/lib/triangle_lib.glsl."""
+
+
+class BuiltTree(Protocol):
+    """A tree as mesh.bvh.build makes it."""
+
+    @property
+    def nodes(self) -> np.ndarray: ...
+    @property
+    def first_leaf(self) -> int: ...
+    @property
+    def origin(self) -> np.ndarray: ...
+    @property
+    def scale(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A tree (mesh.bvh.Tree) on the GPU, as shaders/lib/tree_lib.glsl walks it."""
+
+    nodes: gpu.types.GPUTexture
+    first_leaf: int
+    origin: np.ndarray
+    scale: np.ndarray
+
+    def bindings(self, prefix: str) -> dict:
+        """What the nodes and the `tree_constants` of this prefix are bound to."""
+        return {
+            f"{prefix}_nodes": self.nodes,
+            f"{prefix}_origin": (*self.origin, 0.0),
+            f"{prefix}_scale": (*self.scale, 0.0),
+            f"{prefix}_first_leaf": self.first_leaf,
+        }
+
+
+def tree_constants(prefix: str) -> tuple[tuple[str, str], ...]:
+    """The constants of a Program that walks a tree."""
+    return ("VEC4", f"{prefix}_origin"), ("VEC4", f"{prefix}_scale"), ("INT", f"{prefix}_first_leaf")
+
+
+def upload_tree(tree: BuiltTree) -> Tree:
+    """Upload a tree (bvh.Tree)."""
+    return Tree(upload(tree.nodes.reshape(-1, 4)), tree.first_leaf, tree.origin, tree.scale)
 
 
 def limit() -> int:
@@ -56,6 +101,13 @@ def upload_numbers(*columns: np.ndarray) -> gpu.types.GPUTexture:
     return upload_padded(texels)
 
 
+def image(values: np.ndarray, texel: str = "RGBA32F") -> gpu.types.GPUTexture:
+    """A texture of this format with the texels of `values`, (height, width, 4), or (height, width) for a single channel."""
+    values = np.ascontiguousarray(values, np.float32)
+    data = gpu.types.Buffer("FLOAT", values.shape, values)
+    return gpu.types.GPUTexture(values.shape[1::-1], format=texel, data=data)
+
+
 def empty(count: int) -> np.ndarray:
     """A zeroed array (rows * WIDTH, 4) float32 with space for `count` texels. Raises BakeError for more than `limit`."""
     if count > limit():
@@ -65,5 +117,4 @@ def empty(count: int) -> np.ndarray:
 
 def upload_padded(padded: np.ndarray) -> gpu.types.GPUTexture:
     """Upload an array that `empty` made."""
-    data = gpu.types.Buffer("FLOAT", padded.shape, padded)
-    return gpu.types.GPUTexture((WIDTH, len(padded) // WIDTH), format="RGBA32F", data=data)
+    return image(padded.reshape(-1, WIDTH, 4))

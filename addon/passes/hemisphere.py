@@ -287,7 +287,7 @@ def _add(
     occluders: what rays meet. farthest: where rays end, in the occluders' space. cone: the square of the sine of the largest
     angle to the axis. free: the number in `grid_origin`.
     """
-    surface, lattice, numbers = rays.surface, rays.lattice, rays.numbers
+    surface, lattice, numbers, tree = rays.surface, rays.lattice, rays.numbers, occluders.tree
     target.dispatch(
         program,
         sums.width,
@@ -296,16 +296,16 @@ def _add(
         surface_triangles=surface.triangles,
         surface_points=surface.points,
         surface_normals=surface.normals,
-        nodes=occluders.nodes,
+        nodes=tree.nodes,
         triangles=occluders.triangles,
         points=occluders.points,
         sums=sums.texture,
-        grid_origin=(*occluders.origin, free),
-        grid_scale=(*occluders.scale, farthest),
+        grid_origin=(*tree.origin, free),
+        grid_scale=(*tree.scale, farthest),
         steps=(*lattice.step, lattice.count, cone),
         cell=lattice.cell,
         numbers=(numbers.start, len(numbers), numbers.step, int(rays.is_first)),
-        first_leaf=occluders.first_leaf,
+        first_leaf=tree.first_leaf,
         **bindings,
     )
 

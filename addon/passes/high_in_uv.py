@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.udim import UvToClip
 from . import blender_gpu as gpu
-from . import cast, mesh_upload, samples, shader, target
+from . import cast, data_texture, mesh_upload, samples, shader, target
 from .cast import Owners
 from .samples import Active
 from .shader import Program
@@ -39,12 +39,10 @@ def draw_normals(
     meshes: batches with attributes uv and normal, each with the (3, 3) matrix that takes its normals to the wanted
     space. uv_to_clip: as udim.uv_to_clip. Where meshes overlap, the later one stays. clear: False to draw over what is there.
     """
-    compiled = shader.load(NORMALS)
     with target.drawing(into, clear=clear):
         for batch, normal_matrix in meshes:
-            compiled.bind()
-            target.bind(compiled, NORMALS, normal_matrix=shader.mat4(normal_matrix), uv_to_clip=uv_to_clip)
-            batch.draw(compiled)
+            matrix = shader.mat4(normal_matrix)
+            target.draw_bound(NORMALS, batch, normal_matrix=matrix, uv_to_clip=uv_to_clip)
 
 
 def draw_normals_in_steps(
@@ -58,14 +56,11 @@ def draw_normals_in_steps(
     They sort all triangles into tiles before they fill texels. After a few triangles they still find them in the processor's
     caches, and sort the next ones meanwhile.
     """
-    compiled = shader.load(NORMALS)
     batch, normal_matrix = mesh
     constants = {"normal_matrix": shader.mat4(normal_matrix), "uv_to_clip": uv_to_clip}
     for first in range(0, count, STEP):
-        with target.drawing(into, clear=False):
-            compiled.bind()
-            target.bind(compiled, NORMALS, **constants)
-            batch.draw_range(compiled, elem_start=3 * first, elem_count=3 * min(STEP, count - first))
+        some = [(first, min(STEP, count - first))]
+        target.draw(into, NORMALS, batch, clear=False, parts=some, **constants)
         target.clear(target.get("step", 1, 1, "RGBA8"))  # another target makes the driver fill texels
 
 
@@ -107,11 +102,7 @@ def draw_hits(into: target.Target, meshes: gpu.types.GPUBatch, uv_to_clip: UvToC
     Where triangles overlap, the later one stays.
     """
     target.fill(into, NO_HITS)  # clearing writes floats
-    compiled = shader.load(HITS)
-    with target.drawing(into, clear=False):
-        compiled.bind()
-        target.bind(compiled, HITS, uv_to_clip=uv_to_clip)
-        meshes.draw(compiled)
+    target.draw(into, HITS, meshes, clear=False, uv_to_clip=uv_to_clip)
 
 
 def clip_hits(hits: target.Target, normals: gpu.types.GPUTexture) -> None:
@@ -136,12 +127,9 @@ def draw_points(into: target.Target, meshes: Iterable[gpu.types.GPUBatch], uv_to
 
     meshes: batches with the attributes uv, position and labels. Where meshes overlap, the later one stays.
     """
-    compiled = shader.load(POINTS)
     with target.drawing(into):
         for batch in meshes:
-            compiled.bind()
-            target.bind(compiled, POINTS, uv_to_clip=uv_to_clip)
-            batch.draw(compiled)
+            target.draw_bound(POINTS, batch, uv_to_clip=uv_to_clip)
 
 
 _FLOATS = "RGBA32F", "FLOAT_2D"
@@ -160,12 +148,7 @@ LEFT = Program(
         (*_FLOATS, "low_nodes"),
         (*_FLOATS, "low_corners"),
     ),
-    constants=(
-        ("VEC4", "low_origin"),
-        ("VEC4", "low_scale"),
-        ("INT", "low_first_leaf"),
-        ("FLOAT", "near"),
-    ),
+    constants=(*data_texture.tree_constants("low"), ("FLOAT", "near")),
     outputs=(("VEC4", "left_out"),),
 )
 JOIN = Program(
@@ -206,11 +189,7 @@ def draw_left(
         flat_normals=flat_normals.texture,
         triangles=tables.triangles,
         points=tables.points,
-        low_nodes=owners.nodes,
-        low_corners=owners.corners,
-        low_origin=(*owners.origin, 0.0),
-        low_scale=(*owners.scale, 0.0),
-        low_first_leaf=owners.first_leaf,
+        **owners.bindings,
         near=owners.room,
     )
 

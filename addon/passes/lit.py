@@ -93,8 +93,5 @@ def draw_bare(batch: gpu.types.GPUBatch, view_projection: np.ndarray, shading: n
 def _draw(
     program: Program, batch: gpu.types.GPUBatch, view_projection: np.ndarray, shading: np.ndarray, **samplers
 ) -> None:
-    compiled = shader.load(program)
-    compiled.bind()
     matrices = {"view_projection": shader.mat4(view_projection), "shading": shader.mat4(shading)}
-    target.bind(compiled, program, **matrices, **samplers)
-    batch.draw(compiled)
+    target.draw_bound(program, batch, **matrices, **samplers)

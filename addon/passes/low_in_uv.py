@@ -26,11 +26,7 @@ def draw_points(into: target.Target, low: gpu.types.GPUBatch, uv_to_clip: UvToCl
 
     low: batch with attributes uv, position and direction. Directions point away from the surface, with any length.
     """
-    compiled = shader.load(POINTS)
-    with target.drawing(into):
-        compiled.bind()
-        target.bind(compiled, POINTS, uv_to_clip=uv_to_clip)
-        low.draw(compiled)
+    target.draw(into, POINTS, low, uv_to_clip=uv_to_clip)
 
 
 TANGENT_VARYINGS = (("VEC3", "v_normal"), ("VEC4", "v_tangent"), ("VEC3", "v_bitangent"))
@@ -70,13 +66,17 @@ def draw_in_tangent_space(
     the same size. basis_flags: core.declarations.bases.Basis.flags. stretch: as Mesh.stretch has it, of `low`.
     clear: False to keep other texels of `into`. stopped: as in target.drawing.
     """
-    compiled = shader.load(TANGENT)
-    with target.drawing(into, clear=clear, stopped=stopped):
-        compiled.bind()
-        to_basis = shader.mat4(np.eye(3) if stretch is None else np.linalg.inv(stretch).T)
-        constants = {"to_basis": to_basis, "uv_to_clip": uv_to_clip, "basis_flags": basis_flags}
-        target.bind(compiled, TANGENT, normals=normals, **constants)
-        low.draw(compiled)
+    target.draw(
+        into,
+        TANGENT,
+        low,
+        clear=clear,
+        stopped=stopped,
+        normals=normals,
+        to_basis=shader.mat4(np.eye(3) if stretch is None else np.linalg.inv(stretch).T),
+        uv_to_clip=uv_to_clip,
+        basis_flags=basis_flags,
+    )
 
 
 def not_turned(normals: gpu.types.GPUTexture, turned: target.Target) -> tuple[gpu.types.GPUTexture, np.ndarray]:
@@ -116,13 +116,10 @@ def draw_map_normals(
     The first texture gets unit normals: alpha 1, or -1 where the map's alpha is 0, or 0 where the color is no direction. The
     second gets the length of the stored vector, below 0 if it points away from the surface, or MISSED or NO_DIRECTION.
     low: batch with attributes uv, normal and tangent. normal_map: of the same size, as it is stored. shading: (4, 4) float64
-    as view.lit.shading packs it; its light's first number is above 0 if the matrix applies to the low mesh's normals, too.
+    as lit.shading packs it; its light's first number is above 0 if the matrix applies to the low mesh's normals, too.
     """
-    compiled = shader.load(MAP_NORMALS)
-    with target.drawing(into):
-        compiled.bind()
-        target.bind(compiled, MAP_NORMALS, normal_map=normal_map, uv_to_clip=uv_to_clip, shading=shader.mat4(shading))
-        low.draw(compiled)
+    matrix = shader.mat4(shading)
+    target.draw(into, MAP_NORMALS, low, normal_map=normal_map, uv_to_clip=uv_to_clip, shading=matrix)
 
 
 POINT_MAP = Program(

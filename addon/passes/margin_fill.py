@@ -187,7 +187,7 @@ def fill_across_seams(
             of the map on which the walk across the seam starts.
     """
     borders = target.get("borders", values.width, values.height, "R32F", "DEPTH_COMPONENT32F")
-    _draw_borders(borders, seams.strips, uv_to_clip)
+    target.draw(borders, SEAM_BORDERS, seams.strips, writes_depth=True, uv_to_clip=uv_to_clip)
     target.fill(
         into,
         ACROSS_SEAMS,
@@ -235,14 +235,4 @@ def colors_across_seams(
         first_row=first_row,
         encode=shader.mat4(encode),
     )
-    found = np.empty((listed.height, listed.width, 4), np.float32)
-    into.read(found)
-    return found.reshape(-1, 4)[: len(places)]
-
-
-def _draw_borders(into: target.Target, strips: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
-    compiled = shader.load(SEAM_BORDERS)
-    with target.drawing(into, writes_depth=True):
-        compiled.bind()
-        target.bind(compiled, SEAM_BORDERS, uv_to_clip=uv_to_clip)
-        strips.draw(compiled)
+    return into.texels().reshape(-1, 4)[: len(places)]

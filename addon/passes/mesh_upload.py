@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from . import blender_gpu as gpu
@@ -69,12 +67,3 @@ def _batch(elements: gpu.types.GPUIndexBuf | None, buffers: list[gpu.types.GPUVe
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
     return a is b or (a.shape == b.shape and np.array_equal(a, b))
-
-
-def draw(mesh: gpu.types.GPUBatch, compiled: gpu.types.GPUShader, parts: Sequence[tuple[int, int]] | None) -> None:
-    """Draw a mesh with a bound shader. parts: the first triangle and the number of triangles of each; None for all."""
-    if parts is None:
-        mesh.draw(compiled)
-        return
-    for first, count in parts:
-        mesh.draw_range(compiled, elem_start=3 * first, elem_count=3 * count)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.udim import UvToClip
 from . import blender_gpu as gpu
-from . import data_texture, mesh_upload, shader, target
+from . import data_texture, mesh_upload, target
 from .shader import Program
 
 RAYS = Program(
@@ -35,9 +35,7 @@ RAYS = Program(
     texels=(("RGBA32F", "FLOAT_2D", "edge_nodes"), ("RGBA32F", "FLOAT_2D", "edge_ends")),
     constants=(
         ("VEC4", "uv_to_clip"),
-        ("VEC4", "edge_origin"),
-        ("VEC4", "edge_scale"),
-        ("INT", "edge_first_leaf"),
+        *data_texture.tree_constants("edge"),
         ("FLOAT", "blend_width"),
         ("FLOAT", "straight_share"),
         ("FLOAT", "start_offset"),
@@ -53,11 +51,8 @@ MOST_TRIANGLES = 2**24 - 1
 class Edges:
     """The hard edges of a low mesh and a tree over them (bvh.Tree) on the GPU. Edge i has two texels in `ends`."""
 
-    nodes: gpu.types.GPUTexture
+    tree: data_texture.Tree
     ends: gpu.types.GPUTexture
-    first_leaf: int
-    origin: np.ndarray
-    scale: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -74,19 +69,15 @@ class Directions:
     blend_width: float = 0.0
 
 
-def upload_edges(
-    nodes: np.ndarray, ends: np.ndarray, *, first_leaf: int, origin: np.ndarray, scale: np.ndarray
-) -> Edges:
+def upload_edges(tree: data_texture.BuiltTree, ends: np.ndarray) -> Edges:
     """Upload a tree over edges (bvh.Tree) and their ends (E, 2, 3) float32, in the tree's order."""
-    return Edges(
-        data_texture.upload(nodes.reshape(-1, 4)), data_texture.upload(ends.reshape(-1, 3)), first_leaf, origin, scale
-    )
+    return Edges(data_texture.upload_tree(tree), data_texture.upload(ends.reshape(-1, 3)))
 
 
 def no_edges() -> Edges:
     """The edges of a low mesh that has no hard ones; a shader needs textures."""
     nothing = data_texture.upload(np.zeros((1, 4), np.float32))
-    return Edges(nothing, nothing, 0, np.zeros(3), np.ones(3))
+    return Edges(data_texture.Tree(nothing, 0, np.zeros(3), np.ones(3)), nothing)
 
 
 def upload(triangles: np.ndarray, numbers: np.ndarray, **arrays: np.ndarray | None) -> gpu.types.GPUBatch:
@@ -141,27 +132,24 @@ def draw(
     the surface and how far outside it the ray starts. start_offset: that distance where nothing is painted; with
     start_on_cage it is the length of the smooth normals instead, which then point at the cage.
 
-    clear, stopped: as in target.drawing. parts: of `low`, as in mesh_upload.draw.
+    clear, stopped: as in target.drawing. parts: of `low`, as in target.draw_bound.
     """
-    compiled = shader.load(RAYS)
     edges = directions.edges
-    with target.drawing(into, clear=clear, stopped=stopped):
-        compiled.bind()
-        target.bind(
-            compiled,
-            RAYS,
-            uv_to_clip=uv_to_clip,
-            edge_nodes=edges.nodes,
-            edge_ends=edges.ends,
-            edge_origin=(*edges.origin, 0.0),
-            edge_scale=(*edges.scale, 0.0),
-            edge_first_leaf=edges.first_leaf,
-            blend_width=directions.blend_width,
-            straight_share=directions.straight_share,
-            start_offset=start_offset,
-            start_on_cage=int(start_on_cage),
-        )
-        mesh_upload.draw(low, compiled, parts)
+    target.draw(
+        into,
+        RAYS,
+        low,
+        clear=clear,
+        stopped=stopped,
+        parts=parts,
+        uv_to_clip=uv_to_clip,
+        edge_ends=edges.ends,
+        **edges.tree.bindings("edge"),
+        blend_width=directions.blend_width,
+        straight_share=directions.straight_share,
+        start_offset=start_offset,
+        start_on_cage=int(start_on_cage),
+    )
 
 
 def upload_points(places: np.ndarray, directions: np.ndarray, start: float) -> target.Target:
@@ -181,8 +169,7 @@ def upload_texels(places: np.ndarray, away: np.ndarray) -> target.Target:
     side = max(8, 1 << math.isqrt(max(0, len(places) - 1)).bit_length())
     drawn = target.Target(side, side, ("RGBA32F", "RGBA32F"))
     for slot, values in enumerate((places, away)):
-        texels = np.zeros((side * side, 4), np.float32)
-        texels[: len(values)] = values
-        data = gpu.types.Buffer("FLOAT", texels.shape, texels)
-        drawn.textures[slot] = gpu.types.GPUTexture((side, side), format="RGBA32F", data=data)
+        texels = np.zeros((side, side, 4), np.float32)
+        texels.reshape(-1, 4)[: len(values)] = values
+        drawn.textures[slot] = data_texture.image(texels)
     return drawn

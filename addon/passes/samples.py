@@ -140,8 +140,7 @@ def clear_active(into: target.Target, some: Active, slot: int = 0) -> None:
 
 def upload_covered(covered: np.ndarray) -> gpu.types.GPUTexture:
     """Squares (rows, columns) bool of COVERED texels, as `find` takes them."""
-    values = np.ascontiguousarray(covered, np.float32)
-    return gpu.types.GPUTexture(values.shape[::-1], format="R8", data=gpu.types.Buffer("FLOAT", values.shape, values))
+    return data_texture.image(covered, "R8")
 
 
 def find_active(
@@ -248,9 +247,7 @@ def draw_rounds(
         separation=(2.0 * offset[0], 2.0 * offset[1]),
         most=float(len(limits) + 1),
     )
-    needed = np.empty((into.height, into.width, 1), np.uint8)
-    into.read(needed)
-    return needed[..., 0]
+    return into.texels()
 
 
 def add_sample(sums: gpu.types.GPUTexture, normals: gpu.types.GPUTexture, some: Active) -> None:

@@ -108,9 +108,9 @@ def upload_tangents(tangents: np.ndarray, corners: np.ndarray) -> CornerValues:
 
 FIRST_LEVEL = Program(
     compute="surface/first_level_comp.glsl",
-    samplers=(("FLOAT_2D", "page"),),
+    samplers=(("FLOAT_2D", "image_pixels"),),
     images=(("RGBA32F", "FLOAT_2D", "levels", "WRITE"),),
-    constants=(("INT", "first_row"), ("INT", "page_flags")),
+    constants=(("INT", "first_row"), ("INT", "image_flags")),
 )
 NEXT_LEVEL = Program(
     compute="surface/next_level_comp.glsl",
@@ -118,7 +118,7 @@ NEXT_LEVEL = Program(
     constants=(("VEC4", "source"), ("VEC4", "result"), ("INT", "first_row")),
 )
 SRGB, WEIGHS_ALPHA = 1, 2
-"""The flags of a page in shaders/lib/page_lib.glsl."""
+"""Flags of an image in shaders/lib/image_color_lib.glsl."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class ImageLevels:
     """An image on the GPU.
 
     pixels: as stored, 8 bits a channel where they suffice. levels: the others from half the size down to one pixel,
-    scene-linear and multiplied by alpha where it weighs, as shaders/lib/page_lib.glsl finds them. top: the number of
+    scene-linear and multiplied by alpha where it weighs, as shaders/lib/image_lib.glsl finds them. top: the number of
     levels. flags: of the values above. reduced: by how much the image was too large for the GPU; 1 if it was not.
     """
 
@@ -139,26 +139,27 @@ class ImageLevels:
 
 
 def upload_image(image: ImagePixels) -> ImageLevels:
-    """Upload a page and build its levels. An image that is larger than a texture can be is reduced first.
+    """Upload an image and build its levels. One that is larger than a texture can be is reduced first.
 
     The caller can free the pixels afterwards. Raises ValueError for an image without pixels.
     """
     if not image.values.size:
-        raise ValueError("an image without pixels has no page")
+        raise ValueError("the image has no pixels")
     values, reduced = fitting(image.values, gpu.capabilities.max_texture_size_get())
     if not image.is_byte:
         values = finite(values)
     height, width = values.shape[:2]
     texel = "RGBA8" if image.is_byte else "RGBA32F"
-    data = gpu.types.Buffer("FLOAT", values.shape, np.ascontiguousarray(values, np.float32))
-    pixels = gpu.types.GPUTexture((width, height), format=texel, data=data)
+    pixels = data_texture.image(values, texel)
     sizes = level_sizes(width, height)
     flags = image.is_srgb * SRGB | image.weighs_alpha * WEIGHS_ALPHA
     extent = _extent(sizes)
     # Half precision would lose a little at each level: some drivers cut numbers off instead of rounding them.
     levels = gpu.types.GPUTexture(extent, format="RGBA32F")
     if len(sizes) > 1:
-        target.dispatch(FIRST_LEVEL, sizes[1][0], range(sizes[1][1]), page=pixels, levels=levels, page_flags=flags)
+        target.dispatch(
+            FIRST_LEVEL, sizes[1][0], range(sizes[1][1]), image_pixels=pixels, levels=levels, image_flags=flags
+        )
     for level in range(2, len(sizes)):
         target.dispatch(
             NEXT_LEVEL,
@@ -173,7 +174,7 @@ def upload_image(image: ImagePixels) -> ImageLevels:
 
 
 def level_sizes(width: int, height: int) -> list[tuple[int, int]]:
-    """The sizes of all levels, from the page itself to one pixel. Odd sizes are rounded up: each level covers the page."""
+    """The sizes of all levels, from the image itself to one pixel. Odd sizes are rounded up: each level covers the image."""
     sizes = [(width, height)]
     while max(sizes[-1]) > 1:
         sizes.append(((sizes[-1][0] + 1) // 2, (sizes[-1][1] + 1) // 2))
@@ -186,7 +187,7 @@ def level_origin(sizes: list[tuple[int, int]], level: int) -> tuple[int, int]:
 
 
 def _extent(sizes: list[tuple[int, int]]) -> tuple[int, int]:
-    """The size of the texture that has all levels but the page itself."""
+    """The size of the texture that has all levels but the image itself."""
     if len(sizes) < 3:
         return sizes[-1]
     return max(sizes[1][0], sum(width for width, _ in sizes[2:])), sizes[1][1] + sizes[2][1]
@@ -239,9 +240,7 @@ def find_blocks(hits: target.Target, labels: gpu.types.GPUTexture) -> Blocks:
     target.fill(
         shown, FIND_BLOCKS, hits=hits.texture, labels=labels
     )  # drawn: Target.read does not wait for compute shaders
-    masks = np.empty((rows, columns, 4), np.float32)
-    shown.read(masks)
-    return Blocks(masks.astype(np.int64))
+    return Blocks(shown.texels().astype(np.int64))
 
 
 def every_block(width: int, height: int) -> Blocks:

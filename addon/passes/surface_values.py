@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,14 +22,14 @@ TEXELS = (
     ("RGBA32F", "FLOAT_2D", "points"),
     ("RGBA32F", "FLOAT_2D", "levels"),
 )
-"""What all programs that look up images read, beside `PAGE`."""
-PAGE = ("FLOAT_2D", "page"), ("FLOAT_2D", "materials"), ("FLOAT_2D", "blocks")
+"""What all programs that look up images read, beside `IMAGE`."""
+IMAGE = ("FLOAT_2D", "image_pixels"), ("FLOAT_2D", "materials"), ("FLOAT_2D", "blocks")
 LEVELS = (("VEC4", "scale"), ("VEC4", "offset"), ("VEC4", "low"), ("VEC4", "high"), ("INT", "channel"))
-"""What shaders/lib/fed_value_lib.glsl takes, from `levels`."""
+"""What shaders/lib/fed_value_lib.glsl takes, from `_levels`."""
 ADD_IMAGE = Program(
     compute="surface/add_image_comp.glsl",
     texels=TEXELS,
-    samplers=PAGE,
+    samplers=IMAGE,
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(
         ("VEC4", "row_u"),
@@ -36,102 +37,10 @@ ADD_IMAGE = Program(
         *LEVELS,
         ("INT", "feed"),
         ("INT", "tile"),
-        ("INT", "page_flags"),
+        ("INT", "image_flags"),
         ("INT", "top_level"),
     ),
 )
-COLOR = 4
-"""The channel of a whole color in shaders/lib/channel_lib.glsl."""
-LARGEST = 3e38
-"""About the largest number of single precision."""
-CLOSEST, EXTENSION_SHIFT = 4, 4
-"""As in shaders/lib/page_lib.glsl."""
-_EXTENSIONS = (Extension.REPEAT, Extension.EXTEND, Extension.CLIP, Extension.MIRROR)
-
-
-def add_image(
-    sums: target.Target,
-    hits: target.Target,
-    page: ImageLevels,
-    feed: ImageFeed,
-    number: int,
-    *,
-    tables: cast.Tables,
-    uvs: CornerValues,
-    materials: MaterialTable,
-    tile: int | None = None,
-    samples: int = 1,
-    blocks: Blocks | None = None,
-) -> None:
-    """Add what `page` shows to `sums` (RGBA32F), and 1 to its alpha, where the hit's material has this feed's `number`.
-
-    hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it. tables: of the high triangles. uvs: from surface_tables.upload_uvs, of
-    the feed's layer. materials: of all materials. tile: the UDIM tile that the page is; only hits in it count. Pixels
-    are averaged over the footprint of a texel, from the hits beside it, divided by the square root of `samples`.
-    blocks: from surface_tables.find_blocks, for the same hits: without, the pass runs on the whole map.
-    """
-    surface_tables.dispatch_in_blocks(
-        ADD_IMAGE,
-        (sums.width, sums.height),
-        blocks,
-        materials,
-        number,
-        sums=sums.texture,
-        hits=hits.texture,
-        **surface_bindings(tables, uvs),
-        **levels(feed),
-        **bindings(page, feed, tile, 1.0 / math.sqrt(samples)),
-    )
-
-
-def surface_bindings(tables: cast.Tables, uvs: CornerValues) -> dict:
-    """The high triangles and their UVs, as all programs that look up pages take them."""
-    return {
-        "triangles": tables.triangles,
-        "points": tables.points,
-        "uv_triangles": uvs.triangles,
-        "uvs": uvs.values,
-    }
-
-
-def bindings(page: ImageLevels, feed: ImageFeed, tile: int | None, width: float, other: float = 0.0) -> dict:
-    """What all programs that look up pages take. width: of a sample, in texels. other: a number that a program wants."""
-    # The tiles of an image have nothing outside.
-    extension = feed.extension if tile is None else Extension.EXTEND
-    flags = page.flags | (not feed.is_smooth) * CLOSEST | _EXTENSIONS.index(extension) << EXTENSION_SHIFT
-    return {
-        "page": page.pixels,
-        "levels": page.levels,
-        "row_u": (*feed.mapping[0], width),
-        "row_v": (*feed.mapping[1], other),
-        "tile": tile or 0,
-        "page_flags": flags,
-        "top_level": page.top,
-    }
-
-
-def levels(feed: ImageFeed | AttributeFeed) -> dict:
-    """The constants LEVELS of a feed."""
-    limits = feed.limits
-    return {
-        "scale": (*feed.scale, 0.0),
-        "offset": (*feed.offset, 0.0),
-        "low": (*map(shader_number, limits.low), shader_number(limits.least)),
-        "high": (*map(shader_number, limits.high), shader_number(limits.most)),
-        "channel": channel_number(feed.channel),
-    }
-
-
-def shader_number(value: float) -> float:
-    """`value` with a large number in place of infinity, which some drivers take for anything."""
-    return min(max(value, -LARGEST), LARGEST)
-
-
-def channel_number(channel: int | None) -> int:
-    """The number of a feed's channel in shaders/lib/channel_lib.glsl."""
-    return COLOR if channel is None else channel
-
-
 ADD_CONSTANTS = Program(
     compute="surface/add_constants_comp.glsl",
     texels=(
@@ -155,6 +64,100 @@ ADD_ATTRIBUTE = Program(
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(*LEVELS, ("INT", "first_row"), ("INT", "feed")),
 )
+NORMAL_MAP = Program(
+    compute="surface/normal_map_comp.glsl",
+    texels=TEXELS,
+    samplers=(*IMAGE, ("FLOAT_2D", "tangent_triangles"), ("FLOAT_2D", "tangents")),
+    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
+    constants=(
+        ("MAT4", "to_space"),
+        ("VEC4", "row_u"),
+        ("VEC4", "row_v"),
+        ("FLOAT", "lowest"),
+        ("FLOAT", "highest"),
+        ("INT", "feed"),
+        ("INT", "tile"),
+        ("INT", "channel"),
+        ("INT", "image_flags"),
+        ("INT", "top_level"),
+    ),
+)
+BUMP = Program(
+    compute="surface/bump_comp.glsl",
+    texels=TEXELS,
+    samplers=IMAGE,
+    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
+    constants=(
+        ("MAT4", "to_space"),
+        ("VEC4", "row_u"),
+        ("VEC4", "row_v"),
+        ("FLOAT", "rise"),
+        ("FLOAT", "lowest"),
+        ("FLOAT", "highest"),
+        ("INT", "feed"),
+        ("INT", "tile"),
+        ("INT", "channel"),
+        ("INT", "image_flags"),
+        ("INT", "top_level"),
+    ),
+)
+COLOR = 4
+"""The channel of a whole color in shaders/lib/channel_lib.glsl."""
+LARGEST = 3e38
+"""About the largest number of single precision."""
+CLOSEST, EXTENSION_SHIFT = 4, 4
+"""As in shaders/lib/image_lib.glsl."""
+_EXTENSIONS = (Extension.REPEAT, Extension.EXTEND, Extension.CLIP, Extension.MIRROR)
+GREEN_DOWN = 8
+"""As in shaders/surface/normal_map_comp.glsl."""
+
+
+@dataclass(frozen=True)
+class ImageAtHits:
+    """An image at the hits of a sample, on the materials that have `number` in `materials`.
+
+    hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it. tables: of the high triangles. uvs: from surface_tables.upload_uvs, of
+    the feed's layer. tile: the UDIM tile that the image is; only hits in it count. Pixels are averaged over the footprint of a
+    texel, from the hits beside it, divided by the square root of `samples`. blocks: from surface_tables.find_blocks, for the
+    same hits: without, a pass runs on the whole map.
+    """
+
+    hits: target.Target
+    image: ImageLevels
+    feed: ImageFeed
+    number: int
+    tables: cast.Tables
+    uvs: CornerValues
+    materials: MaterialTable
+    tile: int | None = None
+    samples: int = 1
+    blocks: Blocks | None = None
+
+    def dispatch(self, program: Program, *, flags: int = 0, other: float = 0.0, **bindings) -> None:
+        """Run a program that reads the image. flags: further ones of the image. other: a number that the program wants."""
+        # The tiles of an image have nothing outside.
+        extension = self.feed.extension if self.tile is None else Extension.EXTEND
+        flags |= self.image.flags | (not self.feed.is_smooth) * CLOSEST
+        surface_tables.dispatch_in_blocks(
+            program,
+            (self.hits.width, self.hits.height),
+            self.blocks,
+            self.materials,
+            self.number,
+            hits=self.hits.texture,
+            triangles=self.tables.triangles,
+            points=self.tables.points,
+            uv_triangles=self.uvs.triangles,
+            uvs=self.uvs.values,
+            image_pixels=self.image.pixels,
+            levels=self.image.levels,
+            row_u=(*self.feed.mapping[0], 1.0 / math.sqrt(self.samples)),
+            row_v=(*self.feed.mapping[1], other),
+            tile=self.tile or 0,
+            image_flags=flags | _EXTENSIONS.index(extension) << EXTENSION_SHIFT,
+            top_level=self.image.top,
+            **bindings,
+        )
 
 
 def add_constants(
@@ -211,136 +214,78 @@ def add_attribute(
         values=values.values,
         materials=materials.texture,
         feed=number,
-        **levels(feed),
+        **_levels(feed),
     )
 
 
-NORMAL_MAP = Program(
-    compute="surface/normal_map_comp.glsl",
-    texels=TEXELS,
-    samplers=(*PAGE, ("FLOAT_2D", "tangent_triangles"), ("FLOAT_2D", "tangents")),
-    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
-    constants=(
-        ("MAT4", "to_space"),
-        ("VEC4", "row_u"),
-        ("VEC4", "row_v"),
-        ("FLOAT", "lowest"),
-        ("FLOAT", "highest"),
-        ("INT", "feed"),
-        ("INT", "tile"),
-        ("INT", "channel"),
-        ("INT", "page_flags"),
-        ("INT", "top_level"),
-    ),
-)
-BUMP = Program(
-    compute="surface/bump_comp.glsl",
-    texels=TEXELS,
-    samplers=PAGE,
-    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
-    constants=(
-        ("MAT4", "to_space"),
-        ("VEC4", "row_u"),
-        ("VEC4", "row_v"),
-        ("FLOAT", "rise"),
-        ("FLOAT", "lowest"),
-        ("FLOAT", "highest"),
-        ("INT", "feed"),
-        ("INT", "tile"),
-        ("INT", "channel"),
-        ("INT", "page_flags"),
-        ("INT", "top_level"),
-    ),
-)
-GREEN_DOWN = 8
-"""As in shaders/surface/normal_map_comp.glsl."""
+def add_image(sums: target.Target, at_hits: ImageAtHits) -> None:
+    """Add what an image shows to `sums` (RGBA32F), and 1 to their alpha, where the hit's material has it."""
+    at_hits.dispatch(ADD_IMAGE, sums=sums.texture, **_levels(at_hits.feed))
 
 
 def apply_normal_map(
-    normals: target.Target,
-    hits: target.Target,
-    page: ImageLevels,
-    feed: NormalMapFeed,
-    number: int,
-    *,
-    tables: cast.Tables,
-    uvs: CornerValues,
-    tangents: CornerValues,
-    materials: MaterialTable,
-    to_space: np.ndarray,
-    tile: int | None = None,
-    samples: int = 1,
-    blocks: Blocks | None = None,
+    normals: target.Target, at_hits: ImageAtHits, feed: NormalMapFeed, tangents: CornerValues, to_space: np.ndarray
 ) -> None:
-    """Turn `normals` (RGBA32F), as cast.look_up wrote them, in place where the hit's material has this feed's `number`.
+    """Turn `normals` (RGBA32F), as cast.look_up wrote them, in place where the hit's material has the image of `feed`.
 
-    tangents: from surface_tables.upload_tangents, of the feed's layer. uvs: of the layer of its image. to_space: the matrix
-    (3, 3) that cast.look_up got. Other arguments as in add_image.
+    tangents: from surface_tables.upload_tangents, of the feed's layer. to_space: the matrix (3, 3) that cast.look_up got.
     """
-    bound = bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), feed.strength)
-    bound["page_flags"] |= feed.is_green_down * GREEN_DOWN
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3], matrix[3, :3] = to_space, feed.image.offset, feed.image.scale
-    surface_tables.dispatch_in_blocks(
+    at_hits.dispatch(
         NORMAL_MAP,
-        (normals.width, normals.height),
-        blocks,
-        materials,
-        number,
+        flags=feed.is_green_down * GREEN_DOWN,
+        other=feed.strength,
         normals=normals.texture,
-        hits=hits.texture,
         tangent_triangles=tangents.triangles,
         tangents=tangents.values,
         to_space=shader.mat4(matrix),
-        channel=channel_number(feed.image.channel),
-        **surface_bindings(tables, uvs),
+        channel=_channel_number(feed.image.channel),
         **_limits(feed.image),
-        **bound,
     )
 
 
-def apply_bump(
-    normals: target.Target,
-    hits: target.Target,
-    page: ImageLevels,
-    feed: BumpFeed,
-    number: int,
-    *,
-    tables: cast.Tables,
-    uvs: CornerValues,
-    materials: MaterialTable,
-    to_space: np.ndarray,
-    unit: float,
-    tile: int | None = None,
-    samples: int = 1,
-    blocks: Blocks | None = None,
-) -> None:
-    """Turn `normals` in place by heights, after the normal map `below`.
+def apply_bump(normals: target.Target, at_hits: ImageAtHits, feed: BumpFeed, to_space: np.ndarray, unit: float) -> None:
+    """Turn `normals` in place by heights, after the normal map `below`. Otherwise as `apply_normal_map`.
 
-    unit: how many scene units one unit of the points is: the size of their local space. Other arguments as in
-    `apply_normal_map`.
+    unit: how many scene units one unit of the points is: the size of their local space.
     """
-    channel = LUMINANCE if feed.image.channel is None else feed.image.channel
-    surface_tables.dispatch_in_blocks(
+    at_hits.dispatch(
         BUMP,
-        (normals.width, normals.height),
-        blocks,
-        materials,
-        number,
+        other=max(feed.strength, 0.0),
         normals=normals.texture,
-        hits=hits.texture,
         to_space=shader.mat4(to_space),
         rise=feed.distance * feed.image.scale[0] / unit,
-        **surface_bindings(tables, uvs),
+        channel=_channel_number(LUMINANCE if feed.image.channel is None else feed.image.channel),
         **_limits(feed.image),
-        channel=channel_number(channel),
-        **bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), max(feed.strength, 0.0)),
     )
+
+
+def _levels(feed: ImageFeed | AttributeFeed) -> dict:
+    """The constants LEVELS of a feed."""
+    limits = feed.limits
+    return {
+        "scale": (*feed.scale, 0.0),
+        "offset": (*feed.offset, 0.0),
+        "low": (*map(_shader_number, limits.low), _shader_number(limits.least)),
+        "high": (*map(_shader_number, limits.high), _shader_number(limits.most)),
+        "channel": _channel_number(feed.channel),
+    }
 
 
 def _limits(image: ImageFeed) -> dict:
     """The limits that all channels have."""
     return {
-        "lowest": shader_number(image.limits.low[0]),
-        "highest": shader_number(image.limits.high[0]),
+        "lowest": _shader_number(image.limits.low[0]),
+        "highest": _shader_number(image.limits.high[0]),
     }
+
+
+def _shader_number(value: float) -> float:
+    """`value` with a large number in place of infinity, which some drivers take for anything."""
+    return min(max(value, -LARGEST), LARGEST)
+
+
+def _channel_number(channel: int | None) -> int:
+    """The number of a feed's channel in shaders/lib/channel_lib.glsl."""
+    return COLOR if channel is None else channel

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 
@@ -103,6 +103,13 @@ class Target:
         buffer = gpu.types.Buffer(kind, (rows, columns, channels), out.reshape(rows, columns, channels))
         with self.bound() as framebuffer:
             framebuffer.read_color(*start, columns, rows, channels, slot, kind, data=buffer)
+
+    def texels(self, slot: int = 0) -> np.ndarray:
+        """Texture `slot` as `read` has it: (height, width, channels), or (height, width) for one channel."""
+        _, channels, dtype = _READ_FORMAT[self.formats[slot]]
+        out = np.empty((self.height, self.width, channels)[: 2 + (channels > 1)], dtype)
+        self.read(out, slot)
+        return out
 
     def finish(self) -> None:
         """Wait until all drawing is done: drivers run asynchronously, so that a timer would stop too early."""
@@ -298,6 +305,36 @@ def fill(
         compiled.bind()
         bind(compiled, program, **bindings)
         _triangle().draw(compiled)
+
+
+def draw(
+    into: Target,
+    program: Program,
+    mesh: gpu.types.GPUBatch,
+    *,
+    clear: bool = True,
+    stopped: gpu.types.GPUTexture | None = None,
+    writes_depth: bool = False,
+    parts: Sequence[tuple[int, int]] | None = None,
+    **bindings,
+) -> None:
+    """Draw a mesh into `into`; options as in `drawing`, the others as in `draw_bound`."""
+    with drawing(into, clear=clear, stopped=stopped, writes_depth=writes_depth):
+        draw_bound(program, mesh, parts, **bindings)
+
+
+def draw_bound(
+    program: Program, mesh: gpu.types.GPUBatch, parts: Sequence[tuple[int, int]] | None = None, **bindings
+) -> None:
+    """Draw a mesh into the bound framebuffer; `bindings` as in `bind`. parts: the first triangle and the number of triangles of
+    each part that is drawn; None for all."""
+    compiled = shader.load(program)
+    compiled.bind()
+    bind(compiled, program, **bindings)
+    if parts is None:
+        mesh.draw(compiled)
+    for first, count in parts or ():
+        mesh.draw_range(compiled, elem_start=3 * first, elem_count=3 * count)
 
 
 def dispatch(program: Program, width: int, rows: range, **bindings) -> None:

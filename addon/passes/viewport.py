@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core import udim
 from . import blender_gpu as gpu
-from . import lit, low_in_uv, shader, target
+from . import data_texture, lit, low_in_uv, shader, target
 from .shader import Program
 
 MEASURE_DEVIATION = Program(
@@ -62,25 +62,20 @@ def measure_deviation(
     stretch: as Mesh.stretch has it, of `low`. uv_to_clip: as udim.uv_to_clip returns it for the textures; None for the whole of
     the first tile.
     """
-    values = np.ascontiguousarray(elsewhere, np.float32)
-    data = gpu.types.Buffer("FLOAT", values.shape, values)
-    mask = gpu.types.GPUTexture(values.shape[::-1], format="R32F", data=data)
     of_truth = np.eye(3) if shading[3, 1] == lit.WORLD else shading[:3, :3]
     if stretch is not None:  # then it is a tangent-space map, and `shading` is for normals that have the stretch
         of_truth = of_truth @ np.linalg.inv(stretch).T
-    compiled = shader.load(MEASURE_DEVIATION)
-    with target.drawing(into):
-        compiled.bind()
-        bindings = {
-            "normal_map": normal_map,
-            "truth": truth,
-            "elsewhere": mask,
-            "shading": shader.mat4(shading),
-            "uv_to_clip": udim.uv_to_clip() if uv_to_clip is None else uv_to_clip,
-            **{f"truth_{axis}": (*column, 0.0) for axis, column in zip("xyz", of_truth.T, strict=True)},
-        }
-        target.bind(compiled, MEASURE_DEVIATION, **bindings)
-        low.draw(compiled)
+    target.draw(
+        into,
+        MEASURE_DEVIATION,
+        low,
+        normal_map=normal_map,
+        truth=truth,
+        elsewhere=data_texture.image(elsewhere, "R32F"),
+        shading=shader.mat4(shading),
+        uv_to_clip=udim.uv_to_clip() if uv_to_clip is None else uv_to_clip,
+        **{f"truth_{axis}": (*column, 0.0) for axis, column in zip("xyz", of_truth.T, strict=True)},
+    )
 
 
 def draw_deviation(
@@ -95,21 +90,15 @@ def draw_deviation(
 
     batch: attributes position and uv. without_map: show the angles without the map.
     """
-    compiled = shader.load(DRAW_DEVIATION)
-    compiled.bind()
-    matrix = shader.mat4(view_projection)
-    target.bind(
-        compiled, DRAW_DEVIATION, deviation=measured, view_projection=matrix, limit=limit, without_map=int(without_map)
+    matrix, is_bare = shader.mat4(view_projection), int(without_map)
+    target.draw_bound(
+        DRAW_DEVIATION, batch, deviation=measured, view_projection=matrix, limit=limit, without_map=is_bare
     )
-    batch.draw(compiled)
 
 
 def draw_legend(square: gpu.types.GPUBatch, rect: tuple[float, float, float, float]) -> None:
     """Draw the color scale left to right. square: position (x, y) from 0 to 1; rect: its scale and offset in clip space."""
-    compiled = shader.load(DRAW_LEGEND)
-    compiled.bind()
-    target.bind(compiled, DRAW_LEGEND, rect=rect)
-    square.draw(compiled)
+    target.draw_bound(DRAW_LEGEND, square, rect=rect)
 
 
 CAGE_SHELL = Program(
@@ -133,10 +122,8 @@ def draw_cage_shell(
 
     batch: attributes position and unit direction, in world space, and start.
     """
-    compiled = shader.load(CAGE_SHELL)
-    compiled.bind()
-    target.bind(compiled, CAGE_SHELL, view_projection=view_projection, color=color, scale=scale, offset=offset)
-    batch.draw(compiled)
+    constants = {"view_projection": view_projection, "color": color, "scale": scale, "offset": offset}
+    target.draw_bound(CAGE_SHELL, batch, **constants)
 
 
 PREVIEW = Program(

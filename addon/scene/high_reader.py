@@ -63,8 +63,8 @@ class Reader:
         meshes = [self._joined(number, high, shown.get(number, [])) for number, high in highs.items()]
         return with_labels(meshes)
 
-    def load_page(self, key: str, tile: int) -> ImagePixels:
-        """The pixels of an image of the materials, as Meshes.load_page has it."""
+    def load_image(self, key: str, tile: int) -> ImagePixels:
+        """The pixels of an image of the materials, as Meshes.load_image has it."""
         return self.materials.images.load(key, tile)
 
     def _joined(self, number: int, high: bpy.types.Object, parts: Sequence[Part]) -> Mesh:

@@ -140,7 +140,7 @@ def _read(
     meshes = read_low(depsgraph, low, cage, settings, is_own_base=low in highs)
     reader = Reader(depsgraph, low, meshes.uv_layer, settings)
     read = reader.read(dict(enumerate(highs, start=1)))
-    meshes = replace(meshes, highs=read, materials=reader.materials.materials, load_page=reader.load_page)
+    meshes = replace(meshes, highs=read, materials=reader.materials.materials, load_image=reader.load_image)
     _check_triangles([meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])])
     return meshes
 

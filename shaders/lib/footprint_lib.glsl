@@ -1,5 +1,5 @@
-// Where a hit lies in a page, and how much of the page one texel covers there. `uv_triangles` has the numbers of each triangle's
-// UVs in `uvs`, and the number of its material. row_u and row_v map UVs to the page.
+// Where a hit lies in an image, and how much of the image one texel covers there. `uv_triangles` has the numbers of each triangle's
+// UVs in `uvs`, and the number of its material. row_u and row_v map UVs to the image.
 #include "lib/hit_lib.glsl"
 #include "lib/triangle_lib.glsl"
 
@@ -31,7 +31,7 @@ vec2 footprint_uv(uvec4 hit, FootprintUvs corners)
   return corners.a * (1.0 - weights.x - weights.y) + corners.b * weights.x + corners.c * weights.y;
 }
 
-// UVs as coordinates of the page, 0 to 1 across it.
+// UVs as coordinates of the image, 0 to 1 across it.
 vec2 footprint_mapped(vec2 uv)
 {
   return vec2(dot(row_u.xy, uv) + row_u.z, dot(row_v.xy, uv) + row_v.z);
@@ -49,7 +49,7 @@ bool footprint_is_outside(vec2 place)
   return any(lessThan(place, vec2(0.0))) || any(greaterThanEqual(place, vec2(1.0)));
 }
 
-// From steps in UVs to pixels of the page.
+// From steps in UVs to pixels of the image.
 mat2 footprint_to_pixels(ivec2 size)
 {
   return mat2(vec2(row_u.x, row_v.x) * vec2(size), vec2(row_u.y, row_v.y) * vec2(size));

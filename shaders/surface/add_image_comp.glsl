@@ -1,8 +1,8 @@
-// Adds what a page shows at each hit on a material that it feeds to the sums of a map. row_u.w: the width of a sample, in
-// texels. tile: the UDIM tile that the page is, or 0 for a single image.
+// Adds what an image shows at each hit on a material that it feeds to the sums of a map. row_u.w: the width of a sample, in
+// texels. tile: the UDIM tile that the image is, or 0 for a single image.
 #include "lib/footprint_lib.glsl"
 #include "lib/served_lib.glsl"
-#include "lib/page_lib.glsl"
+#include "lib/image_lib.glsl"
 #include "lib/fed_value_lib.glsl"
 
 void main()
@@ -18,8 +18,8 @@ void main()
   vec2 place = footprint_in_tile(footprint_mapped(uv), tile);
   is_fed = is_fed && (tile == 0 || !footprint_is_outside(place));
   if (is_fed) {
-    mat2 footprint = footprint_of(texel, hit, uv, corners, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
-    vec3 value = fed_value_of(page_mean(place, page_axes(footprint)));
+    mat2 footprint = footprint_of(texel, hit, uv, corners, footprint_to_pixels(textureSize(image_pixels, 0))) * row_u.w;
+    vec3 value = fed_value_of(image_mean(place, image_axes(footprint)));
     imageStore(sums, texel, imageLoad(sums, texel) + vec4(value, 1.0));
   }
 }

@@ -3,7 +3,7 @@
 // value.
 #include "lib/footprint_lib.glsl"
 #include "lib/served_lib.glsl"
-#include "lib/page_lib.glsl"
+#include "lib/image_lib.glsl"
 #include "lib/channel_lib.glsl"
 #include "lib/normal_space_lib.glsl"
 
@@ -22,15 +22,15 @@ void main()
   bool is_fed = !hit_missed(hit) && int(texelFetch(materials, texture_place(corners.material), 0).a) == feed &&
                 (tile == 0 || !footprint_is_outside(place));
   if (is_fed) {
-    ivec2 size = textureSize(page, 0);
+    ivec2 size = textureSize(image_pixels, 0);
     mat2 to_pixels = footprint_to_pixels(size);
-    vec3 axes = page_axes(footprint_of(texel, hit, uv, corners, to_pixels) * row_u.w);
-    // The change of the height for one pixel along u and along v, from half a pixel of the averaged page on both sides.
-    float width = page_width(axes);
+    vec3 axes = image_axes(footprint_of(texel, hit, uv, corners, to_pixels) * row_u.w);
+    // The change of the height for one pixel along u and along v, from half a pixel of the averaged image on both sides.
+    float width = image_width(axes);
     vec2 slope = vec2(0.0);
     for (int side = 0; side < 4; side++) {
       vec2 along = vec2(1 - side / 2, side / 2) * (side % 2 == 0 ? -1.0 : 1.0);
-      vec4 color = page_mean(place + along * 0.5 * width / vec2(size), axes);
+      vec4 color = image_mean(place + along * 0.5 * width / vec2(size), axes);
       slope += along * clamp(channel_of(color, channel).r, lowest, highest) / width;
     }
     // J. Blinn, "Simulation of wrinkled surfaces" (1978), by the gradient along two edges of the triangle.

@@ -1,6 +1,6 @@
-// Writes a level of a page from the one before, as first_level_comp.glsl does. source, result: the origins of both in the
+// Writes a level of an image from the one before, as first_level_comp.glsl does. source, result: the origins of both in the
 // texture, and their sizes.
-#include "lib/page_level_lib.glsl"
+#include "lib/image_level_lib.glsl"
 
 void main()
 {
@@ -8,8 +8,8 @@ void main()
   if (any(greaterThanEqual(texel, ivec2(result.zw)))) {
     return;
   }
-  vec3 across = page_level_weights(texel.x, int(source.z));
-  vec3 up = page_level_weights(texel.y, int(source.w));
+  vec3 across = image_level_weights(texel.x, int(source.z));
+  vec3 up = image_level_weights(texel.y, int(source.w));
   ivec2 corner = ivec2(source.xy) + texel * 2 - 1;
   // Only odd sides have a part of a third pixel.
   ivec2 start = 1 - ivec2(source.zw) % 2;

@@ -3,11 +3,11 @@
 // their scale, its last column their offset.
 #include "lib/footprint_lib.glsl"
 #include "lib/served_lib.glsl"
-#include "lib/page_lib.glsl"
+#include "lib/image_lib.glsl"
 #include "lib/channel_lib.glsl"
 #include "lib/normal_space_lib.glsl"
 
-// A flag of page_flags: green points down the tangent space, as DirectX has it.
+// A flag of image_flags: green points down the tangent space, as DirectX has it.
 const int GREEN_DOWN = 8;
 
 void main()
@@ -33,11 +33,11 @@ void main()
                                  texelFetch(tangents, texture_place(numbers.z), 0),
                                  hit_weights(hit))
                       .xyz;
-    mat2 footprint = footprint_of(texel, hit, uv, corners, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
-    vec3 stored = clamp(channel_of(page_mean(place, page_axes(footprint)), channel), vec3(lowest), vec3(highest));
+    mat2 footprint = footprint_of(texel, hit, uv, corners, footprint_to_pixels(textureSize(image_pixels, 0))) * row_u.w;
+    vec3 stored = clamp(channel_of(image_mean(place, image_axes(footprint)), channel), vec3(lowest), vec3(highest));
     vec3 scale = vec3(to_space[0].w, to_space[1].w, to_space[2].w);
     vec3 mapped = (stored * scale + to_space[3].xyz) * 2.0 - 1.0;
-    mapped.y *= (page_flags & GREEN_DOWN) != 0 ? -1.0 : 1.0;
+    mapped.y *= (image_flags & GREEN_DOWN) != 0 ? -1.0 : 1.0;
     float strength = row_v.w;
     mapped = vec3(mapped.xy * strength, mix(1.0, mapped.z, clamp(strength, 0.0, 1.0)));
     // Cycles normalizes the interpolated normal, and not the tangent.

@@ -15,7 +15,7 @@ from addon.cli.importers import PLAIN, Space, import_file
 from addon.cli.scan_files import Texture
 from addon.cli.scene_files import SceneLoader
 from addon.core.errors import BakeError
-from addon.core.preflight import PAGE_PIXEL, PAGE_PIXEL_ON_GPU
+from addon.core.preflight import TEXTURE_PIXEL, TEXTURE_PIXEL_ON_GPU
 from addon.core.settings import Settings
 from tests.support import angles, maps, reports, scans
 
@@ -80,7 +80,7 @@ def test_pages_of_an_obj_are_found_by_any_spelling(folder, program, spelling):
     inner = folder / "textures" if spelling == "a folder" else folder
     inner.mkdir(exist_ok=True)
     for name, color in zip(names, scans.COLORS, strict=True):
-        scans.page(inner / name, color)
+        scans.texture(inner / name, color)
     materials = [f"material_{number}" for number in range(4)]
     said = {key: SPELLINGS[spelling](name) for key, name in zip(materials, names, strict=True)}
     scans.write_library(folder / library, said)
@@ -96,7 +96,7 @@ def test_pages_of_an_obj_are_found_by_any_spelling(folder, program, spelling):
 
 @pytest.mark.parametrize("ending", [".obj", ".glb", ".fbx"])
 def test_no_page_is_in_memory_after_the_import(folder, ending):
-    scans.page(folder / "a.png", scans.COLORS[0])
+    scans.texture(folder / "a.png", scans.COLORS[0])
     scans.write_library(folder / "scan.mtl", {"m": "a.png"})
     scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
     import_file(folder / "scan.obj", PLAIN)
@@ -109,7 +109,7 @@ def test_no_page_is_in_memory_after_the_import(folder, ending):
 
 
 def test_pages_of_numbers_are_not_decoded_as_colors(folder):
-    scans.page(folder / "a.png", scans.COLORS[0])
+    scans.texture(folder / "a.png", scans.COLORS[0])
     (folder / "scan.mtl").write_text("newmtl m\nmap_Kd a.png\nmap_Pr a.png\nmap_Bump a.png\n")
     scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
     (obj,) = import_file(folder / "scan.obj", PLAIN)
@@ -122,7 +122,7 @@ def test_pages_of_numbers_are_not_decoded_as_colors(folder):
 @pytest.mark.parametrize("name", ["page_<UDIM>.png", "page_1001.png"])
 def test_a_material_on_several_tiles_has_a_tiled_page(folder, name):
     for tile, color in zip((1001, 1002, 1011), scans.COLORS, strict=False):
-        scans.page(folder / f"page_{tile}.png", color)
+        scans.texture(folder / f"page_{tile}.png", color)
     scans.write_library(folder / "scan.mtl", {"m": name})
     scans.write_obj(
         folder / "scan.obj",
@@ -143,7 +143,7 @@ def test_a_material_on_several_tiles_has_a_tiled_page(folder, name):
 def test_a_material_for_each_tile_keeps_single_pages(folder):
     """As Meshroom writes them."""
     for number, tile in enumerate((1001, 1002)):
-        scans.page(folder / f"texture_{tile}.png", scans.COLORS[number])
+        scans.texture(folder / f"texture_{tile}.png", scans.COLORS[number])
     scans.write_library(folder / "scan.mtl", {f"m{tile}": f"texture_{tile}.png" for tile in (1001, 1002)})
     materials = ["m1001", "m1002"]
     scans.write_obj(
@@ -175,7 +175,7 @@ def test_an_importer_that_fails_at_a_file_says_whose_fault_it_is(folder):
 @pytest.mark.parametrize("ending", [".gltf", ".fbx"])
 def test_pages_of_other_formats_are_found_beside_the_file(folder, ending):
     (folder / "old").mkdir()
-    scans.page(folder / "old" / "A.png", scans.COLORS[0])
+    scans.texture(folder / "old" / "A.png", scans.COLORS[0])
     scans.write_library(folder / "scan.mtl", {"m": "old/A.png"})
     scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
     import_file(folder / "scan.obj", PLAIN)
@@ -202,7 +202,7 @@ def incomplete(folder):
     scans.write_obj(folder / "low.obj", scans.strips(4))
     names = [f"page{number}.png" for number in range(4)]
     for name in names[:2]:
-        scans.page(folder / name, scans.COLORS[0])
+        scans.texture(folder / name, scans.COLORS[0])
     scans.write_library(folder / "scan.mtl", {f"m{number}": name for number, name in enumerate(names)})
     materials = [f"m{number}" for number in range(4)]
     scans.write_obj(folder / "scan.obj", scans.strips(4, height=0.1), materials=materials, library="scan.mtl")
@@ -401,7 +401,7 @@ def test_a_ply_with_uvs_by_face_shows_its_images(folder, form):
     images = np.random.default_rng(6).integers(0, 2, len(faces))
     names = ["page 0.png", "page 1.png"]
     for name, color in zip(names, scans.COLORS, strict=False):
-        scans.page(folder / name, color)
+        scans.texture(folder / name, color)
     spelled = [f"C:\\me\\{name.upper()}" for name in names]
     scans.write_textured_ply(folder / "scan.ply", (points, faces, uv[faces]), images, spelled, form=form)
     (obj,) = import_file(folder / "scan.ply", PLAIN)
@@ -463,10 +463,10 @@ def test_free_memory_is_part_of_the_machine():
 
 def test_the_largest_page_counts_if_a_map_shows_it(incomplete):
     for name in ("page2.png", "page3.png"):
-        scans.page(incomplete / name, scans.COLORS[0], side=64)
+        scans.texture(incomplete / name, scans.COLORS[0], side=64)
     job = SceneLoader().job("low.obj", ["scan.obj"])
-    pages = [input_checks.need_of(job, Settings(maps=maps)).page for maps in ((), ("AO",), ("BASE_COLOR",))]
-    assert pages == [0, 0, 64 * 64 * (PAGE_PIXEL + PAGE_PIXEL_ON_GPU)]
+    pages = [input_checks.need_of(job, Settings(maps=maps)).texture for maps in ((), ("AO",), ("BASE_COLOR",))]
+    assert pages == [0, 0, 64 * 64 * (TEXTURE_PIXEL + TEXTURE_PIXEL_ON_GPU)]
     assert not any(image.has_data for image in bpy.data.images)
 
 
@@ -495,7 +495,7 @@ def test_modifiers_leave_the_size_of_a_mesh_open(incomplete):
 @pytest.mark.parametrize("seed", range(12))
 def test_damaged_files_give_a_mesh_or_one_sentence_by_seed(folder, ending, seed):
     random = np.random.default_rng(seed)
-    scans.page(folder / "a.png", scans.COLORS[0])
+    scans.texture(folder / "a.png", scans.COLORS[0])
     scans.write_library(folder / "scan.mtl", {"m0": "a.png", "m1": "b <UDIM>.png"})
     scans.write_obj(folder / "scan.obj", scans.strips(2, FAR), materials=["m0", "m1"], library="scan.mtl")
     scans.damage(folder / f"scan{ending}", random)

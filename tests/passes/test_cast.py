@@ -27,14 +27,11 @@ def tables(corners, normals=None):
     tree = bvh.build(points, numbers)
     sorted_numbers = numbers[tree.order]
     uploaded = cast.upload(
-        tree.nodes,
+        tree,
         points,
         sorted_numbers,
         normals,
         np.zeros(len(numbers), int),
-        first_leaf=tree.first_leaf,
-        origin=tree.origin,
-        scale=tree.scale,
     )
     return uploaded, tree.order
 
@@ -69,7 +66,7 @@ def trace(
     uploaded, _ = tables(corners, normals)
     drawn = ray_target(origins, directions, start, mask)
     hits = target.Target(SIZE, SIZE, ("RGBA32UI",))
-    cast.trace(hits, drawn, uploaded, None, rule=rule, inside=inside, max_t=max_t, facing_only=facing_only)
+    cast.trace(hits, drawn, uploaded, None, cast.Search(rule, inside, max_t, facing_only))
     found = target.Target(SIZE, SIZE, ("RGBA32F",))
     heights, looked_up = (np.empty((SIZE, SIZE, 4), np.float32) for _ in range(2))
     cast.heights(found, hits, drawn)

@@ -26,9 +26,7 @@ def edges_of(ends):
     ends = np.float32(ends)
     numbers = np.arange(len(ends) * 2).reshape(-1, 2)
     tree = bvh.build(ends.reshape(-1, 3), numbers[:, [0, 1, 1]])
-    return rays.upload_edges(
-        tree.nodes, ends[tree.order], first_leaf=tree.first_leaf, origin=tree.origin, scale=tree.scale
-    )
+    return rays.upload_edges(tree, ends[tree.order])
 
 
 def draw(

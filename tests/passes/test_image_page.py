@@ -81,7 +81,7 @@ def test_an_image_that_is_too_large_is_reduced():
 
 
 def test_an_image_without_pixels_is_refused():
-    with pytest.raises(ValueError, match="no page"):
+    with pytest.raises(ValueError, match="no pixels"):
         surface_tables.upload_image(ImagePixels(np.zeros((0, 5, 4), np.float32)))
 
 

@@ -34,25 +34,19 @@ def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False, 
     high_tree, low_tree = (bvh.build(c.reshape(-1, 3), np.arange(c.size // 3).reshape(-1, 3)) for c in (high, low))
     numbers = np.arange(high.size // 3).reshape(-1, 3)[high_tree.order]
     tables = cast.upload(
-        high_tree.nodes,
+        high_tree,
         high.reshape(-1, 3),
         numbers,
         normals.reshape(-1, 3),
         np.zeros(len(numbers), int),
-        first_leaf=high_tree.first_leaf,
-        origin=high_tree.origin,
-        scale=high_tree.scale,
     )
     place = np.empty(len(low), int)
     place[low_tree.order] = np.arange(len(low))
     moved = np.where(across >= 0, place[across], -1)[low_tree.order]
     uploaded = cast.upload_owners(
-        low_tree.nodes,
+        low_tree,
         low[low_tree.order],
         moved,
-        first_leaf=low_tree.first_leaf,
-        origin=low_tree.origin,
-        scale=low_tree.scale,
         room=room,
     )
     drawn = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
@@ -63,17 +57,7 @@ def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False, 
             (SIZE, SIZE), format="RGBA32F", data=gpu.types.Buffer("FLOAT", texels.shape, texels)
         )
     hits, found = target.Target(SIZE, SIZE, ("RGBA32UI",)), target.Target(SIZE, SIZE, ("RGBA32F",))
-    cast.trace(
-        hits,
-        drawn,
-        tables,
-        uploaded,
-        rule=rule,
-        inside=rays.inside,
-        max_t=1e8,
-        facing_only=facing_only,
-        rows=range(SIZE),
-    )
+    cast.trace(hits, drawn, tables, uploaded, cast.Search(rule, rays.inside, 1e8, facing_only), rows=range(SIZE))
     heights, looked_up = (np.empty((SIZE, SIZE, 4), np.float32) for _ in range(2))
     cast.heights(found, hits, drawn)
     found.read(heights)

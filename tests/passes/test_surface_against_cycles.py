@@ -94,17 +94,14 @@ def test_colors_with_alpha_are_those_of_cycles_seed_3():
 def normals_of(seen, shown, feed, tangent, bump=None):
     """World normals after a normal map, and a bump map (page, feed) over it."""
     drawn = seen.drawn_normals
-    options = {
-        "tables": seen.tables,
-        "uvs": seen.uvs,
-        "materials": surface_tables.upload_materials(np.ones(2)),
-        "to_space": np.eye(3),
-    }
+    materials = surface_tables.upload_materials(np.ones(2))
     if feed is not None:
         tangents = surface_tables.upload_tangents(np.repeat(np.float32([tangent]), 6, axis=0), seen.corners)
-        surface_values.apply_normal_map(drawn, seen.hits, shown, feed, 1, tangents=tangents, **options)
+        at_hits = seen.at_hits(shown, feed.image, materials)
+        surface_values.apply_normal_map(drawn, at_hits, feed, tangents, np.eye(3))
     if bump is not None:
-        surface_values.apply_bump(drawn, seen.hits, *bump, 1, unit=1.0, **options)
+        image, of_image = bump
+        surface_values.apply_bump(drawn, seen.at_hits(image, of_image.image, materials), of_image, np.eye(3), 1.0)
     return read(drawn)[..., :3]
 
 

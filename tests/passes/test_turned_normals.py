@@ -38,19 +38,9 @@ def mapped(seen, shown, feed, tangents, *, matrix=None, materials=None, **option
     """The normals (height, width, 4) after a normal map."""
     matrix = np.eye(3) if matrix is None else matrix
     drawn = in_space(seen, matrix)
-    surface_values.apply_normal_map(
-        drawn,
-        seen.hits,
-        shown,
-        feed,
-        1,
-        tables=seen.tables,
-        uvs=seen.uvs,
-        tangents=tangent_table(seen, tangents),
-        materials=materials or surface_tables.upload_materials(np.ones(3)),
-        to_space=matrix,
-        **options,
-    )
+    materials = materials or surface_tables.upload_materials(np.ones(3))
+    at_hits = seen.at_hits(shown, feed.image, materials, **options)
+    surface_values.apply_normal_map(drawn, at_hits, feed, tangent_table(seen, tangents), matrix)
     return read(drawn)
 
 
@@ -58,19 +48,8 @@ def bumped(seen, shown, feed, *, matrix=None, unit=1.0, drawn=None, **options):
     """The normals (height, width, 4) after a bump map."""
     matrix = np.eye(3) if matrix is None else matrix
     drawn = drawn or in_space(seen, matrix)
-    surface_values.apply_bump(
-        drawn,
-        seen.hits,
-        shown,
-        feed,
-        1,
-        tables=seen.tables,
-        uvs=seen.uvs,
-        materials=surface_tables.upload_materials(np.ones(3)),
-        to_space=matrix,
-        unit=unit,
-        **options,
-    )
+    at_hits = seen.at_hits(shown, feed.image, surface_tables.upload_materials(np.ones(3)), **options)
+    surface_values.apply_bump(drawn, at_hits, feed, matrix, unit)
     return read(drawn)
 
 
@@ -289,20 +268,9 @@ def test_strength_mixes_with_the_normal_below_it(strength):
     below = unit(np.array((0.0, 0.6, 0.8)))
     seen = SeenSurface(grid(1, 1), (16, 16))
     ramp = page(np.tile((np.arange(64) + 0.5) / 64, (64, 1)))
-    matrix = np.eye(3)
-    drawn = in_space(seen, matrix)
-    surface_values.apply_normal_map(
-        drawn,
-        seen.hits,
-        page(np.broadcast_to(below * 0.5 + 0.5, (4, 4, 3))),
-        NormalMapFeed(IMAGE),
-        1,
-        tables=seen.tables,
-        uvs=seen.uvs,
-        tangents=tangent_table(seen, (1, 0, 0, 1)),
-        materials=surface_tables.upload_materials(np.ones(3)),
-        to_space=matrix,
-    )
+    drawn, stored = in_space(seen, np.eye(3)), page(np.broadcast_to(below * 0.5 + 0.5, (4, 4, 3)))
+    at_hits = seen.at_hits(stored, IMAGE, surface_tables.upload_materials(np.ones(3)))
+    surface_values.apply_normal_map(drawn, at_hits, NormalMapFeed(IMAGE), tangent_table(seen, (1, 0, 0, 1)), np.eye(3))
     shown = bumped(seen, ramp, BumpFeed(IMAGE, strength=strength, distance=0.5), drawn=drawn)
     dx, dy = np.array((1.0, 0, 0)), np.array((0, 1.0, 0))
     surface_gradient = 1.0 * np.cross(dy, below)  # the height rises by 1 along x

@@ -19,9 +19,9 @@ MEASURED = {
     Amounts(505_000, BAND, BAND, samples=4, is_adaptive=True): 4032e6,
     Amounts(505_000, BAND, BAND, other_maps=2): 5190e6,
     Amounts(505_000, 4 * BAND, BAND_OF_8192): 4208e6,
-    Amounts(505_000, 2048 * 2048, 2048 * 2048, other_maps=1, page_pixels=BAND): 1746e6,
-    Amounts(505_000, 1024 * 1024, 1024 * 1024, other_maps=1, page_pixels=BAND): 1471e6,
-    Amounts(505_000, BAND, BAND, other_maps=1, page_pixels=BAND): 3751e6,
+    Amounts(505_000, 2048 * 2048, 2048 * 2048, other_maps=1, texture_pixels=BAND): 1746e6,
+    Amounts(505_000, 1024 * 1024, 1024 * 1024, other_maps=1, texture_pixels=BAND): 1471e6,
+    Amounts(505_000, BAND, BAND, other_maps=1, texture_pixels=BAND): 3751e6,
     Amounts(505_000, BAND, BAND, is_flat=True): 2176e6,
     Amounts(505_000, 4 * BAND, BAND_OF_8192, is_flat=True): 4008e6,
     Amounts(30_002_048, 1024 * 1024, 1024 * 1024, is_flat=True): 4260e6,
@@ -60,13 +60,13 @@ def test_large_meshes_take_less_for_each_triangle():
 
 
 def test_a_page_counts_while_maps_are_drawn():
-    small, large = (Need.of(Amounts(1000, side**2, side**2, page_pixels=4096 * 4096)) for side in (1024, 8192))
-    assert small.page == large.page > 4096 * 4096 * 16
-    assert small.peak == small.program + small.meshes + small.maps + small.page
+    small, large = (Need.of(Amounts(1000, side**2, side**2, texture_pixels=4096 * 4096)) for side in (1024, 8192))
+    assert small.texture == large.texture > 4096 * 4096 * 16
+    assert small.peak == small.program + small.meshes + small.maps + small.texture
     assert large.peak == large.program + large.meshes + large.maps + large.storing
 
 
-NEED = Need(program=10**8, meshes=10**9, tree=10**9, maps=2 * 10**9, storing=10**9, page=0, on_gpu=2 * 10**9)
+NEED = Need(program=10**8, meshes=10**9, tree=10**9, maps=2 * 10**9, storing=10**9, texture=0, on_gpu=2 * 10**9)
 
 
 def test_the_sentence_has_what_is_needed_and_what_is_free():

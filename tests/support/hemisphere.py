@@ -23,14 +23,11 @@ def tables(corners, normals=None):
     tree = bvh.build(corners.reshape(-1, 3), numbers)
     ordered = numbers[tree.order]
     return cast.upload(
-        tree.nodes,
+        tree,
         corners.reshape(-1, 3),
         ordered,
         np.asarray(normals, np.float32).reshape(-1, 3),
         np.zeros(len(ordered), int),
-        first_leaf=tree.first_leaf,
-        origin=tree.origin,
-        scale=tree.scale,
     )
 
 
@@ -53,7 +50,7 @@ class Probes:
         drawn.textures[0] = texture(np.c_[points, np.ones(COUNT)])
         drawn.textures[1] = texture(np.c_[normals, np.full(COUNT, STEP)])
         self._hits = target.Target(SIZE, SIZE, ("RGBA32UI",))
-        cast.trace(self._hits, drawn, surface, None, rule=Hit.NEAREST, inside=STEP, max_t=2.0 * STEP, facing_only=True)
+        cast.trace(self._hits, drawn, surface, None, cast.Search(Hit.NEAREST, STEP, 2.0 * STEP, True))
         self._normals = target.Target(SIZE, SIZE, ("RGBA32F",))
         cast.look_up(self._normals, self._hits, drawn, surface, np.eye(3))
         self.hits, self.normals = self._hits.texture, self._normals.texture

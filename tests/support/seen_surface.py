@@ -7,6 +7,7 @@ from addon.core.declarations.choices import Hit
 from addon.core.material_feeds import ImagePixels
 from addon.mesh import bvh
 from addon.passes import cast, data_texture, samples, surface_tables, surface_values, target
+from addon.passes.surface_values import ImageAtHits
 
 
 def grid(nu, nv, height=None, tilt=None):
@@ -39,14 +40,11 @@ class SeenSurface:
         tree = bvh.build(points, numbers)
         self.corners = numbers[tree.order]
         self.tables = cast.upload(
-            tree.nodes,
+            tree,
             points,
             self.corners,
             np.asarray(self.normals, np.float32).reshape(-1, 3),
             np.zeros(count, int),
-            first_leaf=tree.first_leaf,
-            origin=tree.origin,
-            scale=tree.scale,
         )
         ordered = self.materials[tree.order]
         self.uvs = surface_tables.upload_uvs(self.uv.reshape(-1, 2), self.corners, ordered)
@@ -68,7 +66,7 @@ class SeenSurface:
             for texels in ((self.x, self.y, zero, self.is_low), (zero, zero, one, one * 5))
         ]
         self.hits = target.Target(self.width, self.height, ("RGBA32UI",))
-        cast.trace(self.hits, rays, self.tables, None, rule=Hit.OUTERMOST, inside=10.0, max_t=20.0, facing_only=False)
+        cast.trace(self.hits, rays, self.tables, None, cast.Search(Hit.OUTERMOST, 10.0, 20.0, False))
         self.rays = rays
         self.drawn_normals = target.Target(self.width, self.height, ("RGBA32F",))
         self.draw_normals(self.drawn_normals, np.eye(3))
@@ -85,17 +83,11 @@ class SeenSurface:
 
     def add(self, page, feed, materials, number=1, **options):
         """Add an image."""
-        surface_values.add_image(
-            self.sums,
-            self.hits,
-            page,
-            feed,
-            number,
-            tables=self.tables,
-            uvs=self.uvs,
-            materials=materials,
-            **options,
-        )
+        surface_values.add_image(self.sums, self.at_hits(page, feed, materials, number, **options))
+
+    def at_hits(self, page, feed, materials, number=1, **options):
+        """An image at the hits."""
+        return ImageAtHits(self.hits, page, feed, number, self.tables, self.uvs, materials, **options)
 
     def shown(self, page, feed, **options):
         """The whole map (height, width, 4) of one image on all materials."""

@@ -1,8 +1,8 @@
-// How the pixels of a level of a page cover those of the level before: pixel i of n covers the part i / n to (i + 1) / n.
+// How the pixels of a level of an image cover those of the level before: pixel i of n covers the part i / n to (i + 1) / n.
 
 // The shares of pixels 2 i - 1, 2 i and 2 i + 1, of `size`, in pixel i of the next level. Where `size` is odd, the next level
 // has (size + 1) / 2 pixels, each a little less than two wide.
-vec3 page_level_weights(int i, int size)
+vec3 image_level_weights(int i, int size)
 {
   if (size == 1) {
     return vec3(0.0, 1.0, 0.0);
