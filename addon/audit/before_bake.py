@@ -149,12 +149,12 @@ def is_for_others(settings: Settings) -> bool:
     return basis not in _BLENDERS or (basis == bases.MIKKTSPACE and settings.storing.storage == Storage.FILE)
 
 
-def is_in_tangent_space(settings: MapSettings) -> bool:
+def is_in_tangent_space(map_settings: MapSettings) -> bool:
     """Whether a bake makes a tangent-space normal map."""
-    return settings.normal and settings.space == Space.TANGENT
+    return map_settings.normal and map_settings.space == Space.TANGENT
 
 
-def find(low: Mesh, uv_layer: str, active_layer: str, settings: SamplingSettings) -> list[Finding]:
+def find(low: Mesh, uv_layer: str, active_layer: str, sampling: SamplingSettings) -> list[Finding]:
     """Look at a low mesh, which must have UVs and faces. uv_layer: of the map. active_layer: of the object."""
     name = repr(low.name)
     found = [_polygons(low, name)]
@@ -164,7 +164,7 @@ def find(low: Mesh, uv_layer: str, active_layer: str, settings: SamplingSettings
     hard = len(uv_seams.hard_edges(low))
     if hard:
         found.append(Finding(HARD_EDGES, severity.HARD_EDGES, {"low": name, "count": hard}))
-    if not settings.udim:
+    if not sampling.udim:
         stacked = int(np.count_nonzero(mirrored_copies(low)))
         if stacked:
             found.append(Finding(MIRRORED, STACKED, {"low": name, "count": stacked}, harms=False))

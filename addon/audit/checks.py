@@ -100,14 +100,14 @@ def audit(
     )
 
 
-def _direction_warnings(meshes: Meshes, tally: Tally, settings: MapSettings) -> Iterator[Warned]:
+def _direction_warnings(meshes: Meshes, tally: Tally, map_settings: MapSettings) -> Iterator[Warned]:
     low = meshes.low.name
     if tally.turned_away > TURNED_AWAY * max(1, tally.compared):
         yield Warned(
             f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them.",
             severity.TURNED,
         )
-    if settings.normal and tally.compared and not tally.leaning:
+    if map_settings.normal and tally.compared and not tally.leaning:
         names = (repr(high.name) for high in meshes.listed_highs)
         compared = "its own modifiers" if meshes.is_own_base else shorten_list(names)
         yield Warned(
@@ -116,17 +116,17 @@ def _direction_warnings(meshes: Meshes, tally: Tally, settings: MapSettings) -> 
         )
 
 
-def uv_space(settings: SamplingSettings) -> tuple[int, int]:
+def uv_space(sampling: SamplingSettings) -> tuple[int, int]:
     """The number of tiles along u and v on which UVs are inside."""
-    return (udim.COLUMNS, udim.ROWS) if settings.udim else (1, 1)
+    return (udim.COLUMNS, udim.ROWS) if sampling.udim else (1, 1)
 
 
-def _uv_layout(plan: Plan, settings: SamplingSettings) -> tuple[Checks, list[Warned]]:
-    low, highs, space = plan.meshes.low, plan.meshes.listed_highs, uv_space(settings)
+def _uv_layout(plan: Plan, sampling: SamplingSettings) -> tuple[Checks, list[Warned]]:
+    low, highs, space = plan.meshes.low, plan.meshes.listed_highs, uv_space(sampling)
     areas, outside = uv_layout.areas(low), uv_layout.outside(low, space)
     is_mirrored, count = areas < 0.0, len(low.triangles)
     # With UDIM, triangles that were moved by whole tiles are on a tile of their own and do not repeat another one.
-    moved = uv_islands.moved_copies(low) if outside.any() and not settings.udim else np.zeros(1, bool)
+    moved = uv_islands.moved_copies(low) if outside.any() and not sampling.udim else np.zeros(1, bool)
     islands = uv_islands.count_islands(low, is_mirrored) if is_mirrored.any() else 0
     checks = {
         "mirrored": _count(is_mirrored, count) | {"islands": islands},
@@ -146,7 +146,7 @@ def _uv_layout(plan: Plan, settings: SamplingSettings) -> tuple[Checks, list[War
             outside = uv_layout.outside(high, space)
             crossing = outside & uv_islands.crossing(high) if outside.any() else outside
             if uv_layout.cut_off(high, crossing, space) > severity.MUCH_CUT_OFF:
-                where = severity.TILES if settings.udim else severity.TILE
+                where = severity.TILES if sampling.udim else severity.TILE
                 counts.append(
                     (high, np.count_nonzero(crossing), f"reach outside the {where} and are cut off there", "")
                 )
@@ -157,8 +157,8 @@ def _uv_layout(plan: Plan, settings: SamplingSettings) -> tuple[Checks, list[War
     ]
 
 
-def _texels(plan: Plan, tally: Tally, settings: SamplingSettings) -> Checks:
-    low, tiles, size = plan.meshes.low, plan.tiles, (settings.width, settings.height)
+def _texels(plan: Plan, tally: Tally, sampling: SamplingSettings) -> Checks:
+    low, tiles, size = plan.meshes.low, plan.tiles, (sampling.width, sampling.height)
     covered = shared = uncovered = 0
     for counts, state in zip(covering(low, size, tiles), tally.states, strict=True):
         covered += int(np.count_nonzero(counts))
@@ -169,7 +169,7 @@ def _texels(plan: Plan, tally: Tally, settings: SamplingSettings) -> Checks:
     return {
         "overlap": overlap_check,
         "uncovered": missed if plan.casts_rays else _share(uncovered, covered),
-        "gaps": _gaps(low, tiles, settings, overlaps=overlap_check["share"] > severity.MUCH_OVERLAP),
+        "gaps": _gaps(low, tiles, sampling, overlaps=overlap_check["share"] > severity.MUCH_OVERLAP),
     }
 
 
@@ -190,13 +190,13 @@ def _overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int], covered: in
     return _share(shared, covered) | {"stacked": shared - crossed}
 
 
-def _gaps(low: Mesh, tiles: Sequence[int], settings: SamplingSettings, *, overlaps: bool) -> Check:
+def _gaps(low: Mesh, tiles: Sequence[int], sampling: SamplingSettings, *, overlaps: bool) -> Check:
     close = covered = border = 0
-    for found in mip_gaps.find(low, tiles, settings, mip_gaps.grid(settings), overlaps=overlaps):
+    for found in mip_gaps.find(low, tiles, sampling, mip_gaps.grid(sampling), overlaps=overlaps):
         covered += int(np.count_nonzero(found.covered))
         close += int(np.count_nonzero(found.close | found.border))
         border += int(np.count_nonzero(found.border))
-    return _share(close, covered) | {"border": border, "needed": mip_gaps.needed(settings)}
+    return _share(close, covered) | {"border": border, "needed": mip_gaps.needed(sampling)}
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,7 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
 
 
 def _placement_warnings(
-    plan: Plan, checks: Checks, settings: TracingSettings, placement: _Placement, length: Length
+    plan: Plan, checks: Checks, tracing: TracingSettings, placement: _Placement, length: Length
 ) -> Iterator[Warned]:
     """Why the surfaces do not meet."""
     meshes, missed, unsure = plan.meshes, checks["uncovered"], checks["unsure"]
@@ -240,7 +240,7 @@ def _placement_warnings(
     if meshes.is_own_base:
         return
     # A single high mesh with another UV layout is far on most texels. One of several may cover only a few.
-    if settings.method == Method.FLATTEN and (len(meshes.highs) > 1 or placement.beyond > severity.MANY_FAR):
+    if tracing.method == Method.FLATTEN and (len(meshes.highs) > 1 or placement.beyond > severity.MANY_FAR):
         thinned = [separation.thinned(high) for high in meshes.drawn_highs]
         differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, placement.offset)
         if differing:
@@ -343,7 +343,7 @@ UNSURE_SIDE = 128
 """Texels a side, at most, whose rays are followed farther."""
 
 
-def check_unsure(plan: Plan, settings: SamplingSettings, ray_cast: RayCast | None) -> tuple[Check, np.ndarray]:
+def check_unsure(plan: Plan, sampling: SamplingSettings, ray_cast: RayCast | None) -> tuple[Check, np.ndarray]:
     """The check "unsure" of Report.checks, without its severity, and the distances (N,) float32 of the hits, in scene units.
 
     ray_cast: the rays of the bake, or None: then both are empty.
@@ -352,7 +352,7 @@ def check_unsure(plan: Plan, settings: SamplingSettings, ray_cast: RayCast | Non
     counts, distances = dict.fromkeys(names, 0), [np.empty(0, np.float32)]
     if ray_cast is not None:
         explorer = Explorer(ray_cast, plan.meshes.whole_low)
-        sparse = at_most(settings.size, UNSURE_SIDE)
+        sparse = at_most(sampling.size, UNSURE_SIDE)
         for tile in plan.tiles:
             doubts, far = explorer.sample(sparse.small, sparse.uv_to_clip(tile), sparse.uv_to_clip(tile, shift=1))
             found = doubts.unsure, doubts.on_low, doubts.not_owned, *(getattr(doubts, reason) for reason in REASONS)

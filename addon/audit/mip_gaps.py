@@ -30,25 +30,25 @@ class Found:
     border: np.ndarray
 
 
-def needed(settings: SamplingSettings) -> int:
+def needed(sampling: SamplingSettings) -> int:
     """The texels that are needed between islands: the width of one texel of the last mip level in the settings.
 
     Half as many are needed to the border: a map that repeats has the other half on its opposite side.
     """
-    return 2**settings.mips
+    return 2**sampling.mips
 
 
-def grid(settings: SamplingSettings, most: int = QUICK) -> Sparse:
+def grid(sampling: SamplingSettings, most: int = QUICK) -> Sparse:
     """The texels to check: at most `most` a side, but at least two on the gap that is needed between islands."""
-    sparse = at_most(settings.size, most)
-    finest = max(1, needed(settings) // 2)
+    sparse = at_most(sampling.size, most)
+    finest = max(1, needed(sampling) // 2)
     if most == QUICK:
         sparse = replace(sparse, steps=tuple(min(step, finest) for step in sparse.steps))
     return sparse if max(sparse.small) <= MOST else at_most(sparse.size, MOST)
 
 
 def find(
-    low: Mesh, tiles: Sequence[int], settings: SamplingSettings, sparse: Sparse, *, overlaps: bool
+    low: Mesh, tiles: Sequence[int], sampling: SamplingSettings, sparse: Sparse, *, overlaps: bool
 ) -> Iterator[Found]:
     """The texels that are too close, on each of the tiles. overlaps: whether triangles share texels."""
     if overlaps:
@@ -58,7 +58,7 @@ def find(
     drawn = [audit.upload_with_ids(low.triangles, low.uv, islands + 1)]
     if overlaps:  # overlapping islands count as one: in reverse order, the hidden ones are drawn last and show
         drawn.append(audit.upload_with_ids(low.triangles[::-1], low.uv, islands[::-1] + 1))
-    reach = [max(1, needed(settings) // step) for step in sparse.steps]
+    reach = [max(1, needed(sampling) // step) for step in sparse.steps]
     for tile in tiles:
         layers = [
             next(audit.layers_of_triangles(batch, sparse.small, sparse.uv_to_clip(tile))).astype(np.int32)
@@ -67,7 +67,7 @@ def find(
         ids = _stacked(*layers, len(islands)) if overlaps else layers[0]
         covered = ids > 0
         border = np.zeros(ids.shape, bool)
-        if not settings.udim:  # UDIM tiles do not repeat
+        if not sampling.udim:  # UDIM tiles do not repeat
             border = _near_border(ids, reach[0] // 2) | _near_border(ids.T, reach[1] // 2).T
         yield Found(covered, _near_others(ids, reach), border & covered)
 

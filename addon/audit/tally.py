@@ -65,20 +65,20 @@ class Tally:
     states: list[np.ndarray] = field(default_factory=list)
     """For each tile, the states of the texels that `sampled` selects."""
 
-    def add(self, stored: Map, settings: MapSettings) -> None:
+    def add(self, stored: Map, map_settings: MapSettings) -> None:
         """Count a tile of the normal map as it is stored."""
         texels, state = stored
         self._add_state(state)
-        if settings.space == Space.TANGENT:
-            self._add_upwards(state, lambda which: normal_space.upwards(texels[which], settings))
-            self.backwards += normal_space.backwards(texels, state, settings)
+        if map_settings.space == Space.TANGENT:
+            self._add_upwards(state, lambda which: normal_space.upwards(texels[which], map_settings))
+            self.backwards += normal_space.backwards(texels, state, map_settings)
 
-    def add_raw(self, normals: np.ndarray, settings: MapSettings) -> None:
+    def add_raw(self, normals: np.ndarray, map_settings: MapSettings) -> None:
         """Count a tile of normals as baking.Renderer.raw returns them."""
         alpha = normals[..., 3]
         state = states_of_raw(alpha)
         self._add_state(state)
-        if settings.space == Space.TANGENT:
+        if map_settings.space == Space.TANGENT:
             self._add_upwards(state, lambda which: 0.5 * normals[which][..., 2])
             self.backwards += int(np.count_nonzero((normals[..., 2] <= 0.0) & (alpha > 0.0)))
 

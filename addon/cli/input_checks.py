@@ -31,18 +31,18 @@ MOST_NAMED = 8
 """Missing files that a message names."""
 
 
-def check_textures(options: argparse.Namespace, settings: MapSettings, jobs: Sequence[Job]) -> list[str]:
+def check_textures(options: argparse.Namespace, map_settings: MapSettings, jobs: Sequence[Job]) -> list[str]:
     """Sentences about material libraries and images that are missing, if a map shows materials.
 
     Raises BakeError for them, for other files that objects are made from, and for images, that are missing or not whole, unless
     the options allow it.
     """
     objects = list(dict.fromkeys(obj for job in jobs for obj in (job.low, *job.highs, job.cage) if obj))
-    lacks = complaints.of_files(objects, for_render=settings.modifiers == Modifiers.RENDER)
+    lacks = complaints.of_files(objects, for_render=map_settings.modifiers == Modifiers.RENDER)
     if lacks and not options.allow_missing_files:  # else the bake says so
         more = f" So are {len(lacks) - MOST_NAMED} more." if len(lacks) > MOST_NAMED else ""
         raise BakeError(f"{' '.join(lacks[:MOST_NAMED])}{more} --allow-missing-files makes it a warning.")
-    maps = _of_materials(settings)
+    maps = _of_materials(map_settings)
     if not maps:
         return []
     highs = [high for job in jobs for high in job.highs if high.type == "MESH"]
@@ -118,9 +118,9 @@ def refused_scripts() -> list[str]:
     return [f"Scripts of the file were not run, and what they drive stays as saved: {bpy.app.autoexec_fail_message}."]
 
 
-def _of_materials(settings: MapSettings) -> list[str]:
+def _of_materials(map_settings: MapSettings) -> list[str]:
     """The maps of these settings that show materials, also those that are only packed."""
-    known = [map_types.BY_NAME[name] for name in settings.drawn_maps]
+    known = [map_types.BY_NAME[name] for name in map_settings.drawn_maps]
     return [each.name for each in known if each.socket]
 
 

@@ -54,13 +54,15 @@ class ConvertedMap(BandMaps):
     means.
     """
 
-    def __init__(self, low: Mesh, before: StoredNormals, settings: MapSettings):
+    def __init__(self, low: Mesh, before: StoredNormals, map_settings: MapSettings):
         shown = triangle_mesh.with_stretch(low, before.from_basis) if before.from_space == Space.TANGENT else low
-        self._wanted = triangle_mesh.with_stretch(low, settings.basis) if settings.space == Space.TANGENT else low
+        self._wanted = (
+            triangle_mesh.with_stretch(low, map_settings.basis) if map_settings.space == Space.TANGENT else low
+        )
         self._before = _upload(shown)
         self._after = self._before if self._wanted.stretch is shown.stretch else _upload(self._wanted)
-        self._shading = _shading(shown, before, settings)
-        self._flags = bases.of_name(settings.basis).flags if settings.space == Space.TANGENT else None
+        self._shading = _shading(shown, before, map_settings)
+        self._flags = bases.of_name(map_settings.basis).flags if map_settings.space == Space.TANGENT else None
         self.texels: np.ndarray | None = None
         """The stored map of the current tile, (height, width, 4) float32; alpha 0 for texels without a normal."""
         self.fit = Fit()
@@ -91,9 +93,9 @@ def _upload(low: Mesh) -> gpu.types.GPUBatch:
     return mesh_upload.upload(low.triangles, **low.tangent_space)
 
 
-def _shading(low: Mesh, before: StoredNormals, settings: MapSettings) -> np.ndarray:
+def _shading(low: Mesh, before: StoredNormals, map_settings: MapSettings) -> np.ndarray:
     """How map_lib.glsl decodes the stored map: into the low object's space, or into world space if the settings say that."""
-    to_world = settings.space == Space.WORLD
+    to_world = map_settings.space == Space.WORLD
     of_low = low.normal_matrix if to_world else np.eye(3) if low.stretch is None else low.stretch.T
     kind = lit.OBJECT
     if before.from_space == Space.TANGENT:

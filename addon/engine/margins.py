@@ -25,9 +25,9 @@ COARSE = 4
 class Borders:
     """The borders of UV islands on the GPU, for one UDIM tile at a time. Several maps may share it."""
 
-    def __init__(self, found: uv_seams.Seams, settings: SamplingSettings):
+    def __init__(self, found: uv_seams.Seams, sampling: SamplingSettings):
         self.found = found
-        self.size = settings.size
+        self.size = sampling.size
         self.tile = None
 
     def on(self, tile: int) -> margin_fill.Seams:

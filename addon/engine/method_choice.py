@@ -44,32 +44,32 @@ class Plan:
 
 
 def choose_method(
-    meshes: Meshes, tiles: Sequence[int], settings: TracingSettings, length: Length = plain_length
+    meshes: Meshes, tiles: Sequence[int], tracing: TracingSettings, length: Length = plain_length
 ) -> Plan:
     """Decide between Flatten and Cast, and drop the parts of meshes that the method cannot use.
 
     length: a length in scene units as text. Raises BakeError for meshes that are far apart.
     """
-    plan = Plan(settings.method, tuple(tiles), meshes)
-    if settings.method == Method.AUTO:
+    plan = Plan(tracing.method, tuple(tiles), meshes)
+    if tracing.method == Method.AUTO:
         plan = _measured(plan)
-    return _within_reach(plan, settings, length) if plan.casts_rays else _flattened(plan)
+    return _within_reach(plan, tracing, length) if plan.casts_rays else _flattened(plan)
 
 
-def tiles_to_bake(meshes: Meshes, settings: SamplingSettings) -> list[int]:
-    """The UDIM tiles of `settings` that the low mesh covers. Raises BakeError if there is none, or far too many."""
-    if not settings.udim:
+def tiles_to_bake(meshes: Meshes, sampling: SamplingSettings) -> list[int]:
+    """The UDIM tiles of `sampling` that the low mesh covers. Raises BakeError if there is none, or far too many."""
+    if not sampling.udim:
         return [udim.FIRST]
     low = meshes.low
     found = uv_layout.tiles(low)
-    if len(found) > udim.MOST_BAKED and not settings.tiles:
+    if len(found) > udim.MOST_BAKED and not sampling.tiles:
         raise BakeError(f"{low.name!r} covers {len(found)} UDIM tiles: list the tiles to bake, or look for stray UVs.")
-    wanted = [tile for tile in found if not settings.tiles or tile in settings.tiles]
+    wanted = [tile for tile in found if not sampling.tiles or tile in sampling.tiles]
     if not wanted:
         where = shorten_list(found) or "no tile"
         raise BakeError(
             f"{low.name!r} lies on {where}"
-            + (f", not on {shorten_list(settings.tiles)}." if settings.tiles else ": its UVs are empty or negative.")
+            + (f", not on {shorten_list(sampling.tiles)}." if sampling.tiles else ": its UVs are empty or negative.")
         )
     return wanted
 
@@ -121,16 +121,16 @@ def _flattened(plan: Plan) -> Plan:
     return replace(plan, meshes=replace(plan.meshes, highs=highs))
 
 
-def _within_reach(plan: Plan, settings: TracingSettings, length: Length) -> Plan:
+def _within_reach(plan: Plan, tracing: TracingSettings, length: Length) -> Plan:
     """`plan` without the high meshes that no ray can reach."""
     meshes = plan.meshes
     distance = gap(meshes.low, meshes.highs)
     radius = local_space_of([meshes.low]).size
-    if distance > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
+    if distance > FAR_APART * radius and tracing.max_distance is None and meshes.cage is None:
         raise BakeError(_far_apart(meshes, length(distance)))
     # Distant meshes would make the tree less precise: the steps of its quantized boxes grow with the extent of all meshes.
     painted = 1.0 if meshes.offset is None else float(meshes.offset.max())
-    reach = max((settings.extrusion or 0.0) * painted, settings.max_distance or 0.0, 2.0 * radius)
+    reach = max((tracing.extrusion or 0.0) * painted, tracing.max_distance or 0.0, 2.0 * radius)
     near = [high for high in meshes.highs if gap(meshes.low, [high]) <= reach]
     if not near:
         return plan

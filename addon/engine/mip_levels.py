@@ -46,18 +46,18 @@ def of(maps: Mapping[str, Map], tile: int, run: Run) -> Task[list[dict[str, Map]
     return levels
 
 
-def _names(settings: MapSettings) -> list[str]:
+def _names(map_settings: MapSettings) -> list[str]:
     """The normal map, and the other maps that have a mean."""
-    return [NORMAL.name, *(name for name in settings.drawn_maps if BY_NAME[name].kind in (Kind.NORMAL, Kind.VALUE))]
+    return [NORMAL.name, *(name for name in map_settings.drawn_maps if BY_NAME[name].kind in (Kind.NORMAL, Kind.VALUE))]
 
 
 class Mean:
     """The mean of what is written of a map, level by level. Level 0 is read where it is, a few rows at a time."""
 
-    def __init__(self, name: str, finished: Map, settings: MapSettings):
+    def __init__(self, name: str, finished: Map, map_settings: MapSettings):
         self.texels, self.state = finished
         self.is_normal = BY_NAME[name].kind is Kind.NORMAL
-        self.decode = (2.0 * np.linalg.inv(channels(settings))).T.astype(np.float32)
+        self.decode = (2.0 * np.linalg.inv(channels(map_settings))).T.astype(np.float32)
         self._sums: Sums | None = None
 
     def halve(self) -> None:

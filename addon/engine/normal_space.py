@@ -79,19 +79,19 @@ class NormalSpace:
         )
 
 
-def channels(settings: MapSettings) -> np.ndarray:
+def channels(map_settings: MapSettings) -> np.ndarray:
     """The (3, 3) matrix from a normal to its red, green and blue channels."""
     matrix = np.zeros((3, 3))
-    for row, axis in enumerate((settings.red, settings.green, settings.blue)):
+    for row, axis in enumerate((map_settings.red, map_settings.green, map_settings.blue)):
         matrix[row, "XYZ".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
     return matrix
 
 
-def reading(settings: MapSettings) -> tuple[int, int, int]:
+def reading(map_settings: MapSettings) -> tuple[int, int, int]:
     """How a map of these settings is meant to be read, as lit.reading has it, before it is rounded."""
     kinds = {Space.WORLD: lit.WORLD, Space.OBJECT: lit.OBJECT}
-    kind = kinds.get(settings.space, lit.TANGENT + bases.of_name(settings.basis).flags)
-    return lit.reading(kind, channels(settings))
+    kind = kinds.get(map_settings.space, lit.TANGENT + bases.of_name(map_settings.basis).flags)
+    return lit.reading(kind, channels(map_settings))
 
 
 def reading_by(engine: TargetEngine, settings: Settings) -> tuple[int, int, int]:
@@ -109,15 +109,15 @@ def stored(normals: np.ndarray, settings: Settings) -> Map:
     return texels, states_of_raw(normals[..., 3])
 
 
-def backwards(texels: np.ndarray, state: np.ndarray, settings: MapSettings) -> int:
+def backwards(texels: np.ndarray, state: np.ndarray, map_settings: MapSettings) -> int:
     """The number of written texels whose z is 0 or less. texels (height, width, 4): normals as they are stored."""
-    z = channels(settings)[:, 2]
+    z = channels(map_settings)[:, 2]
     stored = texels[..., int(np.argmax(np.abs(z)))]
     half = np.float32(0.5)
     return int(np.count_nonzero((stored <= half if z.sum() > 0.0 else stored >= half) & (state == WRITTEN)))
 
 
-def upwards(texels: np.ndarray, settings: MapSettings) -> np.ndarray:
+def upwards(texels: np.ndarray, map_settings: MapSettings) -> np.ndarray:
     """Half the z of the normals in stored texels (height, width, 4): (height, width)."""
-    z = channels(settings)[:, 2]
+    z = channels(map_settings)[:, 2]
     return texels[..., int(np.argmax(np.abs(z)))] * np.float32(z.sum()) - np.float32(0.5 * z.sum())

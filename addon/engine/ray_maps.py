@@ -171,21 +171,21 @@ WITH_MEANING = Family.THICKNESS, Family.CURVATURE
 """The families of maps that `meanings` explains."""
 
 
-def in_scene(distance: float, settings: TracingSettings, space: LocalSpace) -> float:
+def in_scene(distance: float, tracing: TracingSettings, space: LocalSpace) -> float:
     """A distance of the settings in scene units. space: of the high meshes; its size is half of their diagonal."""
-    return distance * 2.0 * space.size if settings.distance_unit == DistanceUnit.DIAGONAL else distance
+    return distance * 2.0 * space.size if tracing.distance_unit == DistanceUnit.DIAGONAL else distance
 
 
-def thickness_distance(settings: TracingSettings, space: LocalSpace) -> float:
+def thickness_distance(tracing: TracingSettings, space: LocalSpace) -> float:
     """In scene units."""
-    share = settings.thickness_distance
-    return THICKNESS_SHARE * 2.0 * space.size if share is None else in_scene(share, settings, space)
+    share = tracing.thickness_distance
+    return THICKNESS_SHARE * 2.0 * space.size if share is None else in_scene(share, tracing, space)
 
 
-def curvature_radius(settings: TracingSettings, space: LocalSpace) -> float:
+def curvature_radius(tracing: TracingSettings, space: LocalSpace) -> float:
     """In scene units."""
-    share = settings.curvature_radius
-    return CURVATURE_SHARE * 2.0 * space.size if share is None else in_scene(share, settings, space)
+    share = tracing.curvature_radius
+    return CURVATURE_SHARE * 2.0 * space.size if share is None else in_scene(share, tracing, space)
 
 
 def meanings(settings: Settings, space: LocalSpace) -> dict[str, dict[str, float]]:
@@ -207,13 +207,13 @@ def meanings(settings: Settings, space: LocalSpace) -> dict[str, dict[str, float
 
 
 def occluders(
-    surface: HighSurface, others: Sequence[Mesh], settings: TracingSettings, timings: Timings
+    surface: HighSurface, others: Sequence[Mesh], tracing: TracingSettings, timings: Timings
 ) -> hemisphere.Occluders:
     """What blocks the rays of ambient occlusion. others: the high meshes of other low objects."""
     space = surface.local_space
     tables, scale, offset = None, 1.0, (0.0, 0.0, 0.0)
     highs = list(surface.highs)
-    if settings.occluders == Occluders.ALL and others:
+    if tracing.occluders == Occluders.ALL and others:
         # In the same order for all low objects, which then share a tree.
         highs = sorted([*highs, *others], key=lambda high: high.name)
         ray_scene = tree_cache.trees.ray_scene_of(highs, timings)
@@ -224,11 +224,11 @@ def occluders(
         tables,
         scale,
         offset,
-        farthest=None if settings.ao_distance is None else in_scene(settings.ao_distance, settings, space) / space.size,
-        fade=settings.ao_fade,
-        two_sided=settings.two_sided,
-        bias=math.radians(settings.bias_angle),
-        floor=min(_lowest(high, space) for high in highs) if settings.floor else None,
+        farthest=None if tracing.ao_distance is None else in_scene(tracing.ao_distance, tracing, space) / space.size,
+        fade=tracing.ao_fade,
+        two_sided=tracing.two_sided,
+        bias=math.radians(tracing.bias_angle),
+        floor=min(_lowest(high, space) for high in highs) if tracing.floor else None,
     )
 
 

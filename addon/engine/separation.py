@@ -47,9 +47,9 @@ def quick_probe(meshes: Meshes) -> Probe:
     return flat_probe(meshes.low, [high.with_triangles(_every(high)) for high in meshes.drawn_highs])
 
 
-def limit(low: Mesh, settings: TracingSettings) -> float:
+def limit(low: Mesh, tracing: TracingSettings) -> float:
     """The greatest distance between points of one texel that is not reported, in scene units."""
-    return LIMIT * local_space_of([low]).size if settings.limit is None else settings.limit
+    return LIMIT * local_space_of([low]).size if tracing.limit is None else tracing.limit
 
 
 def boxes_fit(meshes: Meshes, *, may_be_part: bool = False) -> bool:

@@ -30,7 +30,7 @@ COPIED = 1.25
 
 
 def ordered(
-    meshes: Meshes, tiles: Sequence[int], settings: SamplingSettings, before: tuple[Meshes, Meshes] | None = None
+    meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings, before: tuple[Meshes, Meshes] | None = None
 ) -> Meshes:
     """`meshes` with their triangles in another order where parts of the low mesh share texels; otherwise as they are.
 
@@ -39,12 +39,12 @@ def ordered(
     comes before the copies that its modifiers make, which the base mesh does not have. before: earlier meshes, as they were
     read and the result; what was not read again stays the same.
     """
-    low, is_first = meshes.low, meshes.is_own_base or settings.stacked == Stacked.FIRST
+    low, is_first = meshes.low, meshes.is_own_base or sampling.stacked == Stacked.FIRST
     if before is not None and before[0].low is low:
         is_same, (low, basis, kept) = before[1] is before[0], (before[1].low, before[1].basis, before[1].kept)
     else:
         basis, kept, is_same = meshes.basis, meshes.kept, not _has_copies(meshes)
-        if overlap_depth(low, (min(settings.width, PROBE), min(settings.height, PROBE)), tiles) > 1:
+        if overlap_depth(low, (min(sampling.width, PROBE), min(sampling.height, PROBE)), tiles) > 1:
             is_same = False
             order = _order(low, is_first=is_first)
             if basis is not None:
@@ -335,6 +335,6 @@ def _middles(mesh: Mesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _size(settings: SamplingSettings, most: int) -> tuple[int, int]:
+def _size(sampling: SamplingSettings, most: int) -> tuple[int, int]:
     """The width and height of the map, at most so many texels each."""
-    return min(settings.width, most), min(settings.height, most)
+    return min(sampling.width, most), min(sampling.height, most)

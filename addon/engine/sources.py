@@ -83,9 +83,9 @@ def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | No
     return Rays(meshes.low, ray_cast, meshes.highs, run)
 
 
-def hits_are_chosen(plan: Plan, settings: TracingSettings) -> bool:
+def hits_are_chosen(plan: Plan, tracing: TracingSettings) -> bool:
     """Whether rays have another hit than that which belongs to their texel, since the settings name another rule."""
-    return plan.casts_rays and settings.hit != Hit.OWN
+    return plan.casts_rays and tracing.hit != Hit.OWN
 
 
 def own_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | None = None) -> Task[Source]:
@@ -94,9 +94,9 @@ def own_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | None 
     return (yield from normal_source(plan, replace(run, settings=own), uploads=uploads))
 
 
-def _flat_surface(highs: Sequence[Mesh], settings: MapSettings, timings: Timings) -> HighSurface:
+def _flat_surface(highs: Sequence[Mesh], map_settings: MapSettings, timings: Timings) -> HighSurface:
     """What hits of Flatten are on, with a tree only if maps cast rays."""
-    if any(BY_NAME[name].family.casts_rays for name in settings.drawn_maps):
+    if any(BY_NAME[name].family.casts_rays for name in map_settings.drawn_maps):
         return HighSurface(highs, tree_cache.trees.ray_scene_of(highs, timings))
     return HighSurface(highs, tree_cache.without_tree(highs, timings))
 
@@ -114,7 +114,7 @@ class Flat(Source):
         self,
         low: Mesh,
         highs: Sequence[Mesh],
-        settings: MapSettings,
+        map_settings: MapSettings,
         timings: Timings,
         *,
         surface: HighSurface | None = None,
@@ -124,7 +124,7 @@ class Flat(Source):
     ):
         self.surface, self.is_drawn, self.timings = surface, is_drawn, timings
         self.is_changed_later = is_changed_later
-        to_world = None if settings.space == Space.WORLD else low.to_world
+        to_world = None if map_settings.space == Space.WORLD else low.to_world
         self.batches = HighBatches(highs, to_world, timings, uploads)
         self._in_uv: gpu.types.GPUBatch | None = None
 
@@ -298,10 +298,10 @@ class FlatAndRays(Rays):
         high_in_uv.join_hits(hits, rays, left, flat, rows=rows, some=some)
 
 
-def world_to_space(low: Mesh, settings: MapSettings) -> np.ndarray:
+def world_to_space(low: Mesh, map_settings: MapSettings) -> np.ndarray:
     """The matrix (3, 3) from world normals to the space in which sources draw normals."""
     matrix = low.to_world[:3, :3]
-    return np.eye(3) if settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
+    return np.eye(3) if map_settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
 
 
 MOST_RANGES = 256

@@ -303,19 +303,19 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
     )
 
 
-def material_notes(meshes: Meshes, settings: MapSettings) -> list[str]:
+def material_notes(meshes: Meshes, map_settings: MapSettings) -> list[str]:
     """What could not be read of the high meshes' materials, of those parts that the bake wanted."""
-    wanted = [BY_NAME[name].socket for name in settings.drawn_maps if BY_NAME[name].socket]
+    wanted = [BY_NAME[name].socket for name in map_settings.drawn_maps if BY_NAME[name].socket]
     sockets = [*wanted, ""] if wanted else []
-    sockets += ["Normal"] if settings.detail_maps else []
+    sockets += ["Normal"] if map_settings.detail_maps else []
     notes = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))
     return list(dict.fromkeys(notes))
 
 
-def attribute_notes(meshes: Meshes, settings: MapSettings) -> list[str]:
+def attribute_notes(meshes: Meshes, map_settings: MapSettings) -> list[str]:
     """The high meshes without the attribute that the attribute map shows, and attributes with values that are no numbers."""
     lacking = [
-        repr(high.name) for high in meshes.highs if (triangle_mesh.ATTRIBUTE, settings.attribute) not in high.layers
+        repr(high.name) for high in meshes.highs if (triangle_mesh.ATTRIBUTE, map_settings.attribute) not in high.layers
     ]
     notes = []
     for high in meshes.highs:
@@ -330,8 +330,8 @@ def attribute_notes(meshes: Meshes, settings: MapSettings) -> list[str]:
             for wrong, name in names.items()
             if wrong
         ]
-    if lacking and map_types.ATTRIBUTE.name in settings.drawn_maps:
-        wanted = _attribute(settings.attribute)
+    if lacking and map_types.ATTRIBUTE.name in map_settings.drawn_maps:
+        wanted = _attribute(map_settings.attribute)
         notes.append(f"The attribute map is black where the high mesh has no {wanted}: {shorten_list(lacking)}.")
     return notes
 

@@ -196,9 +196,9 @@ def work(
     return reports
 
 
-def _find_occluders(jobs: Sequence[Job], settings: TracingSettings) -> None:
+def _find_occluders(jobs: Sequence[Job], tracing: TracingSettings) -> None:
     """Make the high objects of all jobs occluders of each, if the settings say so."""
-    is_shared = settings.occluders == Occluders.ALL
+    is_shared = tracing.occluders == Occluders.ALL
     refs = {ref.uid: ref for job in jobs for ref in job.high_refs} if is_shared else {}
     for job in jobs:
         own = {ref.uid for ref in job.refs}

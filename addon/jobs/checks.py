@@ -58,9 +58,9 @@ def active_layer(low: bpy.types.Object) -> str:
     return layer.name if layer is not None else ""
 
 
-def mesh_findings(low: Mesh, obj: bpy.types.Object, uv_layer: str, settings: SamplingSettings) -> list[Finding]:
+def mesh_findings(low: Mesh, obj: bpy.types.Object, uv_layer: str, sampling: SamplingSettings) -> list[Finding]:
     """The findings for a low mesh as it was read from `obj`, for a bake of its UV map `uv_layer`."""
-    return before_bake.find(low, uv_layer, active_layer(obj), settings)
+    return before_bake.find(low, uv_layer, active_layer(obj), sampling)
 
 
 def viewport_findings(
@@ -302,15 +302,15 @@ def _move_mirrored(low: bpy.types.Object, settings: Settings) -> str:
     return f"{int(np.count_nonzero(found)):,} triangles of {low.name!r} are moved aside by one tile"
 
 
-def _own_mesh(low: bpy.types.Object, settings: MapSettings) -> Mesh:
+def _own_mesh(low: bpy.types.Object, map_settings: MapSettings) -> Mesh:
     """The object's own mesh, without modifiers."""
     data = low.data
-    return mesh_reader.surface(data, _layer_name(low, settings), low.name, mesh_reader.matrix(low), with_faces=True)
+    return mesh_reader.surface(data, _layer_name(low, map_settings), low.name, mesh_reader.matrix(low), with_faces=True)
 
 
-def _layer_name(low: bpy.types.Object, settings: MapSettings) -> str:
+def _layer_name(low: bpy.types.Object, map_settings: MapSettings) -> str:
     layers = low.data.uv_layers
-    name = settings.uv_layer or (layers.active.name if layers.active is not None else "")
+    name = map_settings.uv_layer or (layers.active.name if layers.active is not None else "")
     if name not in layers:
         raise BakeError(f"{low.name!r} has no UV map {name!r} without its modifiers: apply them first.")
     return name

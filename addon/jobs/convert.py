@@ -303,11 +303,11 @@ def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) 
     )
 
 
-def _tiles(image: bpy.types.Image, settings: SamplingSettings) -> tuple[int, ...]:
+def _tiles(image: bpy.types.Image, sampling: SamplingSettings) -> tuple[int, ...]:
     found = textures.stored_tiles(image)
-    wanted = tuple(tile for tile in found if not settings.tiles or tile in settings.tiles)
+    wanted = tuple(tile for tile in found if not sampling.tiles or tile in sampling.tiles)
     if not wanted:
-        raise BakeError(f"The image {image.name!r} has none of the tiles {', '.join(map(str, settings.tiles))}.")
+        raise BakeError(f"The image {image.name!r} has none of the tiles {', '.join(map(str, sampling.tiles))}.")
     return wanted
 
 

@@ -3,6 +3,7 @@
 baked, whether their maps can be stored, and whether two maps would be written to one place.
 """
 
+import copy
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -50,11 +51,8 @@ class Job:
 
     def of_set(self, texture_set: MaterialSet) -> "Job":
         """The same job for one texture set."""
-        job = Job(self.low, self.highs, self.cage)
+        job = copy.copy(self)
         job.texture_set = texture_set
-        job.is_exported, job.is_for_others = self.is_exported, self.is_for_others
-        job.is_measured, job.is_pictured = self.is_measured, self.is_pictured
-        job.must_be_whole, job.hints = self.must_be_whole, self.hints
         return job
 
     @property
@@ -156,9 +154,9 @@ def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
         )
 
 
-def band_texels(settings: SamplingSettings) -> int:
+def band_texels(sampling: SamplingSettings) -> int:
     """The most texels of a map that are drawn at once."""
-    return settings.width * _tallest_band(settings)
+    return sampling.width * _tallest_band(sampling)
 
 
 def draws_in_software() -> bool:
@@ -166,8 +164,8 @@ def draws_in_software() -> bool:
     return is_software(gpu.platform.renderer_get())
 
 
-def _tallest_band(settings: SamplingSettings) -> int:
-    return max(band.height for band in bands(settings.width, settings.height, settings.margin))
+def _tallest_band(sampling: SamplingSettings) -> int:
+    return max(band.height for band in bands(sampling.width, sampling.height, sampling.margin))
 
 
 def files_read_by(jobs: Sequence[Job], *, has_maps: bool = True) -> list[tuple[str, str]]:
@@ -187,9 +185,9 @@ def _files(path: str) -> Iterable[str]:
     return [path] if udim.TOKEN in path or not udim.is_tiled(path) else udim.files(path).values()
 
 
-def files_kept(jobs: Sequence[Job], settings: StorageSettings) -> list[tuple[str, str]]:
+def files_kept(jobs: Sequence[Job], storing: StorageSettings) -> list[tuple[str, str]]:
     """As `files_read_by`, if the settings write files."""
-    return files_read_by(jobs) if settings.storage == Storage.FILE else []
+    return files_read_by(jobs) if storing.storage == Storage.FILE else []
 
 
 @dataclass(frozen=True)
@@ -218,11 +216,11 @@ class PastBake:
         return cls(job, settings, method, report.distances, report.tiles)
 
 
-def by_material(jobs: Sequence[Job], settings: StorageSettings) -> list[Job]:
+def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:
     """A job for each texture set of each of `jobs`. Raises BakeError for names that the sets would share."""
     found = [job.of_set(one) for job in jobs for one in sets_of(job.low)]
     if len(found) > len(jobs):
-        for text, what in ((settings.output, "file"), (settings.image, "image")):
+        for text, what in ((storing.output, "file"), (storing.image, "image")):
             if text and MATERIAL not in text:
                 raise BakeError(f"Texture sets need {MATERIAL} in the name of the {what}: {text!r} has none.")
     return found
@@ -241,15 +239,15 @@ def set_numbers(low: bpy.types.Object, meshes: Meshes) -> np.ndarray | None:
 
 
 def check_clashes(
-    settings: StorageSettings, bakes: Sequence[Settings], objects: Sequence[str], read: Iterable[tuple[str, str]]
+    storing: StorageSettings, bakes: Sequence[Settings], objects: Sequence[str], read: Iterable[tuple[str, str]]
 ) -> None:
     """Raise BakeError if two maps would be written to one image or file, or if a map would replace a file that is read.
 
-    bakes: the settings of each bake, which are `settings` with names filled in. objects: the name of its low object, or of
+    bakes: the settings of each bake, which are `storing` with names filled in. objects: the name of its low object, or of
     another subject for messages. read: the files that the bakes read beside those of datablocks.sources, and what they are.
     """
-    _check_images(bakes, objects, _advice(settings.image))
-    check_file_clashes(bakes, objects, _advice(settings.output), read)
+    _check_images(bakes, objects, _advice(storing.image))
+    check_file_clashes(bakes, objects, _advice(storing.output), read)
 
 
 def check_file_clashes(

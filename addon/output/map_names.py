@@ -25,13 +25,13 @@ _SHORT_NORMAL = re.compile(rf"(?<=_)N{_TILE}")
 """What the short suffix of another map replaces at the end of a name that starts with T_, as Unreal's textures are named."""
 
 
-def name_for(low_name: str, settings: StorageSettings, material: str = "") -> str:
+def name_for(low_name: str, storing: StorageSettings, material: str = "") -> str:
     """The name of the image datablock, with the names of the low object and of the material in place of LOW and MATERIAL.
 
     Blender would shorten long names, and the image would not be found by its name. So they are shortened here, with a
     checksum that keeps them distinct.
     """
-    pattern = settings.image or (of_texture_sets(USUAL) if material else USUAL)
+    pattern = storing.image or (of_texture_sets(USUAL) if material else USUAL)
     filled = pattern.replace(MATERIAL, material) if material else pattern
     name = filled.replace(LOW, low_name)
     letters = name.encode()
@@ -100,18 +100,10 @@ def _is_short(name: str) -> bool:
     return name.startswith("T_") and bool(_SHORT_NORMAL.search(name))
 
 
-def own_end(name: str) -> str:
-    """The end of the name of a normal map that the names of other maps lack: "_normal", "_N", or "" if they lack nothing.
-
-    name: without a tile's number and without its ending.
-    """
-    return "_N" if _is_short(name) else _NORMAL.search(name)[0]
-
-
-def stored_maps(settings: MapSettings) -> dict[str, MapType]:
+def stored_maps(map_settings: MapSettings) -> dict[str, MapType]:
     """The maps that a bake stores in images of their own, by name. A packed image counts as one map."""
-    names = [NORMAL.name] * settings.normal + [MASK.name] * settings.mask + list(settings.maps)
-    packed = settings.packing.map_type if settings.packing else None
+    names = [NORMAL.name] * map_settings.normal + [MASK.name] * map_settings.mask + list(map_settings.maps)
+    packed = map_settings.packing.map_type if map_settings.packing else None
     return {name: BY_NAME[name] for name in names} | ({packed.name: packed} if packed else {})
 
 
@@ -123,9 +115,9 @@ def settings_by_map(settings: Settings) -> dict[str, Settings]:
     }
 
 
-def first_map(settings: MapSettings) -> str:
+def first_map(map_settings: MapSettings) -> str:
     """The name of the map whose image stands for the bake: the normal map, or the first other map without one."""
-    return next(name for name in stored_maps(settings) if name != MASK.name)
+    return next(name for name in stored_maps(map_settings) if name != MASK.name)
 
 
 def planned_files(settings: Settings) -> Iterator[tuple[str, str]]:
@@ -143,9 +135,9 @@ def levels_of(settings: Settings, name: str) -> range:
     return range(1, len(settings.mip_sizes) + 1) if has_mean else range(1, 1)
 
 
-def map_title(settings: MapSettings, name: str) -> str:
+def map_title(map_settings: MapSettings, name: str) -> str:
     """The name of a stored map in a sentence."""
-    return f"the {stored_maps(settings)[name].title}"
+    return f"the {stored_maps(map_settings)[name].title}"
 
 
 def output_of_frame(output: str, frame: int) -> str:

@@ -74,8 +74,8 @@ def _packed_tiles(settings: Settings) -> str:
     return f"map.{TOKEN}{file_formats.PACKED[settings.storing.is_float].endings[0]}"
 
 
-def _is_dithered(settings: StorageSettings) -> bool:
-    return settings.dither and settings.depth == 8
+def _is_dithered(storing: StorageSettings) -> bool:
+    return storing.dither and storing.depth == 8
 
 
 class MapWriter:

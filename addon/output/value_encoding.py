@@ -101,7 +101,7 @@ SRGB, LINEAR = "sRGB", "Linear Rec.709"
 """Blender's names of the color spaces of colors in integers and in floats."""
 
 
-def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str], settings: StorageSettings) -> dict:
+def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str], storing: StorageSettings) -> dict:
     """How to decode a map: value = (stored - midlevel) * scale + offset, or the colors of its labels.
 
     With a color_space, `stored` is linear after decoding the space. maps: its tiles, (height, width, 4) float32 with alpha 0
@@ -111,8 +111,8 @@ def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str
         return {"colours": {label: list(color(number)) for number, label in enumerate(labels)}}
     if map_type.kind is Kind.NORMAL:  # encoded when it was drawn
         return {"midlevel": 0.5, "scale": 2.0}
-    space = {"color_space": color_space(map_type, settings)} if map_type.is_color else {}
-    if not needs_range(map_type, settings):
+    space = {"color_space": color_space(map_type, storing)} if map_type.is_color else {}
+    if not needs_range(map_type, storing):
         return {"midlevel": 0.0, "scale": 1.0} | space
     lows, highs = zip(*(_range(texels) for texels in maps), strict=True)
     low, high = np.min(lows, axis=0), np.max(highs, axis=0)
@@ -125,16 +125,16 @@ def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str
     return {"midlevel": 0.5, "scale": 2.0 * float(max(-low.min(), high.max(), 0.0)) or 1.0}
 
 
-def needs_range(map_type: MapType, settings: StorageSettings) -> bool:
+def needs_range(map_type: MapType, storing: StorageSettings) -> bool:
     """Whether the encoding depends on the range of the values in all tiles."""
-    return map_type.kind is Kind.VALUE and map_type.range is not Range.UNIT and not settings.is_float
+    return map_type.kind is Kind.VALUE and map_type.range is not Range.UNIT and not storing.is_float
 
 
-def color_space(map_type: MapType, settings: StorageSettings) -> str:
+def color_space(map_type: MapType, storing: StorageSettings) -> str:
     """The color space of the image of a map; empty for data."""
     if not map_type.is_color:
         return ""
-    return LINEAR if settings.is_float else SRGB
+    return LINEAR if storing.is_float else SRGB
 
 
 def encode(texels: np.ndarray, how: dict) -> None:

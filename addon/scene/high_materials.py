@@ -27,23 +27,23 @@ READERS = {
 
 
 def read_layers(
-    data: bpy.types.Mesh, materials: Iterable[HighMaterial], settings: MapSettings
+    data: bpy.types.Mesh, materials: Iterable[HighMaterial], map_settings: MapSettings
 ) -> dict[tuple[str, str], np.ndarray]:
     """Those of `data` that its materials need for the maps of the settings, as Mesh.layers has them."""
-    found = {key: READERS[key[0]](data, key[1]) for key in _needed(materials, settings)}
+    found = {key: READERS[key[0]](data, key[1]) for key in _needed(materials, map_settings)}
     return {key: values for key, values in found.items() if values is not None}
 
 
-def _needed(materials: Iterable[HighMaterial], settings: MapSettings) -> dict[tuple[str, str], None]:
+def _needed(materials: Iterable[HighMaterial], map_settings: MapSettings) -> dict[tuple[str, str], None]:
     """The keys of the layers, each once, in order."""
-    wanted = [BY_NAME[name] for name in settings.drawn_maps if BY_NAME[name].family.shows_materials]
+    wanted = [BY_NAME[name] for name in map_settings.drawn_maps if BY_NAME[name].family.shows_materials]
     needed: dict[tuple[str, str], None] = {}
     if any(not map_type.socket for map_type in wanted):
-        needed[ATTRIBUTE, settings.attribute] = None
+        needed[ATTRIBUTE, map_settings.attribute] = None
     for material in materials:
         for map_type in wanted:
             needed |= dict.fromkeys(_of_feed(material.feeds.get(map_type.socket)))
-        if settings.detail_maps and material.detail is not None:
+        if map_settings.detail_maps and material.detail is not None:
             needed |= dict.fromkeys(_of_detail(material.detail))
     return needed
 

@@ -277,14 +277,14 @@ def without_missing(obj: bpy.types.Object, settings: Settings) -> Settings:
     )
 
 
-def weights_problem(obj: bpy.types.Object, settings: TracingSettings) -> str:
-    """Why `obj` cannot be baked with the groups of `settings`, as a sentence; empty if no reason is known.
+def weights_problem(obj: bpy.types.Object, tracing: TracingSettings) -> str:
+    """Why `obj` cannot be baked with the groups of `tracing`, as a sentence; empty if no reason is known.
 
     Fast enough for every redraw: it evaluates no modifiers, which may add groups.
     """
-    if settings.method == Method.FLATTEN or obj.modifiers:
+    if tracing.method == Method.FLATTEN or obj.modifiers:
         return ""
-    names = filter(None, (getattr(settings, name) for name in GROUPS))
+    names = filter(None, (getattr(tracing, name) for name in GROUPS))
     return next((_missing(obj, name) for name in names if not _is_known(obj, name)), "")
 
 

@@ -186,12 +186,12 @@ def read_low(
 
 
 def _painted(
-    owner: bpy.types.Object, data: bpy.types.Mesh, low: Mesh, settings: TracingSettings
+    owner: bpy.types.Object, data: bpy.types.Mesh, low: Mesh, tracing: TracingSettings
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """`offset` and `straight`, as Meshes has them. owner: of `data`, which `low` was read from."""
-    if settings.method == Method.FLATTEN:
+    if tracing.method == Method.FLATTEN:
         return None, None
-    offset, straight = weights(owner, data, (settings.offset_group, settings.straight_group))
+    offset, straight = weights(owner, data, (tracing.offset_group, tracing.straight_group))
     return (
         None if offset is None else 2.0 * offset[low.vertices],
         None if straight is None else 2.0 * straight[low.vertices] - 1.0,
