@@ -406,7 +406,7 @@ class Bake:
     STOP = ("SIGINT", "SIGTERM", "SIGHUP")
     PATIENCE = 20.0
     """Seconds from the first signal until this sends a second one. Farms send SIGKILL 30 seconds after the first one. Many
-    bakes end sooner by themselves: addon/cli/pool.py."""
+    bakes end sooner by themselves: addon/cli/worker_pool.py."""
     GRACE = 3.0
     """Seconds from the second signal to SIGKILL. Blender may be busy in code that ignores signals."""
 

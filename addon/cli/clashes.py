@@ -19,10 +19,10 @@ from ..core.naming import ATLAS
 from ..output import map_names
 from ..output.files.atomic_file import reason
 from ..output.files.path_clashes import Places
-from . import arguments, plans, report_file, untrusted
-from .options import STDOUT, RunOptions
+from . import arguments, plans, run_report, untrusted
+from .options import RunOptions
 from .plans import Plan
-from .report_file import LINES
+from .run_report import LINES, STDOUT
 from .untrusted import Bounds
 
 
@@ -141,10 +141,10 @@ class RunFiles:
             over = WrongPlace(f"{title[:1].upper()}{title[1:]} would overwrite {image!r}, which {blend!r} shows.")
             check(name, _raise, over)
         if report and report != STDOUT:
-            check("", self._write_over, report_file.check_report, report, "the report of all")
+            check("", self._write_over, run_report.check_report, report, "the report of all")
             check("", self.places.write, report + LINES, "the report of all while they go on")
         if sheet:
-            check("", self._write_over, report_file.check_page, sheet, "the page of results")
+            check("", self._write_over, run_report.check_page, sheet, "the page of results")
         return problems
 
     def _images_to_replace(
@@ -256,7 +256,7 @@ class RunFiles:
             self._write_maps(name, options, [low])
         if options.report and options.report != STDOUT:
             self._write_file(options.report, _of("the report", name), name)
-            report_file.check_report(options.report, _of("the report", name))
+            run_report.check_report(options.report, _of("the report", name))
         if options.save_blend:
             own = (name, "scene") if len(options.file) < 2 else None
             self._write_file(options.save_blend, _of("the scene to save", name), name, may_replace=own)

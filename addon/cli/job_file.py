@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 from ..core.naming import did_you_mean
 from . import arguments, option_types
 from .arguments import WrongUsage
-from .options import FILE, OPTIONS, RUN_OPTIONS, STDOUT, CommandOption
+from .options import FILE, OPTIONS, RUN_OPTIONS, CommandOption
+from .run_report import STDOUT
 
 MOST_SHOWN = 80
 """Characters of a wrong value in a message."""

@@ -17,8 +17,9 @@ from ..core.naming import match
 from ..output.files.atomic_file import check_writable
 from . import clashes, plans, run_report
 from .clashes import InputFiles
-from .options import STDOUT, RunOptions
+from .options import RunOptions
 from .plans import Plan
+from .run_report import STDOUT
 
 
 class InputProblems:

@@ -11,9 +11,7 @@ from ..core.declarations import kinds
 from ..core.declarations.all_settings import DECLARED, PANELS
 from ..core.naming import Suffixes
 from . import option_types, run_report
-
-STDOUT = "-"
-"""A report's path that stands for standard output."""
+from .run_report import STDOUT, ThisCall
 
 
 @dataclass(frozen=True)
@@ -390,7 +388,7 @@ class RunOptions:
 
     program: str = "imprint"
     """What messages begin with."""
-    call: run_report.ThisCall = field(default_factory=run_report.noted)
+    call: ThisCall = field(default_factory=ThisCall.of)
     """For reports, also those that workers write."""
     jobs: str | None = None
     folder: str | None = None

@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from addon.cli.farm_command import FARM_OPTIONS  # noqa: E402
-from addon.cli.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
 from addon.cli.job_file import KEYS  # noqa: E402
+from addon.cli.limits import COUNT, DEGREES, LENGTH, METRICS, READERS, SECONDS, SHARE  # noqa: E402
 from addon.cli.option_types import word_for  # noqa: E402
 from addon.cli.options import FILE, JOBS, OBJECTS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption, option_word  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
@@ -315,7 +315,7 @@ UNITS = {SHARE: "%, or a share from 0 to 1", COUNT: "a number", LENGTH: "scene u
 def figures() -> str:
     """The figures that can have limits. Those that differ in their end alone are in one row."""
     rows: dict[tuple[str, str], list[str]] = {}
-    for figure in FIGURES.values():
+    for figure in METRICS.values():
         name, meaning = figure.name, figure.meaning
         if name.startswith(READERS):
             name, meaning = (

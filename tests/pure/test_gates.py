@@ -3,7 +3,7 @@
 
 import pytest
 
-from addon.cli import arguments, gates
+from addon.cli import arguments, limits
 from addon.cli.arguments import WrongUsage
 from addon.core.errors import BakeError
 
@@ -25,7 +25,7 @@ WORDS = ["--low", "a", "--output", "b.png"]
 
 
 def over(text, *reports):
-    return gates.over(gates.parse(text), reports or [REPORT])
+    return limits.over(limits.parse(text), reports or [REPORT])
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_several_limits_and_reports():
 )
 def test_a_limit_that_cannot_be_read_is_an_error_before_the_bake(text, part):
     with pytest.raises(BakeError) as error:
-        gates.parse(text)
+        limits.parse(text)
     assert part in str(error.value)
     with pytest.raises(WrongUsage, match="argument --strict: "):
         arguments.parse([*WORDS, "--strict", text])

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from addon.cli import command, run_report
-from addon.cli.report_file import ReportFile
-from addon.cli.run_report import Cause, Entry, Only, State, ranges
+from addon.cli.run_report import Cause, Entry, Only, ReportFile, State, ranges
 
 
 def entry(number, state=State.DONE, **values):

@@ -18,13 +18,12 @@ import pytest
 
 from addon.cli import arguments, clashes, records
 from addon.cli import turns as turns_module
-from addon.cli.bake_result import Done
 from addon.cli.claims import Claims
 from addon.cli.options import OPTIONS
 from addon.cli.plans import Plan
-from addon.cli.records import Contents
+from addon.cli.records import Assignment, Contents
 from addon.cli.run_report import Entry, State
-from addon.cli.turns import POLL, Resumed, Resuming, ToDo, Turns
+from addon.cli.turns import POLL, Resuming, Turns
 from addon.cli.untrusted import Bounds
 from addon.core import versions
 from addon.core.errors import BakeError
@@ -70,12 +69,16 @@ def in_scene(folder, low, *more, output="{low}.png"):
 
 
 def bake(turn, found=(), text="map"):
-    """Bake what is to do, without Blender. Returns the paths of the files."""
+    """Do an assignment without Blender. Returns the path of the map."""
     path = Path(str(turn.plan.options.output).replace("{low}", turn.plan.name))
     with all_or_none(), replacing(path) as partial:
         partial.write_text(f"{text} of {turn.plan.name}")
-    records.write_record(turn.draft, {"name": turn.plan.name}, Contents().all_of(found), [str(path)], Contents())
+    records.write_record(turn, entry(turn, path), Contents().all_of(found), Contents())
     return path
+
+
+def entry(turn, path):
+    return Entry(turn.plan.number, turn.plan.name, files=[{"path": str(path), "what": "map"}])
 
 
 def run(planned, **more):
@@ -91,7 +94,7 @@ def run(planned, **more):
 
 
 def why(planned, **more):
-    """Why a bake is to do, or "" if it is done."""
+    """Why a bake still has to run, or "" if it is done."""
     with Resuming([planned], **more) as left:
         return next((turn.why for turn in left.left), "")
 
@@ -111,9 +114,8 @@ def test_what_is_done_is_not_done_again(folder):
     assert run(planned) == dict.fromkeys("ab", "It has not been baked.")
     assert run(planned) == {}
     with Resuming(planned) as left:
-        assert [(each.plan.name, each.result, each.is_elsewhere) for each in left.done] == [
-            ("a", {"name": "a"}, False),
-            ("b", {"name": "b"}, False),
+        assert [(each.name, each.number, each.state) for each in left.done] == [
+            (each.name, each.number, State.RESUMED) for each in planned
         ]
     assert sorted(os.listdir(folder / "out")) == ["a.png", "a_low.png.imprint.json", "b.png", "b_low.png.imprint.json"]
 
@@ -128,7 +130,7 @@ def test_a_bake_that_cannot_be_done_is_returned_and_writes_nothing(folder):
     bad = replace(plan(folder), problem="Two files share a name.")
     with Resuming([bad]) as left:
         turn = left.next()
-        assert (turn.plan, turn.draft, turn.why) == (bad, None, "Two files share a name.")
+        assert (turn.plan, turn.record, turn.why) == (bad, None, "Two files share a name.")
         left.release(turn.plan.number)
         assert not left.count
     assert not (folder / "out").exists()
@@ -137,7 +139,7 @@ def test_a_bake_that_cannot_be_done_is_returned_and_writes_nothing(folder):
 def test_a_folder_that_cannot_be_written_to_is_left_to_the_bake(folder):
     (folder / "out").touch()
     with Resuming([plan(folder)]) as left:
-        assert left.next().draft is None
+        assert left.next().record is None
 
 
 def overwrite(path, text):
@@ -234,7 +236,7 @@ def test_another_name_bakes_nothing_again(folder):
     run([plan(folder)])
     renamed = plan(folder, "a", "--name", "b")
     assert why(renamed) == ""
-    entry = Done.resumed(renamed, Entry(renamed.number + 1, "before").to_dict()).entry
+    entry = turns_module.resumed(renamed, Entry(renamed.number + 1, "before"))
     assert (entry.name, entry.number) == (renamed.name, renamed.number)
 
 
@@ -344,7 +346,7 @@ def said(folder, path="", **values):
 
 
 def lie(folder, untrusted, *, has_record=True, **values):
-    """What comes of a bake whose process says other things of its files."""
+    """The entry of a bake whose process gives other values of its files."""
     own = plan(folder)
     files = clashes.RunFiles(bounds=untrusted["bounds"])
     assert files.add([(own.name, own.options)]) == []
@@ -353,13 +355,13 @@ def lie(folder, untrusted, *, has_record=True, **values):
         (folder / "out").mkdir(exist_ok=True)
         for name in ("out/a_low.png", "out/other.png", "outside"):
             (folder / name).write_text("map")
-        done = Done(Entry(7, "another", files=[Contents().of(str(folder / "out/a_low.png"), "map").facts()]))
+        done = Entry(7, "another", files=[Contents().of(str(folder / "out/a_low.png"), "map").facts()])
         for name, value in values.items():
-            setattr(done.entry, name, [said(folder, **value)] if isinstance(value, dict) else value)
+            setattr(done, name, [said(folder, **value)] if isinstance(value, dict) else value)
         unplanned = partial(files.unplanned, own.name, own.options)
-        draft = turn.draft if has_record else None
-        done = records.finish_untrusted(draft, own, done, untrusted["bounds"], unplanned)
-    assert (done.entry.number, done.entry.name, done.entry.picture) == (own.number, own.name, "")
+        turn = turn if has_record else Assignment(own)
+        done = records.check_untrusted(turn, done, untrusted["bounds"], unplanned)
+    assert (done.number, done.name, done.picture) == (own.number, own.name, "")
     return done
 
 
@@ -390,7 +392,7 @@ def test_a_process_that_lies_of_its_files_has_failed(folder, untrusted, values, 
         name: {key: text.format(folder) for key, text in each.items()} if isinstance(each, dict) else each
         for name, each in values.items()
     }
-    entry = lie(folder, untrusted, has_record=has_record, **values).entry
+    entry = lie(folder, untrusted, has_record=has_record, **values)
     assert entry.state == State.FAILED
     assert (entry.files, entry.inputs, entry.reports) == ([], [], [])
     assert entry.error.startswith("Its process gave a wrong result: ")
@@ -404,7 +406,7 @@ def test_a_map_of_a_process_that_lies_is_a_file(folder, untrusted, monkeypatch, 
             path.mkdir()
             (path / "x").write_text("map")
 
-    entry = lie_of_map(folder, untrusted, monkeypatch, make).entry
+    entry = lie_of_map(folder, untrusted, monkeypatch, make)
     assert (entry.state, entry.files) == (State.FAILED, [])
 
 
@@ -425,7 +427,7 @@ def lie_of_map(folder, untrusted, monkeypatch, make):
 def test_an_input_that_was_changed_during_an_untrusted_bake_is_a_warning(folder, untrusted, has_record):
     values = {"inputs": {"path": str(folder / "in/b_low.ply"), "sha256": "0" * 64}}
     done = lie(folder, untrusted, has_record=has_record, **values)
-    assert done.entry.state == State.DONE
+    assert done.state == State.DONE
     (warning,) = done.warnings
     assert "b_low.ply' is not as it was in the bake" in warning
     assert not (folder / "records").exists()
@@ -433,7 +435,7 @@ def test_an_input_that_was_changed_during_an_untrusted_bake_is_a_warning(folder,
 
 def test_a_process_that_says_what_is_true_gets_a_record(folder, untrusted):
     done = lie(folder, untrusted)
-    assert (done.entry.state, done.warnings) == (State.DONE, [])
+    assert (done.state, done.warnings) == (State.DONE, [])
     assert len(os.listdir(folder / "records")) == 1
 
 
@@ -480,8 +482,8 @@ def test_files_that_the_run_writes_beside_do_not_count(folder):
 
 def test_a_key_can_go_to_another_process(folder):
     with Resuming([plan(folder)]) as left:
-        draft = left.next().draft
-    assert pickle.loads(pickle.dumps(draft)) == draft
+        turn = left.next()
+    assert pickle.loads(pickle.dumps(turn)) == turn
 
 
 def test_tiles_count_together(folder):
@@ -549,7 +551,7 @@ def test_a_record_says_what_was_baked(folder):
     run([plan(folder)])
     values = json.loads((folder / "out" / "a_low.png.imprint.json").read_text())
     assert values["imprint_record"] == 1
-    assert (values["name"], values["blender"], values["result"]) == ("a", "5.2.3", {"name": "a"})
+    assert (values["name"], values["blender"], values["result"]["name"]) == ("a", "5.2.3", "a")
     assert values["key"] == key(plan(folder))
     assert [(each["path"], each["what"], each["bytes"]) for each in values["declared"]] == [
         ("../in/a_low.ply", "the low mesh's file", 5),
@@ -574,7 +576,7 @@ def test_a_bake_that_saves_over_its_file_has_a_record_and_is_done_again(folder):
     with Resuming([planned]) as left:
         turn = left.next()
         Path(scene).write_text("saved")
-        records.write_record(turn.draft, {}, [], [scene], Contents())
+        records.write_record(turn, entry(turn, scene), [], Contents())
     assert why(planned) == "The file to open has changed: 'scene.blend'."
 
 
@@ -618,11 +620,10 @@ def test_who_finds_a_claim_does_its_other_bakes_first_and_then_takes_the_result(
         bake(its)
         second.release(its.plan.number)
         found = first.next()
-        assert isinstance(found, Resumed)
-        assert (found.plan.name, found.result, found.is_elsewhere) == ("b", {"name": "b"}, True)
+        assert (found.name, found.state) == ("b", State.RESUMED)
         bake(mine)
         first.release(mine.plan.number)
-        assert second.next().is_elsewhere
+        assert isinstance(second.next(), Entry)
         assert first.count == second.count == 0
 
 
@@ -659,8 +660,8 @@ def test_a_run_without_records_does_all_in_order(folder):
     with Turns([plan(folder, "a"), bad]) as turns:
         first, second = turns.next(), turns.next()
         turns.release(first.plan.number)
-        assert first == ToDo(plan(folder, "a"))
-        assert second == ToDo(bad, None, "Two files share a name.")
+        assert first == Assignment(plan(folder, "a"))
+        assert second == Assignment(bad, "Two files share a name.")
         assert (turns.count, turns.done) == (0, [])
     assert not (folder / "out").exists()
 
@@ -671,7 +672,7 @@ def test_two_that_do_all_again_do_each_bake_once(folder):
         turn = first.next()
         bake(turn)
         first.release(turn.plan.number)
-        assert second.next().is_elsewhere
+        assert isinstance(second.next(), Entry)
 
 
 WORK = """
@@ -690,7 +691,7 @@ with own.Resuming(planned) as left:
         turn = left.next()
         if turn is None:
             time.sleep(0.01)
-        elif not isinstance(turn, own.Resumed):
+        elif not isinstance(turn, own.Entry):
             time.sleep(seed.random() * 0.01)
             with (folder / "log").open("a") as log:
                 log.write(turn.plan.name + "\\n")
@@ -776,7 +777,7 @@ def test_a_chain_is_done_together(folder):
     (folder / "out" / "2.png").unlink()
     found = run(planned)
     assert list(found) == ["c1", "c2", "c3"]
-    assert found["c1"] == "Another bake of the same scene, which is saved, is to do."
+    assert found["c1"] == "Another bake of this scene has to run, and the scene is saved after it."
 
 
 def test_a_chain_has_one_claim_until_its_last_bake(folder):
@@ -795,12 +796,8 @@ def test_a_chain_has_one_claim_until_its_last_bake(folder):
             bake(turn)
             here.release(number)
         there._ask_at = 0.0
-        assert [
-            (turn.plan.number, isinstance(turn, Resumed)) for turn in (there.next(), there.next(), there.next())
-        ] == [
-            (1, True),
-            (2, True),
-            (3, True),
+        assert [(turn.number, turn.state) for turn in (there.next(), there.next(), there.next())] == [
+            (number, State.RESUMED) for number in (1, 2, 3)
         ]
     assert not list(folder.rglob("*.lock"))
 
@@ -815,7 +812,7 @@ def test_a_chain_keeps_its_claim_if_the_next_bake_begins_before_the_last_one_is_
         assert there.next() is None
         here.release(3)
         there._ask_at = 0.0
-        assert there.next().plan.number == 1
+        assert there.next().number == 1
 
 
 def test_a_chain_of_another_worker_waits(folder):
