@@ -362,7 +362,9 @@ class TurnsAside(Turns):
         except interruption.Stopped:
             self.stop()
             return None
-        if isinstance(turn, Assignment) and turn.plan.chain in taken:  # it was asked for by the worker that has the chain
+        if (
+            isinstance(turn, Assignment) and turn.plan.chain in taken
+        ):  # it was asked for by the worker that has the chain
             return None
         self._next = None
         self._count -= turn is not None
