@@ -353,7 +353,8 @@ class Sandbox:
     def _readable(self, words: Sequence[str]) -> Iterator[str]:
         """The files and folders that the worker may read. words: as in `command`."""
         yield from _SYSTEM
-        yield from sorted({sys.prefix, sys.base_prefix, sys.exec_prefix, os.path.dirname(os.path.realpath(words[0]))})
+        of_python = {sys.prefix, sys.base_prefix, sys.exec_prefix, os.path.dirname(os.path.realpath(words[0]))}
+        yield from sorted(of_python | set(map(os.path.realpath, of_python)))  # .venv can be a link in the checkout
         yield ROOT
         for name in _PATHS_OF_DRIVERS:
             yield from (path for path in os.environ.get(name, "").split(os.pathsep) if os.path.isabs(path))

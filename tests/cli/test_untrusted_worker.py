@@ -18,6 +18,7 @@ import pytest
 
 from addon.cli import command, run_report, scene_files, worker_process
 from addon.cli.run_report import Entry, State
+from addon.cli.untrusted import Bounds, Sandbox
 from addon.core.report import Report
 from scripts.imprint import ROOT
 from tests.support import untrusted, zoo
@@ -100,6 +101,17 @@ def test_without_a_sandbox_nothing_is_baked(root, monkeypatch, capfd, program, e
     assert command.run(call, may_start_processes=True) == run_report.WRONG_USAGE
     assert error in capfd.readouterr().err
     assert not (root / "job/m.png").exists()
+
+
+def test_an_environment_that_is_a_link_is_readable(tmp_path, monkeypatch):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    for name in ("in", "out"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / "link"))
+    sandbox = Sandbox(Bounds(str(tmp_path / "in"), str(tmp_path / "out")), 1 << 30)
+    assert str(tmp_path / "real") in sandbox.command([sys.executable])
+    sandbox.close()
 
 
 def test_another_system_has_no_sandbox(root, monkeypatch, capfd):
