@@ -6,9 +6,9 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
-from multiprocessing.connection import wait
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from ..core.errors import BakeError, NoGpu, WrongPlace
@@ -23,23 +23,19 @@ from .terminal import Meter
 from .turns import Chains, Turns
 from .untrusted import Sandbox
 from .worker_process import (
-    LONGEST_MESSAGE,
-    STALLED,
     Answer,
     Begun,
     FilesFound,
+    Gone,
     Line,
     Percent,
     Ready,
     Setup,
     Worker,
-    unpacked,
 )
 
 LOOK_EVERY = 0.1
 """Seconds between two checks of signals and limits."""
-SEND_EVERY = 0.01
-"""Seconds between two tries to send what a worker has not taken."""
 LONGEST_STOP = 5.0
 """Seconds for bakes to stop after a signal, before their processes are ended as by a second one."""
 PATIENCE = 2.0
@@ -62,6 +58,8 @@ class WorkerPool:
         """options: of the run. sandbox: of the workers for files that are not trusted."""
         self._options, self._count, self._sandbox = options, options.workers, sandbox
         self._workers: list[Worker] = []
+        self._messages: SimpleQueue[tuple[Worker, Any]] = SimpleQueue()
+        """What workers have sent."""
         self._chains = Chains()
         self._has_lost = False
         """Whether a bake has ended its worker."""
@@ -87,7 +85,7 @@ class WorkerPool:
         self._gives_up.set()
         self._thread.shutdown()
         for worker in self._workers:
-            worker.channel.close()  # they end at once, together
+            worker.dismiss()  # they end together
         deadline = time.monotonic() + CLOSING
         for worker in self._workers:
             worker.close(max(0.0, deadline - time.monotonic()))
@@ -188,61 +186,46 @@ class WorkerPool:
 
     def _start(self) -> None:
         try:
-            self._workers.append(Worker(self._sandbox))
+            self._workers.append(Worker(self._messages, self._sandbox))
         except OSError as error:
             self._starts += 1
             if not self._workers:
                 raise BakeError(f"A process to bake in could not be started: {reason(error)}.") from error
 
     def _receive(self, files: clashes.RunFiles, meter: Meter) -> Iterator[Entry]:
-        """Take the messages of all workers, waiting a moment for one."""
-        workers = list(self._workers)
-        channels = [worker.channel for worker in workers]
-        is_sending = any(channel.has_unsent for channel in channels)
-        heard = wait([channel.connection for channel in channels], SEND_EVERY if is_sending else LOOK_EVERY)
-        for worker in workers:
-            try:
-                message = self._next_message(worker, has_more=worker.channel.connection in heard)
-            except (EOFError, BakeError) as error:
-                yield from self._handle_exit(worker, str(error))
-                continue
-            match message:
-                case None:
-                    pass  # it has not arrived yet
-                case Ready():
-                    worker.is_ready = True
-                case Begun():
-                    worker.has_begun = worker.is_well = True
-                    self._sent = self._starts = 0
-                case Percent():
-                    if meter.is_on:
-                        meter.show(message.subject, Progress(message.what, message.done), worker.plan)
-                case Line():
-                    meter.report(message.line)
-                case _ if worker.plan is None:
-                    pass  # a file that took the worker over may send what it likes
-                case FilesFound():
-                    worker.send(Answer(_problem(files, worker.plan, message)))
-                case Entry():
-                    yield from self._finish(worker, message, files)
+        """Handle the messages that have arrived, waiting a moment for one."""
+        timeout = LOOK_EVERY
+        with suppress(Empty):
+            for _ in range(len(self._workers)):  # so that signals and limits are checked, however much is sent
+                worker, message = self._messages.get(timeout=timeout)
+                timeout = 0.0
+                if worker in self._workers:
+                    yield from self._handle(worker, message, files, meter)
 
-    def _next_message(self, worker: Worker, *, has_more: bool) -> Any:
-        """The next message of a worker; None as long as it has not arrived. has_more: whether there is something to read.
-
-        Raises EOFError if the worker is gone, and BakeError if its messages are wrong.
-        """
-        channel, is_trusted = worker.channel, self._sandbox is None
-        try:
-            channel.flush()
-            content = channel.receive(None if is_trusted else LONGEST_MESSAGE) if has_more else None
-            message = None if content is None else unpacked(content, is_trusted=is_trusted)
-        except ConnectionError as error:
-            raise EOFError from error
-        except OSError as error:
-            raise BakeError("Its process sent what is no message.") from error
-        if channel.is_stalled:
-            raise BakeError(f"Its process stopped for {STALLED:g} s in a message.")
-        return message
+    def _handle(self, worker: Worker, message: Any, files: clashes.RunFiles, meter: Meter) -> Iterator[Entry]:
+        answer = None
+        match message:
+            case Gone():
+                yield from self._handle_exit(worker, message.why)
+            case Ready() if not worker.is_ready:
+                worker.is_ready = True
+                return  # a bake is the answer
+            case Begun():
+                worker.has_begun = worker.is_well = True
+                self._sent = self._starts = 0
+            case Percent():
+                if meter.is_on:
+                    meter.show(message.subject, Progress(message.what, message.done), worker.plan)
+            case Line():
+                meter.report(message.line)
+            case _ if worker.plan is None:
+                pass  # a file that took the worker over may send what it likes
+            case FilesFound():
+                answer = Answer(_problem(files, worker.plan, message))
+            case Entry():
+                yield from self._finish(worker, message, files)
+                return  # the next bake is the answer
+        worker.answer(answer)
 
     def _finish(self, worker: Worker, entry: Entry, files: clashes.RunFiles) -> Iterator[Entry]:
         """A bake has ended. Its worker goes on unless it has grown too large."""
@@ -321,6 +304,8 @@ class WorkerPool:
             worker.kill()
             self._remove(worker)
             self._count_start(f"it did not start within {LONGEST_START:g} s")
+        for worker in [each for each in self._workers if each.is_ready and not each.plan and each.has_ended]:
+            yield from self._handle_exit(worker)
         for worker in [worker for worker in self._workers if worker.plan]:
             seconds, memory = self._options.timeout, self._options.max_memory
             if seconds and time.monotonic() - worker.begun > seconds:

@@ -4,17 +4,14 @@
 import ctypes
 import functools
 import json
-import math
 import os
-import pickle
 import re
 import signal
-import socket
 import stat
-import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -22,6 +19,7 @@ from dataclasses import dataclass, field, is_dataclass, replace
 from enum import StrEnum
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, get_args, get_origin, get_type_hints
 
 from ..core.naming import printable
@@ -62,6 +60,13 @@ class Ready:
 @dataclass(frozen=True)
 class Begun:
     """To the parent: the worker has its Assignment. Without that, another worker can have it."""
+
+
+@dataclass(frozen=True)
+class Gone:
+    """To the parent, from the thread that reads: the process has ended, or a sentence that says what is wrong with it."""
+
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -158,101 +163,6 @@ def _check_reports(entry: Entry) -> None:
 def log_path(folder: str | None, plan: Plan) -> str:
     """The absolute path of a bake's log; empty without a folder."""
     return str(Path(folder).absolute() / f"{plan.number:06}_{run_report.plain_name(plan.name)}.log") if folder else ""
-
-
-STALLED = 20.0
-"""Seconds that a message may take, in either direction, before its worker counts as gone."""
-_MOST_AT_ONCE = 1 << 20
-"""Bytes that are read or written in one call of the system."""
-_LENGTH, _LONG = struct.Struct("!i"), struct.Struct("!Q")
-"""What comes before a message of multiprocessing.connection: its bytes, or -1 and its bytes."""
-
-
-class Channel:
-    """A connection whose messages are those of multiprocessing.connection."""
-
-    def __init__(self):
-        self.connection, self.other = Pipe()
-        """`connection` is for multiprocessing.connection.wait, and `other` the worker's end."""
-        self._end = None if os.name == "nt" else socket.socket(fileno=os.dup(self.connection.fileno()))
-        self._found, self._needed = bytearray(), _LENGTH.size
-        """What has arrived of a message or of its length, and how many bytes that will have."""
-        self._has_length = False
-        self._unsent = bytearray()
-        self._reading_since = self._writing_since = math.inf
-
-    def close(self) -> None:
-        """Close both ends, as far as this process has them. Can be called more than once."""
-        for each in filter(None, (self.connection, self.other, self._end)):
-            each.close()
-
-    @property
-    def has_unsent(self) -> bool:
-        """Whether `flush` has something to do."""
-        return bool(self._unsent)
-
-    @property
-    def is_stalled(self) -> bool:
-        """Whether a message takes too long."""
-        return time.monotonic() - min(self._reading_since, self._writing_since) > STALLED
-
-    def receive(self, most: int | None = None) -> bytes | None:
-        """The next message, or None as long as some of it has not arrived. most: the bytes that it may have.
-
-        Raises EOFError if the worker is gone, and OSError for a message with more bytes.
-        """
-        if self._end is None:  # a pipe of Windows, which has whole messages
-            return self.connection.recv_bytes(most)
-        while len(self._found) < self._needed:
-            try:
-                part = self._end.recv(min(self._needed - len(self._found), _MOST_AT_ONCE), socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return None
-            if not part:
-                raise EOFError
-            self._reading_since = min(self._reading_since, time.monotonic())
-            self._found += part
-            if len(self._found) == self._needed and not self._has_length:
-                self._begin(most)
-        message, self._found, self._needed = bytes(self._found), bytearray(), _LENGTH.size
-        self._has_length, self._reading_since = False, math.inf
-        return message
-
-    def _begin(self, most: int | None) -> None:
-        """The length of a message has arrived."""
-        if self._needed == _LONG.size:
-            (length,) = _LONG.unpack(self._found)
-        else:
-            (length,) = _LENGTH.unpack(self._found)
-        self._found.clear()
-        if length == -1 and self._needed == _LENGTH.size:
-            self._needed = _LONG.size
-            return
-        if length < 0 or (most is not None and length > most):
-            raise OSError("the message is too long")
-        self._needed, self._has_length = length, True
-
-    def send(self, message: Any) -> None:
-        """Send a message as a pickle. What the worker does not take at once is left to `flush`."""
-        content = pickle.dumps(message)
-        if self._end is None:
-            self.connection.send_bytes(content)
-            return
-        is_long = len(content) > 0x7FFFFFFF
-        self._unsent += _LENGTH.pack(-1) + _LONG.pack(len(content)) if is_long else _LENGTH.pack(len(content))
-        self._unsent += content
-        self._writing_since = min(self._writing_since, time.monotonic())
-        self.flush()
-
-    def flush(self) -> None:
-        """Send what the worker takes now. Raises OSError if it is gone."""
-        while self._unsent:
-            try:
-                sent = self._end.send(self._unsent[:_MOST_AT_ONCE], socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return
-            del self._unsent[:sent]
-        self._writing_since = math.inf
 
 
 def memory_of(number: int) -> int:
@@ -360,6 +270,8 @@ def _short(text: str) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
+_NO_MORE = object()
+"""In the place of an answer: the connection closes."""
 WORD = "worker"
 """The only argument of a worker."""
 CONNECTION = "IMPRINT_WORKER"
@@ -405,10 +317,14 @@ class Ending:
 
 
 class Worker:
-    """A worker process, and the bake that it has. Raises OSError if the process cannot be started."""
+    """A worker process, and the bake that it has. Raises OSError if the process cannot be started.
 
-    def __init__(self, sandbox: Sandbox | None = None):
-        """sandbox: in which it runs, if its files are not trusted."""
+    A thread talks with it: it takes a message, and waits for `answer` or `begin` before it takes the next one. So a process can
+    neither make its parent wait nor fill its memory.
+    """
+
+    def __init__(self, messages: "SimpleQueue[tuple[Worker, Any]]", sandbox: Sandbox | None = None):
+        """messages: gets those of the process. sandbox: in which it runs, if its files are not trusted."""
         self._sandbox = sandbox
         self.started = time.monotonic()
         self.is_ready = False
@@ -430,13 +346,15 @@ class Worker:
         self._printed = 0
         """The bytes that it had printed there when its bake began."""
         self._out_of_memory = kills()
-        self.channel = Channel()
-        try:
-            self._process = self._start(self.channel.other)
-        except OSError:
-            self.channel.close()
-            raise
-        self.channel.other.close()
+        self._answers: SimpleQueue[Any] = SimpleQueue()
+        self._connection, other = Pipe()
+        with other:
+            try:
+                self._process = self._start(other)
+            except OSError:
+                self._connection.close()
+                raise
+        threading.Thread(target=self._talk, args=(messages,), name="imprint-worker", daemon=True).start()
 
     @property
     def plan(self) -> Plan | None:
@@ -452,7 +370,29 @@ class Worker:
         self.assigned, self.has_begun, self.chain = assigned, False, assigned.plan.chain
         self._log, self.begun = log_path(setup.options.log, assigned.plan), time.monotonic()
         self._printed = os.fstat(self._output.fileno()).st_size
-        self.send((setup, replace(assigned, record=None, key=None) if setup.folders else assigned))
+        self.answer((setup, replace(assigned, record=None, key=None) if setup.folders else assigned))
+
+    def answer(self, message: Any = None) -> None:
+        """Answer the last message, or let the process go on without an answer. A process that has ended takes none."""
+        self._answers.put(message)
+
+    def _talk(self, messages: "SimpleQueue[tuple[Worker, Any]]") -> None:
+        is_trusted = self._sandbox is None
+        with self._connection:
+            try:
+                while True:
+                    content = self._connection.recv_bytes(None if is_trusted else LONGEST_MESSAGE)
+                    messages.put((self, unpacked(content, is_trusted=is_trusted)))
+                    answer = self._answers.get()
+                    if answer is _NO_MORE:
+                        return
+                    if answer is not None:
+                        self._connection.send(answer)
+            except (EOFError, ConnectionError):
+                gone = Gone()
+            except (OSError, MemoryError):
+                gone = Gone("Its process sent what is not a message.")
+        messages.put((self, gone))
 
     def crash_output(self) -> str:
         """The clause of the function `crash_output` about its bake."""
@@ -492,13 +432,9 @@ class Worker:
         numbers = processes_in(self._process.pid) if self._sandbox else [self._process.pid]
         return sum(map(memory_of, numbers))
 
-    def send(self, message: Any) -> bool:
-        """Send a message. Returns whether the worker takes messages: one that has died does not."""
-        try:
-            self.channel.send(message)
-        except OSError:
-            return False
-        return True
+    @property
+    def has_ended(self) -> bool:
+        return self._process.poll() is not None
 
     def ask_to_stop(self, *, at_once: bool = False) -> None:
         """Ask it to stop, cleanly or at once, as scripts/imprint.py asks this process."""
@@ -526,13 +462,16 @@ class Worker:
         self._process.kill()
         self._process.wait()
 
+    def dismiss(self) -> None:
+        """Let it end: without a bake it does once its connection closes, and with one after a signal."""
+        self._answers.put(_NO_MORE)
+        if self.plan:
+            self.ask_to_stop(at_once=True)
+
     def close(self, seconds: float = 5.0) -> None:
-        """End it: it stops when its connection closes. seconds: how long to wait for that."""
-        self.channel.close()
-        try:
-            self._process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            self.kill()
+        """Dismiss it, and wait some seconds before it is killed."""
+        self.dismiss()
+        self.kill(seconds)
         self._output.close()
 
     def end(self, seconds: float = 5.0) -> "Ending":

@@ -32,7 +32,7 @@ from addon.cli.options import RunOptions
 from addon.cli.run_report import Entry
 from addon.cli.terminal import Meter
 from addon.cli.turns import Turns
-from addon.cli.worker_process import Answer, FilesFound, Percent, packed
+from addon.cli.worker_process import Answer, FilesFound, Percent, Ready
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
@@ -177,7 +177,7 @@ def test_a_message_that_comes_byte_by_byte_delays_no_limit(folder):
 def test_a_worker_that_sends_no_messages_ends_one_bake_alone(folder):
     run(*jobs(folder, "garble", "a"))
     assert [(each["cause"], each["error"]) for each in reports.bakes(folder / "r.json")] == [
-        ("crash", "Its process sent what is no message."),
+        ("crash", "Its process sent what is not a message."),
         ("", ""),
     ]
 
@@ -237,7 +237,7 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
 )
 def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is_ready, has_lost, left, expected):
     """busy_for: seconds that the only worker has its bake; None if it has none."""
-    monkeypatch.setattr(worker_pool, "Worker", lambda _: made(plan=None, is_ready=False))
+    monkeypatch.setattr(worker_pool, "Worker", lambda *_: made(plan=None, is_ready=False))
     watching = worker_pool.WorkerPool(RunOptions(timeout=10.0))
     watching._has_lost = has_lost
     plan = None if busy_for is None else object()
@@ -255,7 +255,7 @@ def made(*, plan, is_ready, begun=0.0):
 def dying(made_):
     """A function that stands for Worker: what it starts ends before Blender starts, and is appended to `made_`."""
 
-    def make(_):
+    def make(*_):
         worker_ = made(plan=None, is_ready=False)
         worker_.end = lambda: worker_process.Ending("exit code 9", "", lacked_memory=False)
         worker_.last_printed, worker_.crash_output = str, str
@@ -268,7 +268,7 @@ def dying(made_):
 def failing(made_):
     """A function that stands for Worker and cannot start one."""
 
-    def make(_):
+    def make(*_):
         made_.append(None)
         raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
 
@@ -362,7 +362,7 @@ def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch
 def test_after_a_crash_there_is_a_spare_worker(folder, monkeypatch, name, expected):
     monkeypatch.setenv("PYTHONPATH", str(SABOTAGE))
     made_, make = [], worker_pool.Worker
-    monkeypatch.setattr(worker_pool, "Worker", lambda rights: made_.append(make(rights)) or made_[-1])
+    monkeypatch.setattr(worker_pool, "Worker", lambda *more: made_.append(make(*more)) or made_[-1])
     command.run(jobs(folder, name, "a", "b", "c"), may_start_processes=True)
     assert len(made_) == expected
 
@@ -604,34 +604,32 @@ def test_a_blender_that_does_not_start_is_one_sentence(folder, monkeypatch):
     assert process.stderr == "imprint: Blender does not start here: exit code 9.\n"
 
 
-@pytest.mark.parametrize("content", [b"\0\0\1\0half", b""], ids=["half a message", "nothing"])
-def test_a_worker_that_stops_in_a_message_is_ended(content, monkeypatch):
-    """In one that it sends, or that it does not read."""
-    monkeypatch.setattr(worker_process, "STALLED", 0.0)
-    ours, killed = worker_process.Channel(), []
-    worker_ = SimpleNamespace(channel=ours, is_ready=True, kill=lambda: killed.append(True), close=ours.close)
-    worker_.end = lambda: worker_process.Ending("signal 9, Killed", "SIGKILL", lacked_memory=False)
-    worker_.last_printed, worker_.crash_output, worker_.log = str, str, ""
-    worker_.plan, worker_.begun, worker_.has_begun, worker_.is_well = plans.Plan("a", None), 0.0, True, True
-    watching = worker_pool.WorkerPool(RunOptions())
-    watching._workers.append(worker_)
-    os.write(ours.other.fileno(), content)
-    if not content:
-        ours.send(b"x" * 4_000_000)
-    (done,) = watching._receive(None, None)
-    assert done.error == "Its process stopped for 20 s in a message."
-    assert (killed, watching._workers) == ([True], [])
-
-
 def test_what_a_worker_sends_without_a_bake_is_ignored():
     """As one may that a file has taken over."""
-    ours = worker_process.Channel()
-    worker_ = SimpleNamespace(channel=ours, plan=None)
+    answered = []
+    worker_ = SimpleNamespace(plan=None, is_ready=True, answer=answered.append)
     watching = worker_pool.WorkerPool(RunOptions())
     watching._workers.append(worker_)
-    for message in (Entry(1, "a"), FilesFound()):
-        ours.other.send_bytes(packed(message))
+    for message in (Entry(1, "a"), FilesFound(), Ready()):
+        watching._messages.put((worker_, message))
         assert list(watching._receive(None, None)) == []
+    assert answered == [None] * 3
+
+
+def test_messages_of_a_worker_that_was_ended_are_ignored():
+    watching = worker_pool.WorkerPool(RunOptions())
+    watching._workers.append(made(plan=None, is_ready=True))
+    watching._messages.put((made(plan=object(), is_ready=True), Entry(1, "a")))
+    assert list(watching._receive(None, None)) == []
+
+
+def test_a_worker_without_a_bake_that_ends_is_replaced(monkeypatch):
+    idle = dying([])(None)
+    idle.is_ready = idle.is_well = idle.has_ended = True
+    watching = worker_pool.WorkerPool(RunOptions())
+    watching._workers.append(idle)
+    assert list(watching._check_limits()) == []
+    assert watching._workers == []
 
 
 class Blender:
