@@ -49,7 +49,7 @@ from .records import Assignment, Content, Contents, finish_record
 from .run_report import STDOUT, Entry, State, Totals, report_path
 from .scene_files import SceneLoader
 from .terminal import Meter
-from .turns import Chains, Turns
+from .work_queue import Chains, WorkQueue
 
 
 def need_all(planned: Iterable[Plan]) -> bool:
@@ -147,7 +147,7 @@ class Baker:
             raise BakeError(plan.problem)
         options, loader = plan.options, self._loader
         name = subject(options, bpy.data.filepath)
-        interruption.note(plan.name or name)
+        interruption.note_bake(plan.name or name)
         settings = arguments.settings(options)
         # Opening a file can take long, so check first that the results can be written.
         for path in (settings.storing.output, options.export, options.save_blend, report_path(options.report)):
@@ -166,7 +166,7 @@ class Baker:
         # In a chain, a bake may read the maps of those before it.
         read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
         self._files.opened(plan.name, options, _lows(options, jobs), [*scene_files.used(options), *read])
-        notes = input_checks.check_pages(options, settings.map, jobs)
+        notes = input_checks.check_textures(options, settings.map, jobs)
         hints = input_checks.fit_hints(options, jobs)
         for job in jobs:
             job.hints = hints
@@ -247,27 +247,27 @@ TURN_WAIT = 0.1
 """Seconds after which signals are checked again, while other processes do all bakes that are left."""
 
 
-def bake_all(turns: Turns, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Entry]:
-    """Do all that is left of `turns`. The last entry may be of a bake that was stopped. files, options: as in Baker."""
-    count, place, chains = turns.count, 0, Chains()
-    baker = Baker(files, meter, options, needs_all=need_all(turn.plan for turn in turns.left))
-    while turns.count:
-        turn = turns.next()
-        if turn is None:
+def bake_all(queue: WorkQueue, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Entry]:
+    """Do all bakes of the queue. The last entry may be of a bake that was stopped. files, options: as in Baker."""
+    count, place, chains = queue.count, 0, Chains()
+    baker = Baker(files, meter, options, needs_all=need_all(item.plan for item in queue.left))
+    while queue.count:
+        item = queue.next()
+        if item is None:
             time.sleep(TURN_WAIT)
             if interruption.code():
-                turns.stop()
+                queue.stop()
             continue
         place += 1
-        if isinstance(turn, Entry):
-            yield turn
+        if isinstance(item, Entry):
+            yield item
             continue
-        meter.begin(turn.plan, f"{place}/{count} ")
-        entry = chains.refusal(turn.plan) or baker.bake(turn)
-        chains.ended(turn.plan, entry)
+        meter.begin(item.plan, f"{place}/{count} ")
+        entry = chains.refusal(item.plan) or baker.bake(item)
+        chains.ended(item.plan, entry)
         yield entry
         if entry.state == State.STOPPED:
-            turns.stop()
+            queue.stop()
 
 
 def bake_one(plan: Plan, files: clashes.RunFiles, options: RunOptions, meter: Meter) -> int:

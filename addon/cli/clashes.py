@@ -8,7 +8,7 @@ import stat
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 from ..core import naming, udim
@@ -27,23 +27,20 @@ from .untrusted import Bounds
 
 
 class InputFiles:
-    """Files of a run, asked for by their paths."""
+    """Files of a run, each of which is looked at once."""
 
     def __init__(self):
-        self._problems: dict[str, str] = {}
-        self._references: dict[str, tuple[str, ...]] = {}
+        self.problem = cache(_problem_of_input)
+        self.references = cache(_references)
 
-    def problem(self, path: str) -> str:
-        """Why a file cannot be read, as a sentence, or ""."""
-        if path not in self._problems:
-            self._problems[path] = _problem_of_tiles(path) if udim.is_tiled(path) else _problem(path)
-        return self._problems[path]
 
-    def references(self, path: str) -> tuple[str, ...]:
-        """The files that a mesh file refers to, as mesh_references.of finds them."""
-        if path not in self._references:
-            self._references[path] = tuple(map(str, mesh_references.of(path)))
-        return self._references[path]
+def _references(path: str) -> tuple[str, ...]:
+    return tuple(map(str, mesh_references.of(path)))
+
+
+def _problem_of_input(path: str) -> str:
+    """Why a file to read, or a tile of it, cannot be read, as a sentence, or ""."""
+    return _problem_of_tiles(path) if udim.is_tiled(path) else _problem(path)
 
 
 def _problem_of_tiles(path: str) -> str:

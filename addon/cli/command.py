@@ -52,7 +52,10 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
     with interruption.listening():
         if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
             return _work()
-        with standard_streams.ours(interruption.said()) as said_by_blender, terminal.meter(words) as meter:
+        with (
+            standard_streams.redirect_blender(interruption.blender_output()) as blender_lines,
+            terminal.meter(words) as meter,
+        ):
             if VERSION in words:
                 print(versions.line())
                 return DONE
@@ -75,7 +78,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
             else:
                 done = _run(words, program, meter, _read, call, may_start_processes=may_start_processes)
             code = interruption.code() or done
-            for line in said_by_blender():
+            for line in blender_lines():
                 meter.report(f"{program}: Blender: {line}")
             meter.finished(code)
             return code

@@ -30,7 +30,7 @@ MOST_NAMED = 8
 """Missing files that a message names."""
 
 
-def check_pages(options: argparse.Namespace, settings: MapSettings, jobs: Sequence[Job]) -> list[str]:
+def check_textures(options: argparse.Namespace, settings: MapSettings, jobs: Sequence[Job]) -> list[str]:
     """Sentences about material libraries and images that are missing, if a map shows materials.
 
     Raises BakeError for them, for other files that objects are made from, and for images, that are missing or not whole, unless

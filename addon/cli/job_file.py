@@ -171,7 +171,7 @@ def _load(name: str, path: Path) -> dict:
         raise WrongJobs(f"{name!r} is not UTF-8: save it as UTF-8") from error
     except ValueError as error:  # the error of both decoders
         hint = r". Write paths with /, or with \\" if "Unescaped '\\'" in str(error) else ""
-        raise WrongJobs(f"{name!r} is no {path.suffix[1:].upper()}: {error}{hint}") from error
+        raise WrongJobs(f"{name!r} is not valid {path.suffix[1:].upper()}: {error}{hint}") from error
 
 
 def _json(text: str) -> Any:

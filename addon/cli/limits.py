@@ -179,13 +179,13 @@ def _limit(text: str) -> Limit:
     if not match:
         signs = ", ".join(COMPARISONS)
         raise BakeError(
-            f"{text.strip()!r} is not a limit, such as missed<0.1%: a figure, one of {signs}, and a number."
+            f"{text.strip()!r} is not a limit, such as missed<0.1%: a metric, one of {signs}, and a number."
         )
     name, sign, number, unit = match[1].lower(), match[2].replace("==", "="), float(match[3]), match[4].lower()
     if name not in METRICS:
         starts = ", ".join(dict.fromkeys(known.split(".")[0] for known in METRICS))
-        hint = did_you_mean([name], METRICS) or f", which are {starts}."
-        raise BakeError(f"{match[1]!r} is not among the figures of a bake{hint}")
+        hint = did_you_mean([name], METRICS) or f": choose one of {starts}."
+        raise BakeError(f"{match[1]!r} is not a metric of a bake{hint}")
     own = METRICS[name].unit
     allowed = [unit for unit in ("", own) if unit not in (COUNT, LENGTH)]
     if unit and unit not in allowed:

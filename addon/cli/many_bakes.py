@@ -21,8 +21,8 @@ from .plans import Plan
 from .run_report import STDOUT, Entry, ReportFile, State, Totals, as_text, document, report_path
 from .sheet import SheetFile
 from .terminal import Meter
-from .turns import Resuming, Turns, TurnsAside
 from .untrusted import MOST_SECONDS, Bounds, Sandbox, most_memory
+from .work_queue import ResumeQueue, ThreadedQueue, WorkQueue
 from .worker_pool import WorkerPool
 
 
@@ -67,20 +67,20 @@ def _run(results: "_Results", sandbox: Sandbox | None, *, has_workers: bool) -> 
     options, files, meter = results.options, results.files, results.meter
     with (
         results,
-        _turns(options, results.chosen, files.bounds, meter, is_here=not has_workers) as turns,
+        _queue(options, results.chosen, files.bounds, meter, is_here=not has_workers) as queue,
         ExitStack() as held,
     ):
         meter.clear()
-        for entry in turns.done:
+        for entry in queue.done:
             results.add(entry)
         source: Iterable[Entry] = ()
-        if turns.count and has_workers:
-            source = held.enter_context(WorkerPool(options, sandbox)).bake_all(turns, files, meter)
-        elif turns.count:
-            source = _bake_here(turns, files, meter, options)
+        if queue.count and has_workers:
+            source = held.enter_context(WorkerPool(options, sandbox)).bake_all(queue, files, meter)
+        elif queue.count:
+            source = _bake_here(queue, files, meter, options)
         for entry in source:
             meter.clear()
-            turns.release(entry.number)
+            queue.release(entry.number)
             results.add(entry)
         meter.clear()
         results.finish()
@@ -98,30 +98,30 @@ def _prepare_folder(option: str, folder: str | None) -> None:
         raise WrongPlace(f"{option}: no files can be written to {folder!r}: {reason(error)}.") from error
 
 
-def _turns(
+def _queue(
     options: RunOptions, chosen: Sequence[Plan], bounds: Bounds | None, meter: Meter, *, is_here: bool
-) -> Turns | TurnsAside:
+) -> WorkQueue | ThreadedQueue:
     """The bakes, without those that are done if the options say so. bounds: the folders of files that are not trusted.
     is_here: whether this process does them."""
     if not options.has_records:
-        return Turns(chosen)
+        return WorkQueue(chosen)
     of_run = {"is_forced": options.force, "records": options.records, "bounds": bounds}
     of_run |= {"pictures": options.pictures, "open_file": plans.open_file()}
     shares, name = [0.0], options.jobs or options.folder or options.program
 
-    def make(check: Callable[[], None]) -> Turns:
+    def make(check: Callable[[], None]) -> WorkQueue:
         claims = Claims(is_busy=is_here)
-        return Resuming(chosen, claims=claims, check=check, on_share=shares.append, **of_run)
+        return ResumeQueue(chosen, claims=claims, check=check, on_share=shares.append, **of_run)
 
-    return TurnsAside(make, lambda: meter.show(name, Progress("Comparing with records", shares[-1])))
+    return ThreadedQueue(make, lambda: meter.show(name, Progress("Comparing with records", shares[-1])))
 
 
-def _bake_here(turns: Turns, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Entry]:
+def _bake_here(queue: WorkQueue, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Entry]:
     load_blender()
     with startup.spent("imprint"):
         from . import batch  # needs Blender
 
-    yield from batch.bake_all(turns, files, meter, options)
+    yield from batch.bake_all(queue, files, meter, options)
 
 
 class _Results:

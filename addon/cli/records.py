@@ -210,7 +210,7 @@ def deciding_settings(options: argparse.Namespace) -> dict[str, Any]:
 def _plain_value(value: Any) -> Any:
     if is_dataclass(value):
         return asdict(value)
-    raise TypeError(f"{value!r} is no plain data")
+    raise TypeError(f"{value!r} is not plain data")
 
 
 def _names(options: dict[str, Any]) -> Iterator[str]:
@@ -474,11 +474,11 @@ def _check_written(
     for each in entry.files:
         bounds.check_write(each["path"], "a file")
     for path in unplanned(sorted(paths)):
-        raise BakeError(f"{path!r} is no file that it was to write.")
+        raise BakeError(f"{path!r} is not a file that it may write.")
     named = {path for each in entry.reports for found in run_report.written_paths(each).values() for path in found}
     if more := named - paths:
         raise BakeError(f"a report names {min(more)!r}, which is not among its files.")
     for each in entry.files:
         content = hashes.of(each["path"], each["what"])
         if not os.path.isfile(each["path"]) or content.facts() != each:
-            raise BakeError(f"{content.path!r} is not as it says.")
+            raise BakeError(f"{content.path!r} is not as reported.")

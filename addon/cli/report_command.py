@@ -57,7 +57,7 @@ def _json(path: str, content: bytes) -> Any:
     try:
         return json.loads(content)
     except (ValueError, RecursionError) as error:
-        raise BakeError(f"{path!r} is no report: it is not JSON.") from error
+        raise BakeError(f"{path!r} is not a report: it is not JSON.") from error
 
 
 def _part(path: str, head: Any, entries: Any) -> _Part:
@@ -68,7 +68,7 @@ def _part(path: str, head: Any, entries: Any) -> _Part:
         only = Only.from_dict(head.get("only"), known["planned"])
         return _Part(path, {**known, "code": str(head.get("code", ""))}, only, list(map(Entry.from_dict, entries)))
     except (KeyError, TypeError, ValueError) as error:
-        raise BakeError(f"{path!r} is no report of Imprint.") from error
+        raise BakeError(f"{path!r} is not a report of Imprint.") from error
 
 
 def _all_parts(paths: Sequence[str]) -> tuple[list[_Part], list[str]]:

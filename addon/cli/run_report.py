@@ -36,7 +36,7 @@ class State(StrEnum):
     STOPPED = "stopped"
     """A signal stopped it. Pairs and frames that were done by then are kept."""
     GATE = "gate"
-    """Done, but a figure is over its limit."""
+    """Done, but a metric is over its limit."""
     RESUMED = "resumed"
     """Done by an earlier call, or by another one at the same time, and still true."""
 
@@ -76,7 +76,7 @@ class Entry:
     signal: str = ""
     """The name of the signal that ended its process, as SIGSEGV."""
     gate: list[str] = field(default_factory=list)
-    """The figures over their limits, in sentences."""
+    """The metrics over their limits, in sentences."""
     seconds: float = 0.0
     inputs: list[dict[str, Any]] = field(default_factory=list)
     """The files that it read: path, bytes, sha256, and what they are."""
@@ -141,7 +141,7 @@ WRONG_USAGE = 2
 NO_MACHINE = 3
 """This machine has no GPU for Blender, or too little memory. Another machine may do it."""
 GATE = 4
-"""All bakes are done, but a figure is over its limit."""
+"""All bakes are done, but a metric is over its limit."""
 
 
 class Totals:

@@ -106,7 +106,7 @@ def page(report: dict[str, Any], title: str, rows: Iterable[str]) -> Iterator[st
 def row(entry: dict[str, Any], picture: bytes) -> str:
     """The row of a bake. entry: as Entry.to_dict returns it. picture: a PNG file, or nothing."""
     reports = entry["reports"]
-    figures = [
+    metrics = [
         _worst(100.0 * each["missed"] for each in reports if "missed" in each),
         _worst(100.0 * each["checks"]["unsure"]["share"] for each in reports if "unsure" in each.get("checks", ())),
         _worst(100.0 * each["overlap"] for each in reports if "overlap" in each),
@@ -121,8 +121,8 @@ def row(entry: dict[str, Any], picture: bytes) -> str:
         f"<td>{html.escape(entry['state'])}</td>",
         f"<td>{html.escape(entry['name'])}</td>",
         f"<td>{_image(picture, entry['name'])}</td>",
-        *(_number(figure, ".3g") for figure in figures[:4]),
-        _number(figures[4], ".2f"),
+        *(_number(metric, ".3g") for metric in metrics[:4]),
+        _number(metrics[4], ".2f"),
         f"<td>{'<br>'.join(map(_link, maps))}</td>",
         f"<td>{'<br>'.join(map(html.escape, filter(None, messages)))}</td>",
     ]

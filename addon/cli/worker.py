@@ -62,7 +62,7 @@ def run_worker() -> int:
     """Bake until the parent closes the connection, has gone, or a signal came. Returns the exit code."""
     parent = _Parent()
     _end_with_parent()
-    standard_streams.be_patient()
+    standard_streams.ignore_errors()
     prints = _Prints()
     batch.start_gpu()
     with suppress(_Gone):
@@ -96,7 +96,7 @@ class _Prints:
     """Where this process prints. Python's place in a crash goes there, too, also while Blender's messages are discarded."""
 
     def __init__(self):
-        self._crashes = self._tell_crashes()
+        self._crashes = self._report_crashes()
 
     def to(self, path: Path) -> str:
         """Print to a new file from now on. Returns a sentence if that fails."""
@@ -109,11 +109,11 @@ class _Prints:
         for number in (1, 2):
             os.dup2(descriptor, number)
         os.close(descriptor)
-        former, self._crashes = self._crashes, self._tell_crashes()
+        former, self._crashes = self._crashes, self._report_crashes()
         former.close()
         return ""
 
-    def _tell_crashes(self) -> FileIO:
+    def _report_crashes(self) -> FileIO:
         """A second way to standard error as it is now, which Python writes to in a crash."""
         file = FileIO(os.dup(2), "w")
         faulthandler.enable(file, all_threads=False)

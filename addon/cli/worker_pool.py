@@ -20,8 +20,8 @@ from .plans import Plan
 from .records import Assignment
 from .run_report import Cause, Entry, State
 from .terminal import Meter
-from .turns import Chains, Turns
 from .untrusted import Sandbox
+from .work_queue import Chains, WorkQueue
 from .worker_process import (
     Answer,
     Begun,
@@ -61,7 +61,7 @@ class WorkerPool:
         self._messages: SimpleQueue[tuple[Worker, Any]] = SimpleQueue()
         """What workers have sent."""
         self._chains = Chains()
-        self._has_lost = False
+        self._has_crashed = False
         """Whether a bake has ended its worker."""
         self._starts = 0
         """How many starts have failed in a row, or since a worker that was well has ended."""
@@ -97,22 +97,22 @@ class WorkerPool:
         for worker in self._workers:
             worker.kill(max(0.0, deadline - time.monotonic()))
 
-    def bake_all(self, turns: Turns, files: clashes.RunFiles, meter: Meter) -> Iterator[Entry]:
-        """Do all that is left of `turns`, in their order as workers are free. files: must have all plans.
+    def bake_all(self, queue: WorkQueue, files: clashes.RunFiles, meter: Meter) -> Iterator[Entry]:
+        """Do all bakes of the queue, in their order as workers are free. files: must have all plans.
 
         After a signal, bakes that have begun are asked to stop, and ended if they do not; the last results may be of such.
         Raises NoGpu if Blender does not start.
         """
-        count = turns.count
-        needs_all = any(turn.plan.options.save_blend or turn.plan.options.export for turn in turns.left)
+        count = queue.count
+        needs_all = any(item.plan.options.save_blend or item.plan.options.export for item in queue.left)
         setup = Setup(self._options, needs_all, meter.is_on, self._sandbox.folders if self._sandbox else ())
         begun, stop_by = 0, math.inf
         ended: list[Entry] = []
         """Results that the caller gets once workers have their next bakes."""
-        while turns.count or self._returned or self._checks or any(worker.plan for worker in self._workers):
+        while queue.count or self._returned or self._checks or any(worker.plan for worker in self._workers):
             if interruption.code() and stop_by == math.inf:
                 stop_by = time.monotonic() + LONGEST_STOP
-                turns.stop()
+                queue.stop()
                 self._returned.clear()
                 for worker in self._workers:
                     worker.ask_to_stop()
@@ -120,28 +120,28 @@ class WorkerPool:
             if time.monotonic() > stop_by:
                 ended += self._give_up()
                 break
-            left = turns.count + len(self._returned)
+            left = queue.count + len(self._returned)
             self._fill(left)
             for worker in self._free():
                 if self._returned:
                     worker.begin(setup, self._returned.pop())
                     continue
-                if not turns.count:
+                if not queue.count:
                     continue
                 taken = {each.chain for each in self._workers if each is not worker and each.chain}
                 taken |= {plan.chain for plan, _, _ in self._checks if plan.chain}
-                turn = turns.next(taken)
-                if turn is None:  # others do what is left, or files are still read
+                item = queue.next(taken)
+                if item is None:  # others do what is left, or files are still read
                     continue
                 begun += 1
-                if isinstance(turn, Entry):
-                    ended.append(turn)
+                if isinstance(item, Entry):
+                    ended.append(item)
                     continue
-                if refusal := self._chains.refusal(turn.plan):
+                if refusal := self._chains.refusal(item.plan):
                     ended.append(refusal)
                     continue
-                meter.begin(turn.plan, f"{begun}/{count} ")
-                worker.begin(setup, turn)
+                meter.begin(item.plan, f"{begun}/{count} ")
+                worker.begin(setup, item)
             while ended:
                 yield ended.pop(0)
             try:
@@ -177,7 +177,7 @@ class WorkerPool:
         if not all(worker.plan and worker.is_ready for worker in self._workers):
             return False
         late = time.monotonic() - (self._options.timeout or math.inf) / 2
-        return self._has_lost or any(worker.begun < late for worker in self._workers)
+        return self._has_crashed or any(worker.begun < late for worker in self._workers)
 
     def _free(self) -> list[Worker]:
         """Workers that can begin a bake, so that no more than `count` bake at once. Those that began others come first."""
@@ -233,7 +233,7 @@ class WorkerPool:
         worker.assigned = None
         is_large = self._options.max_memory and worker.memory > self._options.max_memory
         if is_large or entry.cause == Cause.MEMORY:
-            self._has_lost = True
+            self._has_crashed = True
             self._remove(worker)
         plan = assigned.plan
         if self._sandbox is None:
@@ -290,7 +290,7 @@ class WorkerPool:
             error, cause = "Memory ran out, and the system ended the bake.", Cause.MEMORY
         else:
             error, cause = f"Blender crashed with {ending.text}{where}.", Cause.CRASH
-        yield self._lost(worker, error, cause, ending.signal)
+        yield self._crashed(worker, error, cause, ending.signal)
 
     def _count_start(self, end: str, what: str = "does not start here") -> None:
         """A worker has ended before it received a bake. Raises NoGpu if too many have, and Blender has started in no other."""
@@ -323,11 +323,11 @@ class WorkerPool:
     def _end(self, worker: Worker, error: str, cause: Cause = Cause.NONE, state: State = State.FAILED) -> Entry:
         worker.kill()
         self._remove(worker)
-        return self._lost(worker, error, cause, state=state)
+        return self._crashed(worker, error, cause, state=state)
 
-    def _lost(self, worker: Worker, error: str, cause: Cause, by: str = "", *, state: State = State.FAILED) -> Entry:
+    def _crashed(self, worker: Worker, error: str, cause: Cause, by: str = "", *, state: State = State.FAILED) -> Entry:
         """A bake has ended its worker, or with it."""
-        self._has_lost = True
+        self._has_crashed = True
         plan, seconds = worker.plan, time.monotonic() - worker.begun
         entry = Entry(plan.number, plan.name, state, error, cause, by, seconds=seconds)
         return self._ended(plan, entry, worker.log)

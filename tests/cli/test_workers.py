@@ -31,7 +31,7 @@ from addon.cli import (
 from addon.cli.options import RunOptions
 from addon.cli.run_report import Entry
 from addon.cli.terminal import Meter
-from addon.cli.turns import Turns
+from addon.cli.work_queue import WorkQueue
 from addon.cli.worker_process import Answer, FilesFound, Percent, Ready
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
@@ -217,7 +217,7 @@ def test_several_workers_make_the_same_files_and_one_report_in_their_order(folde
 def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
     jobs(folder, *"abcd")
     planned, _ = plans.plans_of(job_file.read("j.json"))
-    files, turns = clashes.RunFiles(), Turns(planned)
+    files, turns = clashes.RunFiles(), WorkQueue(planned)
     assert files.add([(plan.name, plan.options) for plan in planned], "j.json", None, []) == []
     with Meter(io.StringIO()) as meter, worker_pool.WorkerPool(RunOptions()) as started:
         results = started.bake_all(turns, files, meter)
@@ -239,7 +239,7 @@ def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is
     """busy_for: seconds that the only worker has its bake; None if it has none."""
     monkeypatch.setattr(worker_pool, "Worker", lambda *_: made(plan=None, is_ready=False))
     watching = worker_pool.WorkerPool(RunOptions(timeout=10.0))
-    watching._has_lost = has_lost
+    watching._has_crashed = has_lost
     plan = None if busy_for is None else object()
     watching._workers.append(made(plan=plan, is_ready=is_ready, begun=time.monotonic() - (busy_for or 0.0)))
     for _ in range(2):
@@ -282,7 +282,7 @@ def test_workers_that_do_not_start_end_no_run_while_another_is_well(monkeypatch,
     made_ = []
     monkeypatch.setattr(worker_pool, "Worker", start_(made_))
     watching = worker_pool.WorkerPool(RunOptions(workers=count))
-    watching._has_lost = True
+    watching._has_crashed = True
     well = made(plan=object(), is_ready=True)
     watching._workers.append(well)
 

@@ -84,9 +84,9 @@ def test_several_limits_and_reports():
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("mised<1%", "'mised' is not among the figures of a bake, did you mean 'missed'?"),
+        ("mised<1%", "'mised' is not a metric of a bake, did you mean 'missed'?"),
         ("deviation.p98<1", "did you mean 'deviation.p"),
-        ("beauty>1", "which are missed, coverage"),
+        ("beauty>1", "choose one of missed, coverage"),
         ("missed<1deg", "'missed<1deg': missed takes %, or no unit, and not 'deg'"),
         ("deviation.p99<1%", "takes deg, or no unit"),
         ("mirrored<1%", "takes no unit"),

@@ -17,14 +17,14 @@ from pathlib import Path
 import pytest
 
 from addon.cli import arguments, clashes, records
-from addon.cli import turns as turns_module
+from addon.cli import work_queue as turns_module
 from addon.cli.claims import Claims
 from addon.cli.options import OPTIONS
 from addon.cli.plans import Plan
 from addon.cli.records import Assignment, Contents
 from addon.cli.run_report import Entry, State
-from addon.cli.turns import POLL, Resuming, Turns
 from addon.cli.untrusted import Bounds
+from addon.cli.work_queue import POLL, ResumeQueue, WorkQueue
 from addon.core import versions
 from addon.core.errors import BakeError
 from addon.output.files import temporary_paths
@@ -84,7 +84,7 @@ def entry(turn, path):
 def run(planned, **more):
     """Do a whole run. Returns the names of the bakes that were done, and why."""
     did = {}
-    with Resuming(planned, **more) as left:
+    with ResumeQueue(planned, **more) as left:
         while left.count:
             turn = left.next()
             did[turn.plan.name] = turn.why
@@ -95,7 +95,7 @@ def run(planned, **more):
 
 def why(planned, **more):
     """Why a bake still has to run, or "" if it is done."""
-    with Resuming([planned], **more) as left:
+    with ResumeQueue([planned], **more) as left:
         return next((turn.why for turn in left.left), "")
 
 
@@ -113,7 +113,7 @@ def test_what_is_done_is_not_done_again(folder):
     planned = [plan(folder, "a"), plan(folder, "b")]
     assert run(planned) == dict.fromkeys("ab", "It has not been baked.")
     assert run(planned) == {}
-    with Resuming(planned) as left:
+    with ResumeQueue(planned) as left:
         assert [(each.name, each.number, each.state) for each in left.done] == [
             (each.name, each.number, State.RESUMED) for each in planned
         ]
@@ -128,7 +128,7 @@ def test_all_is_done_again_if_that_is_wanted(folder):
 
 def test_a_bake_that_cannot_be_done_is_returned_and_writes_nothing(folder):
     bad = replace(plan(folder), problem="Two files share a name.")
-    with Resuming([bad]) as left:
+    with ResumeQueue([bad]) as left:
         turn = left.next()
         assert (turn.plan, turn.record, turn.why) == (bad, None, "Two files share a name.")
         left.release(turn.plan.number)
@@ -138,7 +138,7 @@ def test_a_bake_that_cannot_be_done_is_returned_and_writes_nothing(folder):
 
 def test_a_folder_that_cannot_be_written_to_is_left_to_the_bake(folder):
     (folder / "out").touch()
-    with Resuming([plan(folder)]) as left:
+    with ResumeQueue([plan(folder)]) as left:
         assert left.next().record is None
 
 
@@ -184,7 +184,7 @@ def test_what_changed_is_done_again_and_named(folder, name):
     expected, change = CHANGES[name]
     (folder / "in" / "skin.png").write_text("skin")
     found = [(str(folder / "in" / "skin.png"), "a texture"), (str(folder / "in" / "later.mtl"), "a library")]
-    with Resuming([plan(folder)]) as left:
+    with ResumeQueue([plan(folder)]) as left:
         bake(left.next(), found)
     assert why(plan(folder)) == ""
     change(folder)
@@ -216,7 +216,7 @@ def test_other_code_of_the_same_version_bakes_again(folder, monkeypatch):
 
 def test_the_report_of_a_bake_is_a_file_that_it_wrote(folder):
     report = folder / "out" / "a.json"
-    with Resuming([plan(folder, "a", "--report", str(report))]) as left:
+    with ResumeQueue([plan(folder, "a", "--report", str(report))]) as left:
         turn = left.next()
         report.parent.mkdir(exist_ok=True)
         report.write_text("{}")
@@ -283,7 +283,7 @@ def test_a_file_that_is_done_is_opened_once(folder, monkeypatch):
 
 @pytest.fixture
 def untrusted(folder):
-    """What Resuming needs for them."""
+    """What ResumeQueue needs for them."""
     place = Path(os.path.realpath(folder))
     return {"records": str(place / "records"), "bounds": Bounds(str(place / "in"), str(place / "out"))}
 
@@ -350,7 +350,7 @@ def lie(folder, untrusted, *, has_record=True, **values):
     own = plan(folder)
     files = clashes.RunFiles(bounds=untrusted["bounds"])
     assert files.add([(own.name, own.options)]) == []
-    with Resuming([own], **untrusted) as left:
+    with ResumeQueue([own], **untrusted) as left:
         turn = left.next()
         (folder / "out").mkdir(exist_ok=True)
         for name in ("out/a_low.png", "out/other.png", "outside"):
@@ -481,7 +481,7 @@ def test_files_that_the_run_writes_beside_do_not_count(folder):
 
 
 def test_a_key_can_go_to_another_process(folder):
-    with Resuming([plan(folder)]) as left:
+    with ResumeQueue([plan(folder)]) as left:
         turn = left.next()
     assert pickle.loads(pickle.dumps(turn)) == turn
 
@@ -561,7 +561,7 @@ def test_a_record_says_what_was_baked(folder):
 
 
 def test_a_file_that_changed_during_the_bake_leaves_no_record(folder):
-    with Resuming([plan(folder)]) as left:
+    with ResumeQueue([plan(folder)]) as left:
         turn = left.next()
         (folder / "in" / "a_high.ply").write_text("saved meanwhile")
         with pytest.raises(BakeError, match="'.*a_high.ply' was changed during the bake"):
@@ -573,7 +573,7 @@ def test_a_file_that_changed_during_the_bake_leaves_no_record(folder):
 def test_a_bake_that_saves_over_its_file_has_a_record_and_is_done_again(folder):
     scene = str(folder / "in" / "scene.blend")
     planned = in_scene(folder, ["--low", "lo"], "--save-blend", scene)
-    with Resuming([planned]) as left:
+    with ResumeQueue([planned]) as left:
         turn = left.next()
         Path(scene).write_text("saved")
         records.write_record(turn, entry(turn, scene), [], Contents())
@@ -612,7 +612,7 @@ def test_records_with_parts_missing_or_of_another_kind_are_no_error(folder):
 def test_who_finds_a_claim_does_its_other_bakes_first_and_then_takes_the_result(folder, monkeypatch):
     monkeypatch.setattr(turns_module, "POLL", 0.0)
     planned = [plan(folder, "a"), plan(folder, "b")]
-    with Resuming(planned) as first, Resuming(planned) as second:
+    with ResumeQueue(planned) as first, ResumeQueue(planned) as second:
         mine, its = first.next(), second.next()
         assert (mine.plan.name, its.plan.name) == ("a", "b")
         assert first.next() is None
@@ -629,7 +629,7 @@ def test_who_finds_a_claim_does_its_other_bakes_first_and_then_takes_the_result(
 
 def test_what_fails_elsewhere_is_tried_here(folder, monkeypatch):
     monkeypatch.setattr(turns_module, "POLL", 0.0)
-    with Resuming([plan(folder)]) as first, Resuming([plan(folder)]) as second:
+    with ResumeQueue([plan(folder)]) as first, ResumeQueue([plan(folder)]) as second:
         turn = first.next()
         assert second.next() is None
         first.release(turn.plan.number)
@@ -638,7 +638,7 @@ def test_what_fails_elsewhere_is_tried_here(folder, monkeypatch):
 
 def test_claims_of_others_are_looked_at_now_and_then(folder):
     clock = Clock()
-    with Resuming([plan(folder)]) as first, Resuming([plan(folder)], clock=clock) as second:
+    with ResumeQueue([plan(folder)]) as first, ResumeQueue([plan(folder)], clock=clock) as second:
         turn = first.next()
         assert second.next() is None
         first.release(turn.plan.number)
@@ -648,7 +648,7 @@ def test_claims_of_others_are_looked_at_now_and_then(folder):
 
 
 def test_a_run_that_is_stopped_returns_no_more(folder):
-    for turns in (Resuming([plan(folder)]), Turns([plan(folder)])):
+    for turns in (ResumeQueue([plan(folder)]), WorkQueue([plan(folder)])):
         with turns:
             assert turns.count == 1
             turns.stop()
@@ -657,7 +657,7 @@ def test_a_run_that_is_stopped_returns_no_more(folder):
 
 def test_a_run_without_records_does_all_in_order(folder):
     bad = replace(plan(folder, "b"), problem="Two files share a name.")
-    with Turns([plan(folder, "a"), bad]) as turns:
+    with WorkQueue([plan(folder, "a"), bad]) as turns:
         first, second = turns.next(), turns.next()
         turns.release(first.plan.number)
         assert first == Assignment(plan(folder, "a"))
@@ -668,7 +668,7 @@ def test_a_run_without_records_does_all_in_order(folder):
 
 def test_two_that_do_all_again_do_each_bake_once(folder):
     run([plan(folder)])
-    with Resuming([plan(folder)], is_forced=True) as first, Resuming([plan(folder)], is_forced=True) as second:
+    with ResumeQueue([plan(folder)], is_forced=True) as first, ResumeQueue([plan(folder)], is_forced=True) as second:
         turn = first.next()
         bake(turn)
         first.release(turn.plan.number)
@@ -686,7 +686,7 @@ folder, seed = Path(sys.argv[1]), random.Random(sys.argv[2])
 planned = [own.plan(folder, f"n{{number}}") for number in range(25)]
 print("ready", flush=True)
 sys.stdin.readline()
-with own.Resuming(planned) as left:
+with own.ResumeQueue(planned) as left:
     while left.count:
         turn = left.next()
         if turn is None:
@@ -753,7 +753,7 @@ def test_the_claim_of_a_process_that_was_killed_after_its_record_is_removed(fold
 
 
 def test_claims_are_given_up_at_the_end(folder):
-    with Resuming([plan(folder)], claims=Claims()) as left:
+    with ResumeQueue([plan(folder)], claims=Claims()) as left:
         left.next()
         assert list((folder / "out").iterdir()) == [folder / "out" / f"a_low.png.imprint.json{records.CLAIM}"]
     assert not (folder / "out").exists()
@@ -777,12 +777,12 @@ def test_a_chain_is_done_together(folder):
     (folder / "out" / "2.png").unlink()
     found = run(planned)
     assert list(found) == ["c1", "c2", "c3"]
-    assert found["c1"] == "Another bake of this scene has to run, and the scene is saved after it."
+    assert found["c1"] == "Another bake of this scene has to run before the scene is saved."
 
 
 def test_a_chain_has_one_claim_until_its_last_bake(folder):
     planned = chain(folder)
-    with Resuming(planned) as here, Resuming(planned) as there:
+    with ResumeQueue(planned) as here, ResumeQueue(planned) as there:
         first = here.next()
         assert first.plan.number == 1
         assert there.next().plan.name == "b"
@@ -804,7 +804,7 @@ def test_a_chain_has_one_claim_until_its_last_bake(folder):
 
 def test_a_chain_keeps_its_claim_if_the_next_bake_begins_before_the_last_one_is_released(folder):
     planned = chain(folder)
-    with Resuming(planned) as here, Resuming(planned) as there:
+    with ResumeQueue(planned) as here, ResumeQueue(planned) as there:
         for number in (1, 2, 3):
             bake(here.next())
             here.release(number - 1)
@@ -817,7 +817,7 @@ def test_a_chain_keeps_its_claim_if_the_next_bake_begins_before_the_last_one_is_
 
 def test_a_chain_of_another_worker_waits(folder):
     planned = chain(folder)
-    for turns in (Turns(planned), Resuming(planned)):
+    for turns in (WorkQueue(planned), ResumeQueue(planned)):
         with turns:
             assert turns.next().plan.number == 1
             assert turns.next({1}).plan.name == "b"

@@ -48,18 +48,18 @@ def resumed(plan: Plan, before: Entry) -> Entry:
     return replace(before, number=plan.number, name=plan.name, state=state, gate=over, seconds=0.0, log="")
 
 
-class Turns:
+class WorkQueue:
     """All bakes of a run in their order, without records. Use it in a `with` block.
 
     This process works off what `next` returns:
 
-        with turns:
-            for entry in turns.done: ...
-            while turns.count:
-                turn = turns.next()
-                if turn is None: wait a moment, since other processes have those that are left
-                elif isinstance(turn, Entry): ...  # another process has done it
-                else: bake, records.finish_record(...) in any process, and turns.release(turn.plan.number)
+        with queue:
+            for entry in queue.done: ...
+            while queue.count:
+                item = queue.next()
+                if item is None: wait a moment, since other processes have those that are left
+                elif isinstance(item, Entry): ...  # another process has done it
+                else: bake, records.finish_record(...) in any process, and queue.release(item.plan.number)
     """
 
     def __init__(self, planned: Sequence[Plan]):
@@ -67,7 +67,7 @@ class Turns:
         """The bakes that were done before."""
         self._left = [Assignment(plan, plan.problem) for plan in planned]
 
-    def __enter__(self) -> "Turns":
+    def __enter__(self) -> "WorkQueue":
         return self
 
     def __exit__(self, *_) -> None:
@@ -88,10 +88,10 @@ class Turns:
 
         taken: chains that wait for another worker of this process. None while others do all that are left.
         """
-        for turn in self._left:
-            if turn.plan.chain not in taken:
-                self._left.remove(turn)
-                return turn
+        for item in self._left:
+            if item.plan.chain not in taken:
+                self._left.remove(item)
+                return item
         return None
 
     def release(self, number: int) -> None:
@@ -111,7 +111,7 @@ MOST_NAMED = 3
 """Settings that a message names."""
 
 
-class Resuming(Turns):
+class ResumeQueue(WorkQueue):
     """The bakes of a run that are not done, each as soon as no other process has it."""
 
     def __init__(
@@ -155,9 +155,7 @@ class Resuming(Turns):
             why = reasons[plan.number]
             if any(isinstance(reasons[each.number], str) for each in self._chains.get(plan.chain, ())):
                 why = (
-                    why
-                    if isinstance(why, str)
-                    else "Another bake of this scene has to run, and the scene is saved after it."
+                    why if isinstance(why, str) else "Another bake of this scene has to run before the scene is saved."
                 )
             if isinstance(why, Entry):
                 self.done.append(why)
@@ -172,10 +170,10 @@ class Resuming(Turns):
         for each in self._left:
             if each.plan.chain in others:
                 continue
-            turn = self._turn(each.plan, each.why)
-            if turn is not None:
+            item = self._item(each.plan, each.why)
+            if item is not None:
                 self._left.remove(each)
-                return turn
+                return item
             claimed.add(each.plan.number)
             others |= {each.plan.chain} - {0}
         if claimed:
@@ -200,7 +198,7 @@ class Resuming(Turns):
                 self._claims.take(claim)
             self._claims.release(claim)
 
-    def _turn(self, plan: Plan, why: str) -> Assignment | Entry | None:
+    def _item(self, plan: Plan, why: str) -> Assignment | Entry | None:
         if plan.problem:
             return Assignment(plan, why)
         path, claim = self._record_of(plan), self._claim_of(plan)
@@ -314,17 +312,21 @@ def _has_changed(content: Content) -> str:
     return f"{content.what[:1].upper()}{content.what[1:]} has changed: {_name(content.path)!r}."
 
 
-ASIDE_WAIT = 0.1
+ANSWER_WAIT = 0.1
 """Seconds that the caller waits for what is asked for, before it goes on and asks again."""
 
 
-class TurnsAside(Turns):
-    """Turns of which each call returns soon. After a signal they stop by themselves."""
+class ThreadedQueue(WorkQueue):
+    """A queue whose calls return soon, since a thread reads the files. After a signal it is empty."""
 
-    def __init__(self, make: Callable[[Callable[[], None]], Turns], meanwhile: Callable[[], None]):
-        """Make the turns. make: gets a function that it calls while it reads files, and that raises Stopped. meanwhile: called
-        while they are made."""
-        self._thread = ThreadPoolExecutor(1, "imprint-turns")
+    def __init__(self, make: Callable[[Callable[[], None]], WorkQueue], meanwhile: Callable[[], None]):
+        """Make the queue in the thread.
+
+        Args:
+            make: Gets a function that it calls while it reads files, and that raises Stopped.
+            meanwhile: Called while the queue is made.
+        """
+        self._thread = ThreadPoolExecutor(1, "imprint-queue")
         self._is_closed = threading.Event()
         self._next: Future[Assignment | Entry | None] | None = None
         """What `next` will return."""
@@ -333,13 +335,13 @@ class TurnsAside(Turns):
         with ExitStack() as undo:
             undo.callback(self._end_thread)
             try:
-                while not wait([made], ASIDE_WAIT).done:
+                while not wait([made], ANSWER_WAIT).done:
                     meanwhile()
-                self._turns = made.result()
+                self._queue = made.result()
             except interruption.Stopped:
-                self._turns = Turns(())
+                self._queue = WorkQueue(())
             undo.pop_all()
-        self.done, self._count = self._turns.done, self._turns.count
+        self.done, self._count = self._queue.done, self._queue.count
 
     @property
     def count(self) -> int:
@@ -347,39 +349,39 @@ class TurnsAside(Turns):
 
     @property
     def left(self) -> list[Assignment]:
-        return self._turns.left
+        return self._queue.left
 
     def next(self, taken: Collection[int] = ()) -> Assignment | Entry | None:
         if not self._count:
             return None
         if self._next is None:
-            self._next = self._thread.submit(self._turns.next, frozenset(taken))
-            self._wait_until = time.monotonic() + ASIDE_WAIT
+            self._next = self._thread.submit(self._queue.next, frozenset(taken))
+            self._wait_until = time.monotonic() + ANSWER_WAIT
         if not wait([self._next], max(0.0, self._wait_until - time.monotonic())).done:
             return None
         try:
-            turn = self._next.result()
+            item = self._next.result()
         except interruption.Stopped:
             self.stop()
             return None
         if (
-            isinstance(turn, Assignment) and turn.plan.chain in taken
+            isinstance(item, Assignment) and item.plan.chain in taken
         ):  # it was asked for by the worker that has the chain
             return None
         self._next = None
-        self._count -= turn is not None
-        return turn
+        self._count -= item is not None
+        return item
 
     def release(self, number: int) -> None:
-        self._thread.submit(self._turns.release, number)
+        self._thread.submit(self._queue.release, number)
 
     def stop(self) -> None:
         self._count = 0
-        self._thread.submit(self._turns.stop)
+        self._thread.submit(self._queue.stop)
 
     def close(self) -> None:
         self._end_thread()
-        self._turns.close()
+        self._queue.close()
 
     def _check(self) -> None:
         if self._is_closed.is_set():
