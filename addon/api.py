@@ -167,7 +167,7 @@ def _objects(source: Source, name: str) -> list[bpy.types.Object]:
         source = Surface(source.vertices, source.faces, getattr(visual, "uv", None), normals)
     if not isinstance(source, Surface):
         raise BakeError(
-            f"{type(source).__name__} is no mesh: give a Surface, an object of Blender or the path of a file."
+            f"{type(source).__name__} is not a mesh: give a Surface, an object of Blender or the path of a file."
         )
     return [_made(source, source.name or name)]
 
@@ -182,7 +182,7 @@ def _made(surface: Surface, name: str) -> bpy.types.Object:
     """An object of the open scene with the mesh of a surface."""
     vertices, triangles = _rows(surface.vertices, 3, f"The vertices of {name!r}"), np.asarray(surface.triangles)
     if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
-        raise BakeError(f"The triangles of {name!r} are no whole numbers of the shape (T, 3).")
+        raise BakeError(f"The triangles of {name!r} are not whole numbers of the shape (T, 3).")
     if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
         raise BakeError(f"The triangles of {name!r} name vertices that it does not have: indices count from 0.")
     data = bpy.data.meshes.new(name)
@@ -221,7 +221,7 @@ def _rows(values: Any, width: int, what: str) -> np.ndarray:
     """Values as (N, width) float32."""
     found = np.asarray(values)
     if found.dtype.kind not in "iuf" or found.ndim != 2 or found.shape[1] != width:
-        raise BakeError(f"{what} are no numbers of the shape (N, {width}).")
+        raise BakeError(f"{what} are not numbers of the shape (N, {width}).")
     return np.ascontiguousarray(found, np.float32)
 
 

@@ -68,7 +68,7 @@ def _address(url: str) -> str:
     except ValueError:  # of the port, or of brackets
         is_right = False
     if not is_right:
-        raise BakeError(f"{url!r} is no address of a Flamenco Manager, such as http://flamenco.local:8080")
+        raise BakeError(f"{url!r} is not the address of a Flamenco Manager, such as http://flamenco.local:8080")
     return f"{parts.scheme}://{parts.netloc}"
 
 
@@ -90,7 +90,7 @@ def _ask(manager: str, path: str, body: dict | None = None) -> dict[str, Any]:
 
 
 def _stranger(manager: str) -> BakeError:
-    return BakeError(f"What answers at {manager} is no Flamenco Manager")
+    return BakeError(f"The server at {manager} is not a Flamenco Manager")
 
 
 def _refusal(manager: str, error: urllib.error.HTTPError) -> BakeError:

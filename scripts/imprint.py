@@ -406,11 +406,11 @@ class Bake:
     STOP = ("SIGINT", "SIGTERM", "SIGHUP")
     PATIENCE = 20.0
     """Seconds from the first signal until this sends a second one. Farms send SIGKILL 30 seconds after the first one. Many
-    bakes end sooner by themselves: addon/cli/pool.py."""
+    bakes end sooner by themselves: addon/cli/worker_pool.py."""
     GRACE = 3.0
     """Seconds from the second signal to SIGKILL. Blender may be busy in code that ignores signals."""
 
-    SAID = 4096
+    SHOWN = 4096
     """Bytes of what Blender printed that are shown after a crash."""
 
     def __init__(self, python, arguments):
@@ -428,19 +428,19 @@ class Bake:
         ]
         before = {number: signal.signal(number, self._receive) for number in numbers}
         try:
-            with tempfile.TemporaryFile() as baking, tempfile.TemporaryFile() as said:
-                self._start(numbers, baking.fileno(), said.fileno())
+            with tempfile.TemporaryFile() as baking, tempfile.TemporaryFile() as output:
+                self._start(numbers, baking.fileno(), output.fileno())
                 if self._process is None:
                     return 0, "", []
                 code = self._process.wait()
                 baking.seek(0)
-                said.seek(max(0, said.seek(0, os.SEEK_END) - self.SAID))
-                return code, os.fsdecode(baking.read()), said.read().decode(errors="replace").splitlines()
+                output.seek(max(0, output.seek(0, os.SEEK_END) - self.SHOWN))
+                return code, os.fsdecode(baking.read()), output.read().decode(errors="replace").splitlines()
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def _start(self, numbers, baking, said):
+    def _start(self, numbers, baking, output):
         """Start Blender, unless this process has received a signal.
 
         Signals are blocked in the child until it handles them, and in this process until the child exists.
@@ -449,12 +449,12 @@ class Bake:
         if WINDOWS:  # on Windows, Ctrl-C reaches all processes of a console
             self._process = subprocess.Popen(self._command, env=environment)
             return
-        environment.update(IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking), IMPRINT_SAID=str(said))
+        environment.update(IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking), IMPRINT_OUTPUT=str(output))
         blocked = [*numbers, signal.SIGUSR1, signal.SIGUSR2]
         signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
         try:
             if not self.signals:
-                self._process = subprocess.Popen(self._command, env=environment, pass_fds=[baking, said])
+                self._process = subprocess.Popen(self._command, env=environment, pass_fds=[baking, output])
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, blocked)
 
@@ -498,11 +498,11 @@ def bake(options):
     python = environment()
     require_gpu(python, may_install=False)
     running = Bake(python, options.rest)
-    code, baking, said = running.run()
+    code, baking, output = running.run()
     if running.signals:
         return 128 + running.signals[0]
     if crash(code):
-        for line in filter(str.strip, said):
+        for line in filter(str.strip, output):
             print_message(f"Blender: {line.strip()}", "info")
         raise Failure(post_mortem(python, code, baking))
     return code

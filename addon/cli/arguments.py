@@ -16,7 +16,7 @@ from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError, warn_of_former
 from ..core.naming import did_you_mean
 from ..core.settings import PART_OF, Settings
-from . import gates
+from . import limits
 from .options import FILE, FORMER_WORDS, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, SUBJECTS, RunOptions
 
 
@@ -237,18 +237,18 @@ def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
 
 def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
     """Errors for limits on metrics that will not be reported."""
-    for gate in options.strict:
-        needs = gate.figure.needs
-        if options.levels and needs == gates.DEVIATION:
-            yield f"--strict: lod keeps {gate.name} within --degrees"
-        elif options.convert and not gate.figure.is_of_conversions:
-            yield f"--strict: a conversion does not measure {gate.name}"
-        elif needs == gates.DEVIATION and not options.normal:
-            yield f"--strict: {gate.name} needs a normal map: leave out --no-normal"
-        elif needs == gates.EXPORT and not (options.export and options.normal):
-            yield f"--strict: {gate.name} needs --export and a normal map"
-        elif needs.startswith(gates.TARGETS) and needs.partition(".")[2] not in options.targets:
-            yield f"--strict: {gate.name} needs --targets {needs.partition('.')[2]}"
+    for limit in options.strict:
+        needs = limit.metric.needs
+        if options.levels and needs == limits.DEVIATION:
+            yield f"--strict: lod keeps {limit.name} within --degrees"
+        elif options.convert and not limit.metric.is_of_conversions:
+            yield f"--strict: a conversion does not measure {limit.name}"
+        elif needs == limits.DEVIATION and not options.normal:
+            yield f"--strict: {limit.name} needs a normal map: leave out --no-normal"
+        elif needs == limits.EXPORT and not (options.export and options.normal):
+            yield f"--strict: {limit.name} needs --export and a normal map"
+        elif needs.startswith(limits.TARGETS) and needs.partition(".")[2] not in options.targets:
+            yield f"--strict: {limit.name} needs --targets {needs.partition('.')[2]}"
 
 
 def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:

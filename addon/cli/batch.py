@@ -2,15 +2,18 @@
 """Runs bakes in this process: opens their files, bakes, and saves what their options name."""
 
 import argparse
+import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import bpy
+import numpy as np
 
 from .. import older_blender
 from ..core import levels, naming, progress, udim
@@ -24,72 +27,312 @@ from ..core.settings import Settings
 from ..jobs import bake_jobs
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.job import Job, files_read_by, jobs_by_name
+from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_checks
 from ..scene.object_checks import object_by_name
 from . import (
     arguments,
-    bake_result,
     blender_process,
     clashes,
-    gates,
     input_checks,
     interruption,
+    limits,
     plans,
-    report_file,
     run_report,
     scene_files,
     standard_streams,
     terminal,
 )
-from .bake_result import Result
 from .importers import Space
-from .options import STDOUT, RunOptions
+from .options import RunOptions
 from .plans import Plan, subject
-from .records import Content, Contents
+from .records import Assignment, Content, Contents, finish_record
+from .run_report import STDOUT, Entry, State, Totals, report_path
 from .scene_files import SceneLoader
 from .terminal import Meter
+from .work_queue import Chains, WorkQueue
 
 
-def need_all(planned: Sequence[Plan]) -> bool:
+def need_all(planned: Iterable[Plan]) -> bool:
     """Whether these plans write files in which Blender's add-ons keep settings."""
     return any(plan.options.save_blend or plan.options.export for plan in planned)
 
 
 @dataclass(frozen=True)
-class Opened:
+class _Opened:
     """A bake whose files are open."""
 
-    name: str
-    options: argparse.Namespace
-    settings: Settings
+    plan: Plan
     jobs: Sequence[Job]
     problems: list[str]
     """What is wrong with names."""
     notes: list[str]
     """Sentences about files that are missing, and about coordinates that were rounded."""
-    begun: float
-    """When it began, by time.perf_counter."""
     hints: list[str]
     """Why low and high meshes may not fit, in sentences. Meshes that share their UV layout need not."""
-    declared: list[Content]
+    named: list[Content]
     """The files that its options name. Empty if neither a report nor a record wants them."""
     found: list[Content]
     """The other files that it reads. Empty likewise."""
     not_followed: list[str]
     """Why other files that it reads are not known, in clauses."""
-    hashes: Contents | None
-    """For the files that it writes. None likewise."""
 
     @property
-    def report(self) -> Path | None:
-        """The file of its report."""
-        return report_file.report_path(self.options.report)
+    def name(self) -> str:
+        return self.plan.name or subject(self.plan.options, bpy.data.filepath)
 
-    @property
-    def scene(self) -> Path | None:
-        """The .blend to save."""
-        return Path(self.options.save_blend).absolute() if self.options.save_blend else None
+
+class Baker:
+    """Bakes one plan after the other in this process. A bake that fails does not stop the others."""
+
+    def __init__(
+        self,
+        files: clashes.RunFiles,
+        meter: Meter,
+        options: RunOptions,
+        *,
+        needs_all: bool,
+        folders: Sequence[str] = (),
+    ):
+        """Start without a scene.
+
+        Args:
+            files: Must have all plans.
+            options: Of the run.
+            needs_all: As `need_all` returns it for all plans.
+            folders: As in SceneLoader.
+        """
+        self._files, self._meter, self._folders, self._loader = files, meter, folders, SceneLoader(folders)
+        self._options, self._contents = options, Contents()
+        if needs_all:
+            blender_process.complete()  # before a file is opened: Cycles brings its settings in old files up to date
+
+    def bake(self, assigned: Assignment) -> Entry:
+        """Bake, save what the options name, and write the record. Returns the entry, also of a bake that failed.
+
+        Raises WrongPlace if the only bake of a run would harm a file, before it has begun.
+        """
+        plan, start, opened = assigned.plan, time.perf_counter(), None
+        is_hashed = self._options.has_hashes or assigned.record is not None or bool(plan.options.report)
+        try:
+            interruption.check()
+            opened = self._open(plan, is_hashed=is_hashed)
+            entry = self._run(opened, start, is_hashed=is_hashed)
+        except interruption.Stopped:
+            entry = Entry(plan.number, plan.name, State.STOPPED, STOPPED, is_listed=False)
+        except (BakeError, MemoryError) as error:
+            if isinstance(error, WrongPlace) and opened is None and not self._options.has_table:
+                raise
+            name = plan.name or subject(plan.options, bpy.data.filepath)
+            entry = Entry.failed(plan.number, name, error)
+            self._loader = SceneLoader(self._folders)  # the failed bake may have changed the open scene
+        entry.seconds = time.perf_counter() - start
+        self._meter.clear()
+        if opened is not None:
+            finish_record(
+                assigned,
+                entry,
+                opened.found,
+                self._contents,
+                is_pictured=bool(self._options.pictures),
+                not_followed=opened.not_followed,
+            )
+        return entry
+
+    def _open(self, plan: Plan, *, is_hashed: bool) -> _Opened:
+        """Check what can be checked, and open what the plan names.
+
+        Raises BakeError, or WrongPlace if the bake would harm a file.
+        """
+        if plan.problem:
+            raise BakeError(plan.problem)
+        options, loader = plan.options, self._loader
+        name = subject(options, bpy.data.filepath)
+        interruption.note_bake(plan.name or name)
+        settings = arguments.settings(options)
+        # Opening a file can take long, so check first that the results can be written.
+        for path in (settings.storing.output, options.export, options.save_blend, report_path(options.report)):
+            if path and naming.LOW not in str(path):
+                check_writable(Path(path).absolute())
+        if self._meter.is_on:
+            self._meter.show(name, progress.Progress("Opening", 0.0))
+        with startup.spent("opening"):
+            jobs, problems = _jobs(options, loader)
+            if not plan.chain and loader.reopen_if_changed(high.name for job in jobs for high in job.highs):
+                jobs, problems = _jobs(options, loader)  # a bake does not depend on those before it
+        for job in jobs:
+            job.is_exported, job.must_be_whole = bool(options.export), not options.allow_missing_files
+            job.is_measured = limits.DEVIATION in limits.needs(options.strict)
+            job.is_pictured = self._options.has_pictures
+        # In a chain, a bake may read the maps of those before it.
+        read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
+        self._files.opened(plan.name, options, _lows(options, jobs), [*scene_files.used(options), *read])
+        notes = input_checks.check_textures(options, settings.map, jobs)
+        hints = input_checks.fit_hints(options, jobs)
+        for job in jobs:
+            job.hints = hints
+        notes += input_checks.rounded_coordinates(options, jobs)
+        named, found = [], []
+        if is_hashed:
+            reading = self._contents.checking(interruption.check)
+            named = reading.all_of(plans.input_paths(options, bpy.data.filepath))
+            found = reading.all_of(scene_files.read_by(options, jobs))
+        not_followed = scene_files.not_followed(options, jobs)
+        return _Opened(plan, jobs, problems, notes, hints, named, found, not_followed)
+
+    def _run(self, opened: _Opened, start: float, *, is_hashed: bool) -> Entry:
+        """Bake, and save what the options name. start: when the bake began, by time.perf_counter.
+
+        Raises BakeError, or Stopped where nothing was finished.
+        """
+        plan, options = opened.plan, opened.plan.options
+        start_gpu()
+        memory = _show_memory(opened, self._meter)
+        # If a pair, a frame, the scene or the report fails, no file of the bake is written.
+        with all_or_none(has_parts=bool(options.pairs or options.frames)):
+            printed: list[str] = []
+            baked = older_blender.with_gpu(lambda: _explained(opened, self._meter, printed))
+            is_stopped, chain = baked.is_stopped, baked.chain
+            notes = [*self._loader.notes, *opened.notes, *input_checks.refused_scripts()]
+            reports = [replace(each, memory=memory).with_warnings(notes) for each in baked.reports]
+            if options.export and not is_stopped:
+                check_beside = partial(self._files.exported, plan.name)
+                reports = _export(reports, options.export, check_beside, are_levels=chain is not None)
+            reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
+            self._loader.changed(job.low.name for job in opened.jobs)
+            scene = os.path.abspath(options.save_blend) if options.save_blend and not is_stopped else ""
+            if scene:
+                with self._loader.caches_released():
+                    _save_scene(Path(scene), reports)
+            problems = [*opened.problems, *(chain.left_out if chain else ())]
+            warnings = [*problems, *(text for report in reports for text in report.warnings)]
+            values = [report.to_dict() for report in reports]
+            over = limits.over(options.strict, values)
+            entry = Entry(
+                plan.number,
+                opened.name,
+                State.STOPPED if is_stopped else State.GATE if over else State.DONE,
+                STOPPED if is_stopped else "",
+                gate=over,
+                seconds=time.perf_counter() - start,
+                inputs=[each.facts() for each in (*opened.named, *opened.found)],
+                files=list(self._written(values, scene, is_hashed=is_hashed)),
+                are=_kind(options),
+                reports=values,
+                chain=chain.to_dict() if chain else {},
+                problems=problems,
+                warnings=[text for text in warnings if text not in printed],
+                summary=_summary(reports, chain, _kind(options)),
+                image=_image(reports),
+            )
+            if path := report_path(options.report):
+                run_report.write_report(path, run_report.document([entry], run_report.head(call=self._options.call)))
+        return entry
+
+    def _written(self, reports: Sequence[dict[str, Any]], scene: str, *, is_hashed: bool) -> Iterator[dict[str, Any]]:
+        """The files that a bake wrote, each once, as in Entry. scene: the path of the saved scene, or ""."""
+        paths = {what: {} for what in (run_report.MAP, run_report.MIP, run_report.EXPORT, run_report.SCENE)}
+        for report in reports:
+            for what, found in run_report.written_paths(report).items():
+                paths[what].update(dict.fromkeys(found))
+        if scene:
+            paths[run_report.SCENE][scene] = None
+        for what, found in paths.items():
+            for path in found:
+                yield (self._contents.of(path, what) if is_hashed else Content(path, what)).facts()
+
+
+STOPPED = "It was stopped."
+"""The error of a bake that a signal stopped."""
+TURN_WAIT = 0.1
+"""Seconds after which signals are checked again, while other processes do all bakes that are left."""
+
+
+def bake_all(queue: WorkQueue, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Entry]:
+    """Do all bakes of the queue. The last entry may be of a bake that was stopped. files, options: as in Baker."""
+    count, place, chains = queue.count, 0, Chains()
+    baker = Baker(files, meter, options, needs_all=need_all(item.plan for item in queue.left))
+    while queue.count:
+        item = queue.next()
+        if item is None:
+            time.sleep(TURN_WAIT)
+            if interruption.code():
+                queue.stop()
+            continue
+        place += 1
+        if isinstance(item, Entry):
+            yield item
+            continue
+        meter.begin(item.plan, f"{place}/{count} ")
+        entry = chains.refusal(item.plan) or baker.bake(item)
+        chains.ended(item.plan, entry)
+        yield entry
+        if entry.state == State.STOPPED:
+            queue.stop()
+
+
+def bake_one(plan: Plan, files: clashes.RunFiles, options: RunOptions, meter: Meter) -> int:
+    """Do the only bake of a run, and print its summary. Returns the exit code.
+
+    files, options: as in Baker. Raises WrongPlace if the bake would harm a file.
+    """
+    own, program = plan.options, options.program
+    meter.planned(1, 1)
+    meter.begin(Plan(subject(own, bpy.data.filepath), own))
+    entry = Baker(files, meter, options, needs_all=need_all([plan])).bake(Assignment(plan))
+    if not entry.is_listed:
+        print(f"{program}: stopped, nothing was finished.", file=sys.stderr)
+        return run_report.FAILED
+    for warning in entry.warnings:
+        meter.report(f"{program}: warning: {warning}")
+    if entry.state == State.STOPPED:
+        print(f"{program}: stopped, the {entry.are} before are kept.", file=sys.stderr)
+    has_failed = entry.state == State.FAILED
+    for text in [entry.error] if has_failed else entry.gate:
+        print(printable(f"{program}: {text}"), file=sys.stderr)
+    path, report = report_path(own.report), run_report.document([entry], run_report.head(call=options.call))
+    if has_failed and path:
+        run_report.write_failure(path, report)
+    if not has_failed:
+        lines = [*terminal.saved(entry), *entry.summary, terminal.wrote(entry, path)]
+        print("\n".join(map(printable, lines)), file=terminal.out(options))
+    if own.report == STDOUT:
+        print(run_report.as_text(report))
+    meter.ended(entry)
+    return Totals([entry]).exit_code
+
+
+MOST_PICTURES = 4
+"""Pairs or frames of a bake that have pictures."""
+
+
+def _image(reports: Sequence[Report]) -> bytes:
+    """The pictures of the first few reports, one above the other, as a PNG file; empty if there are none."""
+    found = [report.picture for report in reports if report.picture is not None][:MOST_PICTURES]
+    return png_writer.small(np.concatenate(found)) if found else b""
+
+
+def _summary(reports: Sequence[Report], chain: ChainReport | None, kind: str) -> list[str]:
+    """What was baked, in lines. A sequence has one line, since its frames hardly differ."""
+    if chain is not None:
+        return [*chain.table(), chain.summary()[-1]]
+    if kind == "frames":
+        seconds = sum(report.seconds["total"] for report in reports)
+        return [f"{len(reports)} frames of {reports[0].low!r}, {seconds:.2f} s"]
+    return [line for report in reports for line in report.summary()]
+
+
+def _show_memory(opened: _Opened, meter: Meter) -> dict[str, int]:
+    """Print what memory the bake needs, now: a system that lacks it may end the process. Returns it for the report."""
+    options = opened.plan.options
+    if options.convert:
+        return {}
+    text, is_much, numbers = input_checks.check_memory(opened.jobs, arguments.settings(options))
+    is_one_scan = bool(options.low_file) and not meter.place  # of many bakes, only those that need much
+    if text and (is_much or (meter.is_on and is_one_scan)):
+        meter.report(f"imprint: {opened.name}: {text}")
+    return numbers
 
 
 @dataclass(frozen=True)
@@ -99,102 +342,6 @@ class _Baked:
     reports: list[Report]
     is_stopped: bool = False
     chain: ChainReport | None = None
-
-
-def open_files(
-    plan: Plan,
-    loader: SceneLoader,
-    files: clashes.RunFiles,
-    meter: Meter,
-    hashes: Contents | None = None,
-    *,
-    is_pictured: bool = False,
-) -> Opened:
-    """Check what can be checked, and open what the plan names. files: must have the plan. hashes: for what is read, if a report
-    or a record wants it. is_pictured: whether its reports shall have pictures.
-
-    Raises BakeError, or WrongPlace if the bake would harm a file.
-    """
-    if plan.problem:
-        raise BakeError(plan.problem)
-    begun = time.perf_counter()
-    options, name = plan.options, plan.name or subject(plan.options, bpy.data.filepath)
-    interruption.note(name)
-    settings = arguments.settings(options)
-    # Opening a file can take long, so check first that the results can be written.
-    for path in (settings.storing.output, options.export, options.save_blend, report_file.report_path(options.report)):
-        if path and naming.LOW not in str(path):
-            check_writable(Path(path).absolute())
-    if meter.is_on:
-        meter.show(subject(options, bpy.data.filepath), progress.Progress("Opening", 0.0))
-    with startup.spent("opening"):
-        jobs, problems = _jobs(options, loader)
-        if not plan.chain and loader.reopen_if_changed(high.name for job in jobs for high in job.highs):
-            jobs, problems = _jobs(options, loader)  # a bake does not depend on those before it
-    for job in jobs:
-        job.is_exported, job.must_be_whole = bool(options.export), not options.allow_missing_files
-        job.is_measured, job.is_pictured = gates.DEVIATION in gates.needs(options.strict), is_pictured
-    # In a chain, a bake may read the maps of those before it.
-    read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
-    used = [*scene_files.used(options), *read]
-    files.opened(plan.name, options, _lows(options, jobs), used)
-    notes = input_checks.check_textures(options, settings.map, jobs)
-    hints = input_checks.fit_hints(options, jobs)
-    for job in jobs:
-        job.hints = hints
-    notes += input_checks.rounded_coordinates(options, jobs)
-    hashes = hashes or (Contents() if options.report else None)
-    reading = hashes.checking(interruption.check) if hashes else None
-    declared = reading.all_of(plans.input_paths(options, bpy.data.filepath)) if reading else []
-    found = reading.all_of(scene_files.read_by(options, jobs)) if reading else []
-    not_followed = scene_files.not_followed(options, jobs)
-    return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, not_followed, hashes)
-
-
-def run(opened: Opened, loader: SceneLoader, files: clashes.RunFiles, meter: Meter) -> Result:
-    """Bake, and save what the options name. files: must have the plan.
-
-    Raises BakeError, or Stopped where nothing was finished.
-    """
-    options = opened.options
-    start_gpu()
-    memory = _say_memory(opened, meter)
-    # If a pair, a frame, the scene or the report fails, no file of the bake is written.
-    with all_or_none(has_parts=bool(options.pairs or options.frames)):
-        printed: list[str] = []
-        baked = older_blender.with_gpu(lambda: _explained(opened, meter, printed))
-        is_stopped, chain = baked.is_stopped, baked.chain
-        notes = [*loader.notes, *opened.notes, *input_checks.refused_scripts()]
-        reports = [report.with_memory(memory).with_warnings(notes) for report in baked.reports]
-        if options.export and not is_stopped:
-            check_beside = partial(files.exported, opened.name)
-            reports = export(reports, options.export, check_beside, are_levels=chain is not None)
-        reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
-        loader.changed(job.low.name for job in opened.jobs)
-        problems = [*opened.problems, *(chain.left_out if chain else ())]
-        result = Result(opened.name, reports, problems, are=_kind(options), is_stopped=is_stopped, said=printed)
-        result.strict, result.chain = options.strict, chain
-        if opened.scene is not None and not is_stopped:
-            with loader.caches_released():
-                save_scene(opened.scene, reports)
-            result.scene = opened.scene
-        result.hashes = opened.hashes
-        result.inputs = [each.facts() for each in (*opened.declared, *opened.found)]
-        result.seconds = time.perf_counter() - opened.begun
-        if opened.report is not None:
-            report_file.write_report(opened.report, run_report.document([result.entry()]))
-    return result
-
-
-def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
-    """Print what memory the bake needs, now: a system that lacks it may end the process. Returns it for the report."""
-    if opened.options.convert:
-        return {}
-    text, is_much, numbers = input_checks.check_memory(opened.jobs, opened.settings)
-    is_one_scan = bool(opened.options.low_file) and not meter.place  # of many bakes, only those that need much
-    if text and (is_much or (meter.is_on and is_one_scan)):
-        meter.report(f"imprint: {opened.name}: {text}")
-    return numbers
 
 
 def _warn_early(name: str, warnings: Sequence[str], printed: list[str], meter: Meter) -> None:
@@ -224,7 +371,7 @@ def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     return [naming.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
 
 
-def _explained(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
+def _explained(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
     """As `_baked`. An error that meshes which do not fit may have caused also says that."""
     try:
         return _baked(opened, meter, printed)
@@ -238,9 +385,10 @@ def _explained(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
         raise BakeError(" ".join([str(error), *opened.hints])) from error
 
 
-def _baked(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
+def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
     """Bake. Raises BakeError, or Stopped where nothing was finished."""
-    options, jobs, settings = opened.options, opened.jobs, opened.settings
+    options, jobs = opened.plan.options, opened.jobs
+    settings = arguments.settings(options)
     share_image = _share_image(options)
 
     def on_step(step: progress.Progress) -> None:
@@ -253,12 +401,12 @@ def _baked(opened: Opened, meter: Meter, printed: list[str]) -> _Baked:
 
     speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
     if options.convert:
-        return _Baked([progress.finish(convert_map(bpy.context, jobs[0], options, settings), on_step)])
+        return _Baked([progress.finish(_convert_map(bpy.context, jobs[0], options, settings), on_step)])
     if options.levels:
         from ..jobs import lod  # likewise
 
-        limits = levels.limits(*options.levels)
-        chain = progress.finish(lod.work(bpy.context, jobs[0].low, limits, settings, speed), on_step)
+        of_levels = levels.limits(*options.levels)
+        chain = progress.finish(lod.work(bpy.context, jobs[0].low, of_levels, settings, speed), on_step)
         return _Baked([level.bake for level in chain.levels], chain=chain)
     if options.frames:
         work = work_on_frames(bpy.context, jobs[0], settings, plans.frames(options), speed, reports=reports)
@@ -326,67 +474,11 @@ def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], 
     return [Job(low, highs, object_by_name(options.cage) if options.cage else None)], []
 
 
-def run_single(plan: Plan, files: clashes.RunFiles, run_options: RunOptions, meter: Meter) -> int:
-    """Bake. files: must have the plan. Returns the exit code. Raises WrongPlace if the bake would harm a file."""
-    options, program, loader = plan.options, run_options.program, SceneLoader()
-    if need_all([plan]):
-        blender_process.complete()  # before a file is opened, as Baker does
-    start, is_begun = time.perf_counter(), False
-    meter.planned(1, 1)
-    meter.begin(Plan(plans.subject(options, bpy.data.filepath), options))
-    try:
-        opened = open_files(plan, loader, files, meter)
-        is_begun = True
-        result = run(opened, loader, files, meter)
-    except interruption.Stopped:
-        meter.clear()
-        print(f"{program}: stopped, nothing was finished.", file=sys.stderr)
-        return run_report.FAILED
-    except (BakeError, MemoryError) as error:
-        if isinstance(error, WrongPlace) and not is_begun:
-            raise
-        meter.clear()
-        result = bake_result.failure(plans.subject(options, bpy.data.filepath), error)
-        result.seconds = time.perf_counter() - start
-        return _report_failure(result, options.report, program, meter)
-    meter.clear()
-    out, entry = terminal.out(run_options), result.entry()
-    for warning in result.unsaid:
-        meter.report(f"{program}: warning: {warning}")
-    if result.is_stopped:
-        print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
-    for sentence in entry.gate:
-        print(printable(f"{program}: {sentence}"), file=sys.stderr)
-    lines = [
-        *terminal.saved(result.maps),
-        *terminal.summary(result),
-        terminal.wrote(result, opened.report),
-    ]
-    print("\n".join(map(printable, lines)), file=out)
-    if options.report == STDOUT:
-        print(report_file.as_text(run_report.document([entry])))
-    meter.ended(entry)
-    return run_report.exit_code(entry)
-
-
-def _report_failure(result: Result, report: str | None, program: str, meter: Meter) -> int:
-    """Say why a bake failed, on standard error and in its report. Returns the exit code."""
-    print(printable(f"{program}: {result.error}"), file=sys.stderr)
-    entry = result.entry()
-    meter.ended(entry)
-    document = run_report.document([entry])
-    if path := report_file.report_path(report):
-        report_file.write_failure(path, document)
-    elif report:
-        print(report_file.as_text(document))
-    return run_report.exit_code(entry)
-
-
 EXPORTERS = {".fbx": ("io_scene_fbx",)}
 """Blender's add-ons that write files, by their ending, beside those that `blender_process.complete` loads."""
 
 
-def export(
+def _export(
     reports: Sequence[Report], output: str, check_beside: Callable[[str], None], *, are_levels: bool = False
 ) -> list[Report]:
     """Write the low meshes of `reports` with their maps to `output`, with a file for each if it has LOW.
@@ -421,7 +513,7 @@ def _image_names(reports: Sequence[Report]) -> set[str]:
     return {name for report in reports for name in (report.image, *(how["image"] for how in report.maps.values()))}
 
 
-def save_scene(path: Path, reports: Sequence[Report]) -> None:
+def _save_scene(path: Path, reports: Sequence[Report]) -> None:
     """Save the scene; the paths of the maps of `reports` become relative."""
     maps = set(map(bpy.data.images.get, _image_names(reports))) - {None}
     folder = path.parent.resolve()  # it may have been named with ".."
@@ -436,7 +528,7 @@ def save_scene(path: Path, reports: Sequence[Report]) -> None:
         bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, compress=False, relative_remap=True)
 
 
-def convert_map(
+def _convert_map(
     context: bpy.types.Context, job: Job, options: argparse.Namespace, settings: Settings
 ) -> Task[ConversionReport]:
     """Convert the image file that the options name, a map of the job's low object. Raises BakeError.

@@ -20,15 +20,15 @@ from typing import Any
 
 from ..output import atomic_file
 from ..output.atomic_file import TemporaryPath, make_folder
-from . import claim_beats
-from .claim_beats import Beats
+from . import heartbeat
+from .heartbeat import Heartbeat
 
 try:
     import fcntl
 except ImportError:  # Windows, which renames no file that a process has open
     fcntl = None
 
-BEAT = 10.0
+HEARTBEAT = 10.0
 """Seconds between two changes of a claim by its owner."""
 LEFT_AFTER = 60.0
 """Seconds without a change after which a claim of another machine has been left."""
@@ -59,7 +59,7 @@ class _Held:
     def beat(self) -> None:
         """Change the claim. Raises OSError."""
         self.count += 1
-        claim_beats.write(self.descriptor, claim_beats.text(self.values, self.count))
+        heartbeat.write(self.descriptor, heartbeat.text(self.values, self.count))
 
 
 class Claims:
@@ -69,7 +69,7 @@ class Claims:
         self,
         clock: Callable[[], float] = time.monotonic,
         machine: str = "",
-        beat: float = BEAT,
+        beat: float = HEARTBEAT,
         *,
         is_busy: bool = False,
     ):
@@ -82,7 +82,7 @@ class Claims:
         self._is_busy = threading.Lock()
         self._is_closed = threading.Event()
         self._thread: threading.Thread | None = None
-        self._beats = Beats(beat) if is_busy else None
+        self._heartbeat = Heartbeat(beat) if is_busy else None
 
     def __enter__(self) -> "Claims":
         return self
@@ -106,8 +106,8 @@ class Claims:
             held = self._held.pop(path, None)
         if held is None:
             return
-        if self._beats is not None:
-            self._beats.send(str(path))
+        if self._heartbeat is not None:
+            self._heartbeat.send(str(path))
         if fcntl is None:
             os.close(held.descriptor)
         with suppress(OSError):  # a share that is gone; others see that the claim does not change
@@ -126,8 +126,8 @@ class Claims:
             self.release(path)
         if self._thread is not None:
             self._thread.join()
-        if self._beats is not None:
-            self._beats.close()
+        if self._heartbeat is not None:
+            self._heartbeat.close()
 
     def _create(self, path: Path) -> bool:
         """Create the file of a claim, unless there is one. Raises OSError."""
@@ -142,8 +142,8 @@ class Claims:
         self._watched.pop(path, None)
         with self._is_busy:
             self._held[path] = held
-        if self._beats is not None:
-            self._beats.send(str(path), held.values)
+        if self._heartbeat is not None:
+            self._heartbeat.send(str(path), held.values)
         if self._thread is None:
             self._thread = threading.Thread(target=self._beat, name="imprint-claims", daemon=True)
             self._thread.start()
@@ -167,7 +167,7 @@ class Claims:
 
     def _beat(self) -> None:
         while not self._is_closed.wait(self._every):
-            if self._beats is not None and self._beats.is_running:
+            if self._heartbeat is not None and self._heartbeat.is_running:
                 continue
             with self._is_busy:
                 for held in self._held.values():

@@ -8,7 +8,7 @@ import stat
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 from ..core import naming, udim
@@ -19,31 +19,28 @@ from ..core.naming import ATLAS
 from ..output import map_names
 from ..output.atomic_file import reason
 from ..output.path_clashes import Places
-from . import arguments, plans, report_file, untrusted
-from .options import STDOUT, RunOptions
+from . import arguments, plans, run_report, untrusted
+from .options import RunOptions
 from .plans import Plan
-from .report_file import LINES
+from .run_report import LINES, STDOUT
 from .untrusted import Bounds
 
 
 class InputFiles:
-    """Files of a run, asked for by their paths."""
+    """Files of a run, each of which is looked at once."""
 
     def __init__(self):
-        self._problems: dict[str, str] = {}
-        self._references: dict[str, tuple[str, ...]] = {}
+        self.problem = cache(_problem_of_input)
+        self.references = cache(_references)
 
-    def problem(self, path: str) -> str:
-        """Why a file cannot be read, as a sentence, or ""."""
-        if path not in self._problems:
-            self._problems[path] = _problem_of_tiles(path) if udim.is_tiled(path) else _problem(path)
-        return self._problems[path]
 
-    def references(self, path: str) -> tuple[str, ...]:
-        """The files that a mesh file refers to, as mesh_references.of finds them."""
-        if path not in self._references:
-            self._references[path] = tuple(map(str, mesh_references.of(path)))
-        return self._references[path]
+def _references(path: str) -> tuple[str, ...]:
+    return tuple(map(str, mesh_references.of(path)))
+
+
+def _problem_of_input(path: str) -> str:
+    """Why a file to read, or a tile of it, cannot be read, as a sentence, or ""."""
+    return _problem_of_tiles(path) if udim.is_tiled(path) else _problem(path)
 
 
 def _problem_of_tiles(path: str) -> str:
@@ -141,10 +138,10 @@ class RunFiles:
             over = WrongPlace(f"{title[:1].upper()}{title[1:]} would overwrite {image!r}, which {blend!r} shows.")
             check(name, _raise, over)
         if report and report != STDOUT:
-            check("", self._write_over, report_file.check_report, report, "the report of all")
+            check("", self._write_over, run_report.check_report, report, "the report of all")
             check("", self.places.write, report + LINES, "the report of all while they go on")
         if sheet:
-            check("", self._write_over, report_file.check_page, sheet, "the page of results")
+            check("", self._write_over, run_report.check_page, sheet, "the page of results")
         return problems
 
     def _images_to_replace(
@@ -256,7 +253,7 @@ class RunFiles:
             self._write_maps(name, options, [low])
         if options.report and options.report != STDOUT:
             self._write_file(options.report, _of("the report", name), name)
-            report_file.check_report(options.report, _of("the report", name))
+            run_report.check_report(options.report, _of("the report", name))
         if options.save_blend:
             own = (name, "scene") if len(options.file) < 2 else None
             self._write_file(options.save_blend, _of("the scene to save", name), name, may_replace=own)

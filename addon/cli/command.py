@@ -10,6 +10,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from ..core import versions
 from ..core.errors import WrongPlace, sentence
@@ -53,7 +54,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
         if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
             return _work()
         with (
-            standard_streams.ours(interruption.said()) as said_by_blender,
+            standard_streams.redirect_blender(interruption.blender_output()) as blender_lines,
             terminal.meter(words) as meter,
             warnings.catch_warnings(),
         ):
@@ -61,12 +62,14 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
             if VERSION in words:
                 print(versions.line())
                 return DONE
-            run_report.note(ThisCall.of(words))
+            call = ThisCall.of(words)
             if gone := _has_no_folder():
                 meter.finished(_refuse(program, gone))
                 return WRONG_USAGE
             if words[:1] == [LOD]:
-                done = _run(words[1:], f"{program} {LOD}", meter, _read_levels, may_start_processes=may_start_processes)
+                done = _run(
+                    words[1:], f"{program} {LOD}", meter, _read_lod, call, may_start_processes=may_start_processes
+                )
             elif words[:1] == [FARM]:
                 from . import farm_command
 
@@ -74,11 +77,11 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
             elif words[:1] == [REPORT]:
                 from . import report_command
 
-                done = report_command.run_report_command(words[1:], f"{program} {REPORT}")
+                done = report_command.run_report_command(words[1:], f"{program} {REPORT}", call)
             else:
-                done = _run(words, program, meter, _read, may_start_processes=may_start_processes)
+                done = _run(words, program, meter, _read, call, may_start_processes=may_start_processes)
             code = interruption.code() or done
-            for line in said_by_blender():
+            for line in blender_lines():
                 meter.report(f"{program}: Blender: {line}")
             meter.finished(code)
             return code
@@ -92,10 +95,13 @@ def _work() -> int:
     return worker.run_worker()
 
 
-def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, may_start_processes: bool) -> int:
-    """Bake. read: as `_read`."""
+def _run(
+    words: Sequence[str], program: str, meter: Meter, read: Callable, call: ThisCall, *, may_start_processes: bool
+) -> int:
+    """Bake. read: as `_read`. call: for the report."""
     try:
         options, sets = read(words, program, meter)
+        options = replace(options, call=call)
         if options.quiet:
             meter.be_quiet()
         if options.list or options.check:
@@ -124,13 +130,13 @@ def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, ma
             from . import many_bakes
 
             only = Only.of(options.only, (plan.number for plan in named))
-            head = run_report.head(len(planned), options.part, only)
+            head = run_report.head(len(planned), options.part, only, call=call)
             return many_bakes.run(options, chosen, head, files, meter, may_start_processes=may_start_processes)
         load_blender()
         with startup.spent("imprint"):
             from . import batch  # needs Blender
 
-        return batch.run_single(planned[0], files, options, meter)
+        return batch.bake_one(planned[0], files, options, meter)
     except WrongPlace as error:
         meter.clear()
         return _refuse(program, error)
@@ -154,7 +160,7 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions,
     return arguments.check(options, program), [options]
 
 
-def _read_levels(words: Sequence[str], program: str, _meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
+def _read_lod(words: Sequence[str], program: str, _meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
     """As `_read`, of the command lod."""
     options = arguments.read_lod(words, program)
     return RunOptions.of(options, program), [options]

@@ -18,7 +18,7 @@ from ..output import atomic_file
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
 ASK, END = "SIGUSR1", "SIGUSR2"
 """How scripts/imprint.py forwards a first and a second signal: the process group may have received the same one as well."""
-LAUNCHER, BAKING, SAID = "IMPRINT_LAUNCHER", "IMPRINT_BAKING", "IMPRINT_SAID"
+LAUNCHER, BAKING, OUTPUT = "IMPRINT_LAUNCHER", "IMPRINT_BAKING", "IMPRINT_OUTPUT"
 """Environment variables with the process number of scripts/imprint.py, and the files for the current bake's name and for what
 Blender prints."""
 
@@ -90,7 +90,7 @@ def is_launched() -> bool:
     return bool(_asked.launcher)
 
 
-def note(name: str) -> None:
+def note_bake(name: str) -> None:
     """Pass the name of the current bake to scripts/imprint.py, which names it if Blender crashes."""
     descriptor = _of_launcher(BAKING)
     if descriptor is not None:
@@ -99,10 +99,10 @@ def note(name: str) -> None:
             os.pwrite(descriptor, os.fsencode(printable(name)), 0)
 
 
-def said() -> int | None:
+def blender_output() -> int | None:
     """The descriptor of the file for what Blender prints, of which scripts/imprint.py shows the end after a crash. None without
     it."""
-    return _of_launcher(SAID)
+    return _of_launcher(OUTPUT)
 
 
 def _of_launcher(variable: str) -> int | None:

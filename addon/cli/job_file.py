@@ -6,14 +6,16 @@ import json
 import re
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..core.errors import warn_of_former
 from ..core.naming import did_you_mean
 from . import arguments, option_types
 from .arguments import WrongUsage
-from .options import FILE, FORMER_WORDS, OPTIONS, RUN_OPTIONS, STDOUT, CommandOption
+from .options import FILE, FORMER_WORDS, OPTIONS, RUN_OPTIONS, CommandOption
+from .run_report import STDOUT
 
 MOST_SHOWN = 80
 """Characters of a wrong value in a message."""
@@ -29,89 +31,35 @@ def _name(key: str) -> str:
     return KEYS[key].parsing.get("dest") or key.replace("-", "_")
 
 
-class KeyValue(NamedTuple):
-    """What a value means for the options."""
-
-    name: str
-    """The attribute of the options."""
-    value: Any = None
-    is_given: bool = True
-    """Whether it changes the options. False and empty lists do not."""
-    fault: str = ""
-    """Why the parser does not take it."""
-
-
-class Unknown(WrongUsage):
-    """A key is unknown, or its value has another type."""
-
-
-class KeyValues:
-    """Reads values. Paths start at a folder."""
-
-    def __init__(self, folder: Path, *, is_untrusted: bool = False):
-        self._folder, self._is_untrusted = folder, is_untrusted
-
-    def read(self, written: str, value: Any) -> KeyValue:
-        """The value of a key. written: the key, with dashes or underscores. Raises Unknown, without a full stop."""
-        key = written.replace("_", "-")
-        if key in FORMER_WORDS:
-            warn_of_former(key, FORMER_WORDS[key])
-            key = FORMER_WORDS[key]
-        words = _words_of(written, key, value)
-        option, name = KEYS[key], _name(key)
-        if option.is_path:
-            try:
-                words = [self._path(word) if word else word for word in words]
-            except argparse.ArgumentTypeError as fault:
-                return KeyValue(name, fault=f"{key}: {fault}")
-        if value is not True and not words:
-            return KeyValue(name, is_given=False)
-        try:
-            return KeyValue(name, _value(option, words))
-        except (argparse.ArgumentTypeError, TypeError, ValueError):
-            pass
-        try:  # for the message
-            dashed = [f"--{key}"] if value is True else [f"--{key}={word}" for word in words]
-            return KeyValue(name, vars(arguments.parse(words if key == "file" else dashed))[name])
-        except WrongUsage as fault:
-            return KeyValue(name, fault=str(fault))
-
-    def _path(self, word: str) -> str:
-        return str(self._folder / option_types.path_in_file(word, is_untrusted=self._is_untrusted))
-
-
-def _value(option: CommandOption, words: Sequence[str]) -> Any:
-    """What the parser makes of the words of an option. Raises what the option's type raises, and ValueError."""
+def _parsed(key: str, words: Sequence[str]) -> Any:
+    """What the parser makes of the words of a key; none for a flag. Raises WrongUsage."""
+    option = KEYS[key]
     parsing = option.parsing
     if option.is_flag:
         return parsing["action"] == "store_true"
     if not words:
         return parsing["const"]
-    values = [parsing["type"](word) for word in words]
-    if option.may_repeat:
-        return values
-    (value,) = values
-    if value not in parsing.get("choices", (value,)):
-        raise ValueError
-    return value
+    with suppress(argparse.ArgumentTypeError, TypeError, ValueError):
+        values = [parsing["type"](word) for word in words]
+        if option.may_repeat:
+            return values
+        if values[0] in parsing.get("choices", values):
+            return values[0]
+    # The parser is slower, and has the message.
+    return vars(arguments.parse(words if key == "file" else [f"--{key}={word}" for word in words]))[_name(key)]
 
 
-def check_known(key: str, written: str, known: Sequence[str]) -> None:
-    """Raise Unknown for an unknown key."""
+def _check_known(written: str, known: Collection[str]) -> str:
+    """The key that was written, with dashes or underscores. Raises WrongUsage for an unknown one."""
+    key = written.replace("_", "-")
+    if key in FORMER_WORDS:
+        warn_of_former(key, FORMER_WORDS[key])
+        key = FORMER_WORDS[key]
     if key in known:
-        return
+        return key
     if key in RUN_OPTIONS:
-        raise Unknown(f"unknown key {written!r}: it works only on the command line")
-    raise Unknown(f"unknown key {written!r}{did_you_mean([key], known)}")
-
-
-def _words_of(written: str, key: str, value) -> list[str]:
-    """The value as words, for a key that may be unknown."""
-    check_known(key, written, list(KEYS) if key not in KEYS else (key,))
-    words = _words(key, value)
-    if key == "report" and STDOUT in words:
-        raise Unknown(f"report: {STDOUT!r}, standard output, works only on the command line")
-    return words
+        raise WrongUsage(f"unknown key {written!r}: it works only on the command line")
+    raise WrongUsage(f"unknown key {written!r}{did_you_mean([key], known)}")
 
 
 def _short(value) -> str:
@@ -124,7 +72,10 @@ def _short(value) -> str:
 
 
 def _words(key: str, value) -> list[str]:
-    """A value as words of the command line: several where the option may be repeated, else one."""
+    """A value as words of the command line: several where the option may be repeated, else one; none for a flag.
+
+    Raises WrongUsage for a value of another type.
+    """
     option = KEYS[key]
     if isinstance(value, bool) and option.may_be_flag:
         return []
@@ -133,8 +84,11 @@ def _words(key: str, value) -> list[str]:
     fits = all(isinstance(part, types) and not isinstance(part, bool) for part in parts)
     is_one = not isinstance(value, list) or option.may_repeat or not option.is_text
     if option.is_flag or not fits or not is_one:
-        raise Unknown(f"{key}: {option.value} is expected, not {_short(value)}")
-    return list(map(str, parts)) if option.is_text or not parts else [",".join(map(str, parts))]
+        raise WrongUsage(f"{key}: {option.value} is expected, not {_short(value)}")
+    words = list(map(str, parts)) if option.is_text or not parts else [",".join(map(str, parts))]
+    if key == "report" and STDOUT in words:
+        raise WrongUsage(f"report: {STDOUT!r}, standard output, works only on the command line")
+    return words
 
 
 DEFAULTS, SETS = "defaults", "bake"
@@ -161,7 +115,7 @@ def read(
     path = Path(name).absolute()
     table = _load(name, path)
     defaults, sets, faults = _parts(name, table)
-    reader = _Reader(KeyValues(path.parent, is_untrusted=is_untrusted), more)
+    reader = _Reader(path.parent, more, is_untrusted=is_untrusted)
     _, wrong = reader.read(defaults)
     # Mistakes in the defaults are reported once, not for each set.
     defaults = {key: value for key, value in defaults.items() if key.replace("_", "-") not in wrong}
@@ -221,7 +175,7 @@ def _load(name: str, path: Path) -> dict:
         raise WrongJobs(f"{name!r} is not UTF-8: save it as UTF-8") from error
     except ValueError as error:  # the error of both decoders
         hint = r". Write paths with /, or with \\" if "Unescaped '\\'" in str(error) else ""
-        raise WrongJobs(f"{name!r} is no {path.suffix[1:].upper()}: {error}{hint}") from error
+        raise WrongJobs(f"{name!r} is not valid {path.suffix[1:].upper()}: {error}{hint}") from error
 
 
 def _json(text: str) -> Any:
@@ -247,7 +201,7 @@ def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
             faults.append(f"{name}: {key!r} belongs into {DEFAULTS!r} or a set")
             continue
         try:
-            check_known(key, key, (DEFAULTS, SETS))
+            _check_known(key, (DEFAULTS, SETS))
         except WrongUsage as fault:
             faults.append(f"{name}: {fault}")
     defaults, sets = table.get(DEFAULTS, {}), table.get(SETS, [])
@@ -266,27 +220,37 @@ def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
 class _Reader:
     """Reads sets."""
 
-    def __init__(self, keys: KeyValues, more: Sequence[str] = ()):
-        """more: arguments that override all sets."""
-        self._keys, self._usual, self._over = keys, vars(arguments.parse([])), arguments.given(more)
+    def __init__(self, folder: Path, more: Sequence[str] = (), *, is_untrusted: bool = False):
+        """folder: at which paths start. more: arguments that override all sets. is_untrusted: as in `read`."""
+        self._folder, self._is_untrusted = folder, is_untrusted
+        self._usual, self._over = vars(arguments.parse([])), arguments.given(more)
 
     def read(self, values: dict) -> tuple[argparse.Namespace, dict[str, str]]:
         """The options of a set, and what is wrong with its keys that cannot be read."""
-        found: dict[str, KeyValue] = {}
-        wrong = {}
-        for written, value in values.items():
-            key = written.replace("_", "-")
+        given, wrong = self._usual.copy(), {}
+        spelled = {written.replace("_", "-"): written for written in values}  # a set may spell a default otherwise
+        for written in spelled.values():
+            value = values[written]
             try:
-                found[key] = self._keys.read(written, value)
-            except Unknown as fault:
-                wrong[key] = _plain(str(fault))
-        given = self._usual.copy()
-        for key, read in found.items():
-            if read.fault:
-                wrong[key] = _plain(read.fault)
-            elif read.is_given:
-                given[read.name] = list(read.value) if isinstance(read.value, list) else read.value
-        given |= self._over
+                key = _check_known(written, KEYS)
+                words = self._words(key, value)
+                if value is True or words:  # False and empty lists change nothing
+                    given[_name(key)] = _parsed(key, words)
+            except (WrongUsage, argparse.ArgumentTypeError) as fault:
+                wrong[written.replace("_", "-")] = _plain(str(fault))
         options = argparse.Namespace()
-        options.__dict__ = given
+        options.__dict__ = given | self._over
         return arguments.with_pairs(options), wrong
+
+    def _words(self, key: str, value: Any) -> list[str]:
+        """As the function `_words`, with whole paths."""
+        words = _words(key, value)
+        if not KEYS[key].is_path:
+            return words
+        try:
+            return [word and self._path(word) for word in words]
+        except argparse.ArgumentTypeError as fault:
+            raise WrongUsage(f"{key}: {fault}") from fault
+
+    def _path(self, word: str) -> str:
+        return str(self._folder / option_types.path_in_file(word, is_untrusted=self._is_untrusted))

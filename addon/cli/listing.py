@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 from ..core import naming
@@ -17,8 +18,9 @@ from ..core.naming import match
 from ..output.atomic_file import check_writable
 from . import clashes, plans, run_report
 from .clashes import InputFiles
-from .options import STDOUT, RunOptions
+from .options import RunOptions
 from .plans import Plan
+from .run_report import STDOUT
 
 
 class InputProblems:
@@ -27,8 +29,7 @@ class InputProblems:
     def __init__(self, files: InputFiles, *, reads: bool):
         """reads: whether files, which must be trusted, are read as well, and not only their sizes."""
         self._files, self._reads = files, reads
-        self._broken: dict[str, str] = {}
-        self._objects: dict[str, set[str] | None] = {}
+        self._of_content, self._names = cache(self._of_content), cache(self._names)
         self._writable: set[str] = set()
 
     def of(self, plan: Plan) -> Iterator[str]:
@@ -53,10 +54,8 @@ class InputProblems:
 
     def _of_content(self, path: str, *, is_image: bool) -> str:
         """Why a file, or a layer that a USD file is put together from, is not whole."""
-        if path not in self._broken:
-            problem = whole_files.problem(path, is_image=is_image)
-            self._broken[path] = f"{path!r} {problem}." if problem else self._of_layers(path)
-        return self._broken[path]
+        problem = whole_files.problem(path, is_image=is_image)
+        return f"{path!r} {problem}." if problem else self._of_layers(path)
 
     def _of_layers(self, path: str) -> str:
         named = usd_layers.named(path)
@@ -86,9 +85,7 @@ class InputProblems:
                     yield naming.no_such_object(name, sorted(names))
 
     def _names(self, path: str) -> set[str] | None:
-        if path not in self._objects:
-            self._objects[path] = blend_files.object_names(Path(path))
-        return self._objects[path]
+        return blend_files.object_names(Path(path))
 
     def _of_folder(self, path: str) -> str:
         """Why no file can be written to `path`. Where one can be written to a folder, others can."""

@@ -8,22 +8,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import BakeError, NoGpu, sentence
+from ..core.errors import BakeError, NoGpu, WrongPlace, sentence
 from ..core.naming import printable
 from ..core.progress import Progress, startup
-from . import clashes, plans, report_file, run_report, sheet, terminal
-from .bake_result import Done
+from ..output.atomic_file import check_folder, make_folder, reason
+from . import clashes, plans, run_report, sheet, terminal
 from .blender_process import load_blender
 from .claims import Claims
-from .options import STDOUT, RunOptions
+from .options import RunOptions
 from .plans import Plan
-from .pool import Supervisor
-from .report_file import ReportFile
-from .run_report import Entry, State
+from .run_report import STDOUT, Entry, ReportFile, State, Totals, as_text, document, report_path
 from .sheet import SheetFile
 from .terminal import Meter
-from .turns import Resuming, Turns, TurnsAside
 from .untrusted import MOST_SECONDS, Bounds, Sandbox, most_memory
+from .work_queue import ResumeQueue, ThreadedQueue, WorkQueue
+from .worker_pool import WorkerPool
 
 
 def run(
@@ -45,8 +44,8 @@ def run(
         files: Must have all plans of the job.
         may_start_processes: Whether bakes may have processes of their own.
     """
-    report_file.prepare_folder("--log", options.log)
-    report_file.prepare_folder("--pictures", options.pictures)
+    _prepare_folder("--log", options.log)
+    _prepare_folder("--pictures", options.pictures)
     if options.untrusted:
         limits = {"timeout": options.timeout or MOST_SECONDS, "max_memory": options.max_memory or most_memory()}
         options = replace(options, **limits)
@@ -54,66 +53,77 @@ def run(
     with box as sandbox:
         try:
             meter.planned(head["planned"], len(chosen), options.part)
-            found = _Found(options, chosen, head, files, meter)
-            return _run(found, sandbox, has_workers=bool(sandbox) or (may_start_processes and options.has_workers))
+            results = _Results(options, chosen, head, files, meter)
+            return _run(results, sandbox, has_workers=bool(sandbox) or (may_start_processes and options.has_workers))
         except (BakeError, MemoryError) as error:
             meter.clear()
             print(f"{options.program}: {sentence(error)}", file=sys.stderr)
             return run_report.NO_MACHINE if isinstance(error, NoGpu | MemoryError) else run_report.FAILED
 
 
-def _run(found: "_Found", sandbox: Sandbox | None, *, has_workers: bool) -> int:
+def _run(results: "_Results", sandbox: Sandbox | None, *, has_workers: bool) -> int:
     """As `run`, once the folders are made. Raises BakeError."""
-    options, files, meter = found.options, found.files, found.meter
+    options, files, meter = results.options, results.files, results.meter
     with (
-        found,
-        _turns(options, found.chosen, files.bounds, meter, is_here=not has_workers) as turns,
+        results,
+        _queue(options, results.chosen, files.bounds, meter, is_here=not has_workers) as queue,
         ExitStack() as held,
     ):
         meter.clear()
-        for done in turns.done:
-            found.add(Done.resumed(done.plan, done.result))
-        source: Iterable[Done] = ()
-        if turns.count and has_workers:
-            source = held.enter_context(Supervisor(options, sandbox)).bake_all(turns, files, meter)
-        elif turns.count:
-            source = _bake_here(turns, files, meter, options)
-        for done in source:
+        for entry in queue.done:
+            results.add(entry)
+        source: Iterable[Entry] = ()
+        if queue.count and has_workers:
+            source = held.enter_context(WorkerPool(options, sandbox)).bake_all(queue, files, meter)
+        elif queue.count:
+            source = _bake_here(queue, files, meter, options)
+        for entry in source:
             meter.clear()
-            turns.release(done.entry.number)
-            found.add(done)
+            queue.release(entry.number)
+            results.add(entry)
         meter.clear()
-        found.finish()
-        return found.tally.code
+        results.finish()
+        return results.totals.exit_code
 
 
-def _turns(
+def _prepare_folder(option: str, folder: str | None) -> None:
+    """Make the folder that `option` names, if it does. Raises WrongPlace unless files can be written there."""
+    if not folder:
+        return
+    try:
+        make_folder(Path(folder).absolute())
+        check_folder(Path(folder))
+    except OSError as error:
+        raise WrongPlace(f"{option}: no files can be written to {folder!r}: {reason(error)}.") from error
+
+
+def _queue(
     options: RunOptions, chosen: Sequence[Plan], bounds: Bounds | None, meter: Meter, *, is_here: bool
-) -> Turns | TurnsAside:
+) -> WorkQueue | ThreadedQueue:
     """The bakes, without those that are done if the options say so. bounds: the folders of files that are not trusted.
     is_here: whether this process does them."""
     if not options.has_records:
-        return Turns(chosen)
+        return WorkQueue(chosen)
     of_run = {"is_forced": options.force, "records": options.records, "bounds": bounds}
     of_run |= {"pictures": options.pictures, "open_file": plans.open_file()}
     shares, name = [0.0], options.jobs or options.folder or options.program
 
-    def make(check: Callable[[], None]) -> Turns:
+    def make(check: Callable[[], None]) -> WorkQueue:
         claims = Claims(is_busy=is_here)
-        return Resuming(chosen, claims=claims, check=check, on_share=shares.append, **of_run)
+        return ResumeQueue(chosen, claims=claims, check=check, on_share=shares.append, **of_run)
 
-    return TurnsAside(make, lambda: meter.show(name, Progress("Comparing with records", shares[-1])))
+    return ThreadedQueue(make, lambda: meter.show(name, Progress("Comparing with records", shares[-1])))
 
 
-def _bake_here(turns: Turns, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Done]:
+def _bake_here(queue: WorkQueue, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Entry]:
     load_blender()
     with startup.spent("imprint"):
-        from . import worker  # needs Blender
+        from . import batch  # needs Blender
 
-    yield from worker.bake_all(turns, files, meter, options)
+    yield from batch.bake_all(queue, files, meter, options)
 
 
-class _Found:
+class _Results:
     """The results so far: their lines on the terminal, and their entries in the report."""
 
     def __init__(
@@ -128,67 +138,64 @@ class _Found:
         self.options, self.chosen, self.head, self.files, self.meter = options, chosen, head, files, meter
         self._out = terminal.out(options)
         self._width = max((len(plan.name) for plan in chosen), default=0)
-        self._path = report_file.report_path(options.report)
+        self._path = report_path(options.report)
         self._file = ReportFile(self._path, head) if self._path else None
         self._sheet = SheetFile(Path(options.sheet).absolute(), head) if options.sheet else None
         self._entries: list[Entry] = []
         """Those for a report on standard output."""
         self._lines: list[tuple[int, str]] = []
         """The number of each bake, and its line of the table."""
-        self._counted = run_report.summary(())
-        self.tally = run_report.Tally()
+        self.totals = Totals()
 
-    def __enter__(self) -> "_Found":
+    def __enter__(self) -> "_Results":
         return self
 
     def __exit__(self, *_) -> None:
         for file in filter(None, (self._file, self._sheet)):
             file.close()
 
-    def add(self, done: Done) -> None:
+    def add(self, entry: Entry) -> None:
         """Print the result of a bake, and add it to the report."""
-        entry = done.entry
         if entry.state == State.FAILED:
-            self._say(entry, entry.error)
-        for warning in done.warnings:
-            if not self.meter.is_quiet:
-                self._say(entry, f"warning: {warning}")
+            self._print(entry, entry.error)
+        if self.options.pictures:
+            self._keep_picture(entry)
+        for warning in () if self.meter.is_quiet else entry.warnings:
+            self._print(entry, f"warning: {warning}")
         for text in entry.gate:
-            self._say(entry, text)
-        for line in terminal.saved(entry.maps):
+            self._print(entry, text)
+        for line in terminal.saved(entry):
             print(line, file=self._out, flush=True)
         self.meter.ended(entry)
-        self.tally.add(entry)
-        run_report.count(self._counted, entry)
+        self.totals.add(entry)
         self._lines.append((entry.number, terminal.line(entry, self._width)))
-        picture = self._keep(done) if self.options.pictures else done.picture
-        if self.files.is_harmful:
+        if self.files.is_harmful or not entry.is_listed:
             return
-        if done.is_listed and self._sheet:
-            self._sheet.add(entry, picture)
-        if done.is_listed and self._file:
+        if self._sheet:
+            self._sheet.add(entry)
+        if self._file:
             self._file.add(entry)
-        elif done.is_listed and self.options.report:
-            self._entries.append(entry)
+        elif self.options.report:
+            self._entries.append(replace(entry, image=b""))
 
-    def _keep(self, done: Done) -> bytes:
+    def _keep_picture(self, entry: Entry) -> None:
         try:
-            return sheet.keep_picture(self.options.pictures, done)
+            sheet.keep_picture(self.options.pictures, entry)
         except BakeError as error:
-            self._say(done.entry, f"warning: {error}")
-            return done.picture
+            entry.warnings.append(str(error))
 
-    def _say(self, entry: Entry, text: str) -> None:
+    def _print(self, entry: Entry, text: str) -> None:
         print(printable(f"{self.options.program}: {entry.name}: {text}"), file=sys.stderr)
 
     def finish(self) -> None:
         """Print the table, and write the report. Raises BakeError."""
-        finished = len(self._lines) - int(self._counted[State.STOPPED])
+        counted = self.totals.to_dict()
+        finished = len(self._lines) - counted[State.STOPPED]
         wanted, program = len(self.chosen), self.options.program
         if finished < wanted:
             print(f"{program}: stopped, {finished} of {wanted} were finished.", file=sys.stderr)
         lines = [line for _, line in sorted(self._lines)]
-        print("\n".join([*lines, terminal.total(self._counted, wanted)]), file=self._out)
+        print("\n".join([*lines, terminal.total(counted, wanted)]), file=self._out)
         if self.files.is_harmful:
             print(f"{program}: no report and no page was written over a file that a bake reads.", file=sys.stderr)
             return
@@ -197,7 +204,7 @@ class _Found:
             print(f"Wrote {self._path}", file=self._out)
         elif self.options.report == STDOUT:
             entries = sorted(self._entries, key=lambda entry: entry.number)
-            print(report_file.as_text(run_report.document(entries, self.head)))
+            print(as_text(document(entries, self.head)))
         if self._sheet:
             self._sheet.finish()
             print(f"Wrote {self._sheet.path}", file=self._out)

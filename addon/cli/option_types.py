@@ -13,7 +13,7 @@ from ..core import udim
 from ..core.declarations import kinds
 from ..core.errors import BakeError
 from ..core.naming import Suffixes, did_you_mean
-from . import gates
+from .limits import Limit, parse
 
 LAST_FRAME = 1_048_574
 """The last frame that Blender knows."""
@@ -243,9 +243,9 @@ def json_alone(value: str) -> str:
     return value
 
 
-def limits(value: str) -> tuple[gates.Gate, ...]:
+def limits(value: str) -> tuple[Limit, ...]:
     try:
-        return gates.parse(value)
+        return parse(value)
     except BakeError as error:
         raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
 

@@ -4,16 +4,13 @@
 import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
-from functools import singledispatch
 from typing import Any
 
 from ..core.declarations import kinds
 from ..core.declarations.all_settings import DECLARED, PANELS
 from ..core.naming import Suffixes
 from . import option_types, run_report
-
-STDOUT = "-"
-"""A report's path that stands for standard output."""
+from .run_report import STDOUT, ThisCall
 
 
 @dataclass(frozen=True)
@@ -73,72 +70,34 @@ class CommandOption:
         return "a number or text"
 
 
-@singledispatch
 def _parsing(setting: kinds.Setting) -> dict[str, Any]:
     """What argparse.add_argument takes for a declaration of any kind."""
+    match setting:
+        case kinds.Switch():
+            return {"action": "store_false" if setting.default else "store_true"}
+        case kinds.Flags():
+            return {"type": option_types.some_of(setting)}
+        case kinds.Choice():
+            metavar = "|".join(map(option_types.word_for, setting.values))
+            if isinstance(setting.default, int):
+                return {"type": option_types.whole_number, "choices": setting.values, "metavar": metavar}
+            return {"type": option_types.one_of(setting), "metavar": metavar}
+        case kinds.WholeNumber():
+            word = setting.none_word
+            return {"type": option_types.number_or(word) if word else option_types.whole_number}
+        case kinds.Distance():
+            return {"type": option_types.number}
+        case kinds.Color():
+            return {"type": option_types.color}
+        case kinds.FilePath():
+            return {"type": option_types.path}
+        case kinds.Tiles():
+            return {"type": option_types.tiles}
+        case kinds.ObjectSlots():
+            return {"type": option_types.text, "action": "append"}
+        case kinds.Text() | kinds.ObjectSlot():
+            return {"type": option_types.text}
     raise TypeError(f"no option is known for {setting!r}")
-
-
-@_parsing.register
-def _(setting: kinds.Switch):
-    return {"action": "store_false" if setting.default else "store_true"}
-
-
-@_parsing.register
-def _(setting: kinds.Choice):
-    metavar = "|".join(map(option_types.word_for, setting.values))
-    if isinstance(setting.default, int):
-        return {"type": option_types.whole_number, "choices": setting.values, "metavar": metavar}
-    return {"type": option_types.one_of(setting), "metavar": metavar}
-
-
-@_parsing.register
-def _(setting: kinds.Flags):
-    return {"type": option_types.some_of(setting)}
-
-
-@_parsing.register
-def _(setting: kinds.WholeNumber):
-    return {"type": option_types.number_or(setting.none_word) if setting.none_word else option_types.whole_number}
-
-
-@_parsing.register
-def _(_setting: kinds.Distance):
-    return {"type": option_types.number}
-
-
-@_parsing.register
-def _(_setting: kinds.Color):
-    return {"type": option_types.color}
-
-
-@_parsing.register
-def _(_setting: kinds.Text):
-    return {"type": option_types.text}
-
-
-@_parsing.register
-def _(_setting: kinds.FilePath):
-    return {"type": option_types.path}
-
-
-@_parsing.register
-def _(_setting: kinds.Tiles):
-    return {"type": option_types.tiles}
-
-
-@_parsing.register
-def _(_setting: kinds.ObjectSlot):
-    return {"type": option_types.text}
-
-
-@_parsing.register
-def _(_setting: kinds.ObjectSlots):
-    return {"type": option_types.text, "action": "append"}
-
-
-def _metavar(setting: kinds.Setting) -> str:
-    return setting.option.metavar or _parsing(setting).get("metavar") or setting.metavar
 
 
 def _usual(setting: kinds.Setting) -> str:
@@ -158,7 +117,8 @@ def _option(name: str, **more: Any) -> CommandOption:
     setting = DECLARED[name]
     parsing = _parsing(setting)
     if "action" not in parsing or parsing["action"] == "append":
-        parsing = {"default": setting.default, **parsing, "metavar": _metavar(setting)}
+        metavar = setting.option.metavar or parsing.get("metavar") or setting.metavar
+        parsing = {"default": setting.default, **parsing, "metavar": metavar}
     option, items = setting.option, ()
     if isinstance(setting, kinds.Choice) and option.explains:
         items = tuple((option_types.word_for(item.value), item.tooltip) for item in setting.items)
@@ -243,7 +203,7 @@ OBJECTS = {
 }
 """What to bake."""
 STRICT = CommandOption(
-    "Limits for figures, as in missed<0.1%,overlap=0,deviation.p99<2deg. A bake over a limit keeps its files; "
+    "Limits on metrics, as in missed<0.1%,overlap=0,deviation.p99<2deg. A bake over a limit keeps its files; "
     f"the exit code is then {run_report.GATE}",
     {"type": option_types.limits, "default": (), "metavar": "LIMIT,LIMIT..."},
     "none",
@@ -392,7 +352,7 @@ class RunOptions:
 
     program: str = "imprint"
     """What messages begin with."""
-    call: run_report.ThisCall = field(default_factory=run_report.noted)
+    call: ThisCall = field(default_factory=ThisCall.of)
     """For reports, also those that workers write."""
     jobs: str | None = None
     folder: str | None = None

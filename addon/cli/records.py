@@ -8,18 +8,17 @@ import json
 import os
 import stat
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
 from ..core import naming, udim, versions
 from ..core.errors import BakeError
 from ..output.atomic_file import replacing
-from . import arguments, bake_result, plans, run_report
-from .bake_result import Done
+from . import arguments, plans, run_report
 from .options import FILE, JOBS, OPTIONS, RUN_OPTIONS, STRICT
 from .plans import Plan
-from .run_report import Entry, State
+from .run_report import Entry, State, report_path
 from .untrusted import Bounds
 
 BLOCK = 1 << 18
@@ -70,7 +69,7 @@ class Contents:
                 found = os.fstat(file.fileno())
                 if not stat.S_ISREG(found.st_mode):
                     return Content(path, what)
-                stamp = _stamp_of_file(found)
+                stamp = _local_stamp(found)
                 if stamp not in self._known:
                     self._known[stamp] = self._hash(file)
         except (OSError, ValueError):  # missing, a folder, or not a valid path
@@ -120,7 +119,7 @@ def size_of(path: str) -> int | None:
 
 def stamp_of(path: str) -> str:
     """The stamp of Content, without reading the file. Empty if there is none."""
-    return " ".join(map(_stamp_of_file, _found(path)))
+    return " ".join(map(_local_stamp, _found(path)))
 
 
 def files(path: str) -> list[str]:
@@ -140,7 +139,7 @@ def _found(path: str) -> list[os.stat_result]:
         return []
 
 
-def _stamp_of_file(found: os.stat_result) -> str:
+def _local_stamp(found: os.stat_result) -> str:
     # A program can set the time of a change back, but not that of the last change of anything, which Windows does not have.
     return f"{found.st_dev}:{found.st_ino}:{found.st_size}:{found.st_mtime_ns}:{found.st_ctime_ns}"
 
@@ -211,7 +210,7 @@ def deciding_settings(options: argparse.Namespace) -> dict[str, Any]:
 def _plain_value(value: Any) -> Any:
     if is_dataclass(value):
         return asdict(value)
-    raise TypeError(f"{value!r} is no plain data")
+    raise TypeError(f"{value!r} is not plain data")
 
 
 def _names(options: dict[str, Any]) -> Iterator[str]:
@@ -236,17 +235,16 @@ LONGEST = 200
 
 
 @dataclass(frozen=True)
-class Draft:
-    """What is known of a record before its bake. It can be pickled for another process."""
+class Assignment:
+    """A bake that this process, or one of its workers, has to do. It can be pickled."""
 
-    path: Path
-    name: str
-    """The name of the bake."""
-    key: Key
-    report: str | None = None
-    """The path of the bake's own report."""
-    is_pictured: bool = False
-    """Whether the run keeps its picture."""
+    plan: Plan
+    why: str = ""
+    """Why it still has to run, in a sentence."""
+    record: Path | None = None
+    """The path of the record to write; None for a bake without one, or that cannot be done."""
+    key: Key | None = None
+    """That of the record."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +253,7 @@ class Written:
 
     content: Content
     stamp: str
-    """As `_stamp` returns it. A file with the same stamp has not changed."""
+    """As `_shared_stamp` returns it. A file with the same stamp has not changed."""
 
 
 @dataclass(frozen=True)
@@ -269,7 +267,7 @@ class Record:
     files: tuple[Written, ...]
     picture: str
     """The hash of its picture; empty if the run kept none."""
-    result: dict[str, Any]
+    result: Entry
     """The bake's entry of the report."""
 
 
@@ -317,42 +315,44 @@ def _identity(options: argparse.Namespace, folder: str) -> str:
 
 
 def write_record(
-    draft: Draft,
-    result: dict[str, Any],
+    assigned: Assignment,
+    entry: Entry,
     found: Sequence[Content],
-    files: Sequence[str],
     hashes: Contents,
     *,
-    picture: bytes = b"",
+    is_pictured: bool = False,
 ) -> None:
-    """Write the record of a bake whose files are complete.
+    """Write the record of a bake whose files are complete. Raises BakeError, also for a file that was changed meanwhile.
 
-    result: its entry of the report. found: the files that it read beside those of the key, as they were when it read them.
-    files: the paths of all files that it wrote beside its report. hashes: may have read them. picture: that of the bake. Raises
-    BakeError, also for a file that was changed since the bake began.
+    Args:
+        found: The files that it read beside those of the key, as they were when it read them.
+        hashes: May have read the files that it wrote.
+        is_pictured: Whether the run keeps its picture.
     """
+    path, key, report = assigned.record, assigned.key, report_path(assigned.plan.options.report)
+    files = [each["path"] for each in entry.files]
     own = set(map(os.path.realpath, files))
-    for each in (*draft.key.inputs, *found):
+    for each in (*key.inputs, *found):
         is_touched = stamp_of(each.path) != each.stamp and os.path.realpath(each.path) not in own
         if is_touched and not hashes.of(each.path).is_same(each):
             raise BakeError(f"{each.path!r} was changed during the bake, which --resume does again.")
-    folder = str(draft.path.parent)
-    paths = dict.fromkeys([*files, *([draft.report] if draft.report else [])])
+    folder = str(path.parent)
+    written = dict.fromkeys([*files, *([str(report)] if report else [])])
     values = {
         "imprint_record": RECORD_VERSION,
-        "key": draft.key.value,
-        "name": draft.name,
-        "version": draft.key.imprint,
-        "blender": draft.key.blender,
-        "code": draft.key.code,
-        "settings": draft.key.settings,
-        "declared": [_plain(each, folder) for each in draft.key.inputs],
+        "key": key.value,
+        "name": assigned.plan.name,
+        "version": key.imprint,
+        "blender": key.blender,
+        "code": key.code,
+        "settings": key.settings,
+        "declared": [_plain(each, folder) for each in key.inputs],
         "inputs": [_plain(each, folder) for each in found],
-        "files": [_plain(hashes.of(path), folder) | {"stamp": _stamp(path)} for path in paths],
-        "picture": hashlib.sha256(picture).hexdigest() if draft.is_pictured and picture else "",
-        "result": result,
+        "files": [_plain(hashes.of(each), folder) | {"stamp": _shared_stamp(each)} for each in written],
+        "picture": hashlib.sha256(entry.image).hexdigest() if is_pictured and entry.image else "",
+        "result": entry.to_dict(),
     }
-    with replacing(draft.path) as partial:
+    with replacing(path) as partial:
         partial.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
 
 
@@ -366,7 +366,7 @@ def read_record(path: Path) -> Record | None:
         declared, found = (tuple(_content(each, folder) for each in values[key]) for key in ("declared", "inputs"))
         files = tuple(Written(_content(each, folder), each["stamp"]) for each in values["files"])
         key = Key(dict(values["settings"]), declared, values["version"], values["blender"], values["code"])
-        return Record(key, values["key"], found, files, values["picture"], dict(values["result"]))
+        return Record(key, values["key"], found, files, values["picture"], Entry.from_dict(values["result"]))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
@@ -386,11 +386,11 @@ def is_unchanged(file: Written, hashes: Contents, *, is_trusted: bool = True) ->
     does."""
     if size_of(file.content.path) != file.content.size:
         return False
-    stamp = _stamp(file.content.path) if is_trusted else ""
+    stamp = _shared_stamp(file.content.path) if is_trusted else ""
     return (bool(stamp) and stamp == file.stamp) or hashes.of(file.content.path).is_same(file.content)
 
 
-def _stamp(path: str) -> str:
+def _shared_stamp(path: str) -> str:
     """What changes whenever a file is changed or replaced, whatever times a program gives it. It is the same for all machines
     that see the file. Empty where the system does not tell it."""
     try:
@@ -402,64 +402,70 @@ def _stamp(path: str) -> str:
 
 
 def finish_record(
-    draft: Draft | None, done: Done, found: Sequence[Content], hashes: Contents, not_followed: Sequence[str] = ()
-) -> Done:
-    """Write the record of a bake if it has one and is done. A record that cannot be written is a warning.
+    assigned: Assignment,
+    entry: Entry,
+    found: Sequence[Content],
+    hashes: Contents,
+    *,
+    is_pictured: bool = False,
+    not_followed: Sequence[str] = (),
+) -> None:
+    """Write the record of a bake if it has one and is done. A record that cannot be written is a warning of the entry.
 
-    found, hashes: as in `write_record`. not_followed: why files that the bake read are not known, in clauses.
+    found, hashes, is_pictured: as in `write_record`. not_followed: why files that the bake read are not known, in clauses.
     """
-    if draft is None or done.entry.state not in {State.DONE, State.GATE}:
-        return done
+    if assigned.record is None or entry.state not in {State.DONE, State.GATE}:
+        return
     try:
         if not_followed:
             raise BakeError(f"{not_followed[0]}, so --resume does it again.")
-        files = [each["path"] for each in done.entry.files]
-        write_record(draft, done.entry.to_dict(), found, files, hashes, picture=done.picture)
+        write_record(assigned, entry, found, hashes, is_pictured=is_pictured)
     except BakeError as error:
-        return replace(done, warnings=[*done.warnings, f"The bake has no record: {error}"])
-    return done
+        entry.warnings.append(f"The bake has no record: {error}")
 
 
-def finish_untrusted(
-    draft: Draft | None,
-    plan: Plan,
-    done: Done,
+def check_untrusted(
+    assigned: Assignment,
+    entry: Entry,
     bounds: Bounds,
     unplanned: Callable[[Sequence[str]], Sequence[str]],
     *,
+    is_pictured: bool = False,
     check: Callable[[], None] = lambda: None,
-) -> Done:
-    """As `finish`, by the parent of the process that did the bake and may lie: what it says of files is compared with them. A
-    bake has failed if its process names what it may not have written or read.
+) -> Entry:
+    """The entry of a bake of untrusted files, which its process may have made up, and the bake's record.
 
-    unplanned: returns the paths among others to which the bake may not have written, as clashes.RunFiles.unplanned.
-    check: as in Contents.
+    The files in the entry are compared with those on the disk. A bake has failed if its process names what it may not have
+    written or read.
+
+    Args:
+        unplanned: Returns the paths among others to which the bake may not have written, as clashes.RunFiles.unplanned.
+        check: As in Contents.
     """
-    entry = done.entry
+    plan, hashes = assigned.plan, Contents(check)
     entry.number, entry.name, entry.signal, entry.log, entry.picture = plan.number, plan.name, "", "", ""
-    hashes = Contents(check)
     try:
         _check_written(entry, bounds, unplanned, hashes)
         for each in entry.inputs:
             bounds.check_read(each["path"], each["what"])
     except BakeError as error:
-        return Done.of(
-            bake_result.failure(plan.name, BakeError(f"Its process gave a wrong result: {error}")), plan.number
-        )
+        return Entry.failed(plan.number, plan.name, BakeError(f"Its process gave a wrong result: {error}"))
     named = {os.path.abspath(path) for path, _ in plans.input_paths(plan.options)}
     found = [hashes.of(each["path"], each["what"]) for each in entry.inputs]
-    for said, content in zip(entry.inputs, found, strict=True):
-        if content.facts() != said:
-            why = " and the bake has no record" if draft else ""
-            return replace(done, warnings=[*done.warnings, f"{content.path!r} is not as it was in the bake{why}."])
-    return finish_record(draft, done, [each for each in found if each.path not in named], hashes)
+    changed = next((now for now, then in zip(found, entry.inputs, strict=True) if now.facts() != then), None)
+    if changed is not None:
+        why = " and the bake has no record" if assigned.record else ""
+        entry.warnings.append(f"{changed.path!r} is not as it was in the bake{why}.")
+        return entry
+    others = [each for each in found if each.path not in named]
+    finish_record(assigned, entry, others, hashes, is_pictured=is_pictured)
+    return entry
 
 
 def _check_written(
     entry: Entry, bounds: Bounds, unplanned: Callable[[Sequence[str]], Sequence[str]], hashes: Contents
 ) -> None:
-    """Raise BakeError unless the files that a bake is said to have written are those that it may write, and have the content
-    that is said."""
+    """Raise BakeError unless the files of an entry are those that the bake may write, and have the content that it names."""
     if entry.state == State.RESUMED:
         raise BakeError("it was not done by an earlier call.")
     if entry.state in {State.DONE, State.GATE} and not entry.files:
@@ -468,10 +474,11 @@ def _check_written(
     for each in entry.files:
         bounds.check_write(each["path"], "a file")
     for path in unplanned(sorted(paths)):
-        raise BakeError(f"{path!r} is no file that it was to write.")
-    if more := {path for each in entry.reports for path in run_report.paths(each)} - paths:
+        raise BakeError(f"{path!r} is not a file that it may write.")
+    named = {path for each in entry.reports for found in run_report.written_paths(each).values() for path in found}
+    if more := named - paths:
         raise BakeError(f"a report names {min(more)!r}, which is not among its files.")
     for each in entry.files:
         content = hashes.of(each["path"], each["what"])
         if not os.path.isfile(each["path"]) or content.facts() != each:
-            raise BakeError(f"{content.path!r} is not as it says.")
+            raise BakeError(f"{content.path!r} is not as reported.")

@@ -5,131 +5,103 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import BakeError, sentence
-from . import option_types, report_file, run_report, sheet, terminal
+from . import option_types, run_report, sheet, terminal
 from .arguments import Parser, WrongUsage
-from .options import STDOUT, CommandOption
-from .report_file import LINES
-from .run_report import WRONG_USAGE, Entry, Only, State
+from .options import CommandOption
+from .run_report import FAILED, LINES, STDOUT, WRONG_USAGE, Entry, Only, State, ThisCall, Totals
 
 _RANKS = {State.STOPPED: 0, State.FAILED: 1, State.RESUMED: 2, State.GATE: 3, State.DONE: 3}
 """Of several entries of one bake, that with the highest rank counts, of equal ones the last."""
 
 
 @dataclass(frozen=True)
-class Part:
-    """A report, or the lines that a call has left which did not end. The other values are as the report has them."""
+class _Part:
+    """A report, or the lines that a call has left which did not end."""
 
     path: str
-    planned: int
+    head: dict[str, Any]
     only: Only | None
-    imprint: str
-    blender: str
-    code: str
-    """Empty in reports that were written before they had it."""
     entries: list[Entry]
 
+    @property
+    def versions(self) -> str:
+        return f"Imprint {self.head['imprint']} in Blender {self.head['blender']}"
 
-@dataclass(frozen=True)
-class Merged:
-    """The report of all. wanted: how many bakes a call was for, which are all without --only. missing: the numbers of those
-    that are in no report, or were stopped."""
-
-    document: dict[str, Any]
-    wanted: int
-    missing: list[int]
-    code: int
-    """The exit code that one call for all would have had; FAILED if bakes are missing."""
-    warnings: list[str]
+    @property
+    def code(self) -> str:
+        """The hash of the code; empty in reports that were written before they had it."""
+        return self.head.get("code", "")
 
 
-def read_parts(path: str) -> list[Part]:
+def _read_parts(path: str) -> list[_Part]:
     """What was reported to a path: the report, what a call has left that did not end, both or nothing. Raises BakeError."""
     lines = path if path.endswith(LINES) else path + LINES
-    found = [_report(path)] if path != lines and Path(path).exists() else []
+    found = []
+    if path != lines and Path(path).exists():
+        values = _json(path, Path(path).read_bytes())
+        found.append(_part(path, values, values.get("bakes") if isinstance(values, dict) else None))
     if Path(lines).exists():
-        found.append(_lines(lines))
+        # The first line is the head of the report. The last one may have been cut off.
+        first, *rest = Path(lines).read_bytes().split(b"\n")[:-1] or [b""]
+        found.append(_part(lines, _json(lines, first), [_json(lines, line) for line in rest]))
     return found
-
-
-def merge_reports(paths: Sequence[str]) -> Merged:
-    """Put reports together. Reports that are not there are named in warnings. Raises BakeError if none is, or if they are
-    not of one job file."""
-    parts, warnings = [], []
-    for path in paths:
-        found = read_parts(path)
-        parts += found
-        if not found:
-            warnings.append(f"There is no report {path!r}.")
-    if not parts:
-        raise BakeError(" ".join(warnings))
-    return _merged(parts, warnings)
-
-
-def _merged(parts: Sequence[Part], warnings: list[str]) -> Merged:
-    first = parts[0]
-    best: dict[int, Entry] = {}
-    for part in parts:
-        if part.planned != first.planned:
-            raise BakeError(f"{part.path!r} is of {part.planned} bakes, and {first.path!r} of {first.planned}.")
-        if (part.imprint, part.blender) != (first.imprint, first.blender):
-            warnings.append(
-                f"{part.path!r} is by Imprint {part.imprint} in Blender {part.blender}, and {first.path!r} by Imprint "
-                f"{first.imprint} in Blender {first.blender}."
-            )
-        elif part.code and first.code and part.code != first.code:
-            warnings.append(f"{part.path!r} and {first.path!r} are by other code of Imprint {first.imprint}.")
-        for entry in part.entries:
-            known = best.setdefault(entry.number, entry)
-            if known.name != entry.name:
-                raise BakeError(f"Bake {entry.number} is {known.name!r} in one report, and {entry.name!r} in another.")
-            if _RANKS[entry.state] >= _RANKS[known.state]:
-                best[entry.number] = entry
-    tally, entries = run_report.Tally(), [best[number] for number in sorted(best)]
-    for entry in entries:
-        tally.add(entry)
-    is_there = {entry.number for entry in entries if entry.state != State.STOPPED}
-    only = Only.union([part.only for part in parts])
-    wanted = sorted(only.numbers) if only else range(1, first.planned + 1)
-    missing = [number for number in wanted if number not in is_there]
-    document = run_report.document(entries, run_report.head(first.planned, only=only))
-    document.update(imprint=first.imprint, blender=first.blender, code=first.code)
-    return Merged(document, len(wanted), missing, run_report.FAILED if missing else tally.code, warnings)
-
-
-def _report(path: str) -> Part:
-    values = _json(path, Path(path).read_bytes())
-    return _part(path, values, values.get("bakes") if isinstance(values, dict) else None)
-
-
-def _lines(path: str) -> Part:
-    """The first line is the head of the report. The last one may have been cut off."""
-    head, *lines = Path(path).read_bytes().split(b"\n")[:-1] or [b""]
-    return _part(path, _json(path, head), [_json(path, line) for line in lines])
 
 
 def _json(path: str, content: bytes) -> Any:
     try:
         return json.loads(content)
     except (ValueError, RecursionError) as error:
-        raise BakeError(f"{path!r} is no report: it is not JSON.") from error
+        raise BakeError(f"{path!r} is not a report: it is not JSON.") from error
 
 
-def _part(path: str, head: Any, entries: Any) -> Part:
+def _part(path: str, head: Any, entries: Any) -> _Part:
     try:
         if head["imprint_report"] != run_report.VERSION:
             raise BakeError(f"{path!r} is a report of version {head['imprint_report']!r}, not {run_report.VERSION}.")
-        planned = int(head["planned"])
-        only = Only.from_dict(head.get("only"), planned)
-        made_by = str(head["imprint"]), str(head["blender"]), str(head.get("code", ""))
-        return Part(path, planned, only, *made_by, list(map(Entry.from_dict, entries)))
+        known = {"planned": int(head["planned"]), **{key: str(head[key]) for key in ("imprint", "blender")}}
+        only = Only.from_dict(head.get("only"), known["planned"])
+        return _Part(path, {**known, "code": str(head.get("code", ""))}, only, list(map(Entry.from_dict, entries)))
     except (KeyError, TypeError, ValueError) as error:
-        raise BakeError(f"{path!r} is no report of Imprint.") from error
+        raise BakeError(f"{path!r} is not a report of Imprint.") from error
+
+
+def _all_parts(paths: Sequence[str]) -> tuple[list[_Part], list[str]]:
+    """The reports, and a sentence for each that is not there. Raises BakeError if none is."""
+    by_path = {path: _read_parts(path) for path in paths}
+    warnings = [f"There is no report {path!r}." for path, found in by_path.items() if not found]
+    parts = [part for found in by_path.values() for part in found]
+    if not parts:
+        raise BakeError(" ".join(warnings))
+    return parts, warnings
+
+
+def _check_same(part: _Part, first: _Part) -> Iterator[str]:
+    """Sentences about versions that differ. Raises BakeError for reports of different job files."""
+    if part.head["planned"] != first.head["planned"]:
+        counts = part.head["planned"], first.head["planned"]
+        raise BakeError(f"{part.path!r} is of {counts[0]} bakes, and {first.path!r} of {counts[1]}.")
+    if part.versions != first.versions:
+        yield f"{part.path!r} is by {part.versions}, and {first.path!r} by {first.versions}."
+    elif part.code and first.code and part.code != first.code:
+        yield f"{part.path!r} and {first.path!r} are by other code of Imprint {first.head['imprint']}."
+
+
+def _best_entries(parts: Sequence[_Part]) -> list[Entry]:
+    """The entry that counts of each bake. Raises BakeError for reports of different job files."""
+    best: dict[int, Entry] = {}
+    for entry in (entry for part in parts for entry in part.entries):
+        known = best.setdefault(entry.number, entry)
+        if known.name != entry.name:
+            raise BakeError(f"Bake {entry.number} is {known.name!r} in one report, and {entry.name!r} in another.")
+        if _RANKS[entry.state] >= _RANKS[known.state]:
+            best[entry.number] = entry
+    return [best[number] for number in sorted(best)]
 
 
 REPORT_OPTIONS: dict[str, CommandOption] = {
@@ -162,14 +134,18 @@ def parser(program: str) -> argparse.ArgumentParser:
     return result
 
 
-def run_report_command(words: Sequence[str], program: str) -> int:
+def run_report_command(words: Sequence[str], program: str, call: ThisCall) -> int:
     """Do what the arguments say. Returns the exit code: 1 if bakes are missing."""
     try:
         options = parser(program).parse_intermixed_args(words)
         if not (options.merge or options.sheet):
             raise WrongUsage("--merge OUT.json or --sheet OUT.html is required")
-        merged = merge_reports(options.reports)
-        _write(options, merged)
+        parts, warnings = _all_parts(options.reports)
+        warnings += [text for part in parts for text in _check_same(part, parts[0])]
+        entries, first, only = _best_entries(parts), parts[0].head, Only.union([part.only for part in parts])
+        head = run_report.head(first["planned"], only=only, call=call) | first
+        wanted = sorted(only.numbers) if only else range(1, first["planned"] + 1)
+        _write(options, run_report.document(entries, head), len(wanted))
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:
@@ -179,26 +155,28 @@ def run_report_command(words: Sequence[str], program: str) -> int:
         text = str(error) if isinstance(error, OSError) else sentence(error)
         print(f"{program}: {text}", file=sys.stderr)
         return WRONG_USAGE
-    for warning in merged.warnings:
+    for warning in warnings:
         print(f"{program}: warning: {warning}", file=sys.stderr)
-    for entry in merged.document["bakes"]:
-        for text in filter(None, (entry["error"], *entry["gate"])):
-            print(f"{program}: {entry['name']}: {text}", file=sys.stderr)
-    if merged.missing:
-        print(f"{program}: missing: {run_report.ranges(merged.missing)}", file=sys.stderr)
-    return merged.code
+    for entry in entries:
+        for text in filter(None, (entry.error, *entry.gate)):
+            print(f"{program}: {entry.name}: {text}", file=sys.stderr)
+    finished = {entry.number for entry in entries if entry.state != State.STOPPED}
+    if missing := [number for number in wanted if number not in finished]:
+        print(f"{program}: missing: {run_report.ranges(missing)}", file=sys.stderr)
+        return FAILED
+    return Totals(entries).exit_code
 
 
-def _write(options: argparse.Namespace, merged: Merged) -> None:
+def _write(options: argparse.Namespace, document: dict[str, Any], wanted: int) -> None:
+    """Write what the options name, and print a line about so many bakes that the calls were for."""
     out = sys.stderr if options.merge == STDOUT else sys.stdout
     if options.merge == STDOUT:
-        print(report_file.as_text(merged.document))
+        print(run_report.as_text(document))
     elif options.merge:
-        report_file.check_report(options.merge, "the report")
-        report_file.write_report(Path(os.path.abspath(options.merge)), merged.document)
+        run_report.check_report(options.merge, "the report")
+        run_report.write_report(Path(os.path.abspath(options.merge)), document)
     if options.sheet:
-        report_file.check_page(options.sheet, "the page of results")
-        bakes = merged.document["bakes"]
-        rows = (sheet.row(entry, sheet.read_picture(entry["picture"])) for entry in bakes)
-        sheet.write(Path(os.path.abspath(options.sheet)), merged.document, rows)
-    print(terminal.total(merged.document["summary"], merged.wanted), file=out)
+        run_report.check_page(options.sheet, "the page of results")
+        rows = (sheet.row(entry, sheet.read_picture(entry["picture"])) for entry in document["bakes"])
+        sheet.write(Path(os.path.abspath(options.sheet)), document, rows)
+    print(terminal.total(document["summary"], wanted), file=out)

@@ -1,15 +1,174 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The report of a call as plain data, one shape for one bake, many, pairs or frames, and the exit code that follows from it."""
+"""The report of a run: an entry for each bake, the exit code that follows from them, and the files that hold it."""
 
 import json
+import os
 import platform
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Any
+from pathlib import Path
+from typing import IO, Any
 
 from ..core import versions
+from ..core.errors import BakeError, NoGpu, WrongPlace, sentence
+from ..output.atomic_file import check_writable, make_folder, reason, replacing
+
+VERSION = 2
+"""The version of the report's keys. It increases when a key is removed or changes its meaning, not for new keys."""
+ADDED = frozenset({"chain", "picture"})
+"""Keys of an entry that reports of this version may lack: they were added to it."""
+NOT_REPORTED = frozenset({"warnings", "summary", "image", "is_listed"})
+"""Fields of an entry that are no keys: they are for the terminal, and for pages of results."""
+MAP, MIP, EXPORT, SCENE = "map", "mip level", "export", "scene"
+"""What a file is that a bake wrote."""
+
+
+class State(StrEnum):
+    """The state of a bake."""
+
+    DONE = "done"
+    FAILED = "failed"
+    STOPPED = "stopped"
+    """A signal stopped it. Pairs and frames that were done by then are kept."""
+    GATE = "gate"
+    """Done, but a metric is over its limit."""
+    RESUMED = "resumed"
+    """Done by an earlier call, or by another one at the same time, and still true."""
+
+
+class Cause(StrEnum):
+    """Why a bake failed, for programs."""
+
+    NONE = ""
+    INPUT = "input"
+    """Its input or its settings, as the error says."""
+    GPU = "gpu"
+    """Blender's gpu module does not start on this machine."""
+    MEMORY = "memory"
+    """There was not enough memory, or the limit was reached."""
+    TIMEOUT = "timeout"
+    CRASH = "crash"
+
+    @classmethod
+    def of(cls, error: BakeError | MemoryError) -> "Cause":
+        """The cause that an exception stands for."""
+        if isinstance(error, MemoryError):
+            return cls.MEMORY
+        return cls.GPU if isinstance(error, NoGpu) else cls.INPUT
+
+
+@dataclass
+class Entry:
+    """A bake in the report."""
+
+    number: int
+    """Its place among all bakes of the job file or folder, from 1."""
+    name: str
+    state: State = State.DONE
+    error: str = ""
+    """One sentence."""
+    cause: Cause = Cause.NONE
+    signal: str = ""
+    """The name of the signal that ended its process, as SIGSEGV."""
+    gate: list[str] = field(default_factory=list)
+    """The metrics over their limits, in sentences."""
+    seconds: float = 0.0
+    inputs: list[dict[str, Any]] = field(default_factory=list)
+    """The files that it read: path, bytes, sha256, and what they are."""
+    files: list[dict[str, Any]] = field(default_factory=list)
+    """The files that it wrote: path, bytes, sha256, and what they are."""
+    are: str = ""
+    """What several reports are of: "pairs", "frames" or "levels"."""
+    reports: list[dict[str, Any]] = field(default_factory=list)
+    """As Report.to_dict returns them."""
+    chain: dict[str, Any] = field(default_factory=dict)
+    """The levels of detail that lod has measured, as ChainReport.to_dict returns them; empty for other bakes."""
+    problems: list[str] = field(default_factory=list)
+    """What is wrong with names, in sentences."""
+    log: str = ""
+    """The file with all that its process printed; empty if none was kept."""
+    picture: str = ""
+    """The file with its picture: the map, the low mesh with it, and its deviations; empty if none was kept."""
+    warnings: list[str] = field(default_factory=list)
+    """Warnings to print now that the bake has ended. Those that were printed before it are not among them."""
+    summary: list[str] = field(default_factory=list)
+    """What was baked, in lines for the terminal."""
+    image: bytes = b""
+    """The picture as a PNG file; empty if it has none."""
+    is_listed: bool = True
+    """Whether the report has it: not if a signal stopped it before anything was done."""
+
+    @classmethod
+    def failed(cls, number: int, name: str, error: BakeError | MemoryError) -> "Entry":
+        """The entry of a bake that raised an exception."""
+        return cls(number, name, State.FAILED, sentence(error), Cause.of(error))
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> "Entry":
+        """The entry of a report. Keys that it does not know are left out. Raises KeyError, TypeError or ValueError."""
+        needed = {each.name for each in fields(cls)} - NOT_REPORTED
+        known = {name: values[name] for name in needed if name not in ADDED or name in values}
+        return cls(**{**known, "state": State(known["state"]), "cause": Cause(known["cause"])})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for json.dump."""
+        return {name: value for name, value in vars(self).items() if name not in NOT_REPORTED}
+
+    def paths(self, *kinds: str) -> list[str]:
+        """The files that it wrote, as absolute paths. kinds: of MAP, MIP, EXPORT and SCENE."""
+        return [each["path"] for each in self.files if each["what"] in kinds]
+
+
+def written_paths(report: dict[str, Any]) -> dict[str, list[str]]:
+    """The files that a report of an entry names as written, by what they are.
+
+    Raises LookupError, TypeError or AttributeError for what is no report.
+    """
+    mips = [path for each in report["mip_files"].values() for path in each]
+    return {MAP: report["output"], MIP: mips, EXPORT: report["export"].get("files", [])}
+
+
+DONE = 0
+FAILED = 1
+"""A bake failed. The report has the reason."""
+WRONG_USAGE = 2
+"""The call or its input is wrong, so that nothing was baked. Another try does not help."""
+NO_MACHINE = 3
+"""This machine has no GPU for Blender, or too little memory. Another machine may do it."""
+GATE = 4
+"""All bakes are done, but a metric is over its limit."""
+
+
+class Totals:
+    """Counts the bakes of a run."""
+
+    def __init__(self, entries: Iterable[Entry] = ()):
+        self._seconds, self._states, self._causes = 0.0, Counter(), set()
+        for entry in entries:
+            self.add(entry)
+
+    def add(self, entry: Entry) -> None:
+        """Count a bake."""
+        self._states[entry.state] += 1
+        self._seconds += entry.seconds
+        if entry.state == State.FAILED:
+            self._causes.add(entry.cause)
+
+    def to_dict(self) -> dict[str, float]:
+        """How many bakes have each state, and the seconds of all."""
+        return {**{str(state): self._states[state] for state in State}, "seconds": self._seconds}
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of the run, if no signal stopped it."""
+        if self._causes:
+            return NO_MACHINE if self._causes <= {Cause.GPU, Cause.MEMORY} else FAILED
+        return GATE if self._states[State.GATE] else DONE
 
 
 @dataclass(frozen=True)
@@ -24,24 +183,10 @@ class ThisCall:
     """The arguments."""
 
     @classmethod
-    def of(cls, words: Sequence[str]) -> "ThisCall":
+    def of(cls, words: Sequence[str] = ()) -> "ThisCall":
         """The call that begins now. words: the arguments."""
         now = datetime.now(UTC).replace(microsecond=0, tzinfo=None)
         return cls(f"{now.isoformat()}Z", platform.node(), tuple(words))
-
-
-_noted: list[ThisCall] = []
-"""The call that is going on. A process does one at a time."""
-
-
-def note(call: ThisCall) -> None:
-    """Reports are of this call from now on."""
-    _noted[:] = [call]
-
-
-def noted() -> ThisCall:
-    """The call that is going on."""
-    return _noted[0] if _noted else ThisCall.of(())
 
 
 @dataclass(frozen=True)
@@ -94,185 +239,185 @@ def _numbers(text: str, most: int) -> Iterable[int]:
         yield from range(int(first), int(last or first) + 1)
 
 
-VERSION = 2
-"""The version of the report's keys. It increases when a key is removed or changes its meaning, not for new keys."""
+def head(
+    planned: int = 1, shard: str = "", only: Only | None = None, *, call: ThisCall | None = None
+) -> dict[str, Any]:
+    """What comes before the bakes in a report.
 
-
-ADDED = frozenset({"chain", "picture"})
-"""Keys of an entry that reports of this version may lack: they were added to it."""
-
-
-class State(StrEnum):
-    """What became of a bake."""
-
-    DONE = "done"
-    FAILED = "failed"
-    STOPPED = "stopped"
-    """A signal stopped it. Pairs and frames that were done by then are kept."""
-    GATE = "gate"
-    """Done, but a figure is over its limit."""
-    RESUMED = "resumed"
-    """Done by an earlier call, or by another one at the same time, and still true."""
-
-
-class Cause(StrEnum):
-    """Why a bake failed, for programs."""
-
-    NONE = ""
-    INPUT = "input"
-    """Its input or its settings, as the error says."""
-    GPU = "gpu"
-    """Blender's gpu module does not start on this machine."""
-    MEMORY = "memory"
-    """There was not enough memory, or the limit was reached."""
-    TIMEOUT = "timeout"
-    CRASH = "crash"
-
-
-@dataclass
-class Entry:
-    """A bake in the report."""
-
-    number: int
-    """Its place among all bakes of the job file or folder, from 1."""
-    name: str
-    state: State = State.DONE
-    error: str = ""
-    """One sentence."""
-    cause: Cause = Cause.NONE
-    signal: str = ""
-    """The name of the signal that ended its process, as SIGSEGV."""
-    gate: list[str] = field(default_factory=list)
-    """The figures over their limits, in sentences."""
-    seconds: float = 0.0
-    inputs: list[dict[str, Any]] = field(default_factory=list)
-    """The files that it read: path, bytes, sha256, and what they are."""
-    files: list[dict[str, Any]] = field(default_factory=list)
-    """The files that it wrote: path, bytes, sha256, and what they are."""
-    are: str = ""
-    """What several reports are of: "pairs", "frames" or "levels"."""
-    reports: list[dict[str, Any]] = field(default_factory=list)
-    """As Report.to_dict returns them."""
-    chain: dict[str, Any] = field(default_factory=dict)
-    """The levels of detail that lod has measured, as ChainReport.to_dict returns them; empty for other bakes."""
-    problems: list[str] = field(default_factory=list)
-    """What is wrong with names, in sentences."""
-    log: str = ""
-    """The file with all that its process printed; empty if none was kept."""
-    picture: str = ""
-    """The file with its picture: the map, the low mesh with it, and its deviations; empty if none was kept."""
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> "Entry":
-        """The entry of a report. Keys that it does not know are left out. Raises KeyError, TypeError or ValueError."""
-        known = {each.name: values[each.name] for each in fields(cls) if each.name not in ADDED or each.name in values}
-        return cls(**{**known, "state": State(known["state"]), "cause": Cause(known["cause"])})
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for json.dump."""
-        return asdict(self)
-
-    @property
-    def written(self) -> list[str]:
-        """The maps and the files for engines, as absolute paths."""
-        return [each["path"] for each in self.files if each["what"] in {MAP, EXPORT}]
-
-    @property
-    def maps(self) -> list[str]:
-        """The maps, as absolute paths."""
-        return [each["path"] for each in self.files if each["what"] == MAP]
-
-
-MAP, MIP, EXPORT, SCENE = "map", "mip level", "export", "scene"
-"""What a file is that a bake wrote."""
-
-
-def paths(report: dict[str, Any]) -> list[str]:
-    """The files that a report of an entry names as written. Raises LookupError, TypeError or AttributeError for what is no
-    report."""
-    found = [*report["output"], *report["export"].get("files", ())]
-    return found + [path for each in report["mip_files"].values() for path in each]
-
-
-def document(entries: Sequence[Entry], first: dict[str, Any] | None = None) -> dict[str, Any]:
-    """The report. first: what comes before the bakes, as `head` returns it; None for that of a single bake."""
-    return {**(first or head(1)), "bakes": [entry.to_dict() for entry in entries], "summary": summary(entries)}
-
-
-def text(entries: Iterable[str], counted: dict[str, float], first: dict[str, Any]) -> Iterator[str]:
-    """`document` as the lines of a file, for many entries, which are JSON. counted, first: as `summary` and `head` return
-    them."""
-    yield json.dumps(first, indent=2).removesuffix("\n}") + ',\n  "bakes": ['
-    before = ""
-    for entry in entries:
-        yield f"{before}\n    {entry}"
-        before = ","
-    yield f'\n  ],\n  "summary": {json.dumps(counted)}\n}}\n'
-
-
-def summary(entries: Iterable[Entry]) -> dict[str, float]:
-    """How many bakes have each state, and the seconds of all."""
-    counted = {**dict.fromkeys(map(str, State), 0), "seconds": 0.0}
-    for entry in entries:
-        count(counted, entry)
-    return counted
-
-
-def count(counted: dict[str, float], entry: Entry) -> None:
-    """Add an entry to a summary."""
-    counted[str(entry.state)] += 1
-    counted["seconds"] += entry.seconds
-
-
-def head(planned: int, shard: str = "", only: Only | None = None) -> dict[str, Any]:
-    """What comes before the bakes in a report. planned: how many bakes the job has. shard: the part, as K/N; empty for all.
-    only: None for all."""
+    Args:
+        planned: How many bakes the job has.
+        shard: The part, as K/N; empty for all.
+        only: None for all.
+        call: None for one that begins now.
+    """
     return {
         "imprint_report": VERSION,
         "imprint": versions.imprint(),
         "blender": versions.blender(),
         "code": versions.code(),
-        **asdict(noted()),
+        **asdict(call or ThisCall.of()),
         "planned": planned,
         "shard": shard or None,
         "only": only and only.to_dict(),
     }
 
 
-DONE = 0
-FAILED = 1
-"""A bake failed. The report has the reason."""
-WRONG_USAGE = 2
-"""The call or its input is wrong, so that nothing was baked. Another try does not help."""
-NO_MACHINE = 3
-"""This machine has no GPU for Blender, or too little memory. Another machine may do it."""
-GATE = 4
-"""All bakes are done, but a figure is over its limit."""
+def document(entries: Sequence[Entry], head: dict[str, Any]) -> dict[str, Any]:
+    """The report. head: as `head` returns it."""
+    return {**head, "bakes": [entry.to_dict() for entry in entries], "summary": Totals(entries).to_dict()}
 
 
-class Tally:
-    """Counts results for the exit code of a call."""
+STDOUT = "-"
+"""A report's path that stands for standard output."""
+LINES = ".lines"
+"""Added to the path of a report for the file that holds it while the bakes go on: its head, then an entry a line."""
+READ = 1024
+"""Bytes of the beginning of a file, which may have blanks."""
+_BLANK = b" \t\r\n\0"
+"""Bytes that are nothing. File systems leave zeros of a file that was written when the power failed."""
+LONGEST = 80
+"""Characters of a bake's name in the name of its file."""
 
-    def __init__(self):
-        self._causes: set[Cause] = set()
-        self._is_over = False
+
+def plain_name(name: str) -> str:
+    """The name of a bake for the name of a file."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("_")[:LONGEST]
+
+
+def report_path(report: str | None) -> Path | None:
+    """The absolute path of a report, or None where it goes to standard output, or nowhere."""
+    return Path(report).absolute() if report not in (None, STDOUT) else None
+
+
+def check_report(path: str, title: str) -> None:
+    """Raise WrongPlace if `path` is a file that is not JSON. title: of the report, for the message."""
+    _check_kind(path, title, (b"{", b"["), "JSON")
+
+
+def check_page(path: str, title: str) -> None:
+    """Raise WrongPlace if `path` is a file that is not HTML. title: of the page, for the message."""
+    _check_kind(path, title, (b"<!doctype html", b"<html"), "HTML")
+
+
+def _check_kind(path: str, title: str, starts: tuple[bytes, ...], kind: str) -> None:
+    if not os.path.isfile(path):  # a pipe would wait for a writer
+        return
+    try:
+        with open(path, "rb") as file:
+            start = file.read(READ)
+    except OSError:  # the bake reports it
+        return
+    start = start.removeprefix(b"\xef\xbb\xbf").lstrip(_BLANK).lower()
+    if start and not start.startswith(starts):
+        raise WrongPlace(
+            f"{title[:1].upper()}{title[1:]} would overwrite {path!r}, which is not {kind}: choose another path for it."
+        )
+
+
+def as_text(value: Any) -> str:
+    """Plain data as JSON."""
+    return json.dumps(value, indent=2)
+
+
+def write_report(path: Path, report: dict[str, Any]) -> None:
+    """Write a report to a file. Raises BakeError."""
+    with replacing(path) as partial:
+        partial.write_text(as_text(report) + "\n", encoding="utf-8")
+
+
+def write_failure(path: Path, report: dict[str, Any]) -> None:
+    """Write the report of a single bake that failed, if it can be written.
+
+    A file that holds no JSON is left alone: it may be an input that was not known to be one when the bake failed.
+    """
+    with suppress(BakeError, OSError, ValueError):
+        if path.exists():
+            json.loads(path.read_bytes())
+        write_report(path, report)
+
+
+class RowFile:
+    """A file of rows, which are written as bakes end, and read in the order of their numbers.
+
+    A row that cannot be written does not stop the bakes: `in_order` raises its error.
+    """
+
+    def __init__(self, name: str, start: Callable[[], IO[bytes]]):
+        """name: for the message. start: opens the file, at the first row."""
+        self._name, self._start = name, start
+        self._file: IO[bytes] | None = None
+        self._places: list[tuple[int, int, int]] = []
+        """The number of each bake, where its row begins, and its bytes."""
+        self._error: OSError | None = None
+
+    def add(self, number: int, row: bytes, *, is_lasting: bool = False) -> None:
+        """Append a row. is_lasting: whether to wait until it is on the disk."""
+        if self._error is not None:
+            return
+        try:
+            self._file = self._file or self._start()
+            place = self._file.tell()
+            self._places.append((number, place, self._file.write(row)))
+            self._file.flush()
+            if is_lasting:
+                os.fsync(self._file.fileno())
+        except OSError as error:
+            self._error = error
+
+    def in_order(self) -> Iterator[bytes]:
+        """All rows. Raises BakeError."""
+        if self._error is not None:
+            raise BakeError(f"{self._name!r} could not be written: {reason(self._error)}.") from self._error
+        for _, place, size in sorted(self._places):
+            self._file.seek(place)
+            yield self._file.read(size)
+
+    def close(self) -> None:
+        """Close the file. Can be called more than once."""
+        if self._file is not None:
+            with suppress(OSError):  # it writes what is left once more, which has failed before
+                self._file.close()
+
+
+class ReportFile:
+    """The report of many bakes. While they go on, their entries are in another file, which a crash leaves."""
+
+    def __init__(self, path: Path, head: dict[str, Any]):
+        """Raises BakeError if the file cannot be written. head: what comes before the bakes, as `head` returns it."""
+        check_writable(path)
+        self._path, self._head, self._totals = path, head, Totals()
+        self.lines = path.with_name(path.name + LINES)
+        self._rows = RowFile(str(self.lines), self._start)
+
+    def _start(self) -> IO[bytes]:
+        make_folder(self.lines.parent)
+        file = self.lines.open("w+b")
+        file.write(_line(self._head))
+        return file
+
+    def close(self) -> None:
+        """Close the file with the lines, which stays unless `finish` came before."""
+        self._rows.close()
 
     def add(self, entry: Entry) -> None:
-        """Count a result."""
-        if entry.state == State.FAILED:
-            self._causes.add(entry.cause)
-        self._is_over |= entry.state == State.GATE
+        """Append an entry, and wait until it is on the disk. `finish` reports a failure: the bakes go on."""
+        self._totals.add(entry)
+        is_resumed = entry.state == State.RESUMED  # its record has it
+        self._rows.add(entry.number, _line(entry.to_dict()), is_lasting=not is_resumed)
 
-    @property
-    def code(self) -> int:
-        """The exit code, if no signal stopped the call."""
-        if self._causes:
-            return NO_MACHINE if self._causes <= {Cause.GPU, Cause.MEMORY} else FAILED
-        return GATE if self._is_over else DONE
+    def finish(self) -> None:
+        """Write the report from all entries, in the order of their numbers, and remove the other file. Raises BakeError."""
+        rows = self._rows.in_order()
+        with replacing(self._path) as partial, partial.open("w", encoding="utf-8") as file:
+            file.write(as_text(self._head).removesuffix("\n}") + ',\n  "bakes": [')
+            before = "\n    "
+            for row in rows:
+                file.write(before + row.decode().removesuffix("\n"))
+                before = ",\n    "
+            file.write(f'\n  ],\n  "summary": {json.dumps(self._totals.to_dict())}\n}}\n')
+        self.close()
+        self.lines.unlink(missing_ok=True)
 
 
-def exit_code(entry: Entry) -> int:
-    """The exit code of a call that made one bake."""
-    tally = Tally()
-    tally.add(entry)
-    return tally.code
+def _line(values: dict[str, Any]) -> bytes:
+    return json.dumps(values).encode() + b"\n"

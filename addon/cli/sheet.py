@@ -7,16 +7,13 @@ import html
 import json
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
-from ..core.errors import BakeError
 from ..core.file_formats import PNG
-from ..output.atomic_file import check_writable, make_folder, reason, replacing
-from . import report_file, run_report
-from .bake_result import Done
-from .run_report import Entry, State
+from ..output.atomic_file import check_writable, make_folder, replacing
+from . import run_report
+from .run_report import Entry, RowFile, State, Totals
 
 COLUMNS = (
     "Number",
@@ -109,7 +106,7 @@ def page(report: dict[str, Any], title: str, rows: Iterable[str]) -> Iterator[st
 def row(entry: dict[str, Any], picture: bytes) -> str:
     """The row of a bake. entry: as Entry.to_dict returns it. picture: a PNG file, or nothing."""
     reports = entry["reports"]
-    figures = [
+    metrics = [
         _worst(100.0 * each["missed"] for each in reports if "missed" in each),
         _worst(100.0 * each["checks"]["unsure"]["share"] for each in reports if "unsure" in each.get("checks", ())),
         _worst(100.0 * each["overlap"] for each in reports if "overlap" in each),
@@ -124,8 +121,8 @@ def row(entry: dict[str, Any], picture: bytes) -> str:
         f"<td>{html.escape(entry['state'])}</td>",
         f"<td>{html.escape(entry['name'])}</td>",
         f"<td>{_image(picture, entry['name'])}</td>",
-        *(_number(figure, ".3g") for figure in figures[:4]),
-        _number(figures[4], ".2f"),
+        *(_number(metric, ".3g") for metric in metrics[:4]),
+        _number(metrics[4], ".2f"),
         f"<td>{'<br>'.join(map(_link, maps))}</td>",
         f"<td>{'<br>'.join(map(html.escape, filter(None, messages)))}</td>",
     ]
@@ -160,25 +157,24 @@ def picture_path(folder: str, files: Sequence[dict[str, Any]], inputs: Sequence[
     a bake that has moved in the job file the same. files, inputs: those of its entry, with their hashes; it has files."""
     read_and_written = "".join(str(each["sha256"]) for each in (*inputs, *files))
     digest = hashlib.sha256(read_and_written.encode()).hexdigest()
-    name = report_file.plain_name(Path(files[0]["path"]).stem)
+    name = run_report.plain_name(Path(files[0]["path"]).stem)
     return Path(folder).absolute() / f"{name}_{digest[:12]}{PNG.endings[0]}"
 
 
-def keep_picture(folder: str, done: Done) -> bytes:
+def keep_picture(folder: str, entry: Entry) -> None:
     """Write the picture of a bake, or find that of a bake that was done before, and note its path in the entry.
 
-    Returns it, or nothing if there is none. Raises BakeError if it cannot be written.
+    Raises BakeError if it cannot be written.
     """
-    if not done.entry.files:
-        return b""
-    path = picture_path(folder, done.entry.files, done.entry.inputs)
-    if done.picture:
+    if not entry.files:
+        return
+    path = picture_path(folder, entry.files, entry.inputs)
+    if entry.image:
         with replacing(path) as partial:
-            partial.write_bytes(done.picture)
+            partial.write_bytes(entry.image)
     elif not path.is_file():
-        return b""
-    done.entry.picture = str(path)
-    return done.picture or read_picture(str(path))
+        return
+    entry.picture = str(path)
 
 
 def read_picture(path: str) -> bytes:
@@ -195,46 +191,28 @@ class SheetFile:
     def __init__(self, path: Path, head: dict[str, Any]):
         """Raises BakeError if the file cannot be written. head: from run_report.head."""
         check_writable(path)
-        self.path, self._head = path, head
-        self._rows: IO[bytes] | None = None
-        self._places: list[tuple[int, int, int]] = []
-        """The number of each bake, where its row begins, and its bytes."""
-        self._size = 0
-        self._error: OSError | None = None
-        self._counted = run_report.summary(())
+        self.path, self._head, self._totals = path, head, Totals()
+        self._rows = RowFile(str(path), self._start)
+
+    def _start(self) -> IO[bytes]:
+        make_folder(self.path.parent)
+        return tempfile.TemporaryFile(dir=self.path.parent)  # noqa: SIM115 (see close)
 
     def close(self) -> None:
         """Forget the rows."""
-        if self._rows is not None:
-            with suppress(OSError):  # it writes what is left once more, which has failed before
-                self._rows.close()
+        self._rows.close()
 
-    def add(self, entry: Entry, picture: bytes) -> None:
-        """Add a row. picture: a PNG file, or nothing. A failure is reported by `finish`: the bakes go on."""
-        run_report.count(self._counted, entry)
-        if self._error is not None:
-            return
-        try:
-            if self._rows is None:
-                make_folder(self.path.parent)
-                self._rows = tempfile.TemporaryFile(dir=self.path.parent)  # noqa: SIM115 (see close)
-            size = self._rows.write(row(entry.to_dict(), picture).encode(errors="replace"))
-            self._places.append((entry.number, self._size, size))
-            self._size += size
-        except OSError as error:
-            self._error = error
+    def add(self, entry: Entry) -> None:
+        """Add a row. `finish` reports a failure: the bakes go on."""
+        self._totals.add(entry)
+        picture = entry.image or read_picture(entry.picture)
+        self._rows.add(entry.number, row(entry.to_dict(), picture).encode(errors="replace"))
 
     def finish(self) -> None:
         """Write the page. Raises BakeError."""
-        if self._error is not None:
-            raise BakeError(f"{str(self.path)!r} could not be written: {reason(self._error)}.") from self._error
-        write(self.path, {**self._head, "summary": self._counted}, self._in_order())
+        rows = map(bytes.decode, self._rows.in_order())
+        write(self.path, {**self._head, "summary": self._totals.to_dict()}, rows)
         self.close()
-
-    def _in_order(self) -> Iterator[str]:
-        for _, start, size in sorted(self._places):
-            self._rows.seek(start)
-            yield self._rows.read(size).decode()
 
 
 def write(path: Path, report: dict[str, Any], rows: Iterator[str]) -> None:

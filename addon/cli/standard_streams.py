@@ -11,10 +11,10 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from ..core.naming import printable
 from ..core.quiet import flush, silence
 
-__all__ = ["be_patient", "flush", "ours", "reserve", "silence"]
+__all__ = ["flush", "ignore_errors", "redirect_blender", "reserve", "silence"]
 
 
-class _Patient(io.FileIO):
+class _ErrorTolerantStream(io.FileIO):
     """A stream of the system that ignores errors: a full disk or a closed pipe must not stop a bake."""
 
     error: OSError | None = None
@@ -52,35 +52,35 @@ def reserve() -> None:
             setattr(sys, name, io.TextIOWrapper(io.FileIO(number, "w", closefd=False)))
 
 
-def be_patient() -> None:
+def ignore_errors() -> None:
     """Both standard streams ignore errors from now on."""
     flush()
-    sys.stdout, sys.stderr = (_text(_Patient(number, "wb", closefd=False)) for number in (1, 2))
+    sys.stdout, sys.stderr = (_text(_ErrorTolerantStream(number, "wb", closefd=False)) for number in (1, 2))
 
 
-MOST_SAID = 20
+MOST_LINES = 20
 """Lines of Blender that are printed."""
 
 
 @contextmanager
-def ours(said: int | None = None) -> Iterator[Callable[[], list[str]]]:
+def redirect_blender(output: int | None = None) -> Iterator[Callable[[], list[str]]]:
     """Both standard streams ignore errors, and Blender's own messages go to standard error, or to a file.
 
-    said: the descriptor of the file. Yields a function that returns the lines in it, which are to be printed as lines of
+    output: the descriptor of the file. Yields a function that returns the lines in it, which are to be printed as lines of
     Imprint. Streams that are not the system's own, as in a test that captures them, stay as they are.
     """
     if not (_is(sys.stdout, 1) and _is(sys.stderr, 2)):
         yield list
         return
-    out, err = (_Patient(os.dup(number), "wb") for number in (1, 2))
+    out, err = (_ErrorTolerantStream(os.dup(number), "wb") for number in (1, 2))
     flush()
     kept = os.dup(1), os.dup(2)
-    os.dup2(2 if said is None else said, 1)
-    if said is not None:
-        os.dup2(said, 2)
+    os.dup2(2 if output is None else output, 1)
+    if output is not None:
+        os.dup2(output, 2)
     try:
         with _text(out) as stdout, _text(err) as stderr, redirect_stdout(stdout), redirect_stderr(stderr):
-            yield lambda: [] if said is None else _lines(said)
+            yield lambda: [] if output is None else _lines(output)
             stdout.flush()
             if out.error is not None and not isinstance(out.error, BrokenPipeError):  # as in "| head -1"
                 print(f"imprint: standard output could not be written: {out.error.strerror}.", file=stderr)
@@ -91,13 +91,13 @@ def ours(said: int | None = None) -> Iterator[Callable[[], list[str]]]:
             os.close(copy)
 
 
-def _lines(said: int) -> list[str]:
-    """The different lines in a file, at most MOST_SAID of them, and how many more there are."""
+def _lines(output: int) -> list[str]:
+    """The different lines in a file, at most MOST_LINES of them, and how many more there are."""
     flush()
-    text = os.pread(said, 1 << 20, 0).decode(errors="replace")
+    text = os.pread(output, 1 << 20, 0).decode(errors="replace")
     found = list(dict.fromkeys(line.strip() for line in text.splitlines() if line.strip()))
-    more = len(found) - MOST_SAID
-    return found if more <= 0 else [*found[:MOST_SAID], f"and {more:,} more lines"]
+    more = len(found) - MOST_LINES
+    return found if more <= 0 else [*found[:MOST_LINES], f"and {more:,} more lines"]
 
 
 def _is(stream, number: int) -> bool:
@@ -107,6 +107,6 @@ def _is(stream, number: int) -> bool:
         return False
 
 
-def _text(file: _Patient) -> io.TextIOWrapper:
+def _text(file: _ErrorTolerantStream) -> io.TextIOWrapper:
     """Text that never fails to be encoded, line by line."""
     return _Text(io.BufferedWriter(file), errors="backslashreplace", line_buffering=True)

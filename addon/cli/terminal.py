@@ -16,14 +16,13 @@ from typing import Any, TextIO
 from ..core.naming import printable
 from ..core.progress import Progress
 from . import run_report, standard_streams
-from .bake_result import Result
-from .options import STDOUT, RunOptions
+from .options import RunOptions
 from .plans import Plan
-from .run_report import Entry, State
+from .run_report import STDOUT, Entry, Totals
 
 
 class Meter:
-    """Writes the progress to `stream` if it is a terminal, else nothing. results.events has another one for programs."""
+    """Writes the progress to `stream` if it is a terminal, else nothing. Events are another one, for programs."""
 
     def __init__(self, stream: TextIO):
         self.is_on = stream.isatty()
@@ -83,60 +82,41 @@ class Meter:
         self._width = len(line)
 
 
-def summary(result: Result) -> Iterator[str]:
-    """The summary of a single bake, in lines. A sequence has one line, since its frames hardly differ."""
-    if result.chain is not None:
-        yield from (*result.chain.table(), result.chain.summary()[-1])
-    elif result.are == "frames":
-        seconds = sum(report.seconds["total"] for report in result.reports)
-        yield f"{len(result.reports)} frames of {result.reports[0].low!r}, {seconds:.2f} s"
-    else:
-        yield from (line for report in result.reports for line in report.summary())
+def saved(entry: Entry) -> Iterator[str]:
+    """A line for each map, in Blender's words after a rendering, by which farms find a picture to show."""
+    yield from (printable(f"Saved: '{path}'") for path in entry.paths(run_report.MAP))
 
 
-def wrote(result: Result, report: Path | None) -> str:
+def wrote(entry: Entry, report: Path | None) -> str:
     """The files that a single bake wrote, as absolute paths: of frames the first and the last one. report: its file."""
-    maps = result.maps
-    if result.are == "frames" and len(maps) > 2:
+    maps = entry.paths(run_report.MAP)
+    if entry.are == "frames" and len(maps) > 2:
         maps = [f"{len(maps)} maps from {maps[0]} to {maps[-1]}"]
-    return f"Wrote {', '.join([*maps, *result.exports, *(str(path) for path in (result.scene, report) if path)])}"
-
-
-class _Nowhere(io.TextIOBase):
-    """Takes text and keeps none."""
-
-    def write(self, text: str) -> int:
-        return len(text)
+    others = entry.paths(run_report.EXPORT, run_report.SCENE)
+    return f"Wrote {', '.join([*maps, *others, *([str(report)] if report else [])])}"
 
 
 def out(options: RunOptions) -> TextIO:
     """Where the summary goes: standard output, or standard error if the report goes there, or nowhere."""
-    return _Nowhere() if options.quiet else sys.stderr if options.report == STDOUT else sys.stdout
-
-
-def saved(paths: Sequence[str]) -> Iterator[str]:
-    """A line for each map, in Blender's words after a rendering, by which farms find a picture to show."""
-    yield from (printable(f"Saved: '{path}'") for path in paths)
+    return io.StringIO() if options.quiet else sys.stderr if options.report == STDOUT else sys.stdout
 
 
 def line(entry: Entry, width: int) -> str:
     """A line of the table of many bakes. width: of the longest name."""
-    return printable(
-        f"{entry.state:7} {entry.seconds:8.2f} s  {entry.name:{width}}  {', '.join(entry.written)}".rstrip()
-    )
+    paths = ", ".join(entry.paths(run_report.MAP, run_report.EXPORT))
+    return printable(f"{entry.state:7} {entry.seconds:8.2f} s  {entry.name:{width}}  {paths}".rstrip())
 
 
 def total(counted: dict[str, float], planned: int) -> str:
-    """The last line of the table. counted: as run_report.summary returns it. planned: how many were to be done."""
-    done, failed = int(counted[State.DONE] + counted[State.GATE]), int(counted[State.FAILED])
-    resumed = int(counted[State.RESUMED])
+    """The last line of the table. counted: from Totals.to_dict. planned: the number of bakes of the call."""
+    done, failed, resumed = counted["done"] + counted["gate"], counted["failed"], counted["resumed"]
     left = planned - failed - done - resumed
     parts = [
         f"{done} done",
         *([f"{resumed} done before"] if resumed else []),
         f"{failed} failed",
         *([f"{left} stopped or not begun"] if left else []),
-        *([f"{int(counted[State.GATE])} over a limit"] if counted[State.GATE] else []),
+        *([f"{counted['gate']} over a limit"] if counted["gate"] else []),
     ]
     return f"{', '.join(parts)}, {counted['seconds']:.2f} s"
 
@@ -194,7 +174,7 @@ class Events(Meter):
         """The bake that began last, which is the only one if there is one process."""
         self._times: dict[int, float] = {}
         """When each bake's percentage was written last, by time.monotonic."""
-        self._counted = run_report.summary(())
+        self._totals = Totals()
 
     def be_quiet(self) -> None:
         self.is_quiet = True
@@ -218,7 +198,7 @@ class Events(Meter):
     def ended(self, entry: Entry) -> None:
         self._plan = None
         self._times.pop(entry.number, None)
-        run_report.count(self._counted, entry)
+        self._totals.add(entry)
         self.write(
             str(entry.state),
             number=entry.number,
@@ -241,7 +221,7 @@ class Events(Meter):
         self.write("message", severity=str(severity), text=text)
 
     def finished(self, code: int) -> None:
-        self.write("finished", exit_code=code, **self._counted)
+        self.write("finished", exit_code=code, **self._totals.to_dict())
 
     def clear(self) -> None:
         """There is no line to erase."""

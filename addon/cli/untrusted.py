@@ -188,7 +188,7 @@ def _check_name(path: str, title: str) -> None:
     except UnicodeError:
         is_path = False
     if not is_path:
-        raise WrongPlace(f"{_subject(title)}, {path!r}, is no path of this system.")
+        raise WrongPlace(f"{_subject(title)}, {path!r}, is not a path of this system.")
 
 
 def _with_tiles(path: str) -> Iterator[str]:
@@ -206,7 +206,7 @@ def _check_file(path: str, title: str) -> None:
     except (OSError, ValueError):
         return
     if not stat.S_ISREG(found.st_mode):
-        raise WrongPlace(f"{_subject(title)}, {path!r}, is no file.")
+        raise WrongPlace(f"{_subject(title)}, {path!r}, is not a file.")
     if found.st_size > MOST_READ:
         raise WrongPlace(
             f"{_subject(title)}, {path!r}, has more than {MOST_READ >> 30} GiB, the most that --untrusted reads."
@@ -353,7 +353,8 @@ class Sandbox:
     def _readable(self, words: Sequence[str]) -> Iterator[str]:
         """The files and folders that the worker may read. words: as in `command`."""
         yield from _SYSTEM
-        yield from sorted({sys.prefix, sys.base_prefix, sys.exec_prefix, os.path.dirname(os.path.realpath(words[0]))})
+        of_python = {sys.prefix, sys.base_prefix, sys.exec_prefix, os.path.dirname(os.path.realpath(words[0]))}
+        yield from sorted(of_python | set(map(os.path.realpath, of_python)))  # .venv can be a link in the checkout
         yield ROOT
         for name in _PATHS_OF_DRIVERS:
             yield from (path for path in os.environ.get(name, "").split(os.pathsep) if os.path.isabs(path))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bakes one plan after the other: all bakes of a run in this process, or in a worker those that its parent sends."""
+"""The program of a worker: bakes one plan after the other as its parent sends them."""
 
 import argparse
 import ctypes
@@ -8,123 +8,20 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from io import FileIO
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ..core.errors import BakeError, WrongPlace
+from ..core.errors import WrongPlace
 from ..core.progress import Progress
-from ..output import png_writer
 from ..output.atomic_file import make_folder, reason
-from . import (
-    bake_result,
-    batch,
-    blender_process,
-    clashes,
-    interruption,
-    records,
-    run_report,
-    scene_files,
-    standard_streams,
-)
-from .bake_result import Done, Result
-from .options import RunOptions
+from . import batch, clashes, interruption, scene_files, standard_streams
+from .batch import Baker
 from .plans import Plan
-from .records import Contents, Draft
-from .run_report import State
-from .scene_files import SceneLoader
-from .terminal import Meter
-from .turns import Chains, Resumed, Turns
-from .worker_process import CONNECTION, Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, packed
-
-MOST_PICTURES = 4
-"""Pairs or frames of a bake that have pictures."""
-TURN_WAIT = 0.1
-"""Seconds after which signals are checked again, while other processes do all bakes that are left."""
-
-
-class Baker:
-    """Bakes one plan after the other in this process. A bake that fails does not stop the others."""
-
-    def __init__(
-        self,
-        files: clashes.RunFiles,
-        meter: Meter,
-        options: RunOptions,
-        *,
-        needs_all: bool,
-        folders: Sequence[str] = (),
-    ):
-        """Start without a scene.
-
-        Args:
-            files: Must have all plans.
-            options: Of the run.
-            needs_all: As batch.need_all says of all plans.
-            folders: As in SceneLoader.
-        """
-        self._files, self._meter, self._folders, self._loader = files, meter, folders, SceneLoader(folders)
-        self._options, self._contents = options, Contents()
-        if needs_all:
-            blender_process.complete()  # before a file is opened: Cycles brings its settings in old files up to date
-
-    def bake(self, plan: Plan, draft: Draft | None = None) -> Done:
-        """Bake a plan. draft: of the record to write."""
-        start, found, not_followed = time.perf_counter(), [], []
-        hashes = self._contents if self._options.has_hashes or draft is not None else None
-        try:
-            interruption.check()
-            opened = batch.open_files(
-                plan, self._loader, self._files, self._meter, hashes, is_pictured=self._options.has_pictures
-            )
-            found, not_followed = opened.found, opened.not_followed
-            result = batch.run(opened, self._loader, self._files, self._meter)
-        except interruption.Stopped:
-            result = Result(plan.name, is_stopped=True)
-        except (BakeError, MemoryError) as error:
-            result = bake_result.failure(plan.name, error)
-            self._loader = SceneLoader(self._folders)  # the failed bake may have changed the open scene
-        result.seconds = time.perf_counter() - start
-        self._meter.clear()
-        done = Done.of(result, plan.number, _picture(result))
-        return records.finish_record(draft, done, found, self._contents, not_followed)
-
-
-def _picture(result: Result) -> bytes:
-    """The pictures of the first few reports, one above the other, as a PNG file; empty if there are none."""
-    found = [report.picture for report in result.reports if report.picture is not None][:MOST_PICTURES]
-    return png_writer.small(np.concatenate(found)) if found else b""
-
-
-def bake_all(turns: Turns, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Done]:
-    """Do all that is left of `turns`. The last result may be of a bake that was stopped. files, options: as in Baker."""
-    count, place, chains = turns.count, 0, Chains()
-    baker = Baker(files, meter, options, needs_all=batch.need_all([turn.plan for turn in turns.left]))
-    while turns.count:
-        turn = turns.next()
-        if turn is None:
-            time.sleep(TURN_WAIT)
-            if interruption.code():
-                turns.stop()
-            continue
-        place += 1
-        if isinstance(turn, Resumed):
-            yield Done.resumed(turn.plan, turn.result)
-            continue
-        meter.begin(turn.plan, f"{place}/{count} ")
-        refusal = chains.refusal(turn.plan)
-        done = Done.of(refusal, turn.plan.number) if refusal else baker.bake(turn.plan, turn.draft)
-        chains.ended(turn.plan, done)
-        yield done
-        if done.entry.state == State.STOPPED:
-            turns.stop()
-
+from .worker_process import CONNECTION, Answer, Begun, FilesFound, Line, Percent, Ready, log_path, packed
 
 if os.name == "nt":
     from multiprocessing.connection import PipeConnection
@@ -165,25 +62,27 @@ def run_worker() -> int:
     """Bake until the parent closes the connection, has gone, or a signal came. Returns the exit code."""
     parent = _Parent()
     _end_with_parent()
-    standard_streams.be_patient()
+    standard_streams.ignore_errors()
     prints = _Prints()
     batch.start_gpu()
     with suppress(_Gone):
         parent.send(Ready())
         baker = None
         while not interruption.code():
-            assigned: Assignment = parent.receive()
+            setup, assigned = parent.receive()
             parent.send(Begun())
-            problem = prints.to(Path(assigned.log)) if assigned.log else ""
-            run_report.note(assigned.options.call)
-            if assigned.folders:
+            log = log_path(setup.options.log, assigned.plan)
+            problem = prints.to(Path(log)) if log else ""
+            if setup.folders:
                 scene_files.forbid_scripts()
-            meter, of_all = _Meter(parent, is_on=assigned.is_shown), assigned.options
-            own = {"needs_all": assigned.needs_all, "folders": assigned.folders}
-            baker = baker or Baker(_Files(parent), meter, of_all, **own)
-            done = baker.bake(assigned.plan, assigned.draft)
+            meter = _Meter(parent, is_on=setup.is_shown)
+            baker = baker or Baker(
+                _Files(parent), meter, setup.options, needs_all=setup.needs_all, folders=setup.folders
+            )
+            entry = baker.bake(assigned)
+            entry.warnings += [problem] if problem else []
             standard_streams.flush()
-            parent.send(replace(done, warnings=[*done.warnings, problem]) if problem else done)
+            parent.send(entry)
     return 0
 
 
@@ -197,7 +96,7 @@ class _Prints:
     """Where this process prints. Python's place in a crash goes there, too, also while Blender's messages are discarded."""
 
     def __init__(self):
-        self._crashes = self._tell_crashes()
+        self._crashes = self._report_crashes()
 
     def to(self, path: Path) -> str:
         """Print to a new file from now on. Returns a sentence if that fails."""
@@ -210,11 +109,11 @@ class _Prints:
         for number in (1, 2):
             os.dup2(descriptor, number)
         os.close(descriptor)
-        former, self._crashes = self._crashes, self._tell_crashes()
+        former, self._crashes = self._crashes, self._report_crashes()
         former.close()
         return ""
 
-    def _tell_crashes(self) -> FileIO:
+    def _report_crashes(self) -> FileIO:
         """A second way to standard error as it is now, which Python writes to in a crash."""
         file = FileIO(os.dup(2), "w")
         faulthandler.enable(file, all_threads=False)
@@ -245,7 +144,7 @@ class _Files:
 
 
 class _Meter:
-    """As terminal_progress.Meter, which only the parent has."""
+    """As terminal.Meter, which only the parent has."""
 
     place = "-"
 

@@ -4,53 +4,45 @@
 import ctypes
 import functools
 import json
-import math
 import os
-import pickle
 import re
 import signal
-import socket
 import stat
-import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, is_dataclass, replace
 from enum import StrEnum
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, get_args, get_origin, get_type_hints
 
 from ..core.naming import printable
 from ..core.progress import BEGUN
 from . import interruption, run_report, sheet
-from .bake_result import Done
 from .options import RunOptions
 from .plans import Plan
-from .records import Draft
+from .records import Assignment
+from .run_report import Entry
 from .untrusted import Sandbox, processes_in
 
 
 @dataclass(frozen=True)
-class Assignment:
-    """To a worker: a bake to do."""
+class Setup:
+    """To a worker, in a tuple with an Assignment: what all bakes of the run have in common."""
 
-    plan: Plan
     options: RunOptions
-    """Of the run, as the next three."""
     needs_all: bool
-    """As batch.need_all says of all plans."""
+    """As batch.need_all returns it for all plans."""
     is_shown: bool
     """Whether the parent shows how far bakes are."""
     folders: tuple[str, ...] = ()
     """Those that bakes of untrusted files read; none for others."""
-    log: str = ""
-    """The file for all that the process prints; empty for none."""
-    draft: Draft | None = None
-    """Of the record; None for a bake without one."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +59,14 @@ class Ready:
 
 @dataclass(frozen=True)
 class Begun:
-    """To the parent: the worker has its Assignment. Without that, another one can have it."""
+    """To the parent: the worker has its Assignment. Without that, another worker can have it."""
+
+
+@dataclass(frozen=True)
+class Gone:
+    """To the parent, from the thread that reads: the process has ended, or a sentence that says what is wrong with it."""
+
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -98,32 +97,32 @@ class Line:
 
 LONGEST_MESSAGE = 1 << 26
 """Of a message from a worker for untrusted files. Others may have long sequences, with a report for each frame."""
-_FROM_WORKERS = {each.__name__: each for each in (Done, FilesFound, Ready, Begun, Percent, Line)}
+_FROM_WORKERS = {each.__name__: each for each in (Entry, FilesFound, Ready, Begun, Percent, Line)}
 _PICTURE = b"\0"
-"""Between the JSON of a message, which has no such byte, and the picture of a Done."""
+"""Between the JSON of a message, which has no such byte, and the picture of an Entry."""
 
 
 def packed(message: Any) -> bytes:
     """A message of a worker as JSON."""
     values = dict(vars(message))
-    picture = values.pop("picture", b"")
+    image = values.pop("image", b"")
     text = json.dumps([type(message).__name__, values], default=vars)
-    return text.encode() + _PICTURE + picture
+    return text.encode() + _PICTURE + image
 
 
 def unpacked(content: bytes, *, is_trusted: bool = True) -> Any:
     """A message of a worker from its bytes. Raises OSError for what is no message.
 
-    is_trusted: whether the figures in its reports are taken to be such.
+    is_trusted: whether the values in its reports are taken to be of the right types.
     """
-    text, _, picture = content.partition(_PICTURE)
+    text, _, image = content.partition(_PICTURE)
     try:
         name, values = json.loads(text)
-        if name == Done.__name__:
-            values["picture"] = picture
+        if name == Entry.__name__:
+            values["image"] = image
         message = _made(values, _FROM_WORKERS[name])
-        if not is_trusted and isinstance(message, Done):
-            _check_figures(message)
+        if not is_trusted and isinstance(message, Entry):
+            _check_reports(message)
     except (LookupError, ValueError, TypeError, AttributeError, MemoryError, RecursionError) as error:
         raise OSError("no message") from error
     return message
@@ -150,109 +149,20 @@ def _hints(kind: type) -> dict[str, Any]:
     return get_type_hints(kind)
 
 
-def _check_figures(done: Done) -> None:
-    """Raise LookupError, TypeError, ValueError or AttributeError if a result cannot be shown as those of bakes are."""
-    for each in (*done.entry.files, *done.entry.inputs):
+def _check_reports(entry: Entry) -> None:
+    """Raise LookupError, TypeError, ValueError or AttributeError if an entry cannot be shown as those of bakes are."""
+    for each in (*entry.files, *entry.inputs):
         if not all(isinstance(each[name], str) for name in ("path", "what")):
             raise TypeError("a file without a path")
-    if not all(isinstance(path, str) for each in done.entry.reports for path in run_report.paths(each)):
+    written = (paths for each in entry.reports for paths in run_report.written_paths(each).values())
+    if not all(isinstance(path, str) for paths in written for path in paths):
         raise TypeError("a path that is no text")
-    sheet.row(done.entry.to_dict(), b"")
+    sheet.row(entry.to_dict(), b"")
 
 
-STALLED = 20.0
-"""Seconds that a message may take, in either direction, before its worker counts as gone."""
-_MOST_AT_ONCE = 1 << 20
-"""Bytes that are read or written in one call of the system."""
-_LENGTH, _LONG = struct.Struct("!i"), struct.Struct("!Q")
-"""What comes before a message of multiprocessing.connection: its bytes, or -1 and its bytes."""
-
-
-class Channel:
-    """A connection whose messages are those of multiprocessing.connection."""
-
-    def __init__(self):
-        self.connection, self.other = Pipe()
-        """`connection` is for multiprocessing.connection.wait, and `other` the worker's end."""
-        self._end = None if os.name == "nt" else socket.socket(fileno=os.dup(self.connection.fileno()))
-        self._found, self._needed = bytearray(), _LENGTH.size
-        """What has arrived of a message or of its length, and how many bytes that will have."""
-        self._has_length = False
-        self._unsent = bytearray()
-        self._reading_since = self._writing_since = math.inf
-
-    def close(self) -> None:
-        """Close both ends, as far as this process has them. Can be called more than once."""
-        for each in filter(None, (self.connection, self.other, self._end)):
-            each.close()
-
-    @property
-    def has_unsent(self) -> bool:
-        """Whether `flush` has something to do."""
-        return bool(self._unsent)
-
-    @property
-    def is_stalled(self) -> bool:
-        """Whether a message takes too long."""
-        return time.monotonic() - min(self._reading_since, self._writing_since) > STALLED
-
-    def receive(self, most: int | None = None) -> bytes | None:
-        """The next message, or None as long as some of it has not arrived. most: the bytes that it may have.
-
-        Raises EOFError if the worker is gone, and OSError for a message with more bytes.
-        """
-        if self._end is None:  # a pipe of Windows, which has whole messages
-            return self.connection.recv_bytes(most)
-        while len(self._found) < self._needed:
-            try:
-                part = self._end.recv(min(self._needed - len(self._found), _MOST_AT_ONCE), socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return None
-            if not part:
-                raise EOFError
-            self._reading_since = min(self._reading_since, time.monotonic())
-            self._found += part
-            if len(self._found) == self._needed and not self._has_length:
-                self._begin(most)
-        message, self._found, self._needed = bytes(self._found), bytearray(), _LENGTH.size
-        self._has_length, self._reading_since = False, math.inf
-        return message
-
-    def _begin(self, most: int | None) -> None:
-        """The length of a message has arrived."""
-        if self._needed == _LONG.size:
-            (length,) = _LONG.unpack(self._found)
-        else:
-            (length,) = _LENGTH.unpack(self._found)
-        self._found.clear()
-        if length == -1 and self._needed == _LENGTH.size:
-            self._needed = _LONG.size
-            return
-        if length < 0 or (most is not None and length > most):
-            raise OSError("the message is too long")
-        self._needed, self._has_length = length, True
-
-    def send(self, message: Any) -> None:
-        """Send a message as a pickle. What the worker does not take at once is left to `flush`."""
-        content = pickle.dumps(message)
-        if self._end is None:
-            self.connection.send_bytes(content)
-            return
-        is_long = len(content) > 0x7FFFFFFF
-        self._unsent += _LENGTH.pack(-1) + _LONG.pack(len(content)) if is_long else _LENGTH.pack(len(content))
-        self._unsent += content
-        self._writing_since = min(self._writing_since, time.monotonic())
-        self.flush()
-
-    def flush(self) -> None:
-        """Send what the worker takes now. Raises OSError if it is gone."""
-        while self._unsent:
-            try:
-                sent = self._end.send(self._unsent[:_MOST_AT_ONCE], socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return
-            del self._unsent[:sent]
-        self._writing_since = math.inf
+def log_path(folder: str | None, plan: Plan) -> str:
+    """The absolute path of a bake's log; empty without a folder."""
+    return str(Path(folder).absolute() / f"{plan.number:06}_{run_report.plain_name(plan.name)}.log") if folder else ""
 
 
 def memory_of(number: int) -> int:
@@ -343,11 +253,11 @@ def crash_output(text: str) -> str:
     lines = text.splitlines()
     place = next(filter(None, map(_PLACE.fullmatch, lines)), None)
     printed = last_line("\n".join(line for line in lines if not _CRASH.match(line)))
-    said = ""
+    where = ""
     if place:
         file = "/".join(re.split(r"[/\\]", place["path"])[-2:])
-        said = f", in {_short(place['name'])}, line {place['line'][:9]} of {_short(file)}"
-    return f"{said}, after it printed {printed!r}" if printed else said
+        where = f", in {_short(place['name'])}, line {place['line'][:9]} of {_short(file)}"
+    return f"{where}, after it printed {printed!r}" if printed else where
 
 
 def last_line(text: str) -> str:
@@ -360,6 +270,8 @@ def _short(text: str) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
+_NO_MORE = object()
+"""In the place of an answer: the connection closes."""
 WORD = "worker"
 """The only argument of a worker."""
 CONNECTION = "IMPRINT_WORKER"
@@ -404,23 +316,87 @@ class Ending:
     """Whether the system ended it since there was no more memory."""
 
 
-class WorkerProcess:
-    """A worker. Raises OSError if it cannot be started."""
+class Worker:
+    """A worker process, and the bake that it has. Raises OSError if the process cannot be started.
 
-    def __init__(self, sandbox: Sandbox | None = None):
-        """sandbox: in which it runs, if its files are not trusted."""
-        self.is_ready, self._sandbox = False, sandbox
+    A thread talks with it: it takes a message, and waits for `answer` or `begin` before it takes the next one. So a process can
+    neither make its parent wait nor fill its memory.
+    """
+
+    def __init__(self, messages: "SimpleQueue[tuple[Worker, Any]]", sandbox: Sandbox | None = None):
+        """messages: gets those of the process. sandbox: in which it runs, if its files are not trusted."""
+        self._sandbox = sandbox
+        self.started = time.monotonic()
+        self.is_ready = False
         """Whether Blender has started."""
-        self.log = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
+        self.assigned: Assignment | None = None
+        """Its bake."""
+        self.has_begun = False
+        """Whether it has received that."""
+        self.is_well = False
+        """Whether it has received any bake: one may end after Blender has started, and before that."""
+        self.chain = 0
+        """The chain of its last bake, whose scene is open in it."""
+        self.begun = 0.0
+        """When its bake began, by time.monotonic."""
+        self._log = ""
+        """The path of the log of its bake, or ""."""
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
         """What it prints while no bake has a log of its own."""
+        self._printed = 0
+        """The bytes that it had printed there when its bake began."""
         self._out_of_memory = kills()
-        self.channel = Channel()
-        try:
-            self._process = self._start(self.channel.other)
-        except OSError:
-            self.channel.close()
-            raise
-        self.channel.other.close()
+        self._answers: SimpleQueue[Any] = SimpleQueue()
+        self._connection, other = Pipe()
+        with other:
+            try:
+                self._process = self._start(other)
+            except OSError:
+                self._connection.close()
+                raise
+        threading.Thread(target=self._talk, args=(messages,), name="imprint-worker", daemon=True).start()
+
+    @property
+    def plan(self) -> Plan | None:
+        return self.assigned and self.assigned.plan
+
+    @property
+    def log(self) -> str:
+        """The file that has what its bake prints, or ""."""
+        return self._log if os.path.exists(self._log) else ""
+
+    def begin(self, setup: Setup, assigned: Assignment) -> None:
+        """Send it a bake. One whose files are not trusted writes no record."""
+        self.assigned, self.has_begun, self.chain = assigned, False, assigned.plan.chain
+        self._log, self.begun = log_path(setup.options.log, assigned.plan), time.monotonic()
+        self._printed = os.fstat(self._output.fileno()).st_size
+        self.answer((setup, replace(assigned, record=None, key=None) if setup.folders else assigned))
+
+    def answer(self, message: Any = None) -> None:
+        """Answer the last message, or let the process go on without an answer. A process that has ended takes none."""
+        self._answers.put(message)
+
+    def _talk(self, messages: "SimpleQueue[tuple[Worker, Any]]") -> None:
+        is_trusted = self._sandbox is None
+        with self._connection:
+            try:
+                while True:
+                    content = self._connection.recv_bytes(None if is_trusted else LONGEST_MESSAGE)
+                    messages.put((self, unpacked(content, is_trusted=is_trusted)))
+                    answer = self._answers.get()
+                    if answer is _NO_MORE:
+                        return
+                    if answer is not None:
+                        self._connection.send(answer)
+            except (EOFError, ConnectionError):
+                gone = Gone()
+            except (OSError, MemoryError):
+                gone = Gone("Its process sent what is not a message.")
+        messages.put((self, gone))
+
+    def crash_output(self) -> str:
+        """The clause of the function `crash_output` about its bake."""
+        return crash_output_of_log(self.log) if self.log else crash_output(self.last_printed(self._printed))
 
     def _start(self, other: Connection) -> subprocess.Popen:
         number = other.fileno()
@@ -432,7 +408,12 @@ class WorkerProcess:
             own = {name: variables[name] for name in (BEGUN, CONNECTION, interruption.BAKING)}
             own[interruption.LAUNCHER] = "1"  # the init of the sandbox, its parent there
             variables = {**self._sandbox.environment(), **own}
-        given: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": self.log, "stderr": self.log, "env": variables}
+        given: dict[str, Any] = {
+            "stdin": subprocess.DEVNULL,
+            "stdout": self._output,
+            "stderr": self._output,
+            "env": variables,
+        }
         if os.name == "nt":
             os.set_handle_inheritable(number, True)
             startup = subprocess.STARTUPINFO(lpAttributeList={"handle_list": [number]})
@@ -451,13 +432,9 @@ class WorkerProcess:
         numbers = processes_in(self._process.pid) if self._sandbox else [self._process.pid]
         return sum(map(memory_of, numbers))
 
-    def send(self, message: Any) -> bool:
-        """Send a message. Returns whether the worker takes messages: one that has died does not."""
-        try:
-            self.channel.send(message)
-        except OSError:
-            return False
-        return True
+    @property
+    def has_ended(self) -> bool:
+        return self._process.poll() is not None
 
     def ask_to_stop(self, *, at_once: bool = False) -> None:
         """Ask it to stop, cleanly or at once, as scripts/imprint.py asks this process."""
@@ -485,14 +462,17 @@ class WorkerProcess:
         self._process.kill()
         self._process.wait()
 
+    def dismiss(self) -> None:
+        """Let it end: without a bake it does once its connection closes, and with one after a signal."""
+        self._answers.put(_NO_MORE)
+        if self.plan:
+            self.ask_to_stop(at_once=True)
+
     def close(self, seconds: float = 5.0) -> None:
-        """End it: it stops when its connection closes. seconds: how long to wait for that."""
-        self.channel.close()
-        try:
-            self._process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            self.kill()
-        self.log.close()
+        """Dismiss it, and wait some seconds before it is killed."""
+        self.dismiss()
+        self.kill(seconds)
+        self._output.close()
 
     def end(self, seconds: float = 5.0) -> "Ending":
         """Wait some seconds for a process whose connection has closed."""
@@ -506,14 +486,9 @@ class WorkerProcess:
         lacked = code == -getattr(signal, "SIGKILL", 0) and kills() > self._out_of_memory
         return Ending(_ending_text(code), signal.Signals(-code).name if code < 0 else "", lacked)
 
-    @property
-    def printed(self) -> int:
-        """The bytes that it has printed to its own log."""
-        return os.fstat(self.log.fileno()).st_size
-
     def last_printed(self, start: int = 0) -> str:
-        """The end of what it printed to its own log after the first `start` bytes."""
-        return printed_tail(self.log.fileno(), start)
+        """The end of what it printed while no bake had a log, after the first `start` bytes."""
+        return printed_tail(self._output.fileno(), start)
 
 
 def _ending_text(code: int) -> str:

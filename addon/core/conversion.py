@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Conversions of normal maps, as plain data: what a stored map means, what its channels hold, and the report."""
 
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import ClassVar
 
 import numpy as np
 
 from .declarations import bases
 from .declarations.all_settings import DECLARED
 from .declarations.choices import Space
-from .errors import BakeError
+from .errors import BakeError, Length, plain_length
+from .report import Report
 from .settings import MapSettings
 
 
@@ -130,65 +131,53 @@ def moved(values: np.ndarray, depth: int, seed: int = 0) -> np.ndarray:
     return (values + np.random.default_rng(seed).uniform(-0.5 * step, 0.5 * step, values.shape)).astype(np.float32)
 
 
-@dataclass(frozen=True)
-class ConversionReport:
-    """The results of the conversion of a map. Shares are of all texels. Degrees have a median and a maximum."""
+@dataclass(frozen=True, kw_only=True)
+class ConversionReport(Report):
+    """The results of the conversion of a map."""
 
+    method: str = "CONVERT"
+    space: str = ""
+    high: list[str] = field(default_factory=list)
     source: str
     """The name of the image that was converted."""
-    low: str
-    size: tuple[int, int]
     before: dict[str, str]
     """What the source means, by the names in StoredNormals."""
-    settings: dict
-    """The settings of the new map, by the names in settings.Settings."""
     was: str
     now: str
     """The spaces of both maps, in words."""
     source_depth: int
     """Bits per channel that the values of the source need: 8 or 16, or 32 for floats."""
     source_loss: dict[str, float]
-    """Degrees that the rounding of the source may have cost. Empty for floats."""
-    loss: dict[str, float]
-    """Degrees that the rounding of the new map cost. Empty for floats."""
-    coverage: float
-    margin: float
-    tiles: list[int]
-    uv_layer: str
-    image: str
-    output: list[str]
-    seconds: dict[str, float]
-    mip_files: dict[str, list[str]] = field(default_factory=dict)
-    """As in Report."""
-    memory: dict[str, int] = field(default_factory=dict)
-    maps: dict[str, dict] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
-    method: str = "CONVERT"
-    export: dict = field(default_factory=dict)
-    """As in Report. Nothing is exported."""
-
-    def with_warnings(self, more: Iterable[str]) -> "ConversionReport":
-        """The same report with more warnings."""
-        return replace(self, warnings=[*self.warnings, *more])
-
-    def with_memory(self, memory: dict[str, int]) -> "ConversionReport":
-        """The same report with the memory that the work needs."""
-        return replace(self, memory=memory)
+    """Degrees that the rounding of the source may have cost: median and maximum. Empty for floats."""
+    KEYS: ClassVar = (
+        *(
+            "source",
+            "low",
+            "size",
+            "before",
+            "settings",
+            "was",
+            "now",
+            "source_depth",
+            "source_loss",
+            "loss",
+            "coverage",
+        ),
+        *("margin", "tiles", "uv_layer", "image", "output", "seconds", "mip_files", "memory", "maps", "warnings"),
+        *("method", "export"),
+    )
+    """What its plain data have."""
 
     def with_startup(self, seconds: dict[str, float]) -> "ConversionReport":
         """The same report with the seconds before the work."""
         return replace(self, seconds={**self.seconds, **seconds})
 
-    @property
-    def picture(self) -> None:
-        """As of Report: a conversion has none."""
-        return
-
     def to_dict(self) -> dict:
         """Plain data for json.dump."""
-        return asdict(self)
+        values = super().to_dict()
+        return {name: values[name] for name in self.KEYS}
 
-    def summary(self) -> list[str]:
+    def summary(self, length: Length = plain_length) -> list[str]:
         """The report in lines."""
         width, height = self.size
         lines = [

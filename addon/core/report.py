@@ -144,10 +144,6 @@ class Report:
         """The same report with more warnings."""
         return replace(self, warnings=[*self.warnings, *warnings])
 
-    def with_memory(self, memory: dict[str, int]) -> "Report":
-        """The same report with estimates of memory."""
-        return replace(self, memory=memory)
-
     def with_export(self, export: dict[str, Any]) -> "Report":
         """The same report with a file for an engine."""
         return replace(self, export=export)

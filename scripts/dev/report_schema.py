@@ -25,7 +25,7 @@ from addon.core.levels import Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402
 
 PATH = ROOT / "docs" / "report.schema.json"
-LEFT_OUT = {Report: {"refs", "picture"}}
+LEFT_OUT = {Report: {"refs", "picture"}, Entry: run_report.NOT_REPORTED}
 """Fields that are not in the report."""
 FILE = {
     "type": "object",
@@ -90,8 +90,10 @@ def of_type(kind: Any) -> dict[str, Any]:
 
 def of_class(kind: type, special: dict[str, Any] | None = None) -> dict[str, Any]:
     """The schema of a dataclass, with the texts behind its fields. Keys that are not in it are allowed."""
-    texts, hints, special = _texts(kind), get_type_hints(kind), special or {}
-    names = [each.name for each in fields(kind) if each.name not in LEFT_OUT.get(kind, ())]
+    texts = {name: text for each in reversed(kind.mro()[:-1]) for name, text in _texts(each).items()}
+    hints, special = get_type_hints(kind), special or {}
+    named = getattr(kind, "KEYS", [each.name for each in fields(kind)])
+    names = [name for name in named if name not in LEFT_OUT.get(kind, ())]
     properties = {name: {**_described(texts.get(name)), **special.get(name, of_type(hints[name]))} for name in names}
     return {"type": "object", "properties": properties, "required": names}
 

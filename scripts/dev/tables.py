@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from addon.cli.farm_command import FARM_OPTIONS  # noqa: E402
-from addon.cli.gates import COUNT, DEGREES, FIGURES, LENGTH, SECONDS, SHARE, TARGETS  # noqa: E402
 from addon.cli.job_file import KEYS  # noqa: E402
+from addon.cli.limits import COUNT, DEGREES, LENGTH, METRICS, SECONDS, SHARE, TARGETS  # noqa: E402
 from addon.cli.option_types import word_for  # noqa: E402
 from addon.cli.options import FILE, JOBS, OBJECTS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption, option_word  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
 from addon.core.declarations import kinds, targets  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
 from addon.core.declarations.choices import Pack  # noqa: E402
-from addon.core.map_types import CUSTOM_SUFFIX, PACKINGS, RGBA, Channel, Family, Kind, Packing  # noqa: E402  # noqa: E402
+from addon.core.map_types import CUSTOM_SUFFIX, PACKINGS, RGBA, Channel, Family, Kind, Packing  # noqa: E402
 from addon.core.naming import USUAL  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -315,7 +315,7 @@ UNITS = {SHARE: "%, or a share from 0 to 1", COUNT: "a number", LENGTH: "scene u
 def figures() -> str:
     """The figures that can have limits. Those that differ in their end alone are in one row."""
     rows: dict[tuple[str, str], list[str]] = {}
-    for figure in FIGURES.values():
+    for figure in METRICS.values():
         name, meaning = figure.name, figure.meaning
         if name.startswith(TARGETS):
             name, meaning = (

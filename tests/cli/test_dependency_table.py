@@ -15,7 +15,7 @@ import pytest
 from addon.cli import clashes, command, job_file
 from addon.cli.clashes import InputFiles
 from addon.cli.options import RunOptions
-from addon.cli.turns import Resuming
+from addon.cli.work_queue import ResumeQueue
 from scripts.imprint import ROOT
 from tests.support import dependency_kinds, file_kinds, reports, zoo
 
@@ -55,7 +55,7 @@ def left_out(folder):
     """The names of the bakes that are done."""
     sets = job_file.read(str(folder / "j.json"), [], lambda _: None)
     planned, *_ = clashes.plan_call(RunOptions(jobs=str(folder / "j.json")), sets, InputFiles())
-    with Resuming(planned) as turns:
+    with ResumeQueue(planned) as turns:
         return {each.plan.name.partition("(")[2][:-1] for each in turns.done}
 
 

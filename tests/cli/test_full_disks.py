@@ -7,8 +7,7 @@ import tempfile
 import pytest
 
 from addon.cli import run_report
-from addon.cli.report_file import ReportFile
-from addon.cli.run_report import Entry
+from addon.cli.run_report import Entry, ReportFile
 from addon.cli.sheet import SheetFile
 from addon.core.errors import BakeError
 from tests.pure.test_report_merge import entry
@@ -31,7 +30,7 @@ def test_a_full_disk_is_an_error_at_the_end(tmp_path):
 def test_a_disk_that_is_full_while_the_rows_are_written_is_an_error_at_the_end(tmp_path, monkeypatch, size):
     monkeypatch.setattr(tempfile, "TemporaryFile", lambda **_: open("/dev/full", "w+b"))  # noqa: SIM115
     sheet = SheetFile(tmp_path / "s.html", run_report.head(1))
-    sheet.add(Entry(1, "a"), b"p" * size)
+    sheet.add(Entry(1, "a", image=b"p" * size))
     with pytest.raises(BakeError, match="could not be written: No space left on device"):
         sheet.finish()
     sheet.close()

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, importers, interruption, report_file, run_report
+from addon.cli import command, importers, interruption, run_report
 from addon.jobs import bake_jobs
 from scripts import imprint
 from tests.support import reports, zoo
@@ -117,13 +117,13 @@ def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
 
 
 def test_a_signal_after_the_bake_changes_only_the_exit_code(scene, monkeypatch):
-    write = report_file.write_report
+    write = run_report.write_report
 
     def late(*arguments):
         signal.raise_signal(signal.SIGTERM)
         write(*arguments)
 
-    monkeypatch.setattr(report_file, "write_report", late)
+    monkeypatch.setattr(run_report, "write_report", late)
     assert command.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + signal.SIGTERM
     assert files(scene) == ["m.png", "r.json", "s.blend"]
 

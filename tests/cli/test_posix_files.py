@@ -33,7 +33,7 @@ def test_what_a_record_names_is_not_read_if_it_is_no_file(folder, untrusted, mon
 @pytest.mark.parametrize("kind", ["link", "pipe"])
 def test_a_map_of_a_process_that_lies_is_neither_a_link_nor_a_pipe(folder, untrusted, monkeypatch, kind):
     make = os.mkfifo if kind == "pipe" else lambda path: path.symlink_to(folder / "out/other.png")
-    entry = records.lie_of_map(folder, untrusted, monkeypatch, make).entry
+    entry = records.lie_of_map(folder, untrusted, monkeypatch, make)
     assert (entry.state, entry.files) == (State.FAILED, [])
 
 

@@ -39,8 +39,8 @@ def test_a_process_in_which_python_does_not_run_keeps_its_claims(tmp_path, is_bu
 def test_claims_stay_if_the_process_that_changes_them_is_killed(tmp_path):
     with Claims(beat=0.02, is_busy=True) as held:
         assert held.take(tmp_path / "a")
-        held._beats._process.kill()
-        held._beats._process.wait()
+        held._heartbeat._process.kill()
+        held._heartbeat._process.wait()
         before = (tmp_path / "a").read_bytes()
         time.sleep(0.2)
         assert (tmp_path / "a").read_bytes() != before
@@ -50,7 +50,7 @@ def test_the_process_that_changes_claims_ends_with_its_parent(tmp_path):
     program = (
         "import os, sys, time; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
         "from addon.cli.claims import Claims\n"
-        "held = Claims(is_busy=True); held.take(Path(sys.argv[2])); print(held._beats._process.pid, flush=True)\n"
+        "held = Claims(is_busy=True); held.take(Path(sys.argv[2])); print(held._heartbeat._process.pid, flush=True)\n"
         "os._exit(9)"
     )
     words = [sys.executable, "-c", program, str(ROOT), str(tmp_path / "a")]

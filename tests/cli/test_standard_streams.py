@@ -32,7 +32,7 @@ def test_a_pipe_that_does_not_block_gets_all_text():
     received = []
     reader = threading.Thread(target=lambda: received.extend(iter(lambda: os.read(source, 4096), b"")))
     text = "word " * 100_000
-    with standard_streams._text(standard_streams._Patient(sink, "wb")) as stream:
+    with standard_streams._text(standard_streams._ErrorTolerantStream(sink, "wb")) as stream:
         threading.Timer(0.05, reader.start).start()
         stream.write(text)
     while not reader.ident:
@@ -49,7 +49,7 @@ from addon.cli import standard_streams
 from addon.cli.terminal import Meter
 from addon.core.progress import Progress
 name = sys.argv[1]
-with standard_streams.ours(), Meter(sys.stderr) as meter:
+with standard_streams.redirect_blender(), Meter(sys.stderr) as meter:
     assert meter.is_on
     meter.show(name, Progress(f"Reading {name}", 0.5))
     meter.report(f"imprint: warning: {name}")
@@ -106,10 +106,10 @@ SAYS = """
 import ctypes, os, sys
 from addon.cli import standard_streams
 said = int(sys.argv[1])
-with standard_streams.ours(said) as lines:
+with standard_streams.redirect_blender(said) as lines:
     os.write(2, b"a warning of a library\\n\\n")
     ctypes.CDLL(None).printf(b"ERROR in C\\n")
-    print("ours")
+    print("redirect_blender")
     for number in range(30):
         os.write(1, b"a warning of a library\\nline %d\\n" % number)
     print(lines(), file=sys.stderr)
@@ -128,12 +128,12 @@ def test_what_libraries_print_is_kept_for_the_end():
     found = ast.literal_eval(lines)
     assert found[0] == "a warning of a library"
     assert {*found[1:-1]} <= {"ERROR in C", *(f"line {number}" for number in range(30))}
-    assert (len(found), found[-1]) == (standard_streams.MOST_SAID + 1, "and 12 more lines")
+    assert (len(found), found[-1]) == (standard_streams.MOST_LINES + 1, "and 12 more lines")
 
 
 ENDS = """
 import os, signal
-os.write(int(os.environ["IMPRINT_SAID"]), b"x" * 9000 + b"\\nlast words\\n\\n")
+os.write(int(os.environ["IMPRINT_OUTPUT"]), b"x" * 9000 + b"\\nlast words\\n\\n")
 os.kill(os.getpid(), signal.SIGSEGV)
 """
 

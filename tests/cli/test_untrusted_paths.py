@@ -141,7 +141,7 @@ def test_no_file_is_read_elsewhere(root, key, place, capfd):
     code, said = attack(root, key, path, capfd=capfd)
     assert code == run_report.WRONG_USAGE
     (line,) = said
-    assert "the only folder that --untrusted reads" in line or "is no file." in line
+    assert "the only folder that --untrusted reads" in line or "is not a file." in line
 
 
 def test_each_key_with_a_path_is_tried():
@@ -262,8 +262,8 @@ def test_the_job_file_must_be_a_file_of_usual_size(root, capfd):
         file.truncate(untrusted.LARGEST_JOB_FILE + 1)
     for name, words in (
         ("large.json", "has more than 64 MiB"),
-        ("pipe.json", "is no file"),
-        ("folder.obj", "is no file"),
+        ("pipe.json", "is not a file"),
+        ("folder.obj", "is not a file"),
     ):
         if name.startswith("pipe"):
             os.mkfifo(root / "job" / name)

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from addon.cli import command, run_report, scene_files, worker_process
-from addon.cli.bake_result import Done
 from addon.cli.run_report import Entry, State
+from addon.cli.untrusted import Bounds, Sandbox
 from addon.core.report import Report
 from scripts.imprint import ROOT
 from tests.support import untrusted, zoo
@@ -101,6 +101,17 @@ def test_without_a_sandbox_nothing_is_baked(root, monkeypatch, capfd, program, e
     assert command.run(call, may_start_processes=True) == run_report.WRONG_USAGE
     assert error in capfd.readouterr().err
     assert not (root / "job/m.png").exists()
+
+
+def test_an_environment_that_is_a_link_is_readable(tmp_path, monkeypatch):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    for name in ("in", "out"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / "link"))
+    sandbox = Sandbox(Bounds(str(tmp_path / "in"), str(tmp_path / "out")), 1 << 30)
+    assert str(tmp_path / "real") in sandbox.command([sys.executable])
+    sandbox.close()
 
 
 def test_another_system_has_no_sandbox(root, monkeypatch, capfd):
@@ -372,22 +383,22 @@ def test_messages_of_a_worker_arrive(is_trusted):
         worker_process.Percent("a", "b", 1),
         worker_process.Line("x\udc80"),
         worker_process.FilesFound(["a"], [("b", "c")]),
-        Done(Entry(1, "a", State.GATE, files=[FILE], reports=[report]), ["b"], picture=b"c\0d"),
+        Entry(1, "a", State.GATE, files=[FILE], reports=[report], warnings=["b"], image=b"c\0d"),
     ):
         assert worker_process.unpacked(worker_process.packed(message), is_trusted=is_trusted) == message
 
 
-def done(*, picture=b"", **values):
+def done(**values):
     """A result with other values in its entry."""
-    found = Done(Entry(1, "a", files=[FILE]), picture=picture)
-    vars(found.entry).update(values)
+    found = Entry(1, "a", files=[FILE])
+    vars(found).update(values)
     return worker_process.packed(found)
 
 
 def lacking(name):
     text, _, picture = done().partition(b"\0")
     kind, values = json.loads(text)
-    del values["entry"][name]
+    del values[name]
     return json.dumps([kind, values]).encode() + b"\0" + picture
 
 
@@ -398,7 +409,7 @@ LIES = {
     "no list": worker_process.packed(worker_process.FilesFound("abc")),
     "no values": b'["Line", []]',
     "values of another": b'["Line", {"subject": "a"}]',
-    "no entry": b'["Done", {"entry": "a", "warnings": [], "is_listed": true}]',
+    "no entry": b'["Entry", {"name": "a", "warnings": [], "is_listed": true}]',
     "a number in the entry": done(error=7),
     "a state that is none": done(state="finished"),
     "a file that is a text": done(files=["/a"]),

@@ -23,17 +23,16 @@ from addon.cli import (
     interruption,
     job_file,
     plans,
-    pool,
     run_report,
     worker,
+    worker_pool,
     worker_process,
 )
-from addon.cli.bake_result import Done
 from addon.cli.options import RunOptions
 from addon.cli.run_report import Entry
 from addon.cli.terminal import Meter
-from addon.cli.turns import Turns
-from addon.cli.worker_process import Answer, FilesFound, Percent, packed
+from addon.cli.work_queue import WorkQueue
+from addon.cli.worker_process import Answer, FilesFound, Percent, Ready
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
@@ -178,7 +177,7 @@ def test_a_message_that_comes_byte_by_byte_delays_no_limit(folder):
 def test_a_worker_that_sends_no_messages_ends_one_bake_alone(folder):
     run(*jobs(folder, "garble", "a"))
     assert [(each["cause"], each["error"]) for each in reports.bakes(folder / "r.json")] == [
-        ("crash", "Its process sent what is no message."),
+        ("crash", "Its process sent what is not a message."),
         ("", ""),
     ]
 
@@ -218,11 +217,11 @@ def test_several_workers_make_the_same_files_and_one_report_in_their_order(folde
 def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
     jobs(folder, *"abcd")
     planned, _ = plans.plans_of(job_file.read("j.json"))
-    files, turns = clashes.RunFiles(), Turns(planned)
+    files, turns = clashes.RunFiles(), WorkQueue(planned)
     assert files.add([(plan.name, plan.options) for plan in planned], "j.json", None, []) == []
-    with Meter(io.StringIO()) as meter, pool.Supervisor(RunOptions()) as started:
+    with Meter(io.StringIO()) as meter, worker_pool.WorkerPool(RunOptions()) as started:
         results = started.bake_all(turns, files, meter)
-        assert [(done.entry.state, turns.count) for done in results] == [("done", left) for left in (2, 1, 0, 0)]
+        assert [(done.state, turns.count) for done in results] == [("done", left) for left in (2, 1, 0, 0)]
 
 
 @pytest.mark.parametrize(
@@ -238,9 +237,9 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
 )
 def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is_ready, has_lost, left, expected):
     """busy_for: seconds that the only worker has its bake; None if it has none."""
-    monkeypatch.setattr(pool, "BusyWorker", lambda _: made(plan=None, is_ready=False))
-    watching = pool.Supervisor(RunOptions(timeout=10.0))
-    watching._has_lost = has_lost
+    monkeypatch.setattr(worker_pool, "Worker", lambda *_: made(plan=None, is_ready=False))
+    watching = worker_pool.WorkerPool(RunOptions(timeout=10.0))
+    watching._has_crashed = has_lost
     plan = None if busy_for is None else object()
     watching._workers.append(made(plan=plan, is_ready=is_ready, begun=time.monotonic() - (busy_for or 0.0)))
     for _ in range(2):
@@ -250,17 +249,16 @@ def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is
 
 def made(*, plan, is_ready, begun=0.0):
     """Stands for a worker."""
-    process = SimpleNamespace(is_ready=is_ready, close=lambda: None)
-    return SimpleNamespace(plan=plan, begun=begun, is_well=is_ready, process=process)
+    return SimpleNamespace(plan=plan, begun=begun, is_well=is_ready, is_ready=is_ready, close=lambda: None)
 
 
 def dying(made_):
-    """A function that stands for BusyWorker: what it starts ends before Blender starts, and is appended to `made_`."""
+    """A function that stands for Worker: what it starts ends before Blender starts, and is appended to `made_`."""
 
-    def make(_):
+    def make(*_):
         worker_ = made(plan=None, is_ready=False)
-        worker_.process.end = lambda: worker_process.Ending("exit code 9", "", lacked_memory=False)
-        worker_.process.last_printed, worker_.last_words = str, str
+        worker_.end = lambda: worker_process.Ending("exit code 9", "", lacked_memory=False)
+        worker_.last_printed, worker_.crash_output = str, str
         made_.append(worker_)
         return worker_
 
@@ -268,9 +266,9 @@ def dying(made_):
 
 
 def failing(made_):
-    """A function that stands for BusyWorker and cannot start one."""
+    """A function that stands for Worker and cannot start one."""
 
-    def make(_):
+    def make(*_):
         made_.append(None)
         raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
 
@@ -282,16 +280,16 @@ def failing(made_):
 def test_workers_that_do_not_start_end_no_run_while_another_is_well(monkeypatch, start_, count, expected):
     """A spare one is tried once, others three times, and again once the other has ended."""
     made_ = []
-    monkeypatch.setattr(pool, "BusyWorker", start_(made_))
-    watching = pool.Supervisor(RunOptions(workers=count))
-    watching._has_lost = True
+    monkeypatch.setattr(worker_pool, "Worker", start_(made_))
+    watching = worker_pool.WorkerPool(RunOptions(workers=count))
+    watching._has_crashed = True
     well = made(plan=object(), is_ready=True)
     watching._workers.append(well)
 
     def fill():
         watching._fill(9)
         for worker_ in watching._workers[1:]:
-            assert list(watching._bury(worker_)) == []
+            assert list(watching._handle_exit(worker_)) == []
 
     for _ in range(9):
         fill()
@@ -305,57 +303,57 @@ def test_workers_that_do_not_start_end_no_run_while_another_is_well(monkeypatch,
 
 def test_without_another_worker_the_third_that_ends_unready_ends_the_run(monkeypatch):
     """Those that ended while another was well do not count."""
-    monkeypatch.setattr(pool, "BusyWorker", dying([]))
-    watching = pool.Supervisor(RunOptions(workers=2))
+    monkeypatch.setattr(worker_pool, "Worker", dying([]))
+    watching = worker_pool.WorkerPool(RunOptions(workers=2))
     well = made(plan=object(), is_ready=True)
     watching._workers.append(well)
     for _ in range(2):
         watching._fill(9)
-        assert list(watching._bury(watching._workers[-1])) == []
+        assert list(watching._handle_exit(watching._workers[-1])) == []
     watching._remove(well)
     for _ in range(2):
         watching._fill(1)
-        assert list(watching._bury(watching._workers[-1])) == []
+        assert list(watching._handle_exit(watching._workers[-1])) == []
     watching._fill(1)
     with pytest.raises(NoGpu, match=r"^Blender does not start here: exit code 9\.$"):
-        list(watching._bury(watching._workers[-1]))
+        list(watching._handle_exit(watching._workers[-1]))
 
 
 def test_a_worker_that_ends_unready_ends_the_run_after_others_could_not_be_started(monkeypatch):
     made_ = []
     first = dying(made_)(None)
-    monkeypatch.setattr(pool, "BusyWorker", failing(made_))
-    watching = pool.Supervisor(RunOptions(workers=2))
+    monkeypatch.setattr(worker_pool, "Worker", failing(made_))
+    watching = worker_pool.WorkerPool(RunOptions(workers=2))
     watching._workers.append(first)
     watching._fill(9)
-    assert len(made_) == 1 + pool.MOST_STARTS
+    assert len(made_) == 1 + worker_pool.MOST_STARTS
     with pytest.raises(NoGpu):
-        list(watching._bury(first))
+        list(watching._handle_exit(first))
 
 
 def test_workers_that_end_between_their_start_and_their_first_bake_are_not_started_for_ever(monkeypatch):
     """As where other machines have all bakes that are left."""
     made_ = []
-    monkeypatch.setattr(pool, "BusyWorker", dying(made_))
-    watching = pool.Supervisor(RunOptions())
+    monkeypatch.setattr(worker_pool, "Worker", dying(made_))
+    watching = worker_pool.WorkerPool(RunOptions())
 
     def fill():
         watching._fill(1)
-        made_[-1].process.is_ready = True
-        return list(watching._bury(made_[-1]))
+        made_[-1].is_ready = True
+        return list(watching._handle_exit(made_[-1]))
 
-    for _ in range(pool.MOST_STARTS - 1):
+    for _ in range(worker_pool.MOST_STARTS - 1):
         assert fill() == []
     with pytest.raises(NoGpu, match=r"^Blender ends here before it bakes: exit code 9\.$"):
         fill()
-    assert len(made_) == pool.MOST_STARTS
+    assert len(made_) == worker_pool.MOST_STARTS
 
 
 def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch):
-    monkeypatch.setattr(pool, "BusyWorker", failing([]))
+    monkeypatch.setattr(worker_pool, "Worker", failing([]))
     before = list(interruption._at_end)
     with pytest.raises(BakeError, match="A process to bake in could not be started: Resource temporarily"):
-        pool.Supervisor(RunOptions()).__enter__()
+        worker_pool.WorkerPool(RunOptions()).__enter__()
     assert interruption._at_end == before
 
 
@@ -363,14 +361,14 @@ def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch
 @pytest.mark.parametrize(("name", "expected"), [("good", 1), ("crash", 3)])
 def test_after_a_crash_there_is_a_spare_worker(folder, monkeypatch, name, expected):
     monkeypatch.setenv("PYTHONPATH", str(SABOTAGE))
-    made_, make = [], pool.BusyWorker
-    monkeypatch.setattr(pool, "BusyWorker", lambda rights: made_.append(make(rights)) or made_[-1])
+    made_, make = [], worker_pool.Worker
+    monkeypatch.setattr(worker_pool, "Worker", lambda *more: made_.append(make(*more)) or made_[-1])
     command.run(jobs(folder, name, "a", "b", "c"), may_start_processes=True)
     assert len(made_) == expected
 
 
 def test_a_spare_worker_bakes_when_another_has_ended():
-    watching = pool.Supervisor(RunOptions())
+    watching = worker_pool.WorkerPool(RunOptions())
     first, spare = (made(plan=object(), is_ready=True), made(plan=None, is_ready=True))
     watching._workers += [first, spare]
     assert watching._free() == []
@@ -463,7 +461,7 @@ def test_a_bake_that_hangs_is_ended_some_time_after_one_signal(folder):
         ("set 1 (a_low)", "done"),
         ("set 2 (hang_low)", "stopped"),
     ]
-    assert stopped["error"] == "It was stopped. Its process was ended since it went on for 5 s."
+    assert stopped["error"] == "It was stopped: its process was killed because it did not stop within 5 s."
     assert stopped["cause"] == ""
     assert stopped["log"].endswith("_hang_low.log")
     assert "imprint: stopped, 1 of 3 were finished." in err
@@ -481,7 +479,7 @@ def test_a_large_file_that_is_compared_delays_neither_limits_nor_signals(folder)
     process.send_signal(signal.SIGTERM)
     begun = time.monotonic()
     process.communicate(timeout=60)
-    assert time.monotonic() - begun < pool.LONGEST_STOP
+    assert time.monotonic() - begun < worker_pool.LONGEST_STOP
     assert process.returncode == 128 + signal.SIGTERM
     assert outcome(folder) == [("set 1 (hang_low)", "failed", "timeout", "")]
     assert not list(folder.glob("*.imprint.*"))
@@ -502,7 +500,7 @@ def test_a_large_file_of_an_untrusted_bake_delays_no_signal(folder):
     process.send_signal(signal.SIGTERM)
     begun = time.monotonic()
     process.communicate(timeout=60)
-    assert time.monotonic() - begun < pool.LONGEST_STOP + pool.PATIENCE + 1.0
+    assert time.monotonic() - begun < worker_pool.LONGEST_STOP + worker_pool.PATIENCE + 1.0
     assert [state for _, state, *_ in outcome(folder)] == ["stopped"]
 
 
@@ -516,7 +514,7 @@ def test_a_message_that_comes_byte_by_byte_delays_no_signal(folder):
     process.send_signal(signal.SIGTERM)
     begun = time.monotonic()
     process.communicate(timeout=30)
-    assert time.monotonic() - begun < pool.LONGEST_STOP + pool.PATIENCE + 1.0
+    assert time.monotonic() - begun < worker_pool.LONGEST_STOP + worker_pool.PATIENCE + 1.0
     assert process.returncode == 128 + signal.SIGTERM
 
 
@@ -587,9 +585,9 @@ def test_a_log_that_cannot_be_written_stops_no_bake(folder):
 def test_a_blender_that_hangs_while_it_starts_is_given_up(folder, monkeypatch, capsys):
     sleep = [sys.executable, "-c", "import time; time.sleep(100)"]
     monkeypatch.setattr(worker_process, "command", lambda: sleep)
-    monkeypatch.setattr(pool, "LONGEST_START", 0.2)
+    monkeypatch.setattr(worker_pool, "LONGEST_START", 0.2)
     assert command.run(jobs(folder, "a", "b"), may_start_processes=True) == run_report.NO_MACHINE
-    assert capsys.readouterr().err == "imprint: Blender does not start here: it has not begun after 0.2 s.\n"
+    assert capsys.readouterr().err == "imprint: Blender does not start here: it did not start within 0.2 s.\n"
 
 
 @pytest.mark.slow
@@ -606,37 +604,32 @@ def test_a_blender_that_does_not_start_is_one_sentence(folder, monkeypatch):
     assert process.stderr == "imprint: Blender does not start here: exit code 9.\n"
 
 
-@pytest.mark.parametrize("content", [b"\0\0\1\0half", b""], ids=["half a message", "nothing"])
-def test_a_worker_that_stops_in_a_message_is_ended(content, monkeypatch):
-    """In one that it sends, or that it does not read."""
-    monkeypatch.setattr(worker_process, "STALLED", 0.0)
-    ours, killed = worker_process.Channel(), []
-    process = SimpleNamespace(channel=ours, is_ready=True, kill=lambda: killed.append(True), close=ours.close)
-    process.end = lambda: worker_process.Ending("signal 9, Killed", "SIGKILL", lacked_memory=False)
-    process.last_printed = str
-    plan = plans.Plan("a", None)
-    worker_ = SimpleNamespace(
-        process=process, plan=plan, begun=0.0, has_begun=True, is_well=True, log="", last_words=str
-    )
-    watching = pool.Supervisor(RunOptions())
-    watching._workers.append(worker_)
-    os.write(ours.other.fileno(), content)
-    if not content:
-        ours.send(b"x" * 4_000_000)
-    (done,) = watching._hear(None, None)
-    assert done.entry.error == "Its process stopped for 20 s in a message."
-    assert (killed, watching._workers) == ([True], [])
-
-
 def test_what_a_worker_sends_without_a_bake_is_ignored():
     """As one may that a file has taken over."""
-    ours = worker_process.Channel()
-    worker_ = SimpleNamespace(process=SimpleNamespace(channel=ours), plan=None)
-    watching = pool.Supervisor(RunOptions())
+    answered = []
+    worker_ = SimpleNamespace(plan=None, is_ready=True, answer=answered.append)
+    watching = worker_pool.WorkerPool(RunOptions())
     watching._workers.append(worker_)
-    for message in (Done(Entry(1, "a")), FilesFound()):
-        ours.other.send_bytes(packed(message))
-        assert list(watching._hear(None, None)) == []
+    for message in (Entry(1, "a"), FilesFound(), Ready()):
+        watching._messages.put((worker_, message))
+        assert list(watching._receive(None, None)) == []
+    assert answered == [None] * 3
+
+
+def test_messages_of_a_worker_that_was_ended_are_ignored():
+    watching = worker_pool.WorkerPool(RunOptions())
+    watching._workers.append(made(plan=None, is_ready=True))
+    watching._messages.put((made(plan=object(), is_ready=True), Entry(1, "a")))
+    assert list(watching._receive(None, None)) == []
+
+
+def test_a_worker_without_a_bake_that_ends_is_replaced(monkeypatch):
+    idle = dying([])(None)
+    idle.is_ready = idle.is_well = idle.has_ended = True
+    watching = worker_pool.WorkerPool(RunOptions())
+    watching._workers.append(idle)
+    assert list(watching._check_limits()) == []
+    assert watching._workers == []
 
 
 class Blender:

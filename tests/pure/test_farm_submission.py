@@ -93,7 +93,7 @@ def test_options_become_settings(manager, jobs, tmp_path, capsys, monkeypatch):
     [
         ({"jobs/type/imprint-bake": (404, {"code": 404, "message": "none"})}, "copy imprint_bake.js"),
         ({"jobs/type/imprint-bake": (500, b"")}, "500"),
-        ({"jobs/type/imprint-bake": (200, b"<html>")}, "is no Flamenco Manager"),
+        ({"jobs/type/imprint-bake": (200, b"<html>")}, "is not a Flamenco Manager"),
         ({"jobs": (412, {"code": 412, "message": "the job type has changed"})}, "the job type has changed"),
         ({"jobs": (502, b"<html>")}, "502"),
     ],
@@ -111,7 +111,7 @@ def test_answers_of_other_programs_are_one_sentence(manager, jobs, capsys, answe
     code, _, err = run(capsys, "--flamenco", manager.url, jobs)
     assert (code, err) == (
         run_report.FAILED,
-        [f"imprint farm: What answers at {manager.url} is no Flamenco Manager"],
+        [f"imprint farm: The server at {manager.url} is not a Flamenco Manager"],
     )
     assert not manager.sent
 
@@ -128,7 +128,7 @@ def test_a_manager_that_is_not_there(jobs, capsys):
 def test_what_is_no_address(jobs, capsys, url):
     code, _, (line,) = run(capsys, "--flamenco", url, jobs)
     assert code == run_report.FAILED
-    assert "is no address of a Flamenco Manager" in line
+    assert "is not the address of a Flamenco Manager" in line
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_a_job_file_that_is_not_trusted_is_not_waited_for(manager, tmp_path, cap
     words = ["--flamenco", manager.url, str(tmp_path / "jobs.toml"), "--untrusted"]
     code, _, (line,) = run(capsys, *words, "--options", "--records /r")
     assert (code, manager.sent) == (run_report.WRONG_USAGE, [])
-    assert "is no file" in line
+    assert "is not a file" in line
     assert "--resume needs --records DIR with --untrusted" in run(capsys, *words)[2][0]  # as the tasks say
 
 

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from addon.cli import arguments, gates, job_file
+from addon.cli import arguments, job_file, limits
 from addon.core.report import Report
 from addon.core.settings import Settings
 
@@ -38,8 +38,8 @@ def test_settings():
 
 def test_limits():
     with pytest.warns(FutureWarning, match="readers.three.p99 is now called targets.three.p99"):
-        found = gates.parse("readers.three.p99<2deg")
-    assert found == gates.parse("targets.three.p99<2deg")
+        found = limits.parse("readers.three.p99<2deg")
+    assert found == limits.parse("targets.three.p99<2deg")
 
 
 def test_reports_have_both_keys():

@@ -3,7 +3,7 @@
 
 import pytest
 
-from addon.cli import arguments, gates
+from addon.cli import arguments, limits
 from addon.cli.arguments import WrongUsage
 from addon.core.errors import BakeError
 
@@ -25,7 +25,7 @@ WORDS = ["--low", "a", "--output", "b.png"]
 
 
 def over(text, *reports):
-    return gates.over(gates.parse(text), reports or [REPORT])
+    return limits.over(limits.parse(text), reports or [REPORT])
 
 
 @pytest.mark.parametrize(
@@ -84,9 +84,9 @@ def test_several_limits_and_reports():
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("mised<1%", "'mised' is not among the figures of a bake, did you mean 'missed'?"),
+        ("mised<1%", "'mised' is not a metric of a bake, did you mean 'missed'?"),
         ("deviation.p98<1", "did you mean 'deviation.p"),
-        ("beauty>1", "which are missed, coverage"),
+        ("beauty>1", "choose one of missed, coverage"),
         ("missed<1deg", "'missed<1deg': missed takes %, or no unit, and not 'deg'"),
         ("deviation.p99<1%", "takes deg, or no unit"),
         ("mirrored<1%", "takes no unit"),
@@ -106,7 +106,7 @@ def test_several_limits_and_reports():
 )
 def test_a_limit_that_cannot_be_read_is_an_error_before_the_bake(text, part):
     with pytest.raises(BakeError) as error:
-        gates.parse(text)
+        limits.parse(text)
     assert part in str(error.value)
     with pytest.raises(WrongUsage, match="argument --strict: "):
         arguments.parse([*WORDS, "--strict", text])

@@ -402,7 +402,7 @@ FAULTS = {
     "a scene with a wrong ending": (FIRST + "save-blend='s.txt'", "set 1: {s.txt} does not end in .blend"),
     "standard output": (FIRST + "report='-'", "set 1: report: '-', standard output, works only on the command line"),
     "a long value": (FIRST + "size = [" + "[1]," * 999 + "]", "set 1: size: a number or text is expected"),
-    "no TOML": ("[[bake]\nlow = 3", "'jobs/jobs.toml' is no TOML: "),
+    "no TOML": ("[[bake]\nlow = 3", "'jobs/jobs.toml' is not valid TOML: "),
 }
 
 
@@ -423,7 +423,7 @@ def test_a_mistake_gives_one_line_with_its_place(write, tmp_path, case):
 def test_a_key_that_json_has_twice_is_a_mistake(write):
     """TOML has no such files. The first of both would be lost without a word."""
     name = write('{"bake": [{"file": "a.blend", "low": "a", "output": "1.png", "low": "b"}]}', "jobs/jobs.json")
-    with pytest.raises(WrongUsage, match="^'jobs/jobs.json' is no JSON: 'low' is given twice$"):
+    with pytest.raises(WrongUsage, match="^'jobs/jobs.json' is not valid JSON: 'low' is given twice$"):
         job_file.read(name)
 
 
@@ -531,7 +531,7 @@ def test_many_sets_are_read_with_one_parser_and_progress(write, monkeypatch):
     ("name", "content", "message"),
     [
         ("jobs/jobs.json", "[1]", "a table with 'bake'"),
-        ("jobs/jobs.json", "{'bake': []}", "is no JSON"),
+        ("jobs/jobs.json", "{'bake': []}", "is not valid JSON"),
         ("jobs/jobs.json", {"bake": [{"low": None}]}, "set 1: low: text is expected, not null"),
         ("jobs/jobs.json", {"bake": [{"low": "a\0"}]}, "set 1: low: 'a\\x00' contains a NUL character"),
         ("jobs/jobs.json", "[" * 100_000, "nested too deeply"),

@@ -133,6 +133,7 @@ def by_parser(values, folder, more):
     for written, value in values.items():
         key = written.replace("_", "-")
         words[key] = words_of(key, value, folder)
+        faults.pop(key, None)
         if words[key] is None:
             faults[key] = None
     for key in [key for key in words if key not in faults]:

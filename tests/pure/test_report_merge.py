@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from addon.cli import command, run_report
-from addon.cli.report_file import ReportFile
-from addon.cli.run_report import Cause, Entry, Only, State, ranges
+from addon.cli.run_report import Cause, Entry, Only, ReportFile, State, ranges
 
 
 def entry(number, state=State.DONE, **values):
@@ -142,14 +141,17 @@ def test_the_exit_code_is_that_of_a_call_for_all(tmp_path, entries, code, capsys
     ("content", "part"),
     [
         ("", "it is not JSON"),
-        ("[1]", "is no report of Imprint"),
-        ("{}", "is no report of Imprint"),
+        ("[1]", "is not a report of Imprint"),
+        ("{}", "is not a report of Imprint"),
         ('{"imprint_report": 1}', "is a report of version 1, not 2"),
         (
             '{"imprint_report": 2, "planned": 1, "imprint": "1", "blender": "5", "bakes": [{}]}',
-            "is no report of Imprint",
+            "is not a report of Imprint",
         ),
-        ('{"imprint_report": 2, "planned": 1, "imprint": "1", "blender": "5", "bakes": 7}', "is no report of Imprint"),
+        (
+            '{"imprint_report": 2, "planned": 1, "imprint": "1", "blender": "5", "bakes": 7}',
+            "is not a report of Imprint",
+        ),
     ],
 )
 def test_what_is_no_report_is_an_error(tmp_path, content, part, capsys):
@@ -247,4 +249,4 @@ def test_numbers_that_cannot_be_are_an_error(tmp_path, bakes, capsys):
     values["only"]["bakes"] = bakes
     Path(path).write_text(json.dumps(values))
     assert merged(tmp_path, path) == (run_report.WRONG_USAGE, None)
-    assert "is no report of Imprint" in capsys.readouterr().err
+    assert "is not a report of Imprint" in capsys.readouterr().err

@@ -12,8 +12,7 @@ import pytest
 
 from addon.cli import command, run_report
 from addon.cli import sheet as sheet_module
-from addon.cli.bake_result import Done
-from addon.cli.run_report import Entry
+from addon.cli.run_report import Entry, Totals
 from addon.cli.sheet import SheetFile
 from addon.core.errors import BakeError
 from tests.support import reports
@@ -92,7 +91,7 @@ def test_a_picture_is_in_the_page_and_its_name_is_text():
 def test_rows_are_in_the_order_of_the_job_file(tmp_path):
     sheet = SheetFile(tmp_path / "s.html", run_report.head(3))
     for number in (3, 1, 2):
-        sheet.add(Entry(number, f"n{number}"), b"p" * number)
+        sheet.add(Entry(number, f"n{number}", image=b"p" * number))
     assert not (tmp_path / "s.html").exists()
     sheet.finish()
     assert [row[2] for row in read((tmp_path / "s.html").read_text(encoding="utf-8")).rows[1:]] == ["n1", "n2", "n3"]
@@ -104,9 +103,9 @@ def test_a_name_with_bytes_that_are_no_text_has_question_marks(tmp_path):
     """Python has such a byte of a file's name as half a character, which no encoding takes."""
     named, head = Entry(1, "crate \udcff"), run_report.head(1)
     sheet = SheetFile(tmp_path / "a.html", head)
-    sheet.add(named, b"")
+    sheet.add(named)
     sheet.finish()
-    merged = {**head, "summary": run_report.summary([named])}
+    merged = {**head, "summary": Totals([named]).to_dict()}
     sheet_module.write(tmp_path / "b.html", merged, iter([sheet_module.row(named.to_dict(), b"")]))
     for name in ("a.html", "b.html"):
         assert "<td>crate ?</td>" in (tmp_path / name).read_text(encoding="utf-8")
@@ -124,7 +123,7 @@ def test_a_full_disk_stops_no_bake_and_is_an_error_at_the_end(tmp_path, monkeypa
 
     monkeypatch.setattr(tempfile, "TemporaryFile", full)
     sheet = SheetFile(tmp_path / "s.html", run_report.head(1))
-    sheet.add(Entry(1, "a"), b"")
+    sheet.add(Entry(1, "a"))
     with pytest.raises(BakeError, match="could not be written: No space left on device"):
         sheet.finish()
     assert list(tmp_path.iterdir()) == []
@@ -132,30 +131,32 @@ def test_a_full_disk_stops_no_bake_and_is_an_error_at_the_end(tmp_path, monkeypa
 
 def test_a_run_that_ends_early_leaves_no_file(tmp_path):
     sheet = SheetFile(tmp_path / "s.html", run_report.head(1))
-    sheet.add(Entry(1, "a"), b"")
+    sheet.add(Entry(1, "a"))
     sheet.close()
-    assert sheet._rows.closed
+    assert sheet._rows._file.closed
     assert list(tmp_path.iterdir()) == []
 
 
 def done(picture=b"", sha256="0" * 64, *, number=1, of="2" * 64):
     file, mesh = {"path": "m.png", "sha256": sha256}, {"path": "m.obj", "sha256": of}
-    return Done(Entry(number, f"set {number} (a/b)", inputs=[mesh], files=[file]), picture=picture)
+    return Entry(number, f"set {number} (a/b)", inputs=[mesh], files=[file], image=picture)
 
 
 def test_a_picture_is_found_again_for_the_same_map(tmp_path):
     first, again, other = done(b"picture"), done(number=2), done(sha256="1" * 64)
-    assert sheet_module.keep_picture(str(tmp_path), first) == b"picture"
-    assert sheet_module.keep_picture(str(tmp_path), again) == b"picture"
-    assert sheet_module.keep_picture(str(tmp_path), other) == b""
-    assert sheet_module.keep_picture(str(tmp_path), done(of="3" * 64)) == b""  # another mesh with the same map
+    mesh = done(of="3" * 64)  # another mesh with the same map
+    for each in (first, again, other, mesh):
+        sheet_module.keep_picture(str(tmp_path), each)
     (path,) = tmp_path.iterdir()
     assert path.name.startswith("m_")
-    assert [each.entry.picture for each in (first, again, other)] == [str(path), str(path), ""]
+    assert path.read_bytes() == b"picture"
+    assert [each.picture for each in (first, again, other, mesh)] == [str(path), str(path), "", ""]
 
 
 def test_a_bake_that_wrote_nothing_has_no_picture(tmp_path):
-    assert sheet_module.keep_picture(str(tmp_path), Done(Entry(1, "a"))) == b""
+    bake = Entry(1, "a", image=b"picture")
+    sheet_module.keep_picture(str(tmp_path), bake)
+    assert (bake.picture, list(tmp_path.iterdir())) == ("", [])
 
 
 def test_the_command_takes_the_pictures_that_a_run_kept(tmp_path):

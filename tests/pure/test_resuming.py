@@ -17,15 +17,14 @@ from pathlib import Path
 import pytest
 
 from addon.cli import arguments, clashes, records
-from addon.cli import turns as turns_module
-from addon.cli.bake_result import Done
+from addon.cli import work_queue as turns_module
 from addon.cli.claims import Claims
 from addon.cli.options import OPTIONS
 from addon.cli.plans import Plan
-from addon.cli.records import Contents
+from addon.cli.records import Assignment, Contents
 from addon.cli.run_report import Entry, State
-from addon.cli.turns import POLL, Resumed, Resuming, ToDo, Turns
 from addon.cli.untrusted import Bounds
+from addon.cli.work_queue import POLL, ResumeQueue, WorkQueue
 from addon.core import versions
 from addon.core.errors import BakeError
 from addon.output import atomic_file
@@ -70,18 +69,22 @@ def in_scene(folder, low, *more, output="{low}.png"):
 
 
 def bake(turn, found=(), text="map"):
-    """Bake what is to do, without Blender. Returns the paths of the files."""
+    """Do an assignment without Blender. Returns the path of the map."""
     path = Path(str(turn.plan.options.output).replace("{low}", turn.plan.name))
     with all_or_none(), replacing(path) as partial:
         partial.write_text(f"{text} of {turn.plan.name}")
-    records.write_record(turn.draft, {"name": turn.plan.name}, Contents().all_of(found), [str(path)], Contents())
+    records.write_record(turn, entry(turn, path), Contents().all_of(found), Contents())
     return path
+
+
+def entry(turn, path):
+    return Entry(turn.plan.number, turn.plan.name, files=[{"path": str(path), "what": "map"}])
 
 
 def run(planned, **more):
     """Do a whole run. Returns the names of the bakes that were done, and why."""
     did = {}
-    with Resuming(planned, **more) as left:
+    with ResumeQueue(planned, **more) as left:
         while left.count:
             turn = left.next()
             did[turn.plan.name] = turn.why
@@ -91,8 +94,8 @@ def run(planned, **more):
 
 
 def why(planned, **more):
-    """Why a bake is to do, or "" if it is done."""
-    with Resuming([planned], **more) as left:
+    """Why a bake still has to run, or "" if it is done."""
+    with ResumeQueue([planned], **more) as left:
         return next((turn.why for turn in left.left), "")
 
 
@@ -110,10 +113,9 @@ def test_what_is_done_is_not_done_again(folder):
     planned = [plan(folder, "a"), plan(folder, "b")]
     assert run(planned) == dict.fromkeys("ab", "It has not been baked.")
     assert run(planned) == {}
-    with Resuming(planned) as left:
-        assert [(each.plan.name, each.result, each.is_elsewhere) for each in left.done] == [
-            ("a", {"name": "a"}, False),
-            ("b", {"name": "b"}, False),
+    with ResumeQueue(planned) as left:
+        assert [(each.name, each.number, each.state) for each in left.done] == [
+            (each.name, each.number, State.RESUMED) for each in planned
         ]
     assert sorted(os.listdir(folder / "out")) == ["a.png", "a_low.png.imprint.json", "b.png", "b_low.png.imprint.json"]
 
@@ -126,9 +128,9 @@ def test_all_is_done_again_if_that_is_wanted(folder):
 
 def test_a_bake_that_cannot_be_done_is_returned_and_writes_nothing(folder):
     bad = replace(plan(folder), problem="Two files share a name.")
-    with Resuming([bad]) as left:
+    with ResumeQueue([bad]) as left:
         turn = left.next()
-        assert (turn.plan, turn.draft, turn.why) == (bad, None, "Two files share a name.")
+        assert (turn.plan, turn.record, turn.why) == (bad, None, "Two files share a name.")
         left.release(turn.plan.number)
         assert not left.count
     assert not (folder / "out").exists()
@@ -136,8 +138,8 @@ def test_a_bake_that_cannot_be_done_is_returned_and_writes_nothing(folder):
 
 def test_a_folder_that_cannot_be_written_to_is_left_to_the_bake(folder):
     (folder / "out").touch()
-    with Resuming([plan(folder)]) as left:
-        assert left.next().draft is None
+    with ResumeQueue([plan(folder)]) as left:
+        assert left.next().record is None
 
 
 def overwrite(path, text):
@@ -182,7 +184,7 @@ def test_what_changed_is_done_again_and_named(folder, name):
     expected, change = CHANGES[name]
     (folder / "in" / "skin.png").write_text("skin")
     found = [(str(folder / "in" / "skin.png"), "a texture"), (str(folder / "in" / "later.mtl"), "a library")]
-    with Resuming([plan(folder)]) as left:
+    with ResumeQueue([plan(folder)]) as left:
         bake(left.next(), found)
     assert why(plan(folder)) == ""
     change(folder)
@@ -214,7 +216,7 @@ def test_other_code_of_the_same_version_bakes_again(folder, monkeypatch):
 
 def test_the_report_of_a_bake_is_a_file_that_it_wrote(folder):
     report = folder / "out" / "a.json"
-    with Resuming([plan(folder, "a", "--report", str(report))]) as left:
+    with ResumeQueue([plan(folder, "a", "--report", str(report))]) as left:
         turn = left.next()
         report.parent.mkdir(exist_ok=True)
         report.write_text("{}")
@@ -234,7 +236,7 @@ def test_another_name_bakes_nothing_again(folder):
     run([plan(folder)])
     renamed = plan(folder, "a", "--name", "b")
     assert why(renamed) == ""
-    entry = Done.resumed(renamed, Entry(renamed.number + 1, "before").to_dict()).entry
+    entry = turns_module.resumed(renamed, Entry(renamed.number + 1, "before"))
     assert (entry.name, entry.number) == (renamed.name, renamed.number)
 
 
@@ -281,7 +283,7 @@ def test_a_file_that_is_done_is_opened_once(folder, monkeypatch):
 
 @pytest.fixture
 def untrusted(folder):
-    """What Resuming needs for them."""
+    """What ResumeQueue needs for them."""
     place = Path(os.path.realpath(folder))
     return {"records": str(place / "records"), "bounds": Bounds(str(place / "in"), str(place / "out"))}
 
@@ -344,22 +346,22 @@ def said(folder, path="", **values):
 
 
 def lie(folder, untrusted, *, has_record=True, **values):
-    """What comes of a bake whose process says other things of its files."""
+    """The entry of a bake whose process gives other values of its files."""
     own = plan(folder)
     files = clashes.RunFiles(bounds=untrusted["bounds"])
     assert files.add([(own.name, own.options)]) == []
-    with Resuming([own], **untrusted) as left:
+    with ResumeQueue([own], **untrusted) as left:
         turn = left.next()
         (folder / "out").mkdir(exist_ok=True)
         for name in ("out/a_low.png", "out/other.png", "outside"):
             (folder / name).write_text("map")
-        done = Done(Entry(7, "another", files=[Contents().of(str(folder / "out/a_low.png"), "map").facts()]))
+        done = Entry(7, "another", files=[Contents().of(str(folder / "out/a_low.png"), "map").facts()])
         for name, value in values.items():
-            setattr(done.entry, name, [said(folder, **value)] if isinstance(value, dict) else value)
+            setattr(done, name, [said(folder, **value)] if isinstance(value, dict) else value)
         unplanned = partial(files.unplanned, own.name, own.options)
-        draft = turn.draft if has_record else None
-        done = records.finish_untrusted(draft, own, done, untrusted["bounds"], unplanned)
-    assert (done.entry.number, done.entry.name, done.entry.picture) == (own.number, own.name, "")
+        turn = turn if has_record else Assignment(own)
+        done = records.check_untrusted(turn, done, untrusted["bounds"], unplanned)
+    assert (done.number, done.name, done.picture) == (own.number, own.name, "")
     return done
 
 
@@ -390,7 +392,7 @@ def test_a_process_that_lies_of_its_files_has_failed(folder, untrusted, values, 
         name: {key: text.format(folder) for key, text in each.items()} if isinstance(each, dict) else each
         for name, each in values.items()
     }
-    entry = lie(folder, untrusted, has_record=has_record, **values).entry
+    entry = lie(folder, untrusted, has_record=has_record, **values)
     assert entry.state == State.FAILED
     assert (entry.files, entry.inputs, entry.reports) == ([], [], [])
     assert entry.error.startswith("Its process gave a wrong result: ")
@@ -404,7 +406,7 @@ def test_a_map_of_a_process_that_lies_is_a_file(folder, untrusted, monkeypatch, 
             path.mkdir()
             (path / "x").write_text("map")
 
-    entry = lie_of_map(folder, untrusted, monkeypatch, make).entry
+    entry = lie_of_map(folder, untrusted, monkeypatch, make)
     assert (entry.state, entry.files) == (State.FAILED, [])
 
 
@@ -425,7 +427,7 @@ def lie_of_map(folder, untrusted, monkeypatch, make):
 def test_an_input_that_was_changed_during_an_untrusted_bake_is_a_warning(folder, untrusted, has_record):
     values = {"inputs": {"path": str(folder / "in/b_low.ply"), "sha256": "0" * 64}}
     done = lie(folder, untrusted, has_record=has_record, **values)
-    assert done.entry.state == State.DONE
+    assert done.state == State.DONE
     (warning,) = done.warnings
     assert "b_low.ply' is not as it was in the bake" in warning
     assert not (folder / "records").exists()
@@ -433,7 +435,7 @@ def test_an_input_that_was_changed_during_an_untrusted_bake_is_a_warning(folder,
 
 def test_a_process_that_says_what_is_true_gets_a_record(folder, untrusted):
     done = lie(folder, untrusted)
-    assert (done.entry.state, done.warnings) == (State.DONE, [])
+    assert (done.state, done.warnings) == (State.DONE, [])
     assert len(os.listdir(folder / "records")) == 1
 
 
@@ -479,9 +481,9 @@ def test_files_that_the_run_writes_beside_do_not_count(folder):
 
 
 def test_a_key_can_go_to_another_process(folder):
-    with Resuming([plan(folder)]) as left:
-        draft = left.next().draft
-    assert pickle.loads(pickle.dumps(draft)) == draft
+    with ResumeQueue([plan(folder)]) as left:
+        turn = left.next()
+    assert pickle.loads(pickle.dumps(turn)) == turn
 
 
 def test_tiles_count_together(folder):
@@ -549,7 +551,7 @@ def test_a_record_says_what_was_baked(folder):
     run([plan(folder)])
     values = json.loads((folder / "out" / "a_low.png.imprint.json").read_text())
     assert values["imprint_record"] == 1
-    assert (values["name"], values["blender"], values["result"]) == ("a", "5.2.3", {"name": "a"})
+    assert (values["name"], values["blender"], values["result"]["name"]) == ("a", "5.2.3", "a")
     assert values["key"] == key(plan(folder))
     assert [(each["path"], each["what"], each["bytes"]) for each in values["declared"]] == [
         ("../in/a_low.ply", "the low mesh's file", 5),
@@ -559,7 +561,7 @@ def test_a_record_says_what_was_baked(folder):
 
 
 def test_a_file_that_changed_during_the_bake_leaves_no_record(folder):
-    with Resuming([plan(folder)]) as left:
+    with ResumeQueue([plan(folder)]) as left:
         turn = left.next()
         (folder / "in" / "a_high.ply").write_text("saved meanwhile")
         with pytest.raises(BakeError, match="'.*a_high.ply' was changed during the bake"):
@@ -571,10 +573,10 @@ def test_a_file_that_changed_during_the_bake_leaves_no_record(folder):
 def test_a_bake_that_saves_over_its_file_has_a_record_and_is_done_again(folder):
     scene = str(folder / "in" / "scene.blend")
     planned = in_scene(folder, ["--low", "lo"], "--save-blend", scene)
-    with Resuming([planned]) as left:
+    with ResumeQueue([planned]) as left:
         turn = left.next()
         Path(scene).write_text("saved")
-        records.write_record(turn.draft, {}, [], [scene], Contents())
+        records.write_record(turn, entry(turn, scene), [], Contents())
     assert why(planned) == "The file to open has changed: 'scene.blend'."
 
 
@@ -610,7 +612,7 @@ def test_records_with_parts_missing_or_of_another_kind_are_no_error(folder):
 def test_who_finds_a_claim_does_its_other_bakes_first_and_then_takes_the_result(folder, monkeypatch):
     monkeypatch.setattr(turns_module, "POLL", 0.0)
     planned = [plan(folder, "a"), plan(folder, "b")]
-    with Resuming(planned) as first, Resuming(planned) as second:
+    with ResumeQueue(planned) as first, ResumeQueue(planned) as second:
         mine, its = first.next(), second.next()
         assert (mine.plan.name, its.plan.name) == ("a", "b")
         assert first.next() is None
@@ -618,17 +620,16 @@ def test_who_finds_a_claim_does_its_other_bakes_first_and_then_takes_the_result(
         bake(its)
         second.release(its.plan.number)
         found = first.next()
-        assert isinstance(found, Resumed)
-        assert (found.plan.name, found.result, found.is_elsewhere) == ("b", {"name": "b"}, True)
+        assert (found.name, found.state) == ("b", State.RESUMED)
         bake(mine)
         first.release(mine.plan.number)
-        assert second.next().is_elsewhere
+        assert isinstance(second.next(), Entry)
         assert first.count == second.count == 0
 
 
 def test_what_fails_elsewhere_is_tried_here(folder, monkeypatch):
     monkeypatch.setattr(turns_module, "POLL", 0.0)
-    with Resuming([plan(folder)]) as first, Resuming([plan(folder)]) as second:
+    with ResumeQueue([plan(folder)]) as first, ResumeQueue([plan(folder)]) as second:
         turn = first.next()
         assert second.next() is None
         first.release(turn.plan.number)
@@ -637,7 +638,7 @@ def test_what_fails_elsewhere_is_tried_here(folder, monkeypatch):
 
 def test_claims_of_others_are_looked_at_now_and_then(folder):
     clock = Clock()
-    with Resuming([plan(folder)]) as first, Resuming([plan(folder)], clock=clock) as second:
+    with ResumeQueue([plan(folder)]) as first, ResumeQueue([plan(folder)], clock=clock) as second:
         turn = first.next()
         assert second.next() is None
         first.release(turn.plan.number)
@@ -647,7 +648,7 @@ def test_claims_of_others_are_looked_at_now_and_then(folder):
 
 
 def test_a_run_that_is_stopped_returns_no_more(folder):
-    for turns in (Resuming([plan(folder)]), Turns([plan(folder)])):
+    for turns in (ResumeQueue([plan(folder)]), WorkQueue([plan(folder)])):
         with turns:
             assert turns.count == 1
             turns.stop()
@@ -656,22 +657,22 @@ def test_a_run_that_is_stopped_returns_no_more(folder):
 
 def test_a_run_without_records_does_all_in_order(folder):
     bad = replace(plan(folder, "b"), problem="Two files share a name.")
-    with Turns([plan(folder, "a"), bad]) as turns:
+    with WorkQueue([plan(folder, "a"), bad]) as turns:
         first, second = turns.next(), turns.next()
         turns.release(first.plan.number)
-        assert first == ToDo(plan(folder, "a"))
-        assert second == ToDo(bad, None, "Two files share a name.")
+        assert first == Assignment(plan(folder, "a"))
+        assert second == Assignment(bad, "Two files share a name.")
         assert (turns.count, turns.done) == (0, [])
     assert not (folder / "out").exists()
 
 
 def test_two_that_do_all_again_do_each_bake_once(folder):
     run([plan(folder)])
-    with Resuming([plan(folder)], is_forced=True) as first, Resuming([plan(folder)], is_forced=True) as second:
+    with ResumeQueue([plan(folder)], is_forced=True) as first, ResumeQueue([plan(folder)], is_forced=True) as second:
         turn = first.next()
         bake(turn)
         first.release(turn.plan.number)
-        assert second.next().is_elsewhere
+        assert isinstance(second.next(), Entry)
 
 
 WORK = """
@@ -685,12 +686,12 @@ folder, seed = Path(sys.argv[1]), random.Random(sys.argv[2])
 planned = [own.plan(folder, f"n{{number}}") for number in range(25)]
 print("ready", flush=True)
 sys.stdin.readline()
-with own.Resuming(planned) as left:
+with own.ResumeQueue(planned) as left:
     while left.count:
         turn = left.next()
         if turn is None:
             time.sleep(0.01)
-        elif not isinstance(turn, own.Resumed):
+        elif not isinstance(turn, own.Entry):
             time.sleep(seed.random() * 0.01)
             with (folder / "log").open("a") as log:
                 log.write(turn.plan.name + "\\n")
@@ -752,7 +753,7 @@ def test_the_claim_of_a_process_that_was_killed_after_its_record_is_removed(fold
 
 
 def test_claims_are_given_up_at_the_end(folder):
-    with Resuming([plan(folder)], claims=Claims()) as left:
+    with ResumeQueue([plan(folder)], claims=Claims()) as left:
         left.next()
         assert list((folder / "out").iterdir()) == [folder / "out" / f"a_low.png.imprint.json{records.CLAIM}"]
     assert not (folder / "out").exists()
@@ -776,12 +777,12 @@ def test_a_chain_is_done_together(folder):
     (folder / "out" / "2.png").unlink()
     found = run(planned)
     assert list(found) == ["c1", "c2", "c3"]
-    assert found["c1"] == "Another bake of the same scene, which is saved, is to do."
+    assert found["c1"] == "Another bake of this scene has to run before the scene is saved."
 
 
 def test_a_chain_has_one_claim_until_its_last_bake(folder):
     planned = chain(folder)
-    with Resuming(planned) as here, Resuming(planned) as there:
+    with ResumeQueue(planned) as here, ResumeQueue(planned) as there:
         first = here.next()
         assert first.plan.number == 1
         assert there.next().plan.name == "b"
@@ -795,19 +796,15 @@ def test_a_chain_has_one_claim_until_its_last_bake(folder):
             bake(turn)
             here.release(number)
         there._ask_at = 0.0
-        assert [
-            (turn.plan.number, isinstance(turn, Resumed)) for turn in (there.next(), there.next(), there.next())
-        ] == [
-            (1, True),
-            (2, True),
-            (3, True),
+        assert [(turn.number, turn.state) for turn in (there.next(), there.next(), there.next())] == [
+            (number, State.RESUMED) for number in (1, 2, 3)
         ]
     assert not list(folder.rglob("*.lock"))
 
 
 def test_a_chain_keeps_its_claim_if_the_next_bake_begins_before_the_last_one_is_released(folder):
     planned = chain(folder)
-    with Resuming(planned) as here, Resuming(planned) as there:
+    with ResumeQueue(planned) as here, ResumeQueue(planned) as there:
         for number in (1, 2, 3):
             bake(here.next())
             here.release(number - 1)
@@ -815,12 +812,12 @@ def test_a_chain_keeps_its_claim_if_the_next_bake_begins_before_the_last_one_is_
         assert there.next() is None
         here.release(3)
         there._ask_at = 0.0
-        assert there.next().plan.number == 1
+        assert there.next().number == 1
 
 
 def test_a_chain_of_another_worker_waits(folder):
     planned = chain(folder)
-    for turns in (Turns(planned), Resuming(planned)):
+    for turns in (WorkQueue(planned), ResumeQueue(planned)):
         with turns:
             assert turns.next().plan.number == 1
             assert turns.next({1}).plan.name == "b"

@@ -7,17 +7,17 @@ from types import SimpleNamespace
 
 import pytest
 
-from addon.cli import interruption, turns
+from addon.cli import interruption, work_queue
 from addon.cli.records import BLOCK, Contents
-from addon.cli.turns import Turns, TurnsAside
+from addon.cli.work_queue import ThreadedQueue, WorkQueue
 
 
 def plans(*chains):
     return [SimpleNamespace(number=number, chain=chain, problem="") for number, chain in enumerate(chains, 1)]
 
 
-class Slow(Turns):
-    """Turns of which each waits for `go`."""
+class Slow(WorkQueue):
+    """WorkQueue of which each waits for `go`."""
 
     def __init__(self, planned, check=lambda: None):
         super().__init__(planned)
@@ -35,13 +35,13 @@ class Slow(Turns):
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
-    monkeypatch.setattr(turns, "ASIDE_WAIT", 0.02)
+    monkeypatch.setattr(work_queue, "ANSWER_WAIT", 0.02)
 
 
 def aside(*chains):
-    """Turns in a thread, and those that it has."""
+    """WorkQueue in a thread, and those that it has."""
     made = []
-    found = TurnsAside(lambda check: made.append(Slow(plans(*chains), check)) or made[0], lambda: None)
+    found = ThreadedQueue(lambda check: made.append(Slow(plans(*chains), check)) or made[0], lambda: None)
     return found, made[0]
 
 
@@ -99,14 +99,14 @@ def test_progress_and_signals_are_served_while_turns_are_made(monkeypatch, is_st
     def make(check):
         while not go.wait(0.01):
             check()
-        return Turns(plans(0))
+        return WorkQueue(plans(0))
 
     def meanwhile():
         seen.append(1)
         if len(seen) == 3:
             monkeypatch.setattr(interruption, "code", lambda: 130) if is_stopped else go.set()
 
-    with TurnsAside(make, meanwhile) as turns:
+    with ThreadedQueue(make, meanwhile) as turns:
         assert (len(seen) >= 3, turns.count) == (True, 0 if is_stopped else 1)
 
 
@@ -116,7 +116,7 @@ def test_an_error_while_turns_are_made_is_raised():
 
     before = threading.active_count()
     with pytest.raises(OSError, match="no folder"):
-        TurnsAside(make, lambda: None)
+        ThreadedQueue(make, lambda: None)
     assert threading.active_count() == before
 
 

@@ -145,8 +145,8 @@ def lie():
     true = worker.packed
 
     def packed(message):
-        if type(message).__name__ == "Done":
-            message.entry.files[0]["path"] = message.entry.picture = "/etc/passwd"
+        if type(message).__name__ == "Entry":
+            message.files[0]["path"] = message.picture = "/etc/passwd"
         return true(message)
 
     worker.packed = packed
@@ -219,15 +219,15 @@ class Finder:
 
 
 def with_deeds(module):
-    open_files = module.open_files
+    open_files = module.Baker._open
 
-    def sabotaged(plan, *more, **named):
+    def sabotaged(baker, plan, **named):
         for word, deed in DEEDS.items():
             if word in Path(plan.options.low_file or "").stem:
                 deed()
-        return open_files(plan, *more, **named)
+        return open_files(baker, plan, **named)
 
-    module.open_files = sabotaged
+    module.Baker._open = sabotaged
 
 
 def with_slow_files(module):

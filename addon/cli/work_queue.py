@@ -8,19 +8,17 @@ import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..core import versions
 from ..core.errors import BakeError, shorten_list
-from . import bake_result, gates, interruption, plans, records, report_file, sheet
-from .bake_result import Done, Result
+from . import interruption, limits, plans, records, sheet
 from .claims import Claims
-from .options import STDOUT
 from .plans import Plan
-from .records import Content, Contents, Draft, Record
-from .run_report import State
+from .records import Assignment, Content, Contents, Record
+from .run_report import STDOUT, Entry, State
 from .untrusted import Bounds
 
 
@@ -30,61 +28,46 @@ class Chains:
     def __init__(self):
         self._broken: set[int] = set()
 
-    def ended(self, plan: Plan, done: Done) -> None:
+    def ended(self, plan: Plan, entry: Entry) -> None:
         """A bake has ended."""
-        if plan.chain and done.entry.state == State.FAILED:
+        if plan.chain and entry.state == State.FAILED:
             self._broken.add(plan.chain)
 
-    def refusal(self, plan: Plan) -> Result | None:
-        """The result of a bake that would save a scene without the maps of earlier ones; None for one that can be done."""
+    def refusal(self, plan: Plan) -> Entry | None:
+        """The entry of a bake that would save a scene without the maps of earlier ones; None for one that can be done."""
         if plan.chain not in self._broken or not plan.options.save_blend:
             return None
         error = BakeError("An earlier bake of the same scene has failed, so that it would be saved without all maps.")
-        return bake_result.failure(plan.name, error)
+        return Entry.failed(plan.number, plan.name, error)
 
 
-@dataclass(frozen=True)
-class Resumed:
-    """A bake that need not be done."""
-
-    plan: Plan
-    result: dict[str, Any]
-    """Its entry of the report of the run that did it."""
-    is_elsewhere: bool = False
-    """Whether another process did it while this run waited."""
+def resumed(plan: Plan, before: Entry) -> Entry:
+    """The entry of a bake that need not run. before: that of the run that did it, perhaps with other limits."""
+    over = limits.over(plan.options.strict, before.reports)
+    state = State.GATE if over else State.RESUMED
+    return replace(before, number=plan.number, name=plan.name, state=state, gate=over, seconds=0.0, log="")
 
 
-@dataclass(frozen=True)
-class ToDo:
-    """A bake that this process has to do."""
-
-    plan: Plan
-    draft: Draft | None = None
-    """For the record; None for a bake without one, or that cannot be done."""
-    why: str = ""
-    """A sentence."""
-
-
-class Turns:
+class WorkQueue:
     """All bakes of a run in their order, without records. Use it in a `with` block.
 
     This process works off what `next` returns:
 
-        with turns:
-            for done in turns.done: ...
-            while turns.count:
-                turn = turns.next()
-                if turn is None: wait a moment, since other processes have those that are left
-                elif isinstance(turn, Resumed): ...
-                else: bake, recording.finish(...) in any process, and turns.release(turn.plan.number)
+        with queue:
+            for entry in queue.done: ...
+            while queue.count:
+                item = queue.next()
+                if item is None: wait a moment, since other processes have those that are left
+                elif isinstance(item, Entry): ...  # another process has done it
+                else: bake, records.finish_record(...) in any process, and queue.release(item.plan.number)
     """
 
     def __init__(self, planned: Sequence[Plan]):
-        self.done: list[Resumed] = []
+        self.done: list[Entry] = []
         """The bakes that were done before."""
-        self._left = [ToDo(plan, why=plan.problem) for plan in planned]
+        self._left = [Assignment(plan, plan.problem) for plan in planned]
 
-    def __enter__(self) -> "Turns":
+    def __enter__(self) -> "WorkQueue":
         return self
 
     def __exit__(self, *_) -> None:
@@ -96,19 +79,19 @@ class Turns:
         return len(self._left)
 
     @property
-    def left(self) -> list[ToDo]:
-        """These bakes. They have no drafts yet."""
+    def left(self) -> list[Assignment]:
+        """These bakes, without their records."""
         return list(self._left)
 
-    def next(self, taken: Collection[int] = ()) -> ToDo | Resumed | None:
+    def next(self, taken: Collection[int] = ()) -> Assignment | Entry | None:
         """The next bake, which this process has from now on, or one that another process has done.
 
         taken: chains that wait for another worker of this process. None while others do all that are left.
         """
-        for turn in self._left:
-            if turn.plan.chain not in taken:
-                self._left.remove(turn)
-                return turn
+        for item in self._left:
+            if item.plan.chain not in taken:
+                self._left.remove(item)
+                return item
         return None
 
     def release(self, number: int) -> None:
@@ -128,7 +111,7 @@ MOST_NAMED = 3
 """Settings that a message names."""
 
 
-class Resuming(Turns):
+class ResumeQueue(WorkQueue):
     """The bakes of a run that are not done, each as soon as no other process has it."""
 
     def __init__(
@@ -145,7 +128,7 @@ class Resuming(Turns):
         check: Callable[[], None] = lambda: None,
         on_share: Callable[[float], None] = lambda _: None,
     ):
-        """Compare all bakes with their records. is_forced: all are to do. open_file: as in plans.plans. records: as in
+        """Compare all bakes with their records. is_forced: all still have to run. open_file: as in plans.plans. records: as in
         records.record_path. pictures: the folder of pictures. bounds: the folders of files that are not trusted. check: as in
         Contents. on_share: called with the share of the bakes that are compared.
         """
@@ -164,33 +147,35 @@ class Resuming(Turns):
                 self._chains.setdefault(plan.chain, []).append(plan)
         self._are_done: dict[int, bool] = {}
         """Whether another process has done a chain that this process has claimed."""
-        reasons: dict[int, Resumed | str] = {}
+        reasons: dict[int, Entry | str] = {}
         for place, plan in enumerate(planned):
             on_share(place / len(planned))
             reasons[plan.number] = plan.problem or self._reason(plan)
         for plan in planned:
             why = reasons[plan.number]
-            if any(not isinstance(reasons[each.number], Resumed) for each in self._chains.get(plan.chain, ())):
-                why = why if isinstance(why, str) else "Another bake of the same scene, which is saved, is to do."
-            if isinstance(why, Resumed):
+            if any(isinstance(reasons[each.number], str) for each in self._chains.get(plan.chain, ())):
+                why = (
+                    why if isinstance(why, str) else "Another bake of this scene has to run before the scene is saved."
+                )
+            if isinstance(why, Entry):
                 self.done.append(why)
                 self._clear(self._claim_of(plan))
             else:
-                self._left.append(ToDo(plan, why=why))
+                self._left.append(Assignment(plan, why))
 
-    def next(self, taken: Collection[int] = ()) -> ToDo | Resumed | None:
+    def next(self, taken: Collection[int] = ()) -> Assignment | Entry | None:
         if self._clock() < self._ask_at:
             return None
         claimed, others = set(), {*taken}
-        for todo in self._left:
-            if todo.plan.chain in others:
+        for each in self._left:
+            if each.plan.chain in others:
                 continue
-            turn = self._turn(todo.plan, todo.why)
-            if turn is not None:
-                self._left.remove(todo)
-                return turn
-            claimed.add(todo.plan.number)
-            others |= {todo.plan.chain} - {0}
+            item = self._item(each.plan, each.why)
+            if item is not None:
+                self._left.remove(each)
+                return item
+            claimed.add(each.plan.number)
+            others |= {each.plan.chain} - {0}
         if claimed:
             self._ask_at = self._clock() + POLL
         return None
@@ -213,28 +198,27 @@ class Resuming(Turns):
                 self._claims.take(claim)
             self._claims.release(claim)
 
-    def _turn(self, plan: Plan, why: str) -> ToDo | Resumed | None:
+    def _item(self, plan: Plan, why: str) -> Assignment | Entry | None:
         if plan.problem:
-            return ToDo(plan, why=why)
+            return Assignment(plan, why)
         path, claim = self._record_of(plan), self._claim_of(plan)
         if plan.chain not in self._are_done:
             try:
                 if not self._claims.take(claim):
                     return None
             except OSError:  # the bake will report that the folder cannot be written to
-                return ToDo(plan, why=why)
+                return Assignment(plan, why)
         # Another process may have done it between the start of this run and now.
         now = self._reason(plan, is_started=True)
         if plan.chain and plan.chain not in self._are_done:
             members = (self._reason(each, is_started=True) for each in self._chains[plan.chain])
-            self._are_done[plan.chain] = all(isinstance(each, Resumed) for each in members)
+            self._are_done[plan.chain] = all(isinstance(each, Entry) for each in members)
         self._claimed[plan.number] = claim, plan.chain
-        if isinstance(now, Resumed) and self._are_done.get(plan.chain, True):
+        if isinstance(now, Entry) and self._are_done.get(plan.chain, True):
             self.release(plan.number)
             return now
         key = records.key_of(plan.options, self._contents, self._open_file)
-        report = report_file.report_path(plan.options.report)
-        return ToDo(plan, Draft(path, plan.name, key, report and str(report), bool(self._pictures)), why)
+        return Assignment(plan, why, path, key)
 
     def _record_of(self, plan: Plan) -> Path:
         return records.record_path(plan.options, self._records)
@@ -244,8 +228,8 @@ class Resuming(Turns):
         first = self._chains[plan.chain][0] if plan.chain else plan
         return records.claim_of(self._record_of(first))
 
-    def _reason(self, plan: Plan, *, is_started: bool = False) -> Resumed | str:
-        """Why a bake is to do, in a sentence, or that it is done."""
+    def _reason(self, plan: Plan, *, is_started: bool = False) -> Entry | str:
+        """Why a bake still has to run, in a sentence, or its entry if it is done."""
         path = self._record_of(plan)
         if self._is_forced:
             before = self._before.setdefault(plan.name, _bytes(path))
@@ -254,12 +238,12 @@ class Resuming(Turns):
         record = records.read_record(path)
         if record is None:
             return "Its record cannot be read." if path.exists() else "It has not been baked."
-        if gates.DEVIATION in gates.needs(plan.options.strict) and not all(
-            map(_has_deviation, record.result["reports"])
+        if limits.DEVIATION in limits.needs(plan.options.strict) and not all(
+            map(_has_deviation, record.result.reports)
         ):
-            return "Its deviation, which has a limit now, was not measured."
+            return "--strict now limits deviation, which that bake did not measure."
         found = next(self._changes(plan, record), "")
-        return found or Resumed(plan, record.result, is_started)
+        return found or resumed(plan, record.result)
 
     def _changes(self, plan: Plan, record: Record) -> Iterator[str]:
         """What is no longer as it was for the bake, in sentences. What takes long comes last."""
@@ -298,8 +282,8 @@ class Resuming(Turns):
                 yield f"{file.content.path!r} {'has changed since it was baked' if is_there else 'is missing'}."
         if options.report and options.report != STDOUT and not os.path.exists(options.report):
             yield f"{options.report!r} is missing."
-        if self._pictures and record.picture and record.result["files"]:
-            picture = sheet.picture_path(self._pictures, record.result["files"], record.result["inputs"])
+        if self._pictures and record.picture and record.result.files:
+            picture = sheet.picture_path(self._pictures, record.result.files, record.result.inputs)
             if self._contents.of(str(picture)).sha256 != record.picture:
                 yield f"Its picture {'has changed' if picture.exists() else 'is missing'}."
 
@@ -328,70 +312,76 @@ def _has_changed(content: Content) -> str:
     return f"{content.what[:1].upper()}{content.what[1:]} has changed: {_name(content.path)!r}."
 
 
-ASIDE_WAIT = 0.1
+ANSWER_WAIT = 0.1
 """Seconds that the caller waits for what is asked for, before it goes on and asks again."""
 
 
-class TurnsAside(Turns):
-    """Turns of which each call returns soon. After a signal they stop by themselves."""
+class ThreadedQueue(WorkQueue):
+    """A queue whose calls return soon, since a thread reads the files. After a signal it is empty."""
 
-    def __init__(self, make: Callable[[Callable[[], None]], Turns], meanwhile: Callable[[], None]):
-        """Make the turns. make: gets a function that it calls while it reads files, and that raises Stopped. meanwhile: called
-        while they are made."""
-        self._thread = ThreadPoolExecutor(1, "imprint-turns")
+    def __init__(self, make: Callable[[Callable[[], None]], WorkQueue], meanwhile: Callable[[], None]):
+        """Make the queue in the thread.
+
+        Args:
+            make: Gets a function that it calls while it reads files, and that raises Stopped.
+            meanwhile: Called while the queue is made.
+        """
+        self._thread = ThreadPoolExecutor(1, "imprint-queue")
         self._is_closed = threading.Event()
-        self._next: Future[ToDo | Resumed | None] | None = None
+        self._next: Future[Assignment | Entry | None] | None = None
         """What `next` will return."""
         self._wait_until = 0.0
         made = self._thread.submit(make, self._check)
         with ExitStack() as undo:
             undo.callback(self._end_thread)
             try:
-                while not wait([made], ASIDE_WAIT).done:
+                while not wait([made], ANSWER_WAIT).done:
                     meanwhile()
-                self._turns = made.result()
+                self._queue = made.result()
             except interruption.Stopped:
-                self._turns = Turns(())
+                self._queue = WorkQueue(())
             undo.pop_all()
-        self.done, self._count = self._turns.done, self._turns.count
+        self.done, self._count = self._queue.done, self._queue.count
 
     @property
     def count(self) -> int:
         return self._count
 
     @property
-    def left(self) -> list[ToDo]:
-        return self._turns.left
+    def left(self) -> list[Assignment]:
+        return self._queue.left
 
-    def next(self, taken: Collection[int] = ()) -> ToDo | Resumed | None:
+    def next(self, taken: Collection[int] = ()) -> Assignment | Entry | None:
         if not self._count:
             return None
         if self._next is None:
-            self._next = self._thread.submit(self._turns.next, frozenset(taken))
-            self._wait_until = time.monotonic() + ASIDE_WAIT
+            self._next = self._thread.submit(self._queue.next, frozenset(taken))
+            self._wait_until = time.monotonic() + ANSWER_WAIT
         if not wait([self._next], max(0.0, self._wait_until - time.monotonic())).done:
             return None
         try:
-            turn = self._next.result()
+            item = self._next.result()
         except interruption.Stopped:
             self.stop()
             return None
-        if turn is not None and turn.plan.chain in taken:  # it was asked for by the worker that has the chain
+        if (
+            isinstance(item, Assignment) and item.plan.chain in taken
+        ):  # it was asked for by the worker that has the chain
             return None
         self._next = None
-        self._count -= turn is not None
-        return turn
+        self._count -= item is not None
+        return item
 
     def release(self, number: int) -> None:
-        self._thread.submit(self._turns.release, number)
+        self._thread.submit(self._queue.release, number)
 
     def stop(self) -> None:
         self._count = 0
-        self._thread.submit(self._turns.stop)
+        self._thread.submit(self._queue.stop)
 
     def close(self) -> None:
         self._end_thread()
-        self._turns.close()
+        self._queue.close()
 
     def _check(self) -> None:
         if self._is_closed.is_set():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Limits for figures of a bake, as in --strict "missed<0.1%, deviation.p99<2deg": reads them, and compares the report."""
+"""Limits on metrics of a bake, as in --strict "missed<0.1%, deviation.p99<2deg": reads them, and compares the report."""
 
 import operator
 import re
@@ -12,7 +12,7 @@ from ..core.errors import BakeError, warn_of_former
 from ..core.naming import did_you_mean
 
 SHARE, DEGREES, COUNT, LENGTH, SECONDS = "%", "deg", "", "units", "s"
-"""What figures are: shares of texels, degrees, numbers of things, lengths in scene units, and seconds."""
+"""Units of metrics: shares of texels, degrees, numbers of things, lengths in scene units, and seconds."""
 COMPARISONS = {
     "<=": (operator.le, "at most"),
     ">=": (operator.ge, "at least"),
@@ -22,17 +22,17 @@ COMPARISONS = {
 }
 """The signs, what each compares, and its words."""
 PERCENTILES = {"p50": "median", "p95": "percentile_95", "p99": "percentile_99", "max": "maximum"}
-"""The ends of the names of figures, and the keys of the report."""
+"""The ends of the names of metrics, and the keys of the report."""
 TEXELS = "uncovered", "far", "unsure", "gaps", "backwards"
-"""Checks of the report whose figure is a share of texels."""
+"""Checks of the report whose metric is a share of texels."""
 OTHERS = "outside", "no_area", "behind", "hard_edges", "polygons", "uneven"
-"""Checks of the report whose figure is a number of triangles, edges or faces."""
+"""Checks of the report whose metric is a number of triangles, edges or faces."""
 _PART = re.compile(r"\s*([\w.-]+?)\s*(<=|>=|<|>|==|=)\s*(\d+(?:\.\d+)?|\.\d+)\s*([a-z%]*)\s*", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A figure of the report of one bake.
+class Metric:
+    """A metric of the report of one bake.
 
     unit: one of the constants above. meaning: what it is, in words. of: finds it in a report; None if it was not measured.
     needs: the setting without which it is not measured, as "targets" or "export"; empty if it always is.
@@ -50,10 +50,10 @@ class Figure:
         return self.name.split(".")[0] in {"coverage", "loss", "warnings", "seconds"}
 
 
-def _shares() -> Iterator[Figure]:
-    yield Figure("missed", SHARE, "texels of the low mesh whose ray hit nothing", lambda report: report.get("missed"))
-    yield Figure("coverage", SHARE, "texels of the map that the mesh covers", lambda report: report.get("coverage"))
-    yield Figure(
+def _shares() -> Iterator[Metric]:
+    yield Metric("missed", SHARE, "texels of the low mesh whose ray hit nothing", lambda report: report.get("missed"))
+    yield Metric("coverage", SHARE, "texels of the map that the mesh covers", lambda report: report.get("coverage"))
+    yield Metric(
         "overlap", SHARE, "texels of the low mesh that several triangles cover", lambda report: report.get("overlap")
     )
     meanings = (
@@ -64,11 +64,11 @@ def _shares() -> Iterator[Figure]:
         "texels with a z of 0 or less",
     )
     for name, meaning in zip(TEXELS, meanings, strict=True):
-        yield Figure(name, SHARE, meaning, lambda report, name=name: _of_check(report, name, "share"))
+        yield Metric(name, SHARE, meaning, lambda report, name=name: _of_check(report, name, "share"))
 
 
-def _counts() -> Iterator[Figure]:
-    yield Figure("mirrored", COUNT, "triangles that are mirrored in UV space", lambda report: report.get("mirrored"))
+def _counts() -> Iterator[Metric]:
+    yield Metric("mirrored", COUNT, "triangles that are mirrored in UV space", lambda report: report.get("mirrored"))
     meanings = (
         "triangles that reach outside the tile",
         "triangles without area in UV space",
@@ -78,20 +78,20 @@ def _counts() -> Iterator[Figure]:
         "faces that are not planar",
     )
     for name, meaning in zip(OTHERS, meanings, strict=True):
-        yield Figure(name, COUNT, meaning, lambda report, name=name: _of_check(report, name, "count"))
-    yield Figure("warnings", COUNT, "warnings", lambda report: len(report["warnings"]))
+        yield Metric(name, COUNT, meaning, lambda report, name=name: _of_check(report, name, "count"))
+    yield Metric("warnings", COUNT, "warnings", lambda report: len(report["warnings"]))
 
 
 def _of_check(report: dict[str, Any], name: str, key: str) -> float | None:
     return report.get("checks", {}).get(name, {}).get(key)
 
 
-def _of_angles(start: str, meaning: str, find: Callable[[dict], dict | None], needs: str = "") -> Iterator[Figure]:
+def _of_angles(start: str, meaning: str, find: Callable[[dict], dict | None], needs: str = "") -> Iterator[Metric]:
     for end, key in PERCENTILES.items():
-        yield Figure(f"{start}.{end}", DEGREES, meaning, lambda report, key=key: (find(report) or {}).get(key), needs)
+        yield Metric(f"{start}.{end}", DEGREES, meaning, lambda report, key=key: (find(report) or {}).get(key), needs)
 
 
-def _angles() -> Iterator[Figure]:
+def _angles() -> Iterator[Metric]:
     yield from _of_angles(
         "deviation",
         "degrees between the normals that the low mesh shows with its map and those of the high mesh at its texels' hits",
@@ -99,7 +99,7 @@ def _angles() -> Iterator[Figure]:
         DEVIATION,
     )
     for end in ("p50", "max"):
-        yield Figure(
+        yield Metric(
             f"loss.{end}",
             DEGREES,
             "degrees by which 8 or 16 bits turned the normals",
@@ -121,38 +121,38 @@ def _angles() -> Iterator[Figure]:
 
 
 DEVIATION, EXPORT, TARGETS, FORMER_TARGETS = "deviation", "export", "targets", "readers"
-"""What figures need."""
-FIGURES = {
-    figure.name: figure
-    for figure in (
+"""What metrics need."""
+METRICS = {
+    metric.name: metric
+    for metric in (
         *_shares(),
         *_counts(),
         *_angles(),
-        Figure(
+        Metric(
             "far.p99", LENGTH, "distance to the high surface", lambda report: _of_check(report, "far", "percentile_99")
         ),
-        Figure("far.max", LENGTH, "distance to the high surface", lambda report: _of_check(report, "far", "maximum")),
-        Figure("seconds", SECONDS, "seconds of the bake", lambda report: report["seconds"]["total"]),
+        Metric("far.max", LENGTH, "distance to the high surface", lambda report: _of_check(report, "far", "maximum")),
+        Metric("seconds", SECONDS, "seconds of the bake", lambda report: report["seconds"]["total"]),
     )
 }
-"""All figures by their names."""
+"""All metrics by their names."""
 
 
 @dataclass(frozen=True)
-class Gate:
-    """A limit for a figure. limit: a share from 0 to 1, or in the figure's unit."""
+class Limit:
+    """A limit on a metric. limit: a share from 0 to 1, or in the metric's unit."""
 
     name: str
     sign: str
     limit: float
 
     @property
-    def figure(self) -> Figure:
-        return FIGURES[self.name]
+    def metric(self) -> Metric:
+        return METRICS[self.name]
 
     def over(self, report: dict[str, Any]) -> str:
-        """A sentence if the figure in the report of one bake is over the limit, else empty."""
-        value = self.figure.of(report)
+        """A sentence if the metric in the report of one bake is over the limit, else empty."""
+        value = self.metric.of(report)
         if value is None:
             return f"{self.name} was not measured, and must be {self._words}."
         compare, _ = COMPARISONS[self.sign]
@@ -163,34 +163,34 @@ class Gate:
         return f"{COMPARISONS[self.sign][1]} {self._shown(self.limit)}"
 
     def _shown(self, value: float) -> str:
-        unit = self.figure.unit
+        unit = self.metric.unit
         if unit == SHARE:
             return f"{100.0 * value:.6g} %"
         return f"{value:.6g} {'degrees' if unit == DEGREES else unit}".strip()
 
 
-def parse(text: str) -> tuple[Gate, ...]:
+def parse(text: str) -> tuple[Limit, ...]:
     """The limits in a text, separated by commas. Raises BakeError."""
-    return tuple(_gate(part) for part in text.split(",") if part.strip())
+    return tuple(_limit(part) for part in text.split(",") if part.strip())
 
 
-def _gate(text: str) -> Gate:
+def _limit(text: str) -> Limit:
     match = _PART.fullmatch(text)
     if not match:
         signs = ", ".join(COMPARISONS)
         raise BakeError(
-            f"{text.strip()!r} is not a limit, such as missed<0.1%: a figure, one of {signs}, and a number."
+            f"{text.strip()!r} is not a limit, such as missed<0.1%: a metric, one of {signs}, and a number."
         )
     name, sign, number, unit = match[1].lower(), match[2].replace("==", "="), float(match[3]), match[4].lower()
     if name.startswith(FORMER_TARGETS):
         now = f"{TARGETS}{name.removeprefix(FORMER_TARGETS)}"
         warn_of_former(name, now)
         name = now
-    if name not in FIGURES:
-        starts = ", ".join(dict.fromkeys(known.split(".")[0] for known in FIGURES))
-        hint = did_you_mean([name], FIGURES) or f", which are {starts}."
-        raise BakeError(f"{match[1]!r} is not among the figures of a bake{hint}")
-    own = FIGURES[name].unit
+    if name not in METRICS:
+        starts = ", ".join(dict.fromkeys(known.split(".")[0] for known in METRICS))
+        hint = did_you_mean([name], METRICS) or f": choose one of {starts}."
+        raise BakeError(f"{match[1]!r} is not a metric of a bake{hint}")
+    own = METRICS[name].unit
     allowed = [unit for unit in ("", own) if unit not in (COUNT, LENGTH)]
     if unit and unit not in allowed:
         are = f"takes {own}, or no unit" if allowed else "takes no unit"
@@ -199,18 +199,18 @@ def _gate(text: str) -> Gate:
     if own == SHARE and limit > 1.0:
         hint = "which is 100 % at most" if unit else f"from 0 to 1: for percent, write {name}{match[2]}{match[3]}%"
         raise BakeError(f"{text.strip()!r}: {name} is a share of texels, {hint}.")
-    return Gate(name, sign, limit)
+    return Limit(name, sign, limit)
 
 
-def over(gates: Iterable[Gate], reports: Sequence[dict[str, Any]]) -> list[str]:
-    """The figures of a bake that are over their limits, in sentences. Of several reports, each names its low object."""
+def over(limits: Iterable[Limit], reports: Sequence[dict[str, Any]]) -> list[str]:
+    """The metrics of a bake that are over their limits, in sentences. Of several reports, each names its low object."""
     found = []
     for report in reports:
         start = f"{report['low']}: " if len(reports) > 1 else ""
-        found += [f"{start}{sentence}" for gate in gates if (sentence := gate.over(report))]
+        found += [f"{start}{sentence}" for limit in limits if (sentence := limit.over(report))]
     return found
 
 
-def needs(gates: Iterable[Gate]) -> set[str]:
-    """What the figures need, as Figure.needs has it."""
-    return {gate.figure.needs for gate in gates} - {""}
+def needs(limits: Iterable[Limit]) -> set[str]:
+    """What the metrics need, as Metric.needs has it."""
+    return {limit.metric.needs for limit in limits} - {""}

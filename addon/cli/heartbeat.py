@@ -14,7 +14,7 @@ import time
 from contextlib import suppress
 
 
-class Beats:
+class Heartbeat:
     """This program, as the process sees it that starts it. Where it cannot be started, nothing happens."""
 
     def __init__(self, every: float):
