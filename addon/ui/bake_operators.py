@@ -33,7 +33,7 @@ from .live import live
 from .modal import QuickOperator
 from .progress_display import display
 from .properties import Chosen, Options
-from .texts import LABEL, SettingsPanel, draw_paragraphs, label, message, split_layout, tooltip
+from .texts import SettingsPanel, draw_paragraphs, label, labeled, message, split_layout, tooltip
 
 MODULE = __package__.partition(".addon.")[0]
 """Blender's name for the extension."""
@@ -44,10 +44,10 @@ class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
 
     bl_idname = MODULE
 
-    flamenco: StringProperty(
-        name="Flamenco Manager",
-        description="Address of the Flamenco Manager that gets job files, as http://flamenco.local:8080",
-        translation_context=LABEL,
+    flamenco: labeled(
+        StringProperty,
+        "Flamenco Manager",
+        "Address of the Flamenco Manager that gets job files, as http://flamenco.local:8080",
     )
 
     def draw(self, _context: bpy.types.Context) -> None:
@@ -75,24 +75,18 @@ class _OnePair(_Bake, Options):
     """Bakes one low object, from the panel or from the arguments."""
 
     # Names are not remembered for the next call: the button bakes what the panel shows.
-    low: StringProperty(
-        name="Low",
-        description="Name of the low object; empty for the slot or the active object",
-        options={"SKIP_SAVE"},
-        translation_context=LABEL,
+    low: labeled(
+        StringProperty, "Low", "Name of the low object; empty for the slot or the active object", options={"SKIP_SAVE"}
     )
-    high: CollectionProperty(
+    high: labeled(
+        CollectionProperty,
+        "High",
+        'Names of the high objects, as [{"name": "sculpt"}]; empty for the slots or the selection',
         type=bpy.types.OperatorFileListElement,
-        name="High",
-        description='Names of the high objects, as [{"name": "sculpt"}]; empty for the slots or the selection',
         options={"SKIP_SAVE"},
-        translation_context=LABEL,
     )
-    cage: StringProperty(
-        name="Cage",
-        description="Name of the cage; empty for the slot, which only rays use",
-        options={"SKIP_SAVE"},
-        translation_context=LABEL,
+    cage: labeled(
+        StringProperty, "Cage", "Name of the cage; empty for the slot, which only rays use", options={"SKIP_SAVE"}
     )
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
@@ -128,12 +122,8 @@ class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
     bl_label = "Bake Sequence"
     bl_options = {"REGISTER", "UNDO"}
 
-    first: IntProperty(
-        name="First", description="First frame; below 0 for that of the scene", default=-1, translation_context=LABEL
-    )
-    last: IntProperty(
-        name="Last", description="Last frame; below 0 for that of the scene", default=-1, translation_context=LABEL
-    )
+    first: labeled(IntProperty, "First", "First frame; below 0 for that of the scene", default=-1)
+    last: labeled(IntProperty, "Last", "Last frame; below 0 for that of the scene", default=-1)
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         job, settings = self.job(context)
@@ -184,27 +174,22 @@ class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
     bl_idname = "imprint.send_to_flamenco"
     bl_label = "Send to Flamenco"
 
-    filepath: StringProperty(
-        name="Job File",
-        description="Job file with the bakes, .toml or .json",
+    filepath: labeled(
+        StringProperty,
+        "Job File",
+        "Job file with the bakes, .toml or .json",
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
-        translation_context=LABEL,
     )
-    filter_glob: StringProperty(
-        name="File Filter",
-        description="Names of the files that the file browser lists",
+    filter_glob: labeled(
+        StringProperty,
+        "File Filter",
+        "Names of the files that the file browser lists",
         default="*.toml;*.json",
         options={"HIDDEN", "SKIP_SAVE"},
-        translation_context=LABEL,
     )
-    shards: IntProperty(
-        name="Parts",
-        description="Number of parts of about the same cost, each a task",
-        default=16,
-        min=1,
-        max=1000,
-        translation_context=LABEL,
+    shards: labeled(
+        IntProperty, "Parts", "Number of parts of about the same cost, each a task", default=16, min=1, max=1000
     )
 
     @classmethod

@@ -26,7 +26,7 @@ from .live import live
 from .modal import QuickOperator
 from .progress_display import display
 from .properties import Chosen, ImprintSettings
-from .texts import LABEL, SidebarPanel, draw_paragraphs, label, message
+from .texts import SidebarPanel, draw_paragraphs, label, labeled, message
 
 
 class IMPRINT_UL_highs(bpy.types.UIList):
@@ -61,11 +61,8 @@ class IMPRINT_OT_remove_missing(bpy.types.Operator):
     bl_label = "Remove"
     bl_options = {"REGISTER", "UNDO"}
 
-    high: StringProperty(
-        name="High",
-        description="Name of the high object; empty for all that are missing",
-        options={"SKIP_SAVE"},
-        translation_context=LABEL,
+    high: labeled(
+        StringProperty, "High", "Name of the high object; empty for all that are missing", options={"SKIP_SAVE"}
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -123,12 +120,7 @@ class IMPRINT_OT_high_remove(bpy.types.Operator):
     bl_label = "Remove High Object"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(
-        name="Index",
-        description="Index of the slot, from 0; below 0 for the active slot",
-        default=-1,
-        translation_context=LABEL,
-    )
+    index: labeled(IntProperty, "Index", "Index of the slot, from 0; below 0 for the active slot", default=-1)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -19,7 +19,7 @@ from . import modal, object_pairs
 from .callbacks import redraw
 from .modal import QuickOperator
 from .progress_display import display
-from .texts import LABEL, message, tooltip
+from .texts import labeled, message, tooltip
 
 
 class BakeResults:
@@ -212,9 +212,7 @@ class IMPRINT_OT_show_map(QuickOperator, bpy.types.Operator):
     bl_idname = "imprint.show_map"
     bl_label = "Show Map"
 
-    image: StringProperty(
-        name="Image", description="Name of the image; empty for the first one", translation_context=LABEL
-    )
+    image: labeled(StringProperty, "Image", "Name of the image; empty for the first one")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -259,27 +257,23 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
     bl_idname = "imprint.export"
     bl_label = "Export for Engine"
 
-    filepath: StringProperty(
-        name="File",
-        description="File to write; empty for the one in the panel",
+    filepath: labeled(
+        StringProperty,
+        "File",
+        "File to write; empty for the one in the panel",
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
-        translation_context=LABEL,
     )
     # Blender's file browser takes these two: it lists such files, and warns before it replaces one.
-    filter_glob: StringProperty(
-        name="File Filter",
-        description="Names of the files that the file browser lists",
+    filter_glob: labeled(
+        StringProperty,
+        "File Filter",
+        "Names of the files that the file browser lists",
         default=";".join(f"*{ending}" for ending in file_formats.MESHES),
         options={"HIDDEN", "SKIP_SAVE"},
-        translation_context=LABEL,
     )
-    check_existing: BoolProperty(
-        name="Check Existing",
-        description="Warn before a file is replaced",
-        default=True,
-        options={"HIDDEN", "SKIP_SAVE"},
-        translation_context=LABEL,
+    check_existing: labeled(
+        BoolProperty, "Check Existing", "Warn before a file is replaced", default=True, options={"HIDDEN", "SKIP_SAVE"}
     )
 
     @classmethod

@@ -18,7 +18,7 @@ from .bake_results import results
 from .callbacks import Handlers
 from .modal import QuickOperator
 from .progress_display import display
-from .texts import LABEL, SidebarPanel, draw_paragraphs, label, message, tooltip
+from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, tooltip
 
 
 class PanelFindings:
@@ -189,17 +189,9 @@ class IMPRINT_OT_cure(QuickOperator, bpy.types.Operator):
     bl_label = "Cure"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(
-        name="Cure",
-        description="What to change",
-        items=[(kind, *texts[:2]) for kind, texts in FIXES.items()],
-        translation_context=LABEL,
-    )
-    low: StringProperty(
-        name="Low",
-        description="Name of the low object; empty for the slot or the active object",
-        options={"SKIP_SAVE"},
-        translation_context=LABEL,
+    kind: labeled(EnumProperty, "Cure", "What to change", items=[(kind, *texts[:2]) for kind, texts in FIXES.items()])
+    low: labeled(
+        StringProperty, "Low", "Name of the low object; empty for the slot or the active object", options={"SKIP_SAVE"}
     )
 
     @classmethod
@@ -302,11 +294,11 @@ def _items(kinds: tuple[str, ...]) -> list[tuple[str, str, str]]:
 class _LastBakeOperator(QuickOperator):
     """An operator on the low object of the last bake."""
 
-    low: StringProperty(
-        name="Low",
-        description="Name of a low object that was baked; empty for that of the panel, or else the last one",
+    low: labeled(
+        StringProperty,
+        "Low",
+        "Name of a low object that was baked; empty for that of the panel, or else the last one",
         options={"SKIP_SAVE"},
-        translation_context=LABEL,
     )
 
     @classmethod
@@ -328,12 +320,7 @@ class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
     bl_label = "Select Faces"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(
-        name="Check",
-        description="The check whose faces to select",
-        items=_items(checks.KINDS),
-        translation_context=LABEL,
-    )
+    kind: labeled(EnumProperty, "Check", "The check whose faces to select", items=_items(checks.KINDS))
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
@@ -363,12 +350,7 @@ class IMPRINT_OT_show_mask(_LastBakeOperator, bpy.types.Operator):
     bl_label = "Show Mask"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(
-        name="Check",
-        description="The check whose texels to show",
-        items=_items(checks.ON_TEXELS),
-        translation_context=LABEL,
-    )
+    kind: labeled(EnumProperty, "Check", "The check whose texels to show", items=_items(checks.ON_TEXELS))
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:

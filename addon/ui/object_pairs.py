@@ -31,7 +31,7 @@ from ..core.report import VERSION, Report
 from ..scene import object_checks
 from ..scene.object_checks import GONE, ObjectRef
 from .declared_properties import declared
-from .texts import LABEL
+from .texts import labeled
 
 CHOSEN = ("method", "measure", "extrusion", "max_distance")
 """The settings that a pair has, and the scene for low objects that have no pair."""
@@ -62,20 +62,20 @@ class ImprintHigh(bpy.types.PropertyGroup):
         self.called = self.object.name if self.object else ""
 
     # Blender matches the items of library overrides by `name`, which is the index here.
-    object: PointerProperty(
+    object: labeled(
+        PointerProperty,
+        "High",
+        "Object with detail: a mesh, a curve, text, or an object that shows instances",
         type=bpy.types.Object,
-        name="High",
-        description="Object with detail: a mesh, a curve, text, or an object that shows instances",
         poll=_may_be_high,
         update=_note,
         override=_OVERRIDABLE,
-        translation_context=LABEL,
     )
-    called: StringProperty(
-        name="Name",
-        description="Name of the object when the file was saved, by which it is found if it was deleted and comes back",
+    called: labeled(
+        StringProperty,
+        "Name",
+        "Name of the object when the file was saved, by which it is found if it was deleted and comes back",
         override=_OVERRIDABLE,
-        translation_context=LABEL,
     )
 
     def find(self) -> bpy.types.Object | None:
@@ -103,55 +103,38 @@ class ImprintHigh(bpy.types.PropertyGroup):
 class ImprintMap(bpy.types.PropertyGroup):
     """An image that was baked for the object."""
 
-    image: PointerProperty(
-        type=bpy.types.Image,
-        name="Image",
-        description="Image that was baked for the object",
-        override=_OVERRIDABLE,
-        translation_context=LABEL,
+    image: labeled(
+        PointerProperty, "Image", "Image that was baked for the object", type=bpy.types.Image, override=_OVERRIDABLE
     )
 
 
 class ImprintPair(bpy.types.PropertyGroup):
     """Object.imprint: what Imprint keeps for a low object. See the top of this module."""
 
-    highs: CollectionProperty(
+    highs: labeled(
+        CollectionProperty,
+        "High",
+        "The high objects of the last bake",
         type=ImprintHigh,
-        name="High",
-        description="The high objects of the last bake",
         override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
-        translation_context=LABEL,
     )
-    is_own: BoolProperty(
-        name="Own Modifiers",
-        description="Whether the last bake was of the object's own modifiers",
-        override=_OVERRIDABLE,
-        translation_context=LABEL,
+    is_own: labeled(
+        BoolProperty, "Own Modifiers", "Whether the last bake was of the object's own modifiers", override=_OVERRIDABLE
     )
     cage: declared("cage", poll=is_mesh, override=_OVERRIDABLE)
     method: declared("method", override=_OVERRIDABLE)
     measure: declared("measure", override=_OVERRIDABLE)
     extrusion: declared("extrusion", override=_OVERRIDABLE)
     max_distance: declared("max_distance", override=_OVERRIDABLE)
-    result: StringProperty(
-        name="Last Bake",
-        description="The reports of the last bake, in JSON",
-        override=_OVERRIDABLE,
-        translation_context=LABEL,
-    )
-    baked: StringProperty(
-        name="Baked",
-        description="Time of the last bake, in UTC",
-        override=_OVERRIDABLE,
-        translation_context=LABEL,
-    )
+    result: labeled(StringProperty, "Last Bake", "The reports of the last bake, in JSON", override=_OVERRIDABLE)
+    baked: labeled(StringProperty, "Baked", "Time of the last bake, in UTC", override=_OVERRIDABLE)
 
-    maps: CollectionProperty(
+    maps: labeled(
+        CollectionProperty,
+        "Maps",
+        "The images that were baked for the object, which takes them along into other files",
         type=ImprintMap,
-        name="Maps",
-        description="The images that were baked for the object, which takes them along into other files",
         override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
-        translation_context=LABEL,
     )
 
     @property

@@ -20,7 +20,7 @@ from .bake_results import results
 from .callbacks import Handlers
 from .declared_properties import MapList, Options, declared, passed_on, take_former_values
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
-from .texts import LABEL
+from .texts import labeled
 
 
 def _set_size(settings: "ImprintSettings", texels: int) -> None:
@@ -78,26 +78,23 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     size: declared("size", get=lambda self: self.width, set=_set_size)
     square: declared("square", update=_make_square)
     show_result: declared("show_result")
-    names: StringProperty(
-        name="Names of Maps",
-        description="Names that a preset gives to images and files. {low} in them stands for the low object's name",
+    names: labeled(
+        StringProperty,
+        "Names of Maps",
+        "Names that a preset gives to images and files. {low} in them stands for the low object's name",
         get=_get_names,
         set=_set_names,
-        translation_context=LABEL,
     )
     export: declared("export")
-    convert_image: PointerProperty(
-        type=bpy.types.Image,
-        name="Map",
-        description="Normal map to convert: an image of Imprint or of another baker",
-        translation_context=LABEL,
+    convert_image: labeled(
+        PointerProperty, "Map", "Normal map to convert: an image of Imprint or of another baker", type=bpy.types.Image
     )
     from_space: declared("from_space")
     from_basis: declared("from_basis")
     from_red: declared("from_red")
     from_green: declared("from_green")
     from_blue: declared("from_blue")
-    active_high: IntProperty(name="Active High", description="Index of the selected slot", translation_context=LABEL)
+    active_high: labeled(IntProperty, "Active High", "Index of the selected slot")
 
     def chosen(self, context: bpy.types.Context, low: bpy.types.Object | None = None) -> "Chosen":
         """The low object and the high ones: from the slots, else the active and the other selected objects.
@@ -213,21 +210,21 @@ def _found(name: str):
 class ImprintFound(bpy.types.PropertyGroup):
     """WindowManager.imprint_found: the distances that the last bake of the current low object measured."""
 
-    extrusion: FloatProperty(
-        name="Extrusion",
-        description="Distance that the last bake measured",
+    extrusion: labeled(
+        FloatProperty,
+        "Extrusion",
+        "Distance that the last bake measured",
         subtype="DISTANCE",
         precision=4,
         get=_found("extrusion"),
-        translation_context=LABEL,
     )
-    max_distance: FloatProperty(
-        name="Max Distance",
-        description="Distance that the last bake measured",
+    max_distance: labeled(
+        FloatProperty,
+        "Max Distance",
+        "Distance that the last bake measured",
         subtype="DISTANCE",
         precision=4,
         get=_found("max_distance"),
-        translation_context=LABEL,
     )
 
 
@@ -241,17 +238,11 @@ def register() -> None:
     bpy.utils.register_class(ImprintFound)
     bpy.types.WindowManager.imprint_found = PointerProperty(type=ImprintFound)
     bpy.types.Scene.imprint = PointerProperty(type=ImprintSettings)
-    bpy.types.WindowManager.imprint_summary = StringProperty(
-        name="Last Bake",
-        description="Summary of this session's last bake, one item per line",
-        options={"SKIP_SAVE"},
-        translation_context=LABEL,
+    bpy.types.WindowManager.imprint_summary = labeled(
+        StringProperty, "Last Bake", "Summary of this session's last bake, one item per line", options={"SKIP_SAVE"}
     )
-    bpy.types.WindowManager.imprint_warnings = StringProperty(
-        name="Warnings",
-        description="Warnings of this session's last bake, one per line",
-        options={"SKIP_SAVE"},
-        translation_context=LABEL,
+    bpy.types.WindowManager.imprint_warnings = labeled(
+        StringProperty, "Warnings", "Warnings of this session's last bake, one per line", options={"SKIP_SAVE"}
     )
 
 

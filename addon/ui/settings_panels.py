@@ -22,7 +22,7 @@ from .cage_overlay import overlay
 from .modal import QuickOperator
 from .progress_display import display
 from .properties import ImprintSettings
-from .texts import LABEL, SettingsPanel, label, split_layout, tooltip
+from .texts import LABEL, SettingsPanel, label, labeled, split_layout, tooltip
 
 FOLDER = "imprint"
 """Below "presets", here and in the user's scripts."""
@@ -49,9 +49,7 @@ class IMPRINT_OT_use_preset(bpy.types.Operator):
         "UNDO",
     }  # Blender's own operator makes no undo step: undoing the next one would undo the preset
 
-    filepath: StringProperty(
-        name="File", description="File of the preset", options={"HIDDEN", "SKIP_SAVE"}, translation_context=LABEL
-    )
+    filepath: labeled(StringProperty, "File", "File of the preset", options={"HIDDEN", "SKIP_SAVE"})
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         try:
@@ -90,22 +88,8 @@ class IMPRINT_OT_resize(bpy.types.Operator):
     bl_label = "Resize Map"
     bl_options = {"REGISTER", "UNDO"}
 
-    side: IntProperty(
-        name="Side",
-        description="Texels along the longer side; 0 to scale",
-        default=0,
-        min=0,
-        max=MAX_SIZE,
-        translation_context=LABEL,
-    )
-    factor: FloatProperty(
-        name="Factor",
-        description="By how much both sides are scaled",
-        default=1.0,
-        min=0.0,
-        max=64.0,
-        translation_context=LABEL,
-    )
+    side: labeled(IntProperty, "Side", "Texels along the longer side; 0 to scale", default=0, min=0, max=MAX_SIZE)
+    factor: labeled(FloatProperty, "Factor", "By how much both sides are scaled", default=1.0, min=0.0, max=64.0)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.imprint

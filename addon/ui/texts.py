@@ -6,8 +6,9 @@ addon/locale/ has the translations. Blender looks up by itself what it draws of 
 
 import json
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -24,6 +25,11 @@ OPERATOR = "Operator"
 SENTENCE = "*"
 """Context of tooltips and messages: Blender's default, in which it looks up tooltips and reports. Entries of the .po files
 without a `msgctxt` have it, as in Blender's own."""
+
+
+def labeled(kind: Callable, name: str, description: str, **more: Any) -> Any:
+    """A property of Blender whose label and tooltip are translated. kind: such as bpy.props.IntProperty; `more` is for it."""
+    return kind(name=name, description=description, translation_context=LABEL, **more)
 
 
 def label(text: str) -> str:

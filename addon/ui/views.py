@@ -24,7 +24,7 @@ from .live import live
 from .modal import SlicedOperator
 from .object_hiding import hiding
 from .progress_display import display
-from .texts import LABEL, SidebarPanel, draw_paragraphs, label, message, split_layout
+from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, split_layout
 from .view_shading import ITEMS, OWN, TARGETS, Mode
 
 HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))
@@ -398,55 +398,43 @@ def _is_light(_view: bpy.types.PropertyGroup, obj: bpy.types.Object) -> bool:
 class ImprintView(bpy.types.PropertyGroup):
     """Scene.imprint_view: what the 3D viewports show of the map. The mode belongs to the session and is not saved."""
 
-    mode: EnumProperty(
-        name="View",
-        description="What the 3D viewport shows",
-        items=ITEMS,
-        get=_get_mode,
-        set=_set_mode,
-        options=set(),
-        translation_context=LABEL,
+    mode: labeled(
+        EnumProperty, "View", "What the 3D viewport shows", items=ITEMS, get=_get_mode, set=_set_mode, options=set()
     )
-    target: EnumProperty(
-        name="Target Engine",
-        description="Program as which the view reads a tangent-space map. It shows what the program would show of this map",
+    target: labeled(
+        EnumProperty,
+        "Target Engine",
+        "Program as which the view reads a tangent-space map. It shows what the program would show of this map",
         items=TARGETS,
         update=_read_again,
         options=set(),
-        translation_context=LABEL,
     )
-    reader: EnumProperty(
-        name="Target Engine",
-        description="Program as which the view reads a tangent-space map. It shows what the program would show of this map",
+    reader: labeled(
+        EnumProperty,
+        "Target Engine",
+        "Program as which the view reads a tangent-space map. It shows what the program would show of this map",
         items=TARGETS,
         update=passed_on("reader", "target"),
         options={"HIDDEN"},
-        translation_context=LABEL,
     )
-    light: PointerProperty(
+    light: labeled(
+        PointerProperty,
+        "Light",
+        "The light that shines on the mesh; without one, a light that follows the view",
         type=bpy.types.Object,
-        name="Light",
-        description="The light that shines on the mesh; without one, a light that follows the view",
         poll=_is_light,
-        translation_context=LABEL,
     )
-    split: FloatProperty(
-        name="Line",
-        description="Position of the line between high and low, as a share of the view's width",
+    split: labeled(
+        FloatProperty,
+        "Line",
+        "Position of the line between high and low, as a share of the view's width",
         default=0.4,  # left of the middle, because the sidebar covers the right end
         min=0.0,
         max=1.0,
         subtype="FACTOR",
-        translation_context=LABEL,
     )
-    limit: FloatProperty(
-        name="Range",
-        description="Degrees at the end of the color scale",
-        default=5.0,
-        min=0.01,
-        max=180.0,
-        soft_max=45.0,
-        translation_context=LABEL,
+    limit: labeled(
+        FloatProperty, "Range", "Degrees at the end of the color scale", default=5.0, min=0.01, max=180.0, soft_max=45.0
     )
 
 
@@ -475,7 +463,7 @@ class IMPRINT_OT_view_show(_Show, bpy.types.Operator):
     bl_idname = "imprint.view_show"
     bl_label = "Show View"
 
-    mode: EnumProperty(name="View", description="What the 3D viewport shows", items=ITEMS, translation_context=LABEL)
+    mode: labeled(EnumProperty, "View", "What the 3D viewport shows", items=ITEMS)
 
     def wanted(self) -> Mode:
         return Mode(self.mode)
