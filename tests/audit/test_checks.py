@@ -26,7 +26,9 @@ def bake(low, *highs, cage=None, size=(64, 64), **settings):
     values = {"method": "FLATTEN", "margin": 0, "storage": "MEMORY", "material": False, **settings}
     job = Job(low, highs, cage)
     report = bake_all(bpy.context, [job], Settings(width=size[0], height=size[1], **values))[0]
-    return Report(**json.loads(json.dumps(report.to_dict())))
+    values = json.loads(json.dumps(report.to_dict()))
+    del values["readers"]  # the earlier name of a key
+    return Report(**values)
 
 
 def warnings_of(report):

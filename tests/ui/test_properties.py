@@ -5,7 +5,7 @@ import bpy
 import pytest
 
 from addon.core.declarations import kinds
-from addon.core.declarations.all_settings import DECLARED
+from addon.core.declarations.all_settings import DECLARED, FORMER
 from addon.ui import declared_properties
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -19,7 +19,7 @@ def holders():
 
 
 def test_a_scene_has_each_setting():
-    assert {prop.identifier for prop in bpy.context.scene.imprint.bl_rna.properties} - OWN == set(DECLARED)
+    assert {prop.identifier for prop in bpy.context.scene.imprint.bl_rna.properties} - OWN == {*DECLARED, *FORMER}
 
 
 @pytest.mark.parametrize("name", DECLARED)
