@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Elements of meshes: which belong together, their attributes, UV layers and tangents by face corner, and their selection."""
+"""Elements of meshes: which belong together, their attributes, UV layers and tangents by face corner, and painted weights."""
 
 import difflib
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.settings import Settings, TracingSettings
-from . import evaluation, mesh_reader
+from . import mesh_reader
 from .mesh_reader import corner_vertices
 
 
@@ -177,47 +177,6 @@ def _offsets(data: bpy.types.Mesh) -> np.ndarray:
     totals = np.empty(len(data.polygons), np.int32)
     data.polygons.foreach_get("loop_total", totals)
     return np.concatenate(([0], np.cumsum(totals)))
-
-
-def selection_problem(obj: bpy.types.Object) -> str:
-    """Why faces of `obj` cannot be selected, as a sentence; empty if they can."""
-    if not (obj.is_editable and obj.data.is_editable):
-        return f"{obj.name!r} is linked from another file: make it local, so that its faces can be selected."
-    if not evaluation.is_visible(obj):
-        return f"{obj.name!r} is hidden: show it, so that its faces can be selected."
-    return ""
-
-
-def select_elements(
-    context: bpy.types.Context, obj: bpy.types.Object, chosen: np.ndarray, domain: str = "FACE"
-) -> None:
-    """Enter Edit Mode with only `obj`, and select only the faces with the `chosen` indices; edges for the domain "EDGE"."""
-    layer = context.view_layer
-    _leave_mode(layer.objects.active)
-    for other in layer.objects.selected:
-        other.select_set(False)
-    layer.objects.active = obj
-    obj.select_set(True)
-    _leave_mode(obj)
-    for name, indices in elements(obj.data, chosen, domain).items():
-        part = getattr(obj.data, name)
-        flags = np.zeros(len(part), bool)
-        flags[indices] = True
-        part.foreach_set("select", flags)
-        hidden = np.empty_like(flags)
-        part.foreach_get("hide", hidden)
-        if (hidden & flags).any():  # hidden elements are not visible and do not stay selected
-            part.foreach_set("hide", hidden & ~flags)
-    obj.data.update_tag()
-    context.tool_settings.mesh_select_mode = (False, domain == "EDGE", domain == "FACE")
-    # In Edit Mode, the first Undo only leaves the mode. The changes above need their own undo step.
-    bpy.ops.ed.undo_push(message="Select Faces")
-    bpy.ops.object.mode_set(mode="EDIT")
-
-
-def _leave_mode(active: bpy.types.Object | None) -> None:
-    if active is not None and active.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
 
 
 GROUPS = ("offset_group", "straight_group")

@@ -3,6 +3,7 @@
 found something, and the buttons that fix it."""
 
 import bpy
+import numpy as np
 from bpy.props import EnumProperty, StringProperty
 
 from ..core.errors import BakeError, Fix, in_window
@@ -10,8 +11,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import checks
 from ..jobs.checks import Finding
-from ..scene import reading
-from ..scene.mesh_elements import select_elements, selection_problem
+from ..scene import evaluation, mesh_elements, reading
 from ..scene.object_checks import object_by_name
 from . import bake_results
 from .bake_results import results
@@ -329,18 +329,57 @@ class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
     def apply(self, context: bpy.types.Context) -> str:
         report = self.last_bake(context)
         low, kind = checks.of_low(report), self.kind.lower()
-        problem = selection_problem(low)
+        problem = _selection_problem(low)
         if problem:
             raise BakeError(problem)
         found, is_edge = checks.find(context, report, kind), kind in checks.ON_EDGES
         which = "edge" if is_edge else "face"
         if not len(found):
             raise BakeError(f"No {which} of {low.name!r} has this issue: {CHECKS[kind][0].lower()}.")
-        select_elements(context, low, found, "EDGE" if is_edge else "FACE")
+        _select(context, low, found, "EDGE" if is_edge else "FACE")
         if self.options.is_invoke and context.window is not None:
             bake_results.show_selection(context)
         many = len(found) > 1
         return f"{len(found):,} {which}{'s' if many else ''} of {low.name!r} {'are' if many else 'is'} selected"
+
+
+def _selection_problem(obj: bpy.types.Object) -> str:
+    """Why faces of `obj` cannot be selected, as a sentence; empty if they can."""
+    if not (obj.is_editable and obj.data.is_editable):
+        return f"{obj.name!r} is linked from another file: make it local, so that its faces can be selected."
+    if not evaluation.is_visible(obj):
+        return f"{obj.name!r} is hidden: show it, so that its faces can be selected."
+    return ""
+
+
+def _select(context: bpy.types.Context, obj: bpy.types.Object, chosen: np.ndarray, domain: str = "FACE") -> None:
+    """Enter Edit Mode with only `obj`, and select only the faces with the `chosen` indices; edges for the domain "EDGE"."""
+    layer = context.view_layer
+    _leave_mode(layer.objects.active)
+    for other in layer.objects.selected:
+        other.select_set(False)
+    layer.objects.active = obj
+    obj.select_set(True)
+    _leave_mode(obj)
+    for name, indices in mesh_elements.elements(obj.data, chosen, domain).items():
+        part = getattr(obj.data, name)
+        flags = np.zeros(len(part), bool)
+        flags[indices] = True
+        part.foreach_set("select", flags)
+        hidden = np.empty_like(flags)
+        part.foreach_get("hide", hidden)
+        if (hidden & flags).any():  # hidden elements are not visible and do not stay selected
+            part.foreach_set("hide", hidden & ~flags)
+    obj.data.update_tag()
+    context.tool_settings.mesh_select_mode = (False, domain == "EDGE", domain == "FACE")
+    # In Edit Mode, the first Undo only leaves the mode. The changes above need their own undo step.
+    bpy.ops.ed.undo_push(message="Select Faces")
+    bpy.ops.object.mode_set(mode="EDIT")
+
+
+def _leave_mode(active: bpy.types.Object | None) -> None:
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
 
 
 class IMPRINT_OT_show_mask(_LastBakeOperator, bpy.types.Operator):
