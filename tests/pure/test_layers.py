@@ -3,6 +3,7 @@
 
 import ast
 import functools
+import graphlib
 import subprocess
 import sys
 from pathlib import PurePath
@@ -60,12 +61,15 @@ def parsed(path):
     return ast.parse((ROOT / path).read_text(encoding="utf-8"))
 
 
-def imports(path):
-    """The modules that a file imports anywhere, as "addon/core/errors" for Imprint's own, and "bpy" for others."""
+def imports(path, *, at_once=False):
+    """The modules that a file imports, as "addon/core/errors" for Imprint's own, and "bpy" for others.
+
+    at_once: only those that it imports when it is imported, and not in functions.
+    """
     here = path.parent.parts
     tree = parsed(path)
     for_types = {node for branch in tree.body if is_for_types(branch) for node in ast.walk(branch)}
-    for node in ast.walk(tree):
+    for node in tree.body if at_once else ast.walk(tree):
         if node in for_types:
             continue
         if isinstance(node, ast.Import):
@@ -116,6 +120,11 @@ def test_imports_run_one_way():
         if package(name) not in MAY_IMPORT[package(path)] | {package(path), None}
     ]
     assert wrong == []
+
+
+def test_modules_import_each_other_in_no_circle():
+    graph = {path.with_suffix("").as_posix(): set(imports(path, at_once=True)) for path in MODULES}
+    graphlib.TopologicalSorter({name: found & set(graph) for name, found in graph.items()}).prepare()
 
 
 def test_packages_do_not_import_forbidden_modules():
