@@ -2,7 +2,7 @@
 """Bounding boxes of low and high meshes explain what other programs wrote: other units, other axes, rounded coordinates."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -73,5 +73,5 @@ def _are_alike(first: np.ndarray, second: np.ndarray) -> bool:
     return bool((np.abs(first - second) <= ALIKE * np.maximum(first, second))[matters].all())
 
 
-def _place(point: Sequence[float]) -> str:
+def _place(point: Iterable[float]) -> str:
     return f"({', '.join(f'{value:.6g}' if math.isfinite(value) else '?' for value in point)})"

@@ -63,7 +63,7 @@ class Report:
     """Share of the low mesh's texels that two or more of its triangles share."""
     mirrored: int = 0
     """The number of triangles of the low mesh that are mirrored in UV space."""
-    checks: dict[str, dict[str, float | str | bool]] = field(default_factory=dict)
+    checks: dict[str, dict[str, Any]] = field(default_factory=dict)
     """The results of the checks of the low mesh and its map, by kind.
 
     count: texels (overlap, uncovered, far, unsure, gaps, backwards), triangles (mirrored, outside, no_area, behind), edges
@@ -206,7 +206,7 @@ class Report:
         details = []
         has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
-        if basis in bases.BY_NAME:
+        if isinstance(basis, str) and basis in bases.BY_NAME:
             details.append(f"Basis: {bases.BY_NAME[basis].label}, for {readers.names(bases.BY_NAME[basis])}")
         for name, found in self.readers.items():
             details.append(
