@@ -63,7 +63,7 @@ class Report:
     """Share of the low mesh's texels that two or more of its triangles share."""
     mirrored: int = 0
     """The number of triangles of the low mesh that are mirrored in UV space."""
-    checks: dict[str, dict[str, Any]] = field(default_factory=dict)
+    checks: dict[str, dict[str, float | str | bool]] = field(default_factory=dict)
     """The results of the checks of the low mesh and its map, by kind.
 
     count: texels (overlap, uncovered, far, unsure, gaps, backwards), triangles (mirrored, outside, no_area, behind), edges
@@ -153,7 +153,7 @@ class Report:
 
     def _without_own_hit(self) -> str:
         """How many rays have no own hit, for the summary; empty if all have one."""
-        unsure = self.checks.get("unsure", {})
+        unsure: dict[str, Any] = self.checks.get("unsure", {})
         counts = (unsure.get("not_owned", 0), "had no own hit"), (unsure.get("backs", 0), "hit only backs")
         return "".join(f", {count / unsure['of']:.2%} {what}" for count, what in counts if count)
 
@@ -227,7 +227,7 @@ class Report:
             details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:
             details.append(f"Directions blend within {length(self.blend_width)} of hard edges")
-        far = self.checks.get("far")
+        far: dict[str, Any] | None = self.checks.get("far")
         if far and far["offset"] > far["limit"]:
             details.append(
                 f"High and low are {length(far['offset'])} apart as a whole; this offset was not counted as a distance"
