@@ -4,7 +4,7 @@
 
     .venv/bin/python scripts/dev/check_types.py
 
-The first call installs pyright, with the Node.js that it needs, and stubs of Blender's modules into out/pyright: 280 MB.
+The first call installs pyright, with the Node.js that it needs, and stubs of Blender's modules into out/pyright: 360 MB.
 """
 
 import subprocess
