@@ -71,7 +71,7 @@ class Result:
 
 def bake(
     low: Source,
-    high: Source | Sequence[Source],
+    high: Source | list[Source] | tuple[Source, ...],
     *,
     maps: Sequence[str] | str = ("normal",),
     size: int | tuple[int, int] = 1024,
@@ -187,7 +187,9 @@ def _made(surface: Surface, name: str) -> bpy.types.Object:
         raise BakeError(f"The triangles of {name!r} name vertices that it does not have: indices count from 0.")
     data = bpy.data.meshes.new(name)
     data.vertices.add(len(vertices))
-    data.attributes["position"].data.foreach_set("vector", vertices.ravel())
+    data.attributes["position"].data.foreach_set(  # pyright: ignore[reportAttributeAccessIssue]
+        "vector", vertices.ravel()
+    )
     data.loops.add(triangles.size)
     data.loops.foreach_set("vertex_index", triangles.astype(np.int32).ravel())
     data.polygons.add(len(triangles))
@@ -199,7 +201,8 @@ def _made(surface: Surface, name: str) -> bpy.types.Object:
     if surface.normals is not None:
         normals = _by_corner(surface.normals, 3, (len(vertices), triangles), f"The normals of {name!r}")
         # Blender keeps the vectors exactly; normals_split_custom_set would round them.
-        data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", normals.ravel())
+        attribute = data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+        attribute.data.foreach_set("vector", normals.ravel())  # pyright: ignore[reportAttributeAccessIssue]
     obj = bpy.data.objects.new(name, data)
     bpy.context.scene.collection.objects.link(obj)
     return obj
@@ -234,7 +237,7 @@ def _arrays(report: Report, settings: Settings) -> dict[str, np.ndarray]:
     found = {}
     for name, image_name in images.items():
         image = bpy.data.images[image_name]
-        width, height = image.size
+        width, height = image.size  # pyright: ignore[reportGeneralTypeIssues]
         texels = np.empty((height, width, 4), np.float32)
         image.pixels.foreach_get(texels.ravel())
         found[name] = texels
@@ -261,7 +264,8 @@ _KINDS = (
 @contextmanager
 def _without_users(low: bpy.types.Object) -> Iterator[None]:
     """Take from the object's list of maps what the block adds to it. Only the window's Blender has the list."""
-    maps = low.imprint.maps if hasattr(low, "imprint") else None
+    imprint = getattr(low, "imprint", None)
+    maps = None if imprint is None else imprint.maps
     count = len(maps) if maps is not None else 0
     try:
         yield

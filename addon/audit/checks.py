@@ -140,7 +140,7 @@ def _uv_layout(plan: Plan, sampling: SamplingSettings) -> tuple[Checks, list[War
     ]
     if not plan.casts_rays:
         for high in highs:
-            no_area = np.count_nonzero(uv_layout.areas(high) == 0.0)
+            no_area = int(np.count_nonzero(uv_layout.areas(high) == 0.0))
             counts.append((high, no_area, "have no area in UV space and cannot be drawn", ""))
             # Triangles outside by whole tiles leave texels uncovered, or were moved there on purpose.
             outside = uv_layout.outside(high, space)
@@ -148,7 +148,7 @@ def _uv_layout(plan: Plan, sampling: SamplingSettings) -> tuple[Checks, list[War
             if uv_layout.cut_off(high, crossing, space) > severity.MUCH_CUT_OFF:
                 where = severity.TILES if sampling.udim else severity.TILE
                 counts.append(
-                    (high, np.count_nonzero(crossing), f"reach outside the {where} and are cut off there", "")
+                    (high, int(np.count_nonzero(crossing)), f"reach outside the {where} and are cut off there", "")
                 )
     return checks, [
         Warned(f"{mesh.name!r}: {count:,} of its triangles {problem}.", kind)

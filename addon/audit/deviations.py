@@ -58,19 +58,19 @@ class Deviations:
     ):
         self._kept = kept
         self._plan, self._settings, self._pictures = plan, settings, pictures
-        self._counts = AngleCounts() if is_wanted else None
+        self._counts, self._is_wanted = AngleCounts(), is_wanted
         self._hidden, self._pool = hidden, target.TargetPool()
         self._whole = _Drawn(plan.meshes, highs)
 
     def add(self, tile: int, stored: Map) -> None:
         """Measure a UDIM tile of the normal map as it is stored, before rounding."""
-        if self._counts is None:
+        if not self._is_wanted:
             return
-        size = stored[1].shape[::-1]
-        self._add(tile, stored, bands.bands(*size, 0, tile), self._whole)
+        height, width = stored[1].shape
+        self._add(tile, stored, bands.bands(width, height, 0, tile), self._whole)
         with target.using(self._pool):
-            for drawn in self._layers:
-                self._add(tile, stored, drawn.layer.bands(size, tile), drawn)
+            for layer, drawn in zip(self._hidden.layers, self._layers, strict=True):
+                self._add(tile, stored, layer.bands((width, height), tile), drawn)
         self._pool.free()
 
     @cached_property
@@ -96,13 +96,13 @@ class Deviations:
 
     def add_raw(self, tile: int, normals: np.ndarray) -> None:
         """Measure a tile of normals as baking.Renderer.raw returns them."""
-        if self._counts is not None:
+        if self._is_wanted:
             self.add(tile, normal_space.stored(normals, self._settings))
 
     def results(self) -> dict[str, float | int]:
         """The angles as Report.deviation has them; empty if no texel was measured."""
-        found = self._counts.results() if self._counts else {}
-        return found if found.get("texels") else {}
+        found = self._counts.results()
+        return found if found["texels"] else {}
 
     def _elsewhere(self, tile: int, meshes: Meshes) -> np.ndarray:
         """Where the high surface that is drawn is another place, as viewport.measure_deviation takes it."""
@@ -136,29 +136,33 @@ class OtherEngines:
     """
 
     def __init__(self, low: Mesh | None, settings: Settings):
-        is_measured = low is not None and settings.map.space == Space.TANGENT and settings.map.normal
-        named = [targets.BY_NAME[name] for name in settings.map.targets] if is_measured else []
-        own = bases.of_name(settings.map.basis)
+        self.engines, self.warnings = [], []
+        self.low, self.settings = low, settings
+        self._uploaded: gpu.types.GPUBatch | None = None
+        if low is not None and settings.map.space == Space.TANGENT and settings.map.normal:
+            self._choose(low)
+        self._counts = {engine.name: AngleCounts() for engine in self.engines}
+
+    def _choose(self, low: Mesh) -> None:
+        """Note the engines that can be measured, and warn of the others."""
+        named = [targets.BY_NAME[name] for name in self.settings.map.targets]
+        own = bases.of_name(self.settings.map.basis)
         is_uneven = bool(named) and triangle_mesh.is_uneven(low.to_world)
         self.engines = [engine for engine in named if not is_uneven or engine.basis.has_tangents_of(own)]
         unlike = ", ".join(engine.label for engine in named if engine not in self.engines)
-        self.warnings = []
         if unlike:
             self.warnings.append(
                 f"{unlike}: of {low.name!r}, which is scaled more along one axis than along another, other tangents are made "
                 "there than the map is for. Apply the scale (Object > Apply > Scale) and bake again."
             )
-        self.low, self.settings = low, settings
-        self._counts = {engine.name: AngleCounts() for engine in self.engines}
-        self._uploaded: gpu.types.GPUBatch | None = None
 
     def add(self, tile: int, stored: Map) -> None:
         """Measure a UDIM tile of the normal map as it is stored, before rounding."""
-        if not self.engines:
+        low = self.low
+        if not self.engines or low is None:
             return
         texels, state = stored
         if self._uploaded is None:
-            low = self.low
             self._uploaded = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=low.tangents)
         own = normal_space.reading(self.settings.map)
         for band in bands.bands(state.shape[1], state.shape[0], 0, tile):
@@ -222,7 +226,7 @@ class AngleCounts:
         """The median, percentile_95, percentile_99 and maximum, and the number of texels."""
         sums = np.cumsum(self._counts)
         median, most, nearly_all = (
-            self._of_bin(np.searchsorted(sums, share * max(1, sums[-1]))) for share in (0.5, 0.95, 0.99)
+            self._of_bin(int(np.searchsorted(sums, share * max(1, sums[-1])))) for share in (0.5, 0.95, 0.99)
         )
         return {
             "median": median,

@@ -43,7 +43,7 @@ def grid(sampling: SamplingSettings, most: int = QUICK) -> Sparse:
     sparse = at_most(sampling.size, most)
     finest = max(1, needed(sampling) // 2)
     if most == QUICK:
-        sparse = replace(sparse, steps=tuple(min(step, finest) for step in sparse.steps))
+        sparse = replace(sparse, steps=(min(sparse.steps[0], finest), min(sparse.steps[1], finest)))
     return sparse if max(sparse.small) <= MOST else at_most(sparse.size, MOST)
 
 
@@ -64,7 +64,7 @@ def find(
             next(audit.layers_of_triangles(batch, sparse.small, sparse.uv_to_clip(tile))).astype(np.int32)
             for batch in drawn
         ]
-        ids = _stacked(*layers, len(islands)) if overlaps else layers[0]
+        ids = _stacked(layers[0], layers[1], len(islands)) if overlaps else layers[0]
         covered = ids > 0
         border = np.zeros(ids.shape, bool)
         if not sampling.udim:  # UDIM tiles do not repeat

@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.errors import Fix, Length, plain_length
@@ -38,7 +39,7 @@ MUCH_CUT_OFF = 1e-3
 TILE, TILES = "UV tile 0 to 1", "UDIM tiles"
 """The area for the UVs of a mesh, without and with UDIM."""
 
-Check = dict[str, float]
+Check = dict[str, Any]
 
 
 def rate(kind: str, check: Check, settings: Settings) -> str:

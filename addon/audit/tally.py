@@ -24,7 +24,7 @@ class Sparse:
     @property
     def small(self) -> tuple[int, int]:
         """How many texels along u and v are checked."""
-        return tuple(-(-side // step) for side, step in zip(self.size, self.steps, strict=True))
+        return -(-self.size[0] // self.steps[0]), -(-self.size[1] // self.steps[1])
 
     def uv_to_clip(self, tile: int, shift: int = 0) -> UvToClip:
         """As udim.uv_to_clip. Texel i of the small map lies on texel i * step + shift of the map."""
@@ -35,7 +35,7 @@ class Sparse:
 
 def at_most(size: tuple[int, int], most: int) -> Sparse:
     """A map of `size` on which at most `most` texels a side are checked."""
-    return Sparse(size, tuple(-(-side // most) for side in size))
+    return Sparse(size, (-(-size[0] // most), -(-size[1] // most)))
 
 
 SAMPLES_A_SIDE = 1024

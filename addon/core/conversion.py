@@ -70,7 +70,7 @@ def is_coverage(texels: np.ndarray) -> bool:
     """Whether alpha says where the map is. Otherwise it holds other data, as gloss or height. texels: (N, 4) of the map."""
     has_some = texels[:, 3] > 0.5 * STEP
     between = np.count_nonzero(has_some & (texels[:, 3] < 1.0 - 0.5 * STEP))
-    return between <= MOST_BETWEEN * np.count_nonzero(has_some)
+    return bool(between <= MOST_BETWEEN * np.count_nonzero(has_some))
 
 
 def lacks_z(texels: np.ndarray, stored: StoredNormals) -> bool:

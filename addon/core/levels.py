@@ -107,7 +107,7 @@ class ChainReport:
     @property
     def left_out(self) -> list[str]:
         """The warnings that are not of a map: limits that have no level of their own."""
-        of_maps = {warning for level in self.levels for warning in level.bake.warnings}
+        of_maps = {warning for level in self.levels if level.bake is not None for warning in level.bake.warnings}
         return [warning for warning in self.warnings if warning not in of_maps]
 
     def to_dict(self) -> dict[str, Any]:

@@ -350,7 +350,8 @@ class Packing:
     @classmethod
     def of(cls, suffix: str, *values: str, short_suffix: str = "") -> "Packing":
         """The layout of the four values of settings such as pack_red."""
-        return cls(suffix, tuple(map(Channel.of, values)), short_suffix)
+        red, green, blue, alpha = map(Channel.of, values)
+        return cls(suffix, (red, green, blue, alpha), short_suffix)
 
     @property
     def maps(self) -> tuple[str, ...]:

@@ -117,10 +117,10 @@ def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[st
     problems = []
     found = [(name, *_role(name, suffixes)) for name in sorted(names)]
     # High objects of one pair may also be numbered: a number belongs to the pair only if a low object has it too.
-    lows = {key for _, role, key in found if role == "low"}
+    lows = {key for _, role, key in found if role == "low" and key is not None}
     shared = Counter(key.own for key in lows)
     for name, role, full in found:
-        if not role:
+        if full is None:
             continue
         key = full
         if role == "high" and not shared[key.own]:

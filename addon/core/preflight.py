@@ -2,7 +2,7 @@
 """What is known before a bake: the memory that it needs, and whether the boxes of low and high meshes fit."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -205,5 +205,5 @@ def _are_alike(first: np.ndarray, second: np.ndarray) -> bool:
     return bool((np.abs(first - second) <= ALIKE * np.maximum(first, second))[matters].all())
 
 
-def _place(point: Sequence[float]) -> str:
+def _place(point: Iterable[float]) -> str:
     return f"({', '.join(f'{value:.6g}' if math.isfinite(value) else '?' for value in point)})"

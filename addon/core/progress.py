@@ -178,7 +178,7 @@ class Timings:
     """The seconds of each stage of a bake. The steps of the bake write to it."""
 
     def __init__(self):
-        self.seconds = dict.fromkeys((*STAGES, "total"), 0.0)
+        self.seconds: dict[str, float] = dict.fromkeys((*STAGES, "total"), 0.0)
         """By stage, and in total."""
         self._inside = 0.0
         """The seconds of stages inside the current one."""
@@ -212,7 +212,7 @@ class Startup:
     """The seconds of STARTUP that no bake has reported yet."""
 
     def __init__(self):
-        self._seconds = dict.fromkeys(STARTUP, 0.0)
+        self._seconds: dict[str, float] = dict.fromkeys(STARTUP, 0.0)
 
     def add_launcher(self) -> None:
         """Count from the start of scripts/imprint.py until now, if it started this process."""
@@ -230,7 +230,8 @@ class Startup:
 
     def take(self) -> dict[str, float]:
         """The seconds by stage since the last call."""
-        taken, self._seconds = self._seconds, dict.fromkeys(STARTUP, 0.0)
+        taken = self._seconds.copy()
+        self._seconds.update(dict.fromkeys(STARTUP, 0.0))
         return taken
 
 

@@ -154,7 +154,7 @@ class Report:
 
     def _without_own_hit(self) -> str:
         """How many rays have no own hit, for the summary; empty if all have one."""
-        unsure = self.checks.get("unsure", {})
+        unsure: dict[str, Any] = self.checks.get("unsure", {})
         counts = (unsure.get("not_owned", 0), "had no own hit"), (unsure.get("backs", 0), "hit only backs")
         return "".join(f", {count / unsure['of']:.2%} {what}" for count, what in counts if count)
 
@@ -207,7 +207,7 @@ class Report:
         details = []
         has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
-        if basis in bases.BY_NAME:
+        if isinstance(basis, str) and basis in bases.BY_NAME:
             details.append(f"Basis: {bases.BY_NAME[basis].label}, for {targets.names(bases.BY_NAME[basis])}")
         for name, found in self.targets.items():
             details.append(
@@ -228,7 +228,7 @@ class Report:
             details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:
             details.append(f"Directions blend within {length(self.blend_width)} of hard edges")
-        far = self.checks.get("far")
+        far: dict[str, Any] | None = self.checks.get("far")
         if far and far["offset"] > far["limit"]:
             details.append(
                 f"High and low are {length(far['offset'])} apart as a whole; this offset was not counted as a distance"

@@ -3,6 +3,7 @@
 
 import functools
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -27,7 +28,7 @@ _of_pool = threading.local()
 
 def processors() -> int:
     """How many processors this process may use: those of its affinity, and as many as its container has."""
-    if hasattr(os, "process_cpu_count"):  # Python 3.13
+    if sys.version_info >= (3, 13):
         count = os.process_cpu_count()
     else:
         count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()

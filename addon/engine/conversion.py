@@ -63,7 +63,7 @@ class ConvertedMap(BandMaps):
         self._after = self._before if self._wanted.stretch is shown.stretch else _upload(self._wanted)
         self._shading = _shading(shown, before, map_settings)
         self._flags = bases.of_name(map_settings.basis).flags if map_settings.space == Space.TANGENT else None
-        self.texels: np.ndarray | None = None
+        self.texels = np.zeros((0, 0, 4), np.float32)
         """The stored map of the current tile, (height, width, 4) float32; alpha 0 for texels without a normal."""
         self.fit = Fit()
 

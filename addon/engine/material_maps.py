@@ -187,7 +187,7 @@ class SlopeMaps(MapFamily):
         band = sample.band
         is_first = sample.number == 0
         normals = self.space.of_sample(sample.normals.texture, band)
-        if self.space.basis is not None:
+        if self.space.mesh is not None:
             samples.add(self._normals(band), normals, range(band.height), is_first=is_first)
         directions = None
         if self.low is not None:
@@ -197,7 +197,7 @@ class SlopeMaps(MapFamily):
         samples.add_slopes(self._sums(band), normals, directions, is_first=is_first)
 
     def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
-        if self.space.basis is not None:
+        if self.space.mesh is not None:
             known = self._normals(band).texture
         into = target.get("widened roughness", band.width, band.height, "RGBA32F")
         for name, roughness in self.roughness.finished(band, known):

@@ -105,14 +105,16 @@ def _measured(plan: Plan) -> Plan:
         return replace(plan, method=Method.CAST, why="there is a cage")
     agreement = uv_agreement.measure(meshes.low, meshes.drawn_highs, plan.tiles)
     method = Method.FLATTEN if agreement.is_shared else Method.CAST
-    has_rays = agreement.is_shared and not agreement.is_everywhere and _can_cast(meshes, agreement.separation)
+    has_rays = False
+    if agreement.separation is not None and not agreement.is_everywhere:
+        has_rays = _can_cast(meshes, agreement.separation)
     return replace(plan, method=method, why=agreement.why, separation=agreement.separation, has_rays=has_rays)
 
 
 def _can_cast(meshes: Meshes, texels: np.ndarray) -> bool:
     """Whether rays from the low mesh find what Flatten draws of the high ones. texels: as Plan.separation has them."""
     aside = np.linalg.norm(separation.offset(texels, Method.FLATTEN)) / local_space_of([meshes.low]).size
-    return aside < uv_agreement.CLOSE and tree_cache.fits(meshes.highs) and tree_cache.low_fits(meshes.whole_low)
+    return bool(aside < uv_agreement.CLOSE) and tree_cache.fits(meshes.highs) and tree_cache.low_fits(meshes.whole_low)
 
 
 def _flattened(plan: Plan) -> Plan:

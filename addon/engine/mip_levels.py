@@ -70,6 +70,8 @@ class Mean:
 
     def raw(self) -> np.ndarray:
         """The level (height, width, 4) float32, as Renderer.raw has maps: alpha 1 known, 0 empty, -1 missed."""
+        if self._sums is None:
+            raise ValueError("level 0 is the map itself")
         values, hits, misses = self._sums
         weights = np.linalg.norm(values, axis=-1) if self.is_normal else hits
         is_known = (hits > 0.0) & (weights > 0.0)

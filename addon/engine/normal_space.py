@@ -12,7 +12,6 @@ from ..core.declarations.choices import Space
 from ..core.declarations.targets import TargetEngine
 from ..core.map_types import WRITTEN, Map, states_of_raw
 from ..core.settings import MapSettings, Settings
-from ..core.udim import UvToClip
 from ..mesh import uv_layout
 from ..mesh.triangle_mesh import Mesh
 from ..passes import lit, low_in_uv, mesh_upload, samples, target
@@ -24,11 +23,15 @@ BLOCK = 8
 
 
 class NormalSpace:
-    """The space of the normals of a bake. basis: the low mesh with tangents; None for normals that keep the source's
-    space. mesh: what was uploaded as `basis`."""
+    """The space of the normals of a bake. mesh: the low mesh with tangents; None for normals that keep the source's space.
+    uploads: a cache of uploaded meshes."""
 
-    def __init__(self, basis: gpu.types.GPUBatch | None, mesh: Mesh | None, settings: Settings):
-        self.basis, self.mesh = basis, mesh
+    def __init__(self, mesh: Mesh | None, settings: Settings, uploads: mesh_upload.UploadCache | None = None):
+        self.mesh = mesh
+        if mesh is not None:
+            name = f"{mesh.name} as basis"
+            attributes = {"uv": mesh.uv, "normal": mesh.normals, "tangent": mesh.tangents}
+            self._uploaded = (uploads or mesh_upload.UploadCache()).upload(name, mesh.triangles, **attributes)
         self.flags = bases.of_name(settings.map.basis).flags
         # The last one that is drawn over a texel stays: the one closest to the center.
         beside = [offset for offset in samples.offsets(settings.sampling.samples) if offset != CENTER]
@@ -36,47 +39,50 @@ class NormalSpace:
 
     def of_sample(self, normals: gpu.types.GPUTexture, band: Band) -> gpu.types.GPUTexture:
         """The normals of one sample in this space, by the tangents at its place."""
-        return normals if self.basis is None else self._drawn("low", normals, band).texture
+        return normals if self.mesh is None else self._drawn(self.mesh, "low", normals, band).texture
 
     def of_texels(self, normals: gpu.types.GPUTexture, band: Band, role: str = "low") -> gpu.types.GPUTexture:
         """The means of all samples in this space, by the tangents at the centers of texels, where programs read them.
 
         Where the low mesh covers samples but not the center, by those at the sample closest to it. role: of the target.
         """
-        if self.basis is None:
+        if self.mesh is None:
             return normals
-        into = self._drawn(role, normals, replace(band, offset=CENTER))
+        into = self._drawn(self.mesh, role, normals, replace(band, offset=CENTER))
         if self._beside:
-            self._draw_beside(into, normals, band)
+            self._draw_beside(self.mesh, into, normals, band)
         return into.texture
 
-    def _draw_beside(self, into: target.Target, normals: gpu.types.GPUTexture, band: Band) -> None:
+    def _draw_beside(self, mesh: Mesh, into: target.Target, normals: gpu.types.GPUTexture, band: Band) -> None:
         """Turn the texels whose center the low mesh does not cover."""
         stopped, places = low_in_uv.not_turned(normals, into)
         size, blocks = (band.width, band.height), np.zeros((-(-band.height // BLOCK), -(-band.width // BLOCK)), bool)
         blocks[tuple(places.T // BLOCK)] = True
-        near = uv_layout.touching(self.mesh, replace(band, offset=CENTER).uv_to_clip, size, blocks, BLOCK)
+        near = uv_layout.touching(mesh, replace(band, offset=CENTER).uv_to_clip, size, blocks, BLOCK)
         if not near.any():
             return
-        mesh, corners = self.mesh, self.mesh.triangles[near].reshape(-1)
+        corners = mesh.triangles[near].reshape(-1)
         low = mesh_upload.upload_corners(
             uv=mesh.uv[corners], normal=mesh.normals[corners], tangent=mesh.tangents[corners]
         )
         for offset in self._beside:
             to_clip = replace(band, offset=offset).uv_to_clip
-            self._turn(into, low, normals, to_clip, clear=False, stopped=stopped)
+            low_in_uv.draw_in_tangent_space(
+                into,
+                low,
+                normals,
+                to_clip,
+                basis_flags=self.flags,
+                stretch=mesh.stretch,
+                clear=False,
+                stopped=stopped,
+            )
 
-    def _drawn(self, role: str, normals: gpu.types.GPUTexture, band: Band) -> target.Target:
+    def _drawn(self, mesh: Mesh, role: str, normals: gpu.types.GPUTexture, band: Band) -> target.Target:
         into = target.get(role, band.width, band.height, "RGBA32F")
-        self._turn(into, self.basis, normals, band.uv_to_clip)
+        how = {"basis_flags": self.flags, "stretch": mesh.stretch}
+        low_in_uv.draw_in_tangent_space(into, self._uploaded, normals, band.uv_to_clip, **how)
         return into
-
-    def _turn(
-        self, into: target.Target, low: gpu.types.GPUBatch, normals: gpu.types.GPUTexture, to_clip: UvToClip, **how
-    ) -> None:
-        low_in_uv.draw_in_tangent_space(
-            into, low, normals, to_clip, basis_flags=self.flags, stretch=self.mesh.stretch, **how
-        )
 
 
 def channels(map_settings: MapSettings) -> np.ndarray:
@@ -89,7 +95,7 @@ def channels(map_settings: MapSettings) -> np.ndarray:
 
 def reading(map_settings: MapSettings) -> tuple[int, int, int]:
     """How a map of these settings is meant to be read, as lit.reading has it, before it is rounded."""
-    kinds = {Space.WORLD: lit.WORLD, Space.OBJECT: lit.OBJECT}
+    kinds: dict[str, int] = {Space.WORLD: lit.WORLD, Space.OBJECT: lit.OBJECT}
     kind = kinds.get(map_settings.space, lit.TANGENT + bases.of_name(map_settings.basis).flags)
     return lit.reading(kind, channels(map_settings))
 

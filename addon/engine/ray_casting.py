@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import gpu
 import numpy as np
@@ -101,7 +102,7 @@ def upload_ray_mesh(meshes: Meshes, low_surface: LowSurface, local_space: LocalS
     return rays.upload(meshes.low.triangles, starts, uv=meshes.low.uv, **arrays)
 
 
-def ray_arrays(meshes: Meshes, local_space: LocalSpace) -> dict[str, np.ndarray | None]:
+def ray_arrays(meshes: Meshes, local_space: LocalSpace) -> dict[str, Any]:
     """What rays.upload takes by corner of the low mesh, without UVs.
 
     With a cage, which has the same corners, smooth normals lead to the cage.
@@ -152,7 +153,7 @@ def rays_at_points(
     """
     corners, count = meshes.low.triangles, len(pieces.parents)
     arrays = ray_arrays(meshes, local_space)
-    by_point = {
+    by_point: dict[str, Any] = {
         name: None if values is None else pieces.interpolate(values, corners) for name, values in arrays.items()
     }
     side = max(1, int(np.ceil(np.sqrt(count))))

@@ -56,20 +56,14 @@ def measured_rays(
     # With a cage, rays start exactly on it.
     extrusion, max_distance = 0.0 if has_cage else settings.tracing.extrusion, settings.tracing.max_distance
     is_measured = extrusion is None or max_distance is None
-    if is_measured:
+    if extrusion is None or max_distance is None:
         with timings.timed("distances"):
             unit = ray_scene.local_space.size
-            # What is painted scales the measured distance, and does not change it.
-            unpainted = replace(meshes, offset=None)
-            probe = Probe(
-                ray_scene.tables,
-                ray_mesh
-                if meshes.offset is None
-                else ray_casting.upload_ray_mesh(unpainted, low_surface, ray_scene.local_space),
-                directions,
-                settings.sampling.size,
-                tiles,
-            )
+            probed = ray_mesh
+            if meshes.offset is not None:  # what is painted scales the measured distance, and does not change it
+                unpainted = replace(meshes, offset=None)
+                probed = ray_casting.upload_ray_mesh(unpainted, low_surface, ray_scene.local_space)
+            probe = Probe(ray_scene.tables, probed, directions, settings.sampling.size, tiles)
             outside, inside = measure_distances(probe, has_cage=has_cage, facing_only=settings.tracing.facing_only)
             if settings.tracing.hit == Hit.OWN and not has_cage:
                 length = None if max_distance is None else max_distance / unit
@@ -215,8 +209,10 @@ MOST_POINTS = 2**14
 
 def choose_directions(which: str, meshes: Meshes, low_surface: LowSurface, tables: cast.Tables) -> rays.Directions:
     """The directions for the setting `which`. BLENDED is SMOOTH for a low mesh without hard edges, and with a cage."""
-    blends = may_blend(which, has_cage=meshes.cage is not None) and low_surface.sharp is not None
-    return of_width(which, low_surface.edges, _blend_width(meshes, low_surface.sharp, tables) if blends else 0.0)
+    width, sharp = 0.0, low_surface.sharp
+    if sharp is not None and may_blend(which, has_cage=meshes.cage is not None):
+        width = _blend_width(meshes, sharp, tables)
+    return of_width(which, low_surface.edges, width)
 
 
 def may_blend(which: str, *, has_cage: bool) -> bool:

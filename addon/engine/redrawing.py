@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import gpu
 import numpy as np
@@ -58,8 +59,10 @@ class DrawnMesh:
 
     def __init__(self, mesh: Mesh, before: "DrawnMesh | None" = None):
         self.mesh = mesh
-        self._boxes: tuple[np.ndarray, np.ndarray] | None = None
-        self._blocks: tuple[np.ndarray, np.ndarray] | None = None
+        self._boxes: Any = None
+        """The lowest and the highest UV (T, 2) of each triangle, once they are asked for."""
+        self._blocks: Any = None
+        """The same of each block."""
         if before is not None and _same(mesh.uv, before.mesh.uv) and _same(mesh.triangles, before.mesh.triangles):
             self._boxes, self._blocks = before._boxes, before._blocks
 
@@ -99,7 +102,7 @@ class DrawnMesh:
         """The mesh with only those triangles that meet a box in UV space, (4,), u and v from and to, in their order, and with
         corners of their own."""
         lowest, highest = self._all_boxes()
-        blocks = np.flatnonzero(_meet(*self._blocks, box))
+        blocks = np.flatnonzero(_meet(self._blocks[0], self._blocks[1], box))
         near = self._of_blocks(blocks).reshape(-1)
         near = near[near < len(lowest)]
         kept = near[_meet(lowest[near], highest[near], box)]
@@ -275,14 +278,13 @@ class KeptMap:
     def texels(self) -> np.ndarray | None:
         """The last map, (height, width, 4) float32 as it is stored. It is read when it is first asked for."""
         if self._texels is None and self._stored is not None:
-            self._texels = np.empty((self.settings.sampling.height, self.settings.sampling.width, 4), np.float32)
-            self._stored.read(self._texels)
+            self._texels = self._stored.texels()
         return self._texels
 
     @property
     def map(self) -> Map | None:
         """The last map with its state."""
-        return None if self.texels is None else (self.texels, self.state)
+        return None if self.texels is None or self.state is None else (self.texels, self.state)
 
     def draw(self, renderer: Renderer, plan: Plan, process: PostProcess) -> Task[bool]:
         """Draw the whole map. Returns whether any texel was written; if not, the map is gone."""
@@ -338,9 +340,12 @@ class KeptMap:
             return None
         if meshes.low is not before.low or meshes.basis is not before.basis or len(meshes.highs) != len(self._drawn):
             return None
-        changed = [drawn.changed(high) for drawn, high in zip(self._drawn, meshes.highs, strict=True)]
-        if any(found is None for found in changed):
-            return None
+        changed = []
+        for drawn, high in zip(self._drawn, meshes.highs, strict=True):
+            found = drawn.changed(high)
+            if found is None:
+                return None
+            changed.append(found)
         self._meshes = meshes
         boxes = [
             drawn.replace(high, found)
@@ -357,14 +362,15 @@ class KeptMap:
 
     def _store(self, values: gpu.types.GPUTexture, process: PostProcess) -> bool:
         """Encode all values and fill the margin. Returns whether any texel was written."""
-        state = np.empty((self.settings.sampling.height, self.settings.sampling.width), np.uint8)
-        if self._nearest is not None:  # where the same texels are written, the margin comes from the same ones
-            stored = process.fill(self.band, values, self._nearest)
-            stored.read(state, 1)
-        if self._nearest is None or not np.array_equal(state, self.state):
-            self._nearest = process.search(self.band, values)
-            stored = process.fill(self.band, values, self._nearest)
-            stored.read(state, 1)
+        # Where the same texels are written, the margin comes from the same ones.
+        nearest = self._nearest or process.search(self.band, values)
+        stored = process.fill(self.band, values, nearest)
+        state = stored.texels(1)
+        if nearest is self._nearest and not np.array_equal(state, self.state):
+            nearest = process.search(self.band, values)
+            stored = process.fill(self.band, values, nearest)
+            state = stored.texels(1)
+        self._nearest = nearest
         if not (state == WRITTEN).any():
             self._stored = self._nearest = None  # it was drawn over the last map; what was read of it stays
             return False
@@ -375,17 +381,20 @@ class KeptMap:
         self, values: gpu.types.GPUTexture, parts: list[Part], reach: int | None, process: PostProcess
     ) -> None:
         """As `_store`, for some parts. reach: how far around them the margin changes, in texels; None for all of it."""
-        size = self.band.size
+        size, nearest, whole_state = self.band.size, self._nearest, self.state
+        if nearest is None or whole_state is None:
+            self._store(values, process)
+            return
         filled = (
             [Part(range(size[0]), range(size[1]))] if reach is None else [part.grown(reach, size) for part in parts]
         )
         for part in filled:
             with target.limited_to(part.x, part.y):
-                stored = process.fill(self.band, values, self._nearest)
+                stored = process.fill(self.band, values, nearest)
         for part in filled:
             state = np.empty((len(part.y), len(part.x)), np.uint8)
             stored.read(state, 1, (part.x.start, part.y.start))
-            if not np.array_equal(state, self.state[part.y.start : part.y.stop, part.x.start : part.x.stop]):
+            if not np.array_equal(state, whole_state[part.y.start : part.y.stop, part.x.start : part.x.stop]):
                 self._store(values, process)
                 return
         self._stored, self._texels = stored, None

@@ -15,11 +15,12 @@ from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..passes import high_in_uv, mesh_upload, samples, surface_tables, target, viewport
 from .bands import Band, BandMaps
+from .high_meshes import HighSurface
 from .map_families import MapFamily, PointMaps, Sample
 from .material_maps import MaterialMaps, OwnNormals, SlopeMaps
 from .normal_space import NormalSpace, channels
 from .ray_maps import CurvatureMaps, OpennessMaps, ThicknessMaps
-from .sources import Rays, Source, world_to_space
+from .sources import Rays, Slices, Source, world_to_space
 
 KEPT_BYTES = 512 * 2**20
 """The most GPU memory for the hits and normals of samples that are drawn together."""
@@ -48,14 +49,16 @@ class SampledMaps(BandMaps):
         self.source, self.space, self.families, self.detail = source, space, families, detail
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
         # Maps of other families are means over the samples of each texel that they share.
-        is_adaptive = run.settings.sampling.are_adaptive(source.method) and not families and detail is None
-        self.adaptive = AdaptiveNormals(source, run) if is_adaptive else None
+        is_alone = not families and detail is None
+        self.adaptive: AdaptiveNormals | None = None
+        if isinstance(source, Rays) and is_alone and run.settings.sampling.are_adaptive(source.method):
+            self.adaptive = AdaptiveNormals(source, run)
         self._picture: gpu.types.GPUTexture | None = None
 
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
         """The maps by name, each valid until the next one is asked for. Normals and values are the mean of all samples."""
         if self.adaptive is not None:
-            return (yield from self._adaptive(band))
+            return (yield from self._adaptive(self.adaptive, band))
         count = self.settings.sampling.samples
         offsets = samples.offsets(count)
         central = min(offsets, key=lambda offset: offset[0] ** 2 + offset[1] ** 2)
@@ -69,18 +72,18 @@ class SampledMaps(BandMaps):
             yield from part(steps, first / count, min(count, first + size) / count)
         return self._finished(band, sums)
 
-    def _adaptive(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
+    def _adaptive(self, adaptive: "AdaptiveNormals", band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
         """`of` with adaptive samples, of the normal map alone."""
         share = 2.0 / self.settings.sampling.samples  # later samples are drawn in a part of the texels
         share += 0.5 * (1.0 - share)
-        for normals, _, done in self.adaptive.first(band):
+        for normals, _, done in adaptive.first(band):
             if self.pace.has_listener:
                 yield self._step(normals, done * share, band)
-        for done in self.adaptive.rest(band):
+        for done in adaptive.rest(band):
             if self.pace.has_listener:
-                yield self._step(self.adaptive.mean, share + done * (1.0 - share), band)
+                yield self._step(adaptive.mean, share + done * (1.0 - share), band)
         with self.timings.timed("draw"):
-            turned = self.space.of_texels(self.adaptive.mean, band)
+            turned = self.space.of_texels(adaptive.mean, band)
         return iter([(NORMAL.name, turned)])
 
     def high_normals(self, band: Band) -> gpu.types.GPUTexture:
@@ -135,17 +138,17 @@ class SampledMaps(BandMaps):
                 if self.pace.has_listener:
                     done = (slot + rows.stop / band.height) / len(group) / whole
                     # Normals with detail are added to the sums after a group.
-                    has_sums = sums is not None and (self.detail is None or group[0][0] > 0)
-                    yield self._step(sums.texture if has_sums else normals, done, band)
+                    has_sums = self.detail is None or group[0][0] > 0
+                    yield self._step(normals if sums is None or not has_sums else sums.texture, done, band)
             if self.families or self.detail is not None:
                 hits = self.source.hits(sample_band, slot)
                 blocks = None
-                if self._has_images:
+                if self._has_images and self.source.surface is not None:
                     with self.timings.timed("draw"):
                         blocks = surface_tables.find_blocks(hits, self.source.surface.labels)
                 drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits, blocks))
         if self.detail is not None:
-            yield from part(self._with_detail(drawn, sums), efforts[0] / whole, efforts[0] / whole)
+            yield from part(self._with_detail(self.detail, drawn, sums), efforts[0] / whole, efforts[0] / whole)
         if self.families and sums is not None and not self.source.is_within_low:
             for sample in drawn:
                 self._leave_on_low(sample)
@@ -154,10 +157,12 @@ class SampledMaps(BandMaps):
             yield from part(family.add(drawn), before / whole, (before + family.effort) / whole)
             before += family.effort
 
-    def _with_detail(self, drawn: Sequence[Sample], sums: target.Target | None) -> Task[None]:
+    def _with_detail(self, detail: OwnNormals, drawn: Sequence[Sample], sums: target.Target | None) -> Task[None]:
         """Apply the high meshes' own maps to the normals of some samples, and add them to the sums."""
-        yield from self.detail.apply(drawn)
-        for sample in drawn if sums is not None else ():
+        yield from detail.apply(drawn)
+        if sums is None:
+            return
+        for sample in drawn:
             with self.timings.timed("draw"):
                 samples.add(sums, sample.normals.texture, range(sample.band.height), is_first=sample.number == 0)
 
@@ -185,7 +190,7 @@ class SampledMaps(BandMaps):
         for family in self.families:
             yield from family.finished(band, known)
 
-    def _normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+    def _normals(self, band: Band, slot: int = 0) -> Slices:
         """One sample of the normals of a band, in slices."""
         return relay(self.source.normals(band, slot), within=partial(self.timings.timed, "draw"))
 
@@ -206,46 +211,26 @@ def maps_of_bake(
     uploads: mesh_upload.UploadCache | None = None,
 ) -> SampledMaps:
     """What draws the maps of a bake, band by band. uploads: a cache of uploaded meshes."""
-    basis = None
-    if meshes.basis is not None:
-        with run.timings.timed("upload"):
-            basis = _upload_basis(meshes, uploads or mesh_upload.UploadCache())
+    families, detail = [], None
     with run.timings.timed("upload"):
-        space = NormalSpace(basis, meshes.basis, run.settings)
-        families = list(_families(meshes, source, space, run))
-        to_space = world_to_space(meshes.low, run.settings.map)
-        detail = OwnNormals(meshes, source.surface, to_space, run) if meshes.has_detail else None
+        space = NormalSpace(meshes.basis, run.settings, uploads)
+        if source.surface is not None:
+            to_space = world_to_space(meshes.low, run.settings.map)
+            families = list(_families(meshes, source.surface, space, to_space, run))
+            detail = OwnNormals(meshes, source.surface, to_space, run) if meshes.has_detail else None
     return SampledMaps(source, space, families, detail, run)
 
 
-def _upload_basis(meshes: Meshes, uploads: mesh_upload.UploadCache) -> gpu.types.GPUBatch:
-    basis = meshes.basis
-    return uploads.upload(
-        f"{basis.name} as basis", basis.triangles, uv=basis.uv, normal=basis.normals, tangent=basis.tangents
-    )
-
-
 def _families(
-    meshes: Meshes,
-    source: Source,
-    space: NormalSpace,
-    run: Run,
+    meshes: Meshes, surface: HighSurface, space: NormalSpace, to_space: np.ndarray, run: Run
 ) -> Iterator[MapFamily]:
     def names(family: Family) -> list[str]:
         return [name for name in run.settings.map.drawn_maps if BY_NAME[name].family is family]
 
-    surface = source.surface
     if names(Family.POINTS):
         yield PointMaps(names(Family.POINTS), meshes.low, surface, run)
     if names(Family.OPENNESS):
-        yield OpennessMaps(
-            names(Family.OPENNESS),
-            surface,
-            run,
-            others=meshes.others,
-            to_space=world_to_space(meshes.low, run.settings.map),
-            space=space,
-        )
+        yield OpennessMaps(names(Family.OPENNESS), surface, run, others=meshes.others, to_space=to_space, space=space)
     if names(Family.MATERIAL):
         yield MaterialMaps(names(Family.MATERIAL), meshes, surface, run)
     if names(Family.SLOPES):
@@ -306,9 +291,10 @@ class AdaptiveNormals:
                 for normals in relay(self.source.normals_of(sample, some), within=self._timed):
                     if normals is None:
                         yield done / whole
-                with self._timed():
-                    samples.add_sample(sums, normals, some)
-                    drawn.finish()
+                        continue
+                    with self._timed():
+                        samples.add_sample(sums, normals, some)
+                        drawn.finish()
                 done += 1
                 yield done / whole
         if several is not None:

@@ -252,8 +252,10 @@ class HiddenParts:
         drawn = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
         for number in range(int(self._layers.max()) + 1):
             chosen = np.ascontiguousarray(low.triangles[self._layers == number])
-            uploaded = mesh_upload.upload(chosen, **attributes) if len(chosen) else None
-            for tile in self._plan.tiles if uploaded is not None else ():
+            if not len(chosen):
+                continue
+            uploaded = mesh_upload.upload(chosen, **attributes)
+            for tile in self._plan.tiles:
                 low_in_uv.draw_points(drawn, uploaded, udim.uv_to_clip(tile))
                 nearest.add(number, drawn.texels(), tile)
         return nearest.layers
@@ -329,10 +331,11 @@ def _moved_back(mesh: Mesh, tiles: np.ndarray) -> Mesh:
 
 def _middles(mesh: Mesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The middle of each triangle: of its `points` (V, 3), and of its UVs, as (T, 3) and (T, 2) float32."""
-    return tuple(
-        sum(values[indices[:, corner]] for corner in range(3)) / np.float32(3.0)
-        for values, indices in ((points, mesh.vertices[mesh.triangles]), (mesh.uv, mesh.triangles))
-    )
+
+    def middles(values: np.ndarray, corners: np.ndarray) -> np.ndarray:
+        return (values[corners[:, 0]] + values[corners[:, 1]] + values[corners[:, 2]]) / np.float32(3.0)
+
+    return middles(points, mesh.vertices[mesh.triangles]), middles(mesh.uv, mesh.triangles)
 
 
 def _size(sampling: SamplingSettings, most: int) -> tuple[int, int]:

@@ -2,8 +2,9 @@
 """Sources of normals and hits: high meshes drawn in UV space, rays, or both."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import gpu
 import numpy as np
@@ -21,6 +22,9 @@ from . import ray_casting, ray_distances, tree_cache
 from .bands import Band
 from .high_meshes import HighBatches, HighSurface
 from .method_choice import Plan
+
+Slices: TypeAlias = Generator[tuple[gpu.types.GPUTexture, range], None, None]
+"""Normals, and the rows of them that are ready, slice by slice."""
 
 
 class Source(ABC):
@@ -44,7 +48,7 @@ class Source(ABC):
     """Of the last band."""
 
     @abstractmethod
-    def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+    def normals(self, band: Band, slot: int = 0) -> Slices:
         """Unit normals in world space or the low object's: RGBA32F with alpha 1 for a hit, 0 outside the mesh, -1 for a miss.
 
         In slices: yields the texture and the rows that are ready. An empty range stops at the share of rows that is done.
@@ -128,7 +132,7 @@ class Flat(Source):
         self.batches = HighBatches(highs, to_world, timings, uploads)
         self._in_uv: gpu.types.GPUBatch | None = None
 
-    def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+    def normals(self, band: Band, slot: int = 0) -> Slices:
         """All rows at once; before, no rows while parts of the meshes are drawn."""
         self._size = band.width, band.height
         into = self.drawn(slot)
@@ -143,9 +147,12 @@ class Flat(Source):
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         into = super().hits(band, slot)
         if self._in_uv is None:
-            numbers = self.surface.numbers if self.is_drawn is None else self.surface.numbers[self.is_drawn]
+            surface = self.surface
+            if surface is None:
+                raise ValueError("hits need the surface of the high meshes")
+            numbers = surface.numbers if self.is_drawn is None else surface.numbers[self.is_drawn]
             with self.timings.timed("upload"):
-                self._in_uv = high_in_uv.upload_for_hits(self.surface.uv, numbers)
+                self._in_uv = high_in_uv.upload_for_hits(surface.uv, numbers)
         with self.timings.timed("draw"):
             high_in_uv.draw_hits(into, self._in_uv, band.uv_to_clip)
         return into
@@ -158,6 +165,8 @@ class Rays(Source):
     is_within_low = True
     share_of_rays = 1.0
     method = Method.CAST
+    ray_cast: ray_casting.RayCast
+    surface: HighSurface
 
     def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], run: Run):
         self.ray_cast, self.settings, self.pace = ray_cast, run.settings.sampling, run.pace
@@ -165,7 +174,7 @@ class Rays(Source):
         self.to_space = world_to_space(low, run.settings.map)
         self.low, self._near = low, NearTriangles(low)
 
-    def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+    def normals(self, band: Band, slot: int = 0) -> Slices:
         self._size = size = band.width, band.height
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
         self.ray_cast.draw(rays, band.uv_to_clip)
@@ -185,7 +194,7 @@ class Rays(Source):
                 self._look_up(normals, hits, rays, rows)
             yield normals.texture, rows
 
-    def normals_of(self, band: Band, some: Active) -> Iterator[gpu.types.GPUTexture | None]:
+    def normals_of(self, band: Band, some: Active) -> Generator[gpu.types.GPUTexture | None, None, None]:
         """`normals` in some texels alone; others are left as they are, or cleared. Yields None after each slice, and at last
         the texture."""
         size = band.width, band.height

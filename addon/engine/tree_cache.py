@@ -107,7 +107,7 @@ def upload_hard_edges(low: Mesh, local_space: LocalSpace) -> tuple[rays.Edges, S
     # Each place is on the edge itself, where another part may hide it: several on each edge see more.
     sharp = np.repeat(ends[is_sharp], len(PLACES), axis=0)
     half = np.repeat(np.sqrt(0.5 * (1.0 + np.clip(cosines[is_sharp], -1.0, 1.0))), len(PLACES))
-    along = np.tile(np.float32(PLACES), np.count_nonzero(is_sharp))[:, None]
+    along = np.tile(np.array(PLACES, np.float32), np.count_nonzero(is_sharp))[:, None]
     return uploaded, SharpPoints(points[sharp[:, 0]] * (1.0 - along) + points[sharp[:, 1]] * along, sharp, half)
 
 

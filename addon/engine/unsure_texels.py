@@ -73,7 +73,7 @@ class _Hits:
     is_not_owned: np.ndarray
     is_back: np.ndarray
 
-    def at(self, place: tuple[slice, ...] | np.ndarray) -> "_Hits":
+    def at(self, place: slice | tuple[slice, ...] | np.ndarray) -> "_Hits":
         return _Hits(**{field.name: getattr(self, field.name)[place] for field in fields(self)})
 
 
@@ -303,4 +303,5 @@ def trace_doubts(ray_cast: RayCast, low: Mesh, size: tuple[int, int], views: Seq
             )
         )
     gap = GAP * local_space_of([low]).size / ray_cast.ray_scene.local_space.size
-    return Traced(*map(np.concatenate, zip(*parts, strict=True)), gap, len(numbers))
+    triangles, directions, hits, heights, *is_bad = map(np.concatenate, zip(*parts, strict=True))
+    return Traced(triangles, directions, hits, heights, *is_bad, gap=gap, count=len(numbers))

@@ -80,7 +80,7 @@ def measure(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> Agreement
     without_area = next(filter(None, map(_undrawn, highs)), "")
     if without_area:
         return Agreement(False, without_area)
-    is_everywhere = share >= EVERYWHERE
+    is_everywhere = bool(share >= EVERYWHERE)
     if is_everywhere and share < 1.0 - CROSSED:
         is_everywhere = crossed(low, [separation.thinned(high) for high in highs], tiles) <= CROSSED
     agree = "agree" if is_everywhere else "agree on most texels"
@@ -196,7 +196,8 @@ def _views(low: Mesh, high: Mesh, tiles: Sequence[int]) -> list[UvToClip]:
     if extent.max() > LARGEST_EXTENT:
         return [udim.uv_to_clip(tile) for tile in tiles]
     scale = 2.0 / extent
-    return [(*scale.tolist(), *(-1.0 - first * scale).tolist())]
+    shift = -1.0 - first * scale
+    return [(float(scale[0]), float(scale[1]), float(shift[0]), float(shift[1]))]
 
 
 def _box(uv: np.ndarray) -> np.ndarray:

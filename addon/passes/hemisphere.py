@@ -96,7 +96,11 @@ def lattice_of(count: int) -> Lattice:
     sums = [(short[0] * i + long[0] * j, short[1] * i + long[1] * j) for i in range(4) for j in range(-3, 4)]
     # Not every short step leads through all points.
     step = min((way for way in [*sums, (1, chosen)] if math.gcd(*way, count) == 1), key=lambda way: math.hypot(*way))
-    return Lattice(count, (step[0] % count, step[1] % count), tuple(x / count for x in (*short, *long)))
+    return Lattice(
+        count,
+        (step[0] % count, step[1] % count),
+        (short[0] / count, short[1] / count, long[0] / count, long[1] / count),
+    )
 
 
 def rays_of_sample(lattice: Lattice, sample: int, samples: int) -> range:
@@ -182,18 +186,18 @@ def add_openness(sums: target.Target, rays: Rays, occluders: Occluders) -> None:
     and the bent normal is the mean of V(w) w. Rays are distributed as dot(n, w), so that both are means over rays.
     Directions have world axes, as the tables do.
     """
-    is_limited = occluders.farthest is not None
+    farthest = UNLIMITED if occluders.farthest is None else occluders.farthest * occluders.scale
     _add(
         ADD_OPENNESS,
         sums,
         rays,
         occluders.tables or rays.surface,
         cone=math.cos(occluders.bias) ** 2,
-        farthest=occluders.farthest * occluders.scale if is_limited else UNLIMITED,
+        farthest=farthest,
         free=NO_FLOOR if occluders.floor is None else occluders.floor * occluders.scale + occluders.offset[2],
         placed=(*occluders.offset, occluders.scale),
         blocking=(
-            FADES.index(occluders.fade) if is_limited else 0,
+            0 if occluders.farthest is None else FADES.index(occluders.fade),
             BOTH if occluders.two_sided else FRONTS,
             int(occluders.tables is None),
             0,

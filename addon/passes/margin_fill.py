@@ -55,11 +55,12 @@ def find_nearest(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
     contains a written one; None for no limit.
     """
     width, height = values.width, values.height
-    reach = max(width, height) if reach is None else min(reach, max(width, height))
+    most = max(width, height)
+    farthest = most if reach is None else min(reach, most)
     offsets = target.get("margin's offsets", width, height, "R16I").texture
     rows = target.get("margin's rows", width, height, "R32I").texture
-    _dispatch_lines(SEARCH_ROWS, height, values=values, farthest=farthest_texel(reach), offsets=offsets)
-    _dispatch_lines(SEARCH_COLUMNS, width, offsets=offsets, reach=reach, source_rows=rows)
+    _dispatch_lines(SEARCH_ROWS, height, values=values, farthest=farthest_texel(farthest), offsets=offsets)
+    _dispatch_lines(SEARCH_COLUMNS, width, offsets=offsets, reach=farthest, source_rows=rows)
     return Nearest(offsets, rows)
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def no_edges() -> Edges:
     return Edges(data_texture.Tree(nothing, 0, np.zeros(3), np.ones(3)), nothing)
 
 
-def upload(triangles: np.ndarray, numbers: np.ndarray, **arrays: np.ndarray | None) -> gpu.types.GPUBatch:
+def upload(triangles: np.ndarray, numbers: np.ndarray, **arrays: Any) -> gpu.types.GPUBatch:
     """A low mesh for `draw`, from the same as `vertices`."""
     corners = np.arange(triangles.size, dtype=np.int32).reshape(-1, 3)
     return mesh_upload.upload(corners, **vertices(triangles, numbers, **arrays))

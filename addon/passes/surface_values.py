@@ -26,20 +26,17 @@ TEXELS = (
 IMAGE = ("FLOAT_2D", "image_pixels"), ("FLOAT_2D", "materials"), ("FLOAT_2D", "blocks")
 LEVELS = (("VEC4", "scale"), ("VEC4", "offset"), ("VEC4", "low"), ("VEC4", "high"), ("INT", "channel"))
 """What shaders/lib/fed_value_lib.glsl takes, from `_levels`."""
+_ROWS = ("VEC4", "row_u"), ("VEC4", "row_v")
+_IMAGE_NUMBERS = ("INT", "feed"), ("INT", "tile"), ("INT", "image_flags"), ("INT", "top_level")
+"""The constants of all programs that look up images."""
+_LIMITS = ("FLOAT", "lowest"), ("FLOAT", "highest"), ("INT", "channel")
+_NORMALS = (("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),)
 ADD_IMAGE = Program(
     compute="surface/add_image_comp.glsl",
     texels=TEXELS,
     samplers=IMAGE,
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
-    constants=(
-        ("VEC4", "row_u"),
-        ("VEC4", "row_v"),
-        *LEVELS,
-        ("INT", "feed"),
-        ("INT", "tile"),
-        ("INT", "image_flags"),
-        ("INT", "top_level"),
-    ),
+    constants=(*_ROWS, *LEVELS, *_IMAGE_NUMBERS),
 )
 ADD_CONSTANTS = Program(
     compute="surface/add_constants_comp.glsl",
@@ -68,38 +65,15 @@ NORMAL_MAP = Program(
     compute="surface/normal_map_comp.glsl",
     texels=TEXELS,
     samplers=(*IMAGE, ("FLOAT_2D", "tangent_triangles"), ("FLOAT_2D", "tangents")),
-    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
-    constants=(
-        ("MAT4", "to_space"),
-        ("VEC4", "row_u"),
-        ("VEC4", "row_v"),
-        ("FLOAT", "lowest"),
-        ("FLOAT", "highest"),
-        ("INT", "feed"),
-        ("INT", "tile"),
-        ("INT", "channel"),
-        ("INT", "image_flags"),
-        ("INT", "top_level"),
-    ),
+    images=_NORMALS,
+    constants=(("MAT4", "to_space"), *_ROWS, *_LIMITS, *_IMAGE_NUMBERS),
 )
 BUMP = Program(
     compute="surface/bump_comp.glsl",
     texels=TEXELS,
     samplers=IMAGE,
-    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
-    constants=(
-        ("MAT4", "to_space"),
-        ("VEC4", "row_u"),
-        ("VEC4", "row_v"),
-        ("FLOAT", "rise"),
-        ("FLOAT", "lowest"),
-        ("FLOAT", "highest"),
-        ("INT", "feed"),
-        ("INT", "tile"),
-        ("INT", "channel"),
-        ("INT", "image_flags"),
-        ("INT", "top_level"),
-    ),
+    images=_NORMALS,
+    constants=(("MAT4", "to_space"), *_ROWS, ("FLOAT", "rise"), *_LIMITS, *_IMAGE_NUMBERS),
 )
 COLOR = 4
 """The channel of a whole color in shaders/lib/channel_lib.glsl."""

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def _limit(width: int, rows: range | None = None) -> bool:
     part = _drawn_part.get()
     if part is None and rows is None:
         return False
-    columns, of_part = part or (range(width), rows)
+    columns, of_part = part or (range(width), rows or range(0))
     of_both = of_part if rows is None else range(max(rows.start, of_part.start), min(rows.stop, of_part.stop))
     gpu.state.scissor_test_set(True)
     gpu.state.scissor_set(columns.start, of_both.start, len(columns), len(of_both))
@@ -165,6 +166,9 @@ def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
     copied.read(out)
 
 
+Kind = TypeVar("Kind", bound=Target)
+
+
 class TargetPool:
     """Targets by their roles, each kept until one of another size or format is asked for.
 
@@ -201,14 +205,15 @@ class TargetPool:
         """The target kept for `role`, or None."""
         return self._targets.get(role)
 
-    def get(self, role: str, kind: type[Target], width: int, height: int, formats: tuple[str, ...]) -> Target:
+    def get(self, role: str, kind: type[Kind], width: int, height: int, formats: tuple[str, ...]) -> Kind:
         """The target kept for `role` if it is of this kind, size and formats, else a new one in its place."""
         target = self._targets.get(role)
-        fits = isinstance(target, kind) and (target.width, target.height, target.formats) == (width, height, formats)
-        if not fits:
-            self._targets.pop(role, None)  # freed before the new one is made
-            target = self._targets[role] = kind(width, height, formats)
-        return target
+        if isinstance(target, kind) and (target.width, target.height, target.formats) == (width, height, formats):
+            return target
+        del target
+        self._targets.pop(role, None)  # freed before the new one is made
+        made = self._targets[role] = kind(width, height, formats)
+        return made
 
     def trim(self) -> None:
         """Free the targets if they hold more than `most_bytes`."""

@@ -74,7 +74,9 @@ def measure_deviation(
         elsewhere=data_texture.image(elsewhere, "R32F"),
         shading=shader.mat4(shading),
         uv_to_clip=udim.uv_to_clip() if uv_to_clip is None else uv_to_clip,
-        **{f"truth_{axis}": (*column, 0.0) for axis, column in zip("xyz", of_truth.T, strict=True)},
+        truth_x=(*of_truth[:, 0], 0.0),
+        truth_y=(*of_truth[:, 1], 0.0),
+        truth_z=(*of_truth[:, 2], 0.0),
     )
 
 

@@ -28,7 +28,7 @@ def bytes_of(high):
     tree_cache.trees.free()
     meshes = reading.read(bpy.context, zoo.plane("low"), [high], None, Settings(method="CAST"))
     tables = tree_cache.trees.ray_scene_of(meshes.highs, Timings()).tables
-    found = tables.bytes - data_texture.size_of(tables.nodes)
+    found = tables.bytes - data_texture.size_of(tables.tree.nodes)
     tree_cache.trees.free()
     return found
 

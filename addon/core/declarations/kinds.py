@@ -117,7 +117,7 @@ class WholeNumber(Setting):
     def check(self, value: int | None) -> None:
         if value is None and self.none_word:
             return
-        if not self.least <= value <= self.most:
+        if value is None or not self.least <= value <= self.most:
             more = f", or {self.none_word}" if self.none_word else ""
             raise BakeError(f"{self.label}: {value} is outside {self.least} to {self.most}{more}.")
 

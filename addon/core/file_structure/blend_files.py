@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, cast
 
 from ..file_formats import BY_ENDING
 from ..map_types import MARK, ORIGIN
@@ -137,13 +137,13 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
         file.seek(0)
         if start[:2] == b"\x1f\x8b":  # before 3.0
             with gzip.open(file) as content:
-                yield content
+                yield cast(BinaryIO, content)
         elif start == b"\x28\xb5\x2f\xfd":
             import zstandard  # a part of Blender
 
             try:
                 reader = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
-                yield io.BufferedReader(reader, _PIECE)
+                yield cast(BinaryIO, io.BufferedReader(reader, _PIECE))
             except zstandard.ZstdError as error:
                 raise ValueError(str(error)) from error
         else:

@@ -132,7 +132,8 @@ def _of_obj(path: Path) -> Iterator[str]:
     several = [each for name in named if " " in name for each in name.split()]  # in one line
     own = f"{path.stem}.mtl"  # as in Blender's importer, it counts even if no line names it
     has_own = any((folder / own).is_file() for folder in folders(path))
-    for library in dict.fromkeys([*map(cleaned, (*named, *several)), *([own] if has_own else [])]):
+    found = [*map(cleaned, (*named, *several)), *([own] if has_own else [])]
+    for library in dict.fromkeys(found):
         yield library
         for folder in folders(path):
             lines: list[bytes] = []
@@ -232,8 +233,9 @@ def _below(folder: Path, parts: Sequence[str]) -> Path | None:
         folder = found
     if udim.is_tiled(last):
         numbered = next((entry for entry in _entries(folder) if udim.tile_of(entry, last, any_case=True)), None)
-        is_there = numbered is not None and _is_file(folder / numbered)
-        return folder / udim.spelled(last, numbered) if is_there else None
+        if numbered is None or not _is_file(folder / numbered):
+            return None
+        return folder / udim.spelled(last, numbered)
     found = _entry(folder, last)
     return found if found is not None and _is_file(found) else None
 

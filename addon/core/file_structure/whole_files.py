@@ -179,7 +179,8 @@ def _jpeg(file: BinaryIO, size: int) -> bool:
 
 def _tiff(file: BinaryIO, size: int) -> bool:
     """The ends of all strips or tiles of the first image are in the file, and so is its directory."""
-    start = file.seek(0) or file.read(4)
+    file.seek(0)
+    start = file.read(4)
     order = "<" if start[:2] == b"II" else ">"
     is_big = start[2:] in (b"+\0", b"\0+")
     head, entry, inline, wide = (16, "HHQ8s", 8, "Q") if is_big else (8, "HHI4s", 4, "I")
@@ -364,7 +365,8 @@ def _usda(file: BinaryIO, size: int) -> bool:
 def _json(file: BinaryIO, size: int) -> bool:
     if size > _MOST:
         return True
-    text = (file.seek(0) or file.read()).decode(errors="replace").rstrip()
+    file.seek(0)
+    text = file.read().decode(errors="replace").rstrip()
     try:
         json.loads(text)
     except json.JSONDecodeError as error:  # which stands at the end, or at the start of the last text or word
@@ -386,10 +388,12 @@ def _volume(file: BinaryIO, size: int) -> bool:
 
     file.seek(21 + 36)
     for _ in range(min(_unpack(file, "<I")[0], _MOST)):
-        text(), text(), text()  # a name, a type and a value
+        for _part in ("name", "type", "value"):
+            text()
     end = 0
     for _ in range(min(_unpack(file, "<I")[0], _MOST)):
-        text(), text(), text()  # a name, a type and the name of the grid whose tree it shares
+        for _part in ("name", "type", "the name of the grid whose tree it shares"):
+            text()
         (end,) = _unpack(file, "<16xq")
         file.seek(end)
     return end <= size
