@@ -96,7 +96,7 @@ class RunFiles:
         self._beside: dict[str, list[str]] = {}
         """The files beside those for engines, by bakes."""
         self.is_harmful = False
-        """Whether the report of all, or the page of results, would overwrite a file that a bake has found once it was open."""
+        """Whether the report or the page of results would overwrite a file that a bake has found once it was open."""
         self.rivals: dict[str, list[str]] = {}
         """The bakes of the same scene, by the name of a bake that would replace an image that the scene names. Only the open
         scene shows whether one of them reads it."""
@@ -138,8 +138,8 @@ class RunFiles:
         for image, name, blend, title in self._images_to_replace(bakes):
             problems.append(f"{name}: {title[:1].upper()}{title[1:]} would overwrite {image!r}, which {blend!r} shows.")
         if report and report != STDOUT:
-            check("", self._write_over, run_report.check_report, report, "the report of all")
-            check("", self.places.write, report + LINES, "the report of all while they go on")
+            check("", self._write_over, run_report.check_report, report, "the report of all bakes")
+            check("", self.places.write, report + LINES, "the report in progress")
         if sheet:
             check("", self._write_over, run_report.check_page, sheet, "the page of results")
         return problems

@@ -35,7 +35,7 @@ def run(
     *,
     may_start_processes: bool,
 ) -> int:
-    """Do bakes, print a table, and write the report of all. Returns the exit code.
+    """Do bakes, print a table, and write the report of all bakes. Returns the exit code.
 
     Raises WrongPlace if no logs or pictures can be written, and if untrusted files have no sandbox.
 

@@ -26,7 +26,7 @@ MOST_WORKERS = 256
 LEAST_SECONDS, MOST_SECONDS = 0.1, 365 * 24 * 3600
 """Less than the smallest bake takes, and a year."""
 LEAST_MEMORY = 1 << 26
-"""Bytes. No Blender runs in less: who asks for it has forgotten the unit."""
+"""Bytes. Blender does not run in less: a smaller number lacks its unit."""
 
 
 def text(value: str) -> str:

@@ -384,7 +384,7 @@ def is_unchanged(file: Content, hashes: Contents, *, is_trusted: bool = True) ->
 
 def _shared_stamp(path: str) -> str:
     """What changes whenever a file is changed or replaced, whatever times a program gives it. It is the same for all machines
-    that see the file. Empty where the system does not tell it."""
+    that see the file. Empty where the system does not have it."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):  # the next run will miss the file

@@ -106,7 +106,7 @@ def _best_entries(parts: Sequence[_Part]) -> list[Entry]:
 
 REPORT_OPTIONS: dict[str, CommandOption] = {
     "merge": CommandOption(
-        f"Write one report of all; {STDOUT} stands for standard output",
+        f"Write one report of all bakes; {STDOUT} stands for standard output",
         {"type": option_types.path, "metavar": "OUT.json"},
         "none",
     ),
