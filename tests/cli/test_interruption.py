@@ -360,7 +360,7 @@ def test_too_little_memory_for_a_job_file_gives_one_line(scene, monkeypatch, cap
         raise MemoryError
 
     monkeypatch.setattr(command, "_read", read)
-    assert command.run(["--jobs", "j.json"]) == run_report.FAILED
+    assert command.run(["--jobs", "j.json"]) == run_report.NO_MACHINE
     assert capfd.readouterr().err.startswith("imprint: There is not enough memory: ")
 
 
