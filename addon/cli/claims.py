@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Claims on bakes: files by which processes on any machine agree on who does what.
+"""Claims on bakes: files by which processes on any machine agree which of them does a bake.
 
 A claim is a file that only one process can create. Its owner changes it again and again. Nothing depends on clocks of other
 machines or on process numbers: a claim has been left if its owner's machine, this one, has unlocked it, or if it does not
@@ -211,7 +211,7 @@ def _lock(descriptor: int) -> bool:
 def _is_unlocked(path: Path) -> bool:
     """Whether no process of this machine has the file locked."""
     if fcntl is None:
-        return True  # renaming it will tell
+        return True  # renaming it shows whether it is open
     try:
         descriptor = os.open(path, os.O_RDWR)
     except OSError:

@@ -22,6 +22,7 @@ from ..output.path_clashes import Places
 from . import arguments, plans, run_report, untrusted
 from .options import RunOptions
 from .plans import Plan
+from .records import record_files
 from .run_report import LINES, STDOUT
 from .untrusted import Bounds
 
@@ -95,7 +96,7 @@ class RunFiles:
         self._beside: dict[str, list[str]] = {}
         """The files beside those for engines, by bakes."""
         self.is_harmful = False
-        """Whether the report of all, or the page of results, would overwrite a file that a bake has found once it was open."""
+        """Whether the report or the page of results would overwrite a file that a bake has found once it was open."""
         self.rivals: dict[str, list[str]] = {}
         """The bakes of the same scene, by the name of a bake that would replace an image that the scene names. Only the open
         scene shows whether one of them reads it."""
@@ -135,11 +136,10 @@ class RunFiles:
                 for path, what in self._of_record(options):
                     check(name, self.places.write, path, _of(what, name), name)
         for image, name, blend, title in self._images_to_replace(bakes):
-            over = WrongPlace(f"{title[:1].upper()}{title[1:]} would overwrite {image!r}, which {blend!r} shows.")
-            check(name, _raise, over)
+            problems.append(f"{name}: {title[:1].upper()}{title[1:]} would overwrite {image!r}, which {blend!r} shows.")
         if report and report != STDOUT:
-            check("", self._write_over, run_report.check_report, report, "the report of all")
-            check("", self.places.write, report + LINES, "the report of all while they go on")
+            check("", self._write_over, run_report.check_report, report, "the report of all bakes")
+            check("", self.places.write, report + LINES, "the report in progress")
         if sheet:
             check("", self._write_over, run_report.check_page, sheet, "the page of results")
         return problems
@@ -320,22 +320,12 @@ def _is_there(path: str) -> bool:
     return bool(udim.files(path)) if udim.is_tiled(path) else os.path.exists(path)
 
 
-def _raise(error: Exception) -> None:
-    raise error
-
-
 def _meshes_in(folder: str) -> list[str]:
     try:
         names = os.listdir(folder)
     except OSError:  # the bake will report it
         return []
     return [os.path.join(folder, name) for name in names if name.lower().endswith(OPENED)]
-
-
-def _of_record(records: str | None, options: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    from . import records as records_module  # here, since most calls keep no records
-
-    yield from records_module.record_files(options, records)
 
 
 def plan_call(
@@ -358,7 +348,7 @@ def plan_call(
         planned = [Plan(plans.subject(own, open_file), own)]
     else:
         planned = [Plan("", sets[0])]
-    of_record = partial(_of_record, options.records) if options.has_records else None
+    of_record = partial(record_files, records=options.records) if options.has_records else None
     files = RunFiles(open_file, within, inputs, of_record)
     found = files.add(
         [(each.name, each.options) for each in planned],

@@ -9,11 +9,11 @@ import argparse
 import os
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..core import versions
-from ..core.errors import WrongPlace, sentence
+from ..core.errors import BakeError, NoGpu, WrongPlace, sentence
 from ..core.progress import Progress, startup
 from . import (
     arguments,
@@ -31,7 +31,7 @@ from .arguments import WrongUsage
 from .blender_process import load_blender
 from .clashes import InputFiles
 from .options import RunOptions
-from .run_report import DONE, FAILED, WRONG_USAGE, Only, ThisCall
+from .run_report import DONE, FAILED, NO_MACHINE, WRONG_USAGE, Only, ThisCall
 from .terminal import Meter
 
 LOD = "lod"
@@ -66,20 +66,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
             if gone := _has_no_folder():
                 meter.finished(_refuse(program, gone))
                 return WRONG_USAGE
-            if words[:1] == [LOD]:
-                done = _run(
-                    words[1:], f"{program} {LOD}", meter, _read_lod, call, may_start_processes=may_start_processes
-                )
-            elif words[:1] == [FARM]:
-                from . import farm_command
-
-                done = farm_command.run(words[1:], f"{program} {FARM}")
-            elif words[:1] == [REPORT]:
-                from . import report_command
-
-                done = report_command.run_report_command(words[1:], f"{program} {REPORT}", call)
-            else:
-                done = _run(words, program, meter, _read, call, may_start_processes=may_start_processes)
+            done = _run(words, program, meter, call, may_start_processes=may_start_processes)
             code = interruption.code() or done
             for line in blender_lines():
                 meter.report(f"{program}: Blender: {line}")
@@ -95,51 +82,61 @@ def _work() -> int:
     return worker.run_worker()
 
 
-def _run(
-    words: Sequence[str], program: str, meter: Meter, read: Callable, call: ThisCall, *, may_start_processes: bool
-) -> int:
-    """Bake. read: as `_read`. call: for the report."""
+def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, may_start_processes: bool) -> int:
+    """Run the command that `words` begin with. Returns the exit code, also of errors, which are printed. call: for reports."""
+    name = words[0] if words[:1] in ([LOD], [FARM], [REPORT]) else ""
+    if name:
+        program, words = f"{program} {name}", words[1:]
     try:
-        options, sets = read(words, program, meter)
-        options = replace(options, call=call)
-        if options.quiet:
-            meter.be_quiet()
-        if options.list or options.check:
-            from . import listing
+        if name == FARM:
+            from . import farm_command
 
-            return listing.list_bakes(options, sets)
-        inputs = InputFiles()
-        planned, problems, files, conflicts = clashes.plan_call(options, sets, inputs)
-        if conflicts:
-            raise WrongPlace("\n".join(conflicts))
-        named = plans.named_plans(planned, options.only)
-        chosen = plans.shard_part(named, options.shard, lambda plan: plans.cost(plan.options))
+            return farm_command.run(words, program)
+        if name == REPORT:
+            from . import report_command
+
+            return report_command.run(words, program, call)
+        options, sets = (_read_lod if name == LOD else _read)(words, program, meter)
+        return _bake(replace(options, call=call), sets, meter, may_start_processes=may_start_processes)
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:
         return _refuse(program, error, hint="" if isinstance(error, job_file.WrongJobs) else _see_help(error))
     except WrongPlace as error:
-        return _refuse(program, error)
-    except MemoryError as error:
-        print(f"{program}: {sentence(error)}", file=sys.stderr)
-        return FAILED
-    try:
-        if options.has_table:
-            for problem in problems:
-                meter.report(f"{program}: warning: {problem}")
-            from . import many_bakes
-
-            only = Only.of(options.only, (plan.number for plan in named))
-            head = run_report.head(len(planned), options.part, only, call=call)
-            return many_bakes.run(options, chosen, head, files, meter, may_start_processes=may_start_processes)
-        load_blender()
-        with startup.spent("imprint"):
-            from . import batch  # needs Blender
-
-        return batch.bake_one(planned[0], files, options, meter)
-    except WrongPlace as error:
         meter.clear()
         return _refuse(program, error)
+    except (BakeError, MemoryError) as error:
+        meter.clear()
+        print(f"{program}: {sentence(error)}", file=sys.stderr)
+        return NO_MACHINE if isinstance(error, NoGpu | MemoryError) else FAILED
+
+
+def _bake(options: RunOptions, sets: Sequence[argparse.Namespace], meter: Meter, *, may_start_processes: bool) -> int:
+    """Do or list the bakes of all sets. Returns the exit code. Raises WrongUsage, BakeError."""
+    if options.quiet:
+        meter.be_quiet()
+    if options.list or options.check:
+        from . import listing
+
+        return listing.list_bakes(options, sets)
+    planned, problems, files, conflicts = clashes.plan_call(options, sets, InputFiles())
+    if conflicts:
+        raise WrongPlace("\n".join(conflicts))
+    named = plans.named_plans(planned, options.only)
+    chosen = plans.shard_part(named, options.shard, lambda plan: plans.cost(plan.options))
+    if options.has_table:
+        for problem in problems:
+            meter.report(f"{options.program}: warning: {problem}")
+        from . import many_bakes
+
+        only = Only.of(options.only, (plan.number for plan in named))
+        head = run_report.head(len(planned), options.part, only, call=options.call)
+        return many_bakes.run(options, chosen, head, files, meter, may_start_processes=may_start_processes)
+    load_blender()
+    with startup.spent("imprint"):
+        from . import batch  # needs Blender
+
+    return batch.bake_one(planned[0], files, options, meter)
 
 
 def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:

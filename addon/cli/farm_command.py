@@ -4,16 +4,14 @@
 import argparse
 import os
 import re
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from .. import flamenco
-from ..core.errors import BakeError, WrongPlace, sentence
 from . import arguments, job_file, option_types, untrusted
 from .arguments import Parser, WrongUsage
 from .options import CommandOption
-from .run_report import DONE, FAILED, WRONG_USAGE
+from .run_report import DONE
 
 
 def _number(text: str) -> int:
@@ -70,20 +68,13 @@ def parser(program: str) -> argparse.ArgumentParser:
 
 
 def run(words: Sequence[str], program: str) -> int:
-    """Send the job that `words` describe, and print the address of its page. Returns the exit code."""
-    try:
-        options = parser(program).parse_args(words)
-        _check(options)
-        print(flamenco.submit(options.flamenco, _job(options)))
-    except SystemExit as stop:  # argparse has printed the help
-        return stop.code
-    except (WrongUsage, WrongPlace) as error:
-        for line in str(error).splitlines():
-            print(f"{program}: {line}", file=sys.stderr)
-        return WRONG_USAGE
-    except BakeError as error:
-        print(f"{program}: {sentence(error)}", file=sys.stderr)
-        return FAILED
+    """Send the job that `words` describe, and print the address of its page. Returns the exit code.
+
+    Raises SystemExit, WrongUsage, BakeError.
+    """
+    options = parser(program).parse_args(words)
+    _check(options)
+    print(flamenco.submit(options.flamenco, _job(options)))
     return DONE
 
 

@@ -23,9 +23,22 @@ COMPARISONS = {
 """The signs, what each compares, and its words."""
 PERCENTILES = {"p50": "median", "p95": "percentile_95", "p99": "percentile_99", "max": "maximum"}
 """The ends of the names of metrics, and the keys of the report."""
-TEXELS = "uncovered", "far", "unsure", "gaps", "backwards"
+TEXELS = {
+    "uncovered": "texels without a high surface",
+    "far": "texels whose high surface is farther away than the limit",
+    "unsure": "texels whose hit may be on the wrong layer",
+    "gaps": "texels too close to another island, or to the border",
+    "backwards": "texels with a z of 0 or less",
+}
 """Checks of the report whose metric is a share of texels."""
-OTHERS = "outside", "no_area", "behind", "hard_edges", "polygons", "uneven"
+OTHERS = {
+    "outside": "triangles that reach outside the tile",
+    "no_area": "triangles without area in UV space",
+    "behind": "triangles with shading normals that point behind them",
+    "hard_edges": "hard edges without a UV seam",
+    "polygons": "faces that are not triangles",
+    "uneven": "faces that are not planar",
+}
 """Checks of the report whose metric is a number of triangles, edges or faces."""
 _PART = re.compile(r"\s*([\w.-]+?)\s*(<=|>=|<|>|==|=)\s*(\d+(?:\.\d+)?|\.\d+)\s*([a-z%]*)\s*", re.IGNORECASE)
 
@@ -56,28 +69,13 @@ def _shares() -> Iterator[Metric]:
     yield Metric(
         "overlap", SHARE, "texels of the low mesh that several triangles cover", lambda report: report.get("overlap")
     )
-    meanings = (
-        "texels without a high surface",
-        "texels whose high surface is farther away than the limit",
-        "texels whose hit may be on the wrong layer",
-        "texels too close to another island, or to the border",
-        "texels with a z of 0 or less",
-    )
-    for name, meaning in zip(TEXELS, meanings, strict=True):
+    for name, meaning in TEXELS.items():
         yield Metric(name, SHARE, meaning, lambda report, name=name: _of_check(report, name, "share"))
 
 
 def _counts() -> Iterator[Metric]:
     yield Metric("mirrored", COUNT, "triangles that are mirrored in UV space", lambda report: report.get("mirrored"))
-    meanings = (
-        "triangles that reach outside the tile",
-        "triangles without area in UV space",
-        "triangles with shading normals that point behind them",
-        "hard edges without a UV seam",
-        "faces that are not triangles",
-        "faces that are not planar",
-    )
-    for name, meaning in zip(OTHERS, meanings, strict=True):
+    for name, meaning in OTHERS.items():
         yield Metric(name, COUNT, meaning, lambda report, name=name: _of_check(report, name, "count"))
     yield Metric("warnings", COUNT, "warnings", lambda report: len(report["warnings"]))
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import BakeError, NoGpu, WrongPlace, sentence
+from ..core.errors import BakeError, WrongPlace
 from ..core.naming import printable
 from ..core.progress import Progress, startup
 from ..output.atomic_file import check_folder, make_folder, reason
-from . import clashes, plans, run_report, sheet, terminal
+from . import clashes, plans, sheet, terminal
 from .blender_process import load_blender
 from .claims import Claims
 from .options import RunOptions
@@ -34,9 +34,9 @@ def run(
     *,
     may_start_processes: bool,
 ) -> int:
-    """Do bakes, print a table, and write the report of all. Returns the exit code.
+    """Do bakes, print a table, and write the report of all bakes. Returns the exit code.
 
-    Raises WrongPlace if no logs or pictures can be written, and if untrusted files have no sandbox.
+    Raises BakeError, and WrongPlace if no logs or pictures can be written, and if untrusted files have no sandbox.
 
     Args:
         chosen: The bakes of this call.
@@ -51,14 +51,9 @@ def run(
         options = replace(options, **limits)
     box = closing(Sandbox(files.bounds, options.max_memory, options.log)) if files.bounds else nullcontext()
     with box as sandbox:
-        try:
-            meter.planned(head["planned"], len(chosen), options.part)
-            results = _Results(options, chosen, head, files, meter)
-            return _run(results, sandbox, has_workers=bool(sandbox) or (may_start_processes and options.has_workers))
-        except (BakeError, MemoryError) as error:
-            meter.clear()
-            print(f"{options.program}: {sentence(error)}", file=sys.stderr)
-            return run_report.NO_MACHINE if isinstance(error, NoGpu | MemoryError) else run_report.FAILED
+        meter.planned(head["planned"], len(chosen), options.part)
+        results = _Results(options, chosen, head, files, meter)
+        return _run(results, sandbox, has_workers=bool(sandbox) or (may_start_processes and options.has_workers))
 
 
 def _run(results: "_Results", sandbox: Sandbox | None, *, has_workers: bool) -> int:

@@ -26,7 +26,7 @@ MOST_WORKERS = 256
 LEAST_SECONDS, MOST_SECONDS = 0.1, 365 * 24 * 3600
 """Less than the smallest bake takes, and a year."""
 LEAST_MEMORY = 1 << 26
-"""Bytes. No Blender runs in less: who asks for it has forgotten the unit."""
+"""Bytes. Blender does not run in less: a smaller number lacks its unit."""
 
 
 def text(value: str) -> str:
@@ -123,12 +123,16 @@ def suffixes(value: str) -> Suffixes:
     return Suffixes(*parts)
 
 
-def color(value: str) -> tuple[float, float, float]:
+def _three_numbers(value: str, example: str) -> tuple[float, float, float]:
     try:
-        red, green, blue = (float(part) for part in value.split(","))
+        first, second, third = (float(part) for part in value.split(","))
     except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{value!r} is not three numbers as 1,0,1") from error
-    return red, green, blue
+        raise argparse.ArgumentTypeError(f"{value!r} is not three numbers as {example}") from error
+    return first, second, third
+
+
+def color(value: str) -> tuple[float, float, float]:
+    return _three_numbers(value, "1,0,1")
 
 
 def axis(value: str) -> str:
@@ -138,13 +142,10 @@ def axis(value: str) -> str:
 
 
 def point(value: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(part) for part in value.split(","))
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{value!r} is not three numbers as 512300,5412300,0") from error
-    if not math.isfinite(x + y + z):
+    found = _three_numbers(value, "512300,5412300,0")
+    if not math.isfinite(sum(found)):
         raise argparse.ArgumentTypeError(f"{value!r} has an infinite coordinate")
-    return x, y, z
+    return found
 
 
 def tiles(value: str) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import json
 import os
 import stat
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
@@ -248,15 +248,6 @@ class Assignment:
 
 
 @dataclass(frozen=True)
-class Written:
-    """A file that a bake wrote."""
-
-    content: Content
-    stamp: str
-    """As `_shared_stamp` returns it. A file with the same stamp has not changed."""
-
-
-@dataclass(frozen=True)
 class Record:
     """The content of a record's file."""
 
@@ -264,7 +255,8 @@ class Record:
     key_value: str
     found: tuple[Content, ...]
     """The files that the bake read beside those of its key."""
-    files: tuple[Written, ...]
+    files: tuple[Content, ...]
+    """The files that it wrote. Their stamps are those of `_shared_stamp`."""
     picture: str
     """The hash of its picture; empty if the run kept none."""
     result: Entry
@@ -364,7 +356,7 @@ def read_record(path: Path) -> Record | None:
         if values["imprint_record"] != RECORD_VERSION:
             return None
         declared, found = (tuple(_content(each, folder) for each in values[key]) for key in ("declared", "inputs"))
-        files = tuple(Written(_content(each, folder), each["stamp"]) for each in values["files"])
+        files = tuple(replace(_content(each, folder), stamp=each["stamp"]) for each in values["files"])
         key = Key(dict(values["settings"]), declared, values["version"], values["blender"], values["code"])
         return Record(key, values["key"], found, files, values["picture"], Entry.from_dict(values["result"]))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
@@ -381,18 +373,18 @@ def _content(values: dict[str, Any], folder: str) -> Content:
     return Content(path_in(values["path"], folder), values.get("what", ""), values["bytes"], values["sha256"])
 
 
-def is_unchanged(file: Written, hashes: Contents, *, is_trusted: bool = True) -> bool:
-    """Whether a file is as a bake wrote it. If its stamp is to be trusted, it is read only if that differs, as that of a copy
-    does."""
-    if size_of(file.content.path) != file.content.size:
+def is_unchanged(file: Content, hashes: Contents, *, is_trusted: bool = True) -> bool:
+    """Whether a file of a record is as the bake wrote it. If its stamp is to be trusted, it is read only if that differs, as
+    that of a copy does."""
+    if size_of(file.path) != file.size:
         return False
-    stamp = _shared_stamp(file.content.path) if is_trusted else ""
-    return (bool(stamp) and stamp == file.stamp) or hashes.of(file.content.path).is_same(file.content)
+    stamp = _shared_stamp(file.path) if is_trusted else ""
+    return (bool(stamp) and stamp == file.stamp) or hashes.of(file.path).is_same(file)
 
 
 def _shared_stamp(path: str) -> str:
     """What changes whenever a file is changed or replaced, whatever times a program gives it. It is the same for all machines
-    that see the file. Empty where the system does not tell it."""
+    that see the file. Empty where the system does not have it."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):  # the next run will miss the file

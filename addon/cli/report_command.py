@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import BakeError, sentence
+from ..core.errors import BakeError
 from . import option_types, run_report, sheet, terminal
 from .arguments import Parser, WrongUsage
 from .options import CommandOption
@@ -106,7 +106,7 @@ def _best_entries(parts: Sequence[_Part]) -> list[Entry]:
 
 REPORT_OPTIONS: dict[str, CommandOption] = {
     "merge": CommandOption(
-        f"Write one report of all; {STDOUT} stands for standard output",
+        f"Write one report of all bakes; {STDOUT} stands for standard output",
         {"type": option_types.path, "metavar": "OUT.json"},
         "none",
     ),
@@ -134,26 +134,20 @@ def parser(program: str) -> argparse.ArgumentParser:
     return result
 
 
-def run_report_command(words: Sequence[str], program: str, call: ThisCall) -> int:
-    """Do what the arguments say. Returns the exit code: 1 if bakes are missing."""
+def run(words: Sequence[str], program: str, call: ThisCall) -> int:
+    """Do what the arguments say. Returns the exit code: 1 if bakes are missing. Raises SystemExit, WrongUsage, MemoryError."""
+    options = parser(program).parse_intermixed_args(words)
+    if not (options.merge or options.sheet):
+        raise WrongUsage("--merge OUT.json or --sheet OUT.html is required")
     try:
-        options = parser(program).parse_intermixed_args(words)
-        if not (options.merge or options.sheet):
-            raise WrongUsage("--merge OUT.json or --sheet OUT.html is required")
         parts, warnings = _all_parts(options.reports)
         warnings += [text for part in parts for text in _check_same(part, parts[0])]
         entries, first, only = _best_entries(parts), parts[0].head, Only.union([part.only for part in parts])
         head = run_report.head(first["planned"], only=only, call=call) | first
         wanted = sorted(only.numbers) if only else range(1, first["planned"] + 1)
         _write(options, run_report.document(entries, head), len(wanted))
-    except SystemExit as stop:  # argparse has printed the help
-        return stop.code
-    except WrongUsage as error:
-        print(f"{program}: {error}. See --help.", file=sys.stderr)
-        return WRONG_USAGE
-    except (BakeError, OSError, MemoryError) as error:
-        text = str(error) if isinstance(error, OSError) else sentence(error)
-        print(f"{program}: {text}", file=sys.stderr)
+    except (BakeError, OSError) as error:
+        print(f"{program}: {error}", file=sys.stderr)
         return WRONG_USAGE
     for warning in warnings:
         print(f"{program}: warning: {warning}", file=sys.stderr)

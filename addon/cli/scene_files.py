@@ -13,14 +13,13 @@ import bpy
 from .. import older_blender
 from ..core.errors import BakeError, shorten_list
 from ..core.file_formats import OPENED
-from ..core.file_structure import blend_files, usd_layers, whole_files
+from ..core.file_structure import blend_files, mesh_references, usd_layers, whole_files
 from ..jobs.job import Job
 from ..output import datablocks
 from ..output.atomic_file import reason
 from ..scene import dependencies
 from ..scene.evaluation import set_until
 from . import interruption, plans, standard_streams
-from .clashes import InputFiles
 from .importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file
 from .untrusted import is_below
 
@@ -198,7 +197,7 @@ def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[
     yield from used(options)
     for name in plans.scene_paths(options):
         title = f"what {os.path.basename(name)!r} refers to"
-        yield from ((path, title) for path in InputFiles().references(name))
+        yield from ((str(path), title) for path in mesh_references.of(name))
     lows, highs = [job.low for job in jobs], [high for job in jobs for high in job.highs]
     cages = [job.cage for job in jobs if job.cage]
     for each in dependencies.of([*lows, *highs, *cages], highs):

@@ -199,7 +199,7 @@ def _with_tiles(path: str) -> Iterator[str]:
 
 
 def _check_file(path: str, title: str) -> None:
-    """Raise WrongPlace for pipes, devices and folders, whose opening may wait for ever, and for a file that takes very long to
+    """Raise WrongPlace for pipes, devices and folders, whose opening may never return, and for a file that takes very long to
     read. What is missing is left to its reader."""
     try:
         found = os.stat(path)

@@ -276,10 +276,10 @@ class ResumeQueue(WorkQueue):
         """As `_changes`, of the files that the bake wrote."""
         for file in record.files:
             is_trusted = self._bounds is None
-            is_elsewhere = not is_trusted and not self._bounds.may_write(file.content.path)
+            is_elsewhere = not is_trusted and not self._bounds.may_write(file.path)
             if is_elsewhere or not records.is_unchanged(file, self._contents, is_trusted=is_trusted):
-                is_there = os.path.exists(file.content.path)
-                yield f"{file.content.path!r} {'has changed since it was baked' if is_there else 'is missing'}."
+                is_there = os.path.exists(file.path)
+                yield f"{file.path!r} {'has changed since it was baked' if is_there else 'is missing'}."
         if options.report and options.report != STDOUT and not os.path.exists(options.report):
             yield f"{options.report!r} is missing."
         if self._pictures and record.picture and record.result.files:

@@ -438,7 +438,7 @@ class Worker:
 
     def ask_to_stop(self, *, at_once: bool = False) -> None:
         """Ask it to stop, cleanly or at once, as scripts/imprint.py asks this process."""
-        if os.name == "nt":  # there, Ctrl-C reaches all processes of a console
+        if os.name == "nt" or self.has_ended:  # on Windows, Ctrl-C reaches all processes of a console
             return
         meant = getattr(signal, interruption.END if at_once else interruption.ASK)
         if self._sandbox is None:

@@ -313,7 +313,7 @@ def test_a_single_bake_that_fails_writes_its_report(scene, capsys, earlier):
         (["--report", "m2.png"], "The report would overwrite 'm2.png', which is not JSON: choose another path for it."),
         (
             ["--report", "m2.png", "--force"],
-            "The report of all would overwrite 'm2.png', which is not JSON: choose another path for it.",
+            "The report of all bakes would overwrite 'm2.png', which is not JSON: choose another path for it.",
         ),
         (
             ["--sheet", "m2.html"],
@@ -321,7 +321,7 @@ def test_a_single_bake_that_fails_writes_its_report(scene, capsys, earlier):
         ),
         (
             ["--report", "scene/texture.png", "--sheet", "scene/texture.html"],
-            "The report of all would overwrite 'scene/texture.png', which is not JSON: choose another path for it.",
+            "The report of all bakes would overwrite 'scene/texture.png', which is not JSON: choose another path for it.",
         ),
         (["--report", "scene/file.blend"], None),
     ],

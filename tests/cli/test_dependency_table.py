@@ -56,7 +56,7 @@ def left_out(folder):
     sets = job_file.read(str(folder / "j.json"), [], lambda _: None)
     planned, *_ = clashes.plan_call(RunOptions(jobs=str(folder / "j.json")), sets, InputFiles())
     with ResumeQueue(planned) as turns:
-        return {each.plan.name.partition("(")[2][:-1] for each in turns.done}
+        return {each.name.partition("(")[2][:-1] for each in turns.done}
 
 
 @contextmanager

@@ -350,7 +350,7 @@ def test_a_full_disk_for_the_name_of_the_bake_is_ignored(monkeypatch, capfd):
     monkeypatch.setenv(interruption.LAUNCHER, str(os.getppid()))
     monkeypatch.setenv(interruption.BAKING, str(full))
     with interruption.listening():
-        interruption.note("rock")
+        interruption.note_bake("rock")
     os.close(full)
     assert capfd.readouterr() == ("", "")
 
@@ -360,7 +360,7 @@ def test_too_little_memory_for_a_job_file_gives_one_line(scene, monkeypatch, cap
         raise MemoryError
 
     monkeypatch.setattr(command, "_read", read)
-    assert command.run(["--jobs", "j.json"]) == run_report.FAILED
+    assert command.run(["--jobs", "j.json"]) == run_report.NO_MACHINE
     assert capfd.readouterr().err.startswith("imprint: There is not enough memory: ")
 
 
@@ -377,5 +377,5 @@ def test_only_the_name_of_the_current_bake_is_kept(tmp_path, monkeypatch):
     with (tmp_path / "baking").open("wb") as file, interruption.listening():
         monkeypatch.setenv(interruption.BAKING, str(file.fileno()))
         for name in ("a long name", "rock"):
-            interruption.note(name)
+            interruption.note_bake(name)
     assert (tmp_path / "baking").read_text() == "rock"

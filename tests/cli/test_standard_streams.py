@@ -109,7 +109,7 @@ said = int(sys.argv[1])
 with standard_streams.redirect_blender(said) as lines:
     os.write(2, b"a warning of a library\\n\\n")
     ctypes.CDLL(None).printf(b"ERROR in C\\n")
-    print("redirect_blender")
+    print("ours")
     for number in range(30):
         os.write(1, b"a warning of a library\\nline %d\\n" % number)
     print(lines(), file=sys.stderr)

@@ -7,7 +7,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
-from addon.cli import farm_command, run_report
+from addon.cli import command, run_report
 
 KIND = {
     "name": "imprint-bake",
@@ -66,7 +66,7 @@ def jobs(tmp_path):
 
 def run(capsys, *words):
     """The exit code, and the lines of both streams."""
-    code = farm_command.run(words, "imprint farm")
+    code = command.run(["farm", *words])
     out, err = capsys.readouterr()
     return code, out.splitlines(), err.splitlines()
 

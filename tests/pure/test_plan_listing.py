@@ -280,7 +280,7 @@ def test_an_output_that_is_a_hard_link_to_a_mesh_is_refused(capsys, here):
 BESIDE = {
     "the record": ("a.png.imprint.json", ["--resume"]),
     "the claim": ("a.png.imprint.json.lock", ["--force"]),
-    "the report of all while they go on": ("r.json.lines", ["--report", "r.json"]),
+    "the report in progress": ("r.json.lines", ["--report", "r.json"]),
 }
 
 

@@ -560,6 +560,15 @@ def test_a_record_says_what_was_baked(folder):
     assert [(each["path"], each["bytes"], len(each["sha256"])) for each in values["files"]] == [("a.png", 8, 64)]
 
 
+def test_a_record_without_a_whole_entry_cannot_be_read(folder):
+    run([plan(folder)])
+    path = folder / "out" / "a_low.png.imprint.json"
+    values = json.loads(path.read_text())
+    del values["result"]["reports"]
+    path.write_text(json.dumps(values))
+    assert why(plan(folder)) == "Its record cannot be read."
+
+
 def test_a_file_that_changed_during_the_bake_leaves_no_record(folder):
     with ResumeQueue([plan(folder)]) as left:
         turn = left.next()

@@ -192,7 +192,7 @@ class Early(Connection):
 
     def recv(self):
         message = super().recv()
-        name = getattr(getattr(message, "plan", None), "name", "")
+        name = message[1].plan.name if isinstance(message, tuple) else ""
         with contextlib.suppress(OSError):
             if "early" in name:
                 os.close(os.open("early", os.O_CREAT | os.O_EXCL))
