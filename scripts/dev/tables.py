@@ -17,7 +17,6 @@ sys.path.insert(0, str(ROOT))
 
 from addon.cli.farm_command import FARM_OPTIONS  # noqa: E402
 from addon.cli.results.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
-from addon.cli.usage.job_file import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402
 from addon.cli.usage.options import FILE, JOBS, OBJECTS, OPTIONS, CommandOption, option_word  # noqa: E402
 from addon.cli.usage.run_options import RUN_OPTIONS, TITLE  # noqa: E402
@@ -145,17 +144,6 @@ def farm_options() -> str:
     """The options of the command `farm`."""
     rows = [option_row(f"--{word}", option) for word, option in FARM_OPTIONS.items()]
     return table(("option", "default", "what it does"), rows)
-
-
-def job_file() -> str:
-    """The keys of a set, by the values that they take."""
-    by_value: dict[str, list[str]] = {}
-    for key, option in KEYS.items():
-        value = f"true, or {option.value}" if option.may_be_flag and not option.is_flag else option.value
-        by_value.setdefault(value, []).append(code(key))
-    return table(
-        ("value", "keys"), ((value[0].upper() + value[1:], ", ".join(keys)) for value, keys in by_value.items())
-    )
 
 
 # Files and maps
@@ -336,7 +324,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "options": options,
     "farm-options": farm_options,
     "figures": figures,
-    "job-file": job_file,
     "file-formats": formats,
     "map-types": maps,
     "map-names": map_names,
