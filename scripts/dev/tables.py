@@ -106,8 +106,9 @@ def panel(shown: PanelSettings) -> str:
 MEANINGS = {
     "maps": f"{sentence(DECLARED['maps'].tooltip)} See [all maps](maps.md#all-maps).",
     "readers": f"{sentence(DECLARED['readers'].tooltip)} See [the names](engines.md#presets).",
+    "from_basis": f"{sentence(DECLARED['from_basis'].tooltip)} See [Basis](#map).",
 }
-"""What settings do whose values stand in a table of another page."""
+"""What settings do whose values stand in another table."""
 
 
 # The command line
