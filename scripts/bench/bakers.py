@@ -26,10 +26,6 @@ class Contender:
     bake: Callable[[], float]
     normals: Callable[[], np.ndarray]
 
-    def median_stages(self) -> dict[str, float]:
-        """Median seconds of each stage, without the first bake; empty if the baker does not report them."""
-        return {}
-
 
 @dataclass
 class Timed:
@@ -37,7 +33,6 @@ class Timed:
 
     first: float = 0.0
     seconds: list[float] = field(default_factory=list)
-    stages: dict[str, float] = field(default_factory=dict)
     gap: str = ""
 
     @property
@@ -71,9 +66,6 @@ def race(contenders: Sequence[Contender], rounds: int, *, warm_up: bool = True) 
             if turn >= 0:
                 timed.seconds.append(seconds)
             timed.first = timed.first or seconds
-    for contender in contenders:
-        if not result[contender.name].gap:
-            result[contender.name].stages = contender.median_stages()
     return result
 
 
@@ -81,7 +73,7 @@ class Imprint(Contender):
     """Imprint, from the objects to an image in the low object's material. keep: whether bakes reuse the ray tree."""
 
     def __init__(self, name: str, pair: Pair, size: int, *, keep: bool = False, **settings):
-        self.pair, self.size, self.keep, self.stages = pair, size, keep, []
+        self.pair, self.size, self.keep = pair, size, keep
         if settings["method"] == "CAST":
             settings |= {"extrusion": pair.extrusion, "max_distance": 2.0 * pair.extrusion}
         settings = {"image": name, **settings}
@@ -92,17 +84,10 @@ class Imprint(Contender):
     def _bake(self) -> float:
         if not self.keep:
             tree_cache.trees.free()
-        start = time.perf_counter()
-        report = bake_pair(bpy.context, self.pair.low, [self.pair.high], self.settings)
-        seconds = time.perf_counter() - start
-        self.stages.append(report.seconds)
-        return seconds
+        return clocked(lambda: bake_pair(bpy.context, self.pair.low, [self.pair.high], self.settings))
 
     def _normals(self) -> np.ndarray:
         return normals_of(bpy.data.images[self.image], self.size)
-
-    def median_stages(self) -> dict[str, float]:
-        return {name: statistics.median(s[name] for s in self.stages[1:]) for name in self.stages[0]}
 
 
 def cycles(pair: Pair, size: int, *, samples: int = 1, space: str = "TANGENT") -> Contender:

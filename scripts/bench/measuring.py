@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs the chosen parts of the benchmark, and collects their figures as plain data."""
+"""Runs the chosen parts of the benchmark, and collects what they measure as plain data."""
 
+import os
+import platform
+import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import bpy
+import gpu
+from addon.passes.program import in_software
+
 from scripts.bench import scenes
-from scripts.bench.parts import bakes as bakes_of_versions
-from scripts.bench.parts import batches as many_bakes
 from scripts.bench.parts import closed_forms as known_normals
 from scripts.bench.parts import growth as growing
-from scripts.bench.parts import live_updates, machine
-from scripts.bench.parts import memory as peaks
+from scripts.bench.parts import live_updates, shell_runs, version_bakes
 from scripts.bench.parts import occlusion as ambient_occlusion
 from scripts.bench.parts import pairs as pairs_of_meshes
-from scripts.bench.parts import samples as several_samples
-from scripts.bench.parts import start as shell_runs
-from scripts.bench.parts import storing as file_formats
 from scripts.bench.versions import Version
 
 
@@ -73,35 +74,36 @@ def bakes(bench: Bench) -> list[dict]:
     if len(bench.versions) == 1:
         return []
     pairs = pairs_of_meshes.chosen(bench.folder, bench.quick)
-    return list(bakes_of_versions.measure(pairs, bench.versions, bench.scratch, bench.repeats))
+    return list(version_bakes.bakes(pairs, bench.versions, bench.scratch, bench.repeats))
 
 
 def storing(bench: Bench) -> list[dict]:
     pair = scenes.terrain_file(bench.folder, bench.scratch)
-    return file_formats.measure(pair, bench.versions, bench.scratch, bench.quick, bench.repeats)
+    return list(version_bakes.storing(pair, bench.versions, bench.scratch, bench.quick, bench.repeats))
 
 
 def start(bench: Bench) -> list[dict]:
     pair = scenes.terrain_file(bench.folder, bench.scratch)
-    return shell_runs.measure(pair, bench.versions, bench.scratch, bench.repeats)
+    return shell_runs.start(pair, bench.versions, bench.scratch, bench.repeats)
 
 
 def batches(bench: Bench) -> list[dict]:
     pair = scenes.small_file(bench.folder, bench.scratch)
-    return many_bakes.measure(pair, bench.versions, bench.scratch, bench.quick, bench.repeats)
+    return shell_runs.batches(pair, bench.versions, bench.scratch, bench.quick, bench.repeats)
 
 
 def memory(bench: Bench) -> list[dict]:
-    return list(peaks.measure(peaks.QUICK if bench.quick else peaks.USUAL, bench.versions, bench.scratch))
+    grids = version_bakes.QUICK if bench.quick else version_bakes.USUAL
+    return list(version_bakes.memory(grids, bench.versions, bench.scratch))
 
 
 def samples(bench: Bench) -> list[dict]:
-    chosen = several_samples.cases(scenes.terrain_file(bench.folder, bench.scratch), bench.folder, bench.quick)
-    return list(several_samples.measure(chosen, bench.versions, bench.scratch, bench.repeats))
+    chosen = version_bakes.sampled(scenes.terrain_file(bench.folder, bench.scratch), bench.folder, bench.quick)
+    return list(version_bakes.samples(chosen, bench.versions, bench.scratch, bench.repeats))
 
 
 def very_large(bench: Bench) -> list[dict]:
-    return list(peaks.measure(peaks.VERY_LARGE, bench.versions[:1], bench.scratch))
+    return list(version_bakes.memory(version_bakes.VERY_LARGE, bench.versions[:1], bench.scratch))
 
 
 PARTS = {
@@ -117,10 +119,35 @@ USUAL = tuple(name for name in PARTS if name not in OPTIONAL)
 
 
 def measure(bench: Bench, only: Collection[str]) -> dict:
-    """Run the parts that are named. Returns their figures, and those of the machine."""
-    bench.result |= {"quick": bench.quick, "repeats": bench.repeats, "machine": machine.machine()}
+    """Run the parts that are named. Returns what they measured, and the machine."""
+    bench.result |= {"quick": bench.quick, "repeats": bench.repeats, "machine": machine()}
     bench.result["versions"] = [version.name for version in bench.versions]
     for name in (name for name in PARTS if name in only):
         bench.log(name.replace("_", " "))
         bench.result[name] = PARTS[name](bench)
     return bench.result
+
+
+def machine() -> dict:
+    """The machine of the measurements."""
+    gpu.init()
+    renderer = gpu.platform.renderer_get()
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
+        "system": f"{platform.system()} {platform.machine()}",
+        "renderer": renderer,
+        "in_software": in_software(renderer),
+        "backend": gpu.platform.backend_type_get(),
+        "blender": bpy.app.version_string,
+    }
+
+
+def _processor() -> str:
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor()
+    found = re.search(r"model name\s*: (.+)", text)
+    return found[1] if found else platform.processor()

@@ -163,48 +163,6 @@ def multires(levels: int) -> tuple[Pair, bpy.types.Object]:
     return Pair("sine terrain as Multires", pair.low, high, pair.truth, pair.reach), sculpt
 
 
-def arrays_of(pair: Pair) -> dict[str, np.ndarray]:
-    """Both objects as arrays for bakers outside Blender, in world space.
-
-    high_points (V, 3), high_triangles (T, 3), high_normals (T, 3, 3) by corner; low_corners, low_directions (L, 3, 3)
-    and low_uv (L, 3, 2) by corner; extrusion in scene units.
-    """
-    points, triangles, normals, _ = _arrays(pair.high)
-    low_points, low_triangles, low_normals, low_uv = _arrays(pair.low)
-    return {
-        "high_points": points,
-        "high_triangles": triangles,
-        "high_normals": normals,
-        "low_corners": low_points[low_triangles],
-        "low_directions": low_normals,
-        "low_uv": low_uv,
-        "extrusion": np.float32(pair.extrusion),
-    }
-
-
-def _arrays(obj: bpy.types.Object) -> tuple[np.ndarray, ...]:
-    mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    mesh.calc_loop_triangles()
-    matrix = np.array(obj.matrix_world, np.float32)
-
-    def read(collection, name: str, width: int, dtype=np.float32) -> np.ndarray:
-        values = np.empty(len(collection) * width, dtype)
-        collection.foreach_get(name, values)
-        return values.reshape(-1, width)
-
-    loops = read(mesh.loop_triangles, "loops", 3, np.int32)
-    triangles = read(mesh.loop_triangles, "vertices", 3, np.int32)
-    points = read(mesh.vertices, "co", 3) @ matrix[:3, :3].T + matrix[:3, 3]
-    normals = read(mesh.corner_normals, "vector", 3) @ np.linalg.inv(matrix[:3, :3])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    uv = (
-        read(mesh.uv_layers.active.uv, "vector", 2)[loops]
-        if mesh.uv_layers
-        else np.zeros((*loops.shape, 2), np.float32)
-    )
-    return points, triangles, normals[loops], uv
-
-
 # Files, for processes that open them by themselves
 
 

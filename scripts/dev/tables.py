@@ -16,7 +16,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from addon.cli.farm_command import FARM_OPTIONS  # noqa: E402
-from addon.cli.job_file import KEYS  # noqa: E402
 from addon.cli.limits import COUNT, DEGREES, LENGTH, METRICS, SECONDS, SHARE, TARGETS  # noqa: E402
 from addon.cli.option_types import word_for  # noqa: E402
 from addon.cli.options import FILE, JOBS, OBJECTS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption, option_word  # noqa: E402
@@ -106,8 +105,9 @@ def panel(shown: PanelSettings) -> str:
 MEANINGS = {
     "maps": f"{sentence(DECLARED['maps'].tooltip)} See [all maps](maps.md#all-maps).",
     "targets": f"{sentence(DECLARED['targets'].tooltip)} See [the names](engines.md#presets).",
+    "from_basis": f"{sentence(DECLARED['from_basis'].tooltip)} See [Basis](#map).",
 }
-"""What settings do whose values stand in a table of another page."""
+"""What settings do whose values stand in another table."""
 
 
 # The command line
@@ -148,17 +148,6 @@ def farm_options() -> str:
     """The options of the command `farm`."""
     rows = [option_row(f"--{word}", option) for word, option in FARM_OPTIONS.items()]
     return table(("option", "default", "what it does"), rows)
-
-
-def job_file() -> str:
-    """The keys of a set, by the values that they take."""
-    by_value: dict[str, list[str]] = {}
-    for key, option in KEYS.items():
-        value = f"true, or {option.value}" if option.may_be_flag and not option.is_flag else option.value
-        by_value.setdefault(value, []).append(code(key))
-    return table(
-        ("value", "keys"), ((value[0].upper() + value[1:], ", ".join(keys)) for value, keys in by_value.items())
-    )
 
 
 # Files and maps
@@ -339,7 +328,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "options": options,
     "farm-options": farm_options,
     "figures": figures,
-    "job-file": job_file,
     "file-formats": formats,
     "map-types": maps,
     "map-names": map_names,

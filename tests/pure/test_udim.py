@@ -10,7 +10,6 @@ import pytest
 from addon.core import udim
 from addon.core.errors import BakeError, WrongPlace
 from addon.core.file_structure import mesh_references
-from addon.engine.bands import Band
 from addon.output.path_clashes import Places
 
 SIZE = 64, 48
@@ -37,12 +36,6 @@ def test_a_part_of_a_tile_fills_clip_space(tile):
     start, count = np.array((8, 12)), np.array((16, 24))
     corners = [lowest + start / SIZE, lowest + (start + count) / SIZE]
     np.testing.assert_allclose(shown(corners, udim.uv_to_clip(tile, SIZE, (8, 12), (16, 24))), [[-1, -1], [1, 1]])
-
-
-def test_a_band_shows_its_rows_and_its_halo():
-    band = Band(12, 24, SIZE, 4, tile=1012)
-    corners = [(1.0, 1.0 + 8 / SIZE[1]), (2.0, 1.0 + 28 / SIZE[1])]
-    np.testing.assert_allclose(shown(corners, band.uv_to_clip), [[-1, -1], [1, 1]])
 
 
 def test_lists_of_tiles_are_read():

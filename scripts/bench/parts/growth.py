@@ -6,7 +6,6 @@ from collections.abc import Callable
 from scripts.bench import scenes
 from scripts.bench.bakers import Imprint
 from scripts.bench.comparing import CAST, FLATTEN
-from scripts.bench.parts.machine import forget_peak, peak_gigabytes
 
 
 def growth(quick: bool, repeats: int, log: Callable[[str], None]) -> dict[str, list[dict]]:
@@ -32,12 +31,10 @@ def _sweep(cases: list[tuple[scenes.Pair, int, int, int]], repeats: int) -> list
     disturbance of the machine does not bend the curve."""
     points, bakers = [], []
     for pair, amount, size, samples in cases:
-        points.append({"amount": amount, "seconds": {}, "peak_gigabytes": {}})
+        points.append({"amount": amount, "seconds": {}})
         for name, method in ((FLATTEN, "FLATTEN"), (CAST, "CAST")):
             baker = Imprint(name, pair, size, method=method, samples=samples, image=f"{name} {amount}")
-            forget_peak()
             baker.bake()
-            points[-1]["peak_gigabytes"][name] = peak_gigabytes()
             bakers.append((baker, points[-1]["seconds"].setdefault(name, [])))
     for _ in range(repeats):
         for baker, seconds in bakers:

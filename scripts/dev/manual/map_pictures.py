@@ -7,7 +7,6 @@ import bpy
 import numpy as np
 
 from scripts.dev.manual import faults, models
-from scripts.dev.manual.lettering import letter
 
 Picture = tuple[str, np.ndarray]
 PLATE_MAPS = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID", "MATERIAL_ID")
@@ -157,7 +156,7 @@ def _dressed(low: bpy.types.Object) -> bpy.types.Object:
 
 def _place(head: bpy.types.Object, words: str, place: tuple[float, float, float]) -> None:
     head.location, head.rotation_euler.z = place, -0.35
-    letter(words, (place[0], -1.5, place[2] - 1.35), 0.24)
+    models.letter(words, (place[0], -1.5, place[2] - 1.35), 0.24)
 
 
 def _picture(size: tuple[int, int], width: float) -> np.ndarray:

@@ -219,3 +219,18 @@ def load(path: Path) -> np.ndarray:
         return np.round(pixels * 255).astype(np.uint8)
     finally:
         bpy.data.images.remove(image)
+
+
+def letter(words: str, place: tuple[float, float, float], size: float) -> None:
+    """Words before the camera, lit by nothing."""
+    text = bpy.data.curves.new(words, "FONT")
+    text.body, text.align_x, text.size = words, "CENTER", size
+    glow = bpy.data.materials.new(words)
+    shader = next(node for node in glow.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value = (0, 0, 0, 1)
+    shader.inputs["Emission Color"].default_value = (0.85, 0.85, 0.85, 1)
+    shader.inputs["Emission Strength"].default_value = 1.0
+    text.materials.append(glow)
+    obj = add(words, text)
+    obj.location, obj.rotation_euler = place, (np.pi / 2, 0, 0)
+    obj.visible_shadow = False

@@ -9,7 +9,6 @@ import numpy as np
 
 from scripts import demo
 from scripts.dev.manual import models
-from scripts.dev.manual.lettering import letter
 
 Picture = tuple[str, np.ndarray]
 TERRAIN_SIZE = (1500, 435)
@@ -44,9 +43,9 @@ def extension() -> Iterator[Picture]:
     models.bake(low, high, width=4096, height=4096)
     for obj, words, x in ((high, "High", -2.9), (bare, "Low", 0.0), (low, "Low with the map", 2.9)):
         obj.location.x, obj.rotation_euler.z = x, -0.35
-        letter(words, (x, -0.9, -1.5), 0.3)
-        letter(f"{demo.count_triangles(obj):,} triangles", (x, -0.9, -1.85), 0.2)
-    letter("Imprint", (0.0, -0.9, 1.62), 0.62)
+        models.letter(words, (x, -0.9, -1.5), 0.3)
+        models.letter(f"{demo.count_triangles(obj):,} triangles", (x, -0.9, -1.85), 0.2)
+    models.letter("Imprint", (0.0, -0.9, 1.62), 0.62)
     models.light_and_camera((0, -14, 0.0))
     camera = bpy.context.scene.camera.data
     camera.type, camera.ortho_scale = "ORTHO", 9.0

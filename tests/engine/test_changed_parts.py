@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from addon.engine import redrawing
+from addon.engine.bands import Band
 from addon.engine.redrawing import DrawnMesh, Part, parts_of
 from addon.mesh.triangle_mesh import Mesh
 
@@ -137,3 +138,10 @@ def test_parts_divide_where_they_are_empty_and_all_become_one_if_they_are_many(c
     if count > redrawing.MOST_PARTS:
         single = [range(single[0].start, single[-1].stop)]
     assert sorted(found, key=lambda part: part.x.start) == [Part(x, x) for x in single]
+
+
+def test_a_band_shows_its_rows_and_its_halo():
+    band = Band(12, 24, (64, 48), 4, tile=1012)
+    scale, shift = np.split(np.array(band.uv_to_clip), 2)
+    corners = np.array([(1.0, 1.0 + 8 / 48), (2.0, 1.0 + 28 / 48)])
+    np.testing.assert_allclose(corners * scale + shift, [[-1, -1], [1, 1]])
