@@ -176,8 +176,10 @@ def test_files_in_one_folder_keep_their_own_maps(tmp_path):
     assert not np.array_equal(first, normal_map(imported(tmp_path / "two.usda")))
 
 
-@pytest.mark.parametrize("ending", [".usda", ".fbx", ".glb"])
-@pytest.mark.parametrize("kind", ["file", "packed", "generated"])
+@pytest.mark.parametrize(
+    ("ending", "kind"),
+    [(".usda", "file"), (".usda", "generated"), (".fbx", "packed"), (".fbx", "file"), (".glb", "packed")],
+)
 def test_textures_of_the_same_name_stay_apart(tmp_path, ending, kind):
     low, high = bent_pair()
     colors = {"oak": (1.0, 0.0, 0.0), "ash": (0.0, 1.0, 0.0)}

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests curvature and thickness against closed forms."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -27,8 +29,9 @@ SLAB = 0.05
 """The thickness of a plate."""
 
 
+@functools.cache
 def sphere(level=6):
-    """A fine unit sphere and COUNT random points on it."""
+    """The triangles of a fine unit sphere."""
     return oracle.icosphere(level)
 
 

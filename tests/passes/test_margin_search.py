@@ -65,7 +65,7 @@ MAPS = {
 }
 
 
-@pytest.mark.parametrize("reach", [0, 1, 3, 16, 1000, None])
+@pytest.mark.parametrize("reach", [0, 1, 16, None])
 @pytest.mark.parametrize("name", MAPS)
 def test_the_margin_repeats_the_nearest_written_texel(name, reach):
     written = MAPS[name]

@@ -16,7 +16,7 @@ from tests.support import angles, lanes, oracle, owner_oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-SIZE = 32
+SIZE = 24
 START, INSIDE = 0.5, 0.4
 NUDGE = 3e-6
 """In the units of the positions, some ten times the rounding of single precision. A texel counts if moving its ray by so much
