@@ -130,11 +130,6 @@ def test_wrong_usage(fails, case):
     assert "usage:" not in line
 
 
-def test_help(capsys):
-    assert command.run(["--help"]) == run_report.DONE
-    assert "--save-blend" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("words", "code"),
     [

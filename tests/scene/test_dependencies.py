@@ -156,7 +156,7 @@ def test_modifiers_that_work_are_not_named():
     assert not read(obj, must_be_whole=True).lacks
 
 
-IN_FOLDERS = ["cloth_cache", "soft_body_cache", "dynamic_paint_cache", "particles_cache"]
+IN_FOLDERS = ["cloth_cache", "dynamic_paint_cache", "particles_cache"]
 OF_FRAMES = [*IN_FOLDERS, "displace_image_sequence"]
 
 
