@@ -263,7 +263,7 @@ BROKEN = {
 
 @pytest.mark.parametrize(
     ("name", "role"),
-    [*((name, "high") for name in BROKEN), ("words.obj", "low"), ("words.glb", "cage"), ("empty.glb", "low")],
+    [*((name, "high") for name in BROKEN), ("words.obj", "low"), ("words.gltf", "cage"), ("empty.glb", "low")],
 )
 def test_broken_files_give_one_sentence(folder, run, name, role):
     good = {"low": "low.obj", "high": "high.obj", "cage": "low.obj"}

@@ -69,6 +69,7 @@ def test_more_samples_only_average(method, samples):
     compare(bake(*pair(150), method=method, samples=samples), bake(*pair(150), method=method))
 
 
+@pytest.mark.slow
 def test_more_samples_than_rays_cast_one_each():
     compare(bake(*pair(), samples=64, rays=16), bake(*pair(), samples=4), FEW)
 

@@ -98,8 +98,7 @@ def test_quads_differ_without_the_tangents_of_the_bake_and_this_is_told(tmp_path
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("ending", [".usda", ".fbx"])
-@pytest.mark.parametrize("name", ["spot_1696_536", "spot_control_vs_subd5"])
+@pytest.mark.parametrize(("name", "ending"), [("spot_1696_536", ".usda"), ("spot_control_vs_subd5", ".fbx")])
 def test_real_meshes(shared_assets, tmp_path, name, ending):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
