@@ -103,11 +103,12 @@ def test_a_file_as_high(meshes, make, method, tmp_path):
 @pytest.mark.shared
 @pytest.mark.parametrize(
     ("method", "scale"),
-    lanes.slow_but(
-        [("AUTO", SCALES[0]), ("FLATTEN", SCALES[0]), ("CAST", SCALES[1])],
-        [(method, scale) for method in DECLARED["method"].values for scale in SCALES],
-    ),
-    ids=str,
+    [
+        ("AUTO", SCALES[0]),
+        ("FLATTEN", SCALES[0]),
+        ("CAST", SCALES[1]),
+        *(pytest.param("CAST", scale, marks=pytest.mark.slow) for scale in SCALES[2:]),
+    ],
 )
 def test_a_file_as_instances(meshes, method, scale, tmp_path):
     """All objects of the file, twice in a collection that an empty instances."""
