@@ -467,9 +467,11 @@ class TestCommands:
     def test_processes_share_the_cores(self, ready, monkeypatch, processes, threads):
         environments = []
         monkeypatch.delenv("LP_NUM_THREADS", raising=False)
+        monkeypatch.setattr(imprint, "byte_code", lambda: {"PYTHONPYCACHEPREFIX": "byte code"})
         monkeypatch.setattr(imprint, "run_blender", lambda *_, env, **__: environments.append(env))
         imprint.main(["test", *(["-n", processes] if processes else [])])
         assert environments[0]["LP_NUM_THREADS"] == threads
+        assert environments[0]["PYTHONPYCACHEPREFIX"] == "byte code"
 
     def test_the_help_of_the_tests_runs_no_tests(self, ready, capsys):
         started, _ = ready
