@@ -552,7 +552,7 @@ def test(options):
     linted = subprocess.call([environment(), "-m", "ruff", "check"], cwd=ROOT)
     require_sandbox()
     with tempfile.TemporaryDirectory(prefix="imprint-test-") as profile:
-        variables = {"LP_NUM_THREADS": str(threads), **os.environ, "BLENDER_USER_RESOURCES": profile}
+        variables = {"LP_NUM_THREADS": str(threads), **os.environ, **byte_code(), "BLENDER_USER_RESOURCES": profile}
         pytest = ["-m", "pytest", *parallel, *lane, *rest]
         tested = run_blender(pytest, may_install=True, cwd=ROOT, env=variables)
     return tested or linted

@@ -24,12 +24,24 @@ os.environ["BLENDER_USER_RESOURCES"] = _profile
 ASSETS = imprint.ROOT.parent / "shared" / "assets"
 
 
-@pytest.fixture(autouse=True)
-def empty_scene():
-    """An empty file with factory settings for each test."""
+@pytest.fixture(scope="session")
+def empty_file(tmp_path_factory):
+    """An empty file with factory settings and one workspace: it loads in half the time that all workspaces take."""
     import bpy
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.data.batch_remove([each for each in bpy.data.workspaces if each != bpy.context.window.workspace])
+    path = str(tmp_path_factory.mktemp("empty") / "empty.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def empty_scene(empty_file):
+    """An empty file with factory settings for each test."""
+    import bpy
+
+    bpy.ops.wm.read_homefile(filepath=empty_file, use_empty=True)
 
 
 @pytest.fixture(scope="session")

@@ -96,13 +96,22 @@ def test_texels_that_show_another_place_are_left_out():
     assert 0 < found["texels"] < 0.2 * whole["texels"]
 
 
-@pytest.mark.parametrize("size", [(256, 32), (32, 256)], ids=str)
-@pytest.mark.parametrize("udim", [False, True], ids=["no tiles", "tile 1012"])
-@pytest.mark.parametrize("rows", [None, 20], ids=["whole", "bands"])
-def test_half_a_map_that_shows_another_place_is_left_out_of_any_tile_and_shape(size, udim, rows, monkeypatch):
-    """On the right half, the high mesh's UVs are mirrored along v: but for the middle and the borders, where they meet."""
+@pytest.mark.parametrize(
+    ("size", "rows", "axis", "udim"),
+    [
+        ((256, 32), None, 0, False),
+        ((32, 256), None, 1, True),
+        ((256, 32), 20, 1, True),
+        ((32, 256), 20, 0, False),
+        ((32, 256), 20, 1, False),
+    ],
+)
+def test_half_a_map_that_shows_another_place_is_left_out_of_any_tile_and_shape(size, rows, axis, udim, monkeypatch):
+    """On the right or upper half, the high mesh's UVs are mirrored along the other axis: but for the middle and the borders,
+    where they meet."""
     (low,), (high,) = terrains()
-    change(high.data, lambda uv: np.where(uv[:, :1] > 0.5, uv * (1.0, -1.0) + (0.0, 1.0), uv))
+    factor, offset = ((1.0, -1.0), (0.0, 1.0)) if axis == 0 else ((-1.0, 1.0), (1.0, 0.0))
+    change(high.data, lambda uv: np.where(uv[:, axis, None] > 0.5, uv * factor + offset, uv))
     if udim:
         change(low.data, lambda uv: uv + 1.0)
         change(high.data, lambda uv: uv + 1.0)

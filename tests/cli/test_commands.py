@@ -129,11 +129,6 @@ def test_wrong_usage(fails, case):
     assert "usage:" not in line
 
 
-def test_help(capsys):
-    assert command.run(["--help"]) == run_report.DONE
-    assert "--save-blend" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("words", "code"),
     [
@@ -580,14 +575,14 @@ def script(*arguments):
 
 @pytest.mark.parametrize(
     ("arguments", "code"),
-    [([*BAKE, "--output", "m.png"], 0), ([*BAKE, "--low", "loo", "--output", "m.png"], 1), (BAKE, 2)],
+    [([*BAKE, "--low", "loo", "--output", "m.png"], 1), (BAKE, 2)],
 )
 def test_the_scripts_exit_codes(scene, arguments, code):
     done = script(*arguments)
     assert done.returncode == code, done.stderr
-    assert (scene / "m.png").exists() == (code == 0)
+    assert not (scene / "m.png").exists()
     messages = [line for line in done.stderr.splitlines() if line.startswith("imprint: ")]
-    assert len(messages) == (code != 0)
+    assert len(messages) == 1
     assert "Traceback" not in done.stderr
 
 

@@ -170,14 +170,13 @@ def test_each_bake_has_the_seconds_since_the_one_before(scene):
     assert {stage for stage, seconds in second.items() if seconds > 0.0} == {"gpu", "opening"}
 
 
-@pytest.mark.parametrize(("words", "code"), [(BLEND, 0), (BLEND[:3], 2)])
-def test_the_process_leaves_no_temporary_folder(scene, words, code):
+def test_the_process_leaves_no_temporary_folder(scene):
     (scene / "temporary").mkdir()
-    command = [sys.executable, str(ROOT / "scripts" / "bake.py"), *words]
+    command = [sys.executable, str(ROOT / "scripts" / "bake.py"), *BLEND]
     done = subprocess.run(
         command, capture_output=True, check=False, env=dict(os.environ, TMPDIR=str(scene / "temporary"))
     )
-    assert done.returncode == code
+    assert done.returncode == 0
     assert list((scene / "temporary").iterdir()) == []
 
 

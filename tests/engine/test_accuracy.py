@@ -70,7 +70,7 @@ MIRRORED = mathutils.Matrix.LocRotScale((0.0, 5.0, 0.0), mathutils.Euler((-0.4, 
 TRANSFORMS = {"plain": mathutils.Matrix(), "turned_scaled": TURNED, "mirrored": MIRRORED}
 
 
-@pytest.mark.parametrize("transform", TRANSFORMS)
+@pytest.mark.parametrize("transform", lanes.slow_but(["mirrored"], TRANSFORMS))
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, [*PAIRS, "helmet_23358_6117"]))
 def test_tangent_map_gives_the_high_normals_in_the_normal_map_node(shared_assets, name, transform):
     low, high = open_pair(shared_assets, name)

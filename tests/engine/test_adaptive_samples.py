@@ -18,7 +18,6 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 RAYS = {"extrusion": 0.3, "max_distance": 0.6}
 ALLOWED_P99 = 0.02
 """Degrees between the mean of adaptive samples and that of all samples."""
-COUNTS = [count for count in MAP["samples"].values if count > 2]
 PAIRS = [
     "kepler_199712_9079",
     "sthelens_290088_9079",
@@ -30,7 +29,7 @@ PAIRS = [
     "helmet_23358_6117",
     "normaltangenttest_published",
 ]
-FAST = ["king_40480_4000", "spot_1696_536"]
+FAST = ["spot_1696_536"]
 
 
 def both(low, high, **settings):
@@ -79,7 +78,7 @@ def test_strong_bends_take_as_many_samples_as_are_asked_for(shared_assets):
     assert stopped > 0.1
 
 
-@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("count", [4, 16])
 def test_texels_of_a_terrain_stop_early_and_keep_their_mean(count):
     low, high = zoo.plane("low"), zoo.terrain("high", n=37, waves=2, height=0.03)
     some, every, stopped = both(low, high, width=128, height=128, samples=count)
@@ -163,7 +162,7 @@ def test_bands_and_adaptive_samples_together(monkeypatch):
     assert 0.0 < of_bands <= stopped  # at the borders of bands, neighbors are not known
 
 
-@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("count", [count for count in MAP["samples"].values if count > 2])
 def test_rounds_are_all_samples_in_opposite_pairs(count):
     found = samples.rounds(count)
     assert sorted(sum(found, [])) == sorted(samples.offsets(count))

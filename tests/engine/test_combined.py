@@ -227,6 +227,14 @@ def test_bands_of_any_tile_equal_those_of_the_first(in_bands, tile, margin_type)
     assert np.allclose(pixels(bpy.data.images["tile"]), whole["normal"], atol=1e-5)
 
 
+@pytest.mark.parametrize("size", [(64, 256), (256, 64)])
+def test_bands_hold_each_row_once_and_few_texels(size, monkeypatch):
+    monkeypatch.setattr(bands, "BAND_TEXELS", 4096)
+    found = list(bands.bands(*size, 2))
+    assert [row for band in found for row in range(band.start, band.stop)] == list(range(size[1]))
+    assert {(band.stop - band.start) * band.width for band in found} == {4096}
+
+
 def test_each_tile_has_only_its_own_seams():
     """Two tiles with seams at different positions: baked together, they equal single bakes."""
     low = zoo.cube("lo")

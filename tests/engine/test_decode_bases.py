@@ -46,8 +46,7 @@ def test_each_basis_has_a_decoder():
     assert list(decoders.DECODERS) == NAMES
 
 
-@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-@pytest.mark.parametrize("basis", NAMES)
+@pytest.mark.parametrize(("basis", "method"), [*((name, "FLATTEN") for name in NAMES), (NAMES[0], "CAST")])
 def test_a_map_is_exact_for_its_targets_and_for_no_others(basis, method):
     low, high = zoo.terrain("low", n=9, height=0.3), zoo.terrain("high", n=96, height=0.3)
     found = off(low, high, basis, method=method)
@@ -58,11 +57,11 @@ def test_a_map_is_exact_for_its_targets_and_for_no_others(basis, method):
 @pytest.mark.parametrize(
     "name",
     lanes.slow_but(
-        ["king_40480_4000"], ["king_40480_4000", "helmet_23358_6117", "spot_1696_536", "spot_control_vs_subd5"]
+        ["spot_1696_536"], ["king_40480_4000", "helmet_23358_6117", "spot_1696_536", "spot_control_vs_subd5"]
     ),
 )
 @pytest.mark.shared
-@pytest.mark.parametrize("basis", NAMES)
+@pytest.mark.parametrize("basis", lanes.slow_but(NAMES[:2], NAMES))
 def test_a_map_of_a_real_pair_is_exact_for_its_targets(shared_assets, basis, name):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]

@@ -89,9 +89,8 @@ def folded(size):
 @pytest.mark.parametrize(
     ("size", "count", "basis"),
     [
-        *[(size, 1, "CYCLES") for size in (64, 256)],
-        *[(64, count, "CYCLES") for count in COUNTS if count > 1],
-        *[(64, 4, one.name) for one in bases.BASES if one.name != "CYCLES"],
+        (64, 1, "CYCLES"),
+        *[(64, 4, one.name) for one in bases.BASES],
     ],
 )
 def test_each_texel_of_folded_uvs_has_the_tangents_of_one_triangle(size, count, basis):
@@ -125,8 +124,7 @@ def leaning(low, texels, is_left):
 
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-@pytest.mark.parametrize("is_mirrored", [False, True])
-@pytest.mark.parametrize("share", [0.1, 0.45, 0.55, 0.9])
+@pytest.mark.parametrize(("share", "is_mirrored"), [(0.1, True), (0.45, False), (0.55, True)])
 @pytest.mark.parametrize("count", COUNTS)
 def test_samples_on_two_sides_of_an_edge_are_read_by_the_side_of_the_center(count, share, is_mirrored, method):
     size, column = 16, 7
@@ -138,8 +136,7 @@ def test_samples_on_two_sides_of_an_edge_are_read_by_the_side_of_the_center(coun
 
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-@pytest.mark.parametrize("is_mirrored", [False, True])
-@pytest.mark.parametrize("shares", [(0.45, 0.7), (0.3, 0.55)])
+@pytest.mark.parametrize(("shares", "is_mirrored"), [((0.45, 0.7), False), ((0.3, 0.55), True)])
 @pytest.mark.parametrize("count", [8, 16, 64])
 def test_a_texel_without_a_center_is_read_by_the_sample_closest_to_it(count, shares, is_mirrored, method):
     size, column = 16, 7

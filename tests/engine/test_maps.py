@@ -37,15 +37,22 @@ def pair():
 
 def bake(low, *highs, maps=map_types.NAMES, size=64, **settings):
     """The report and the maps by name, as arrays."""
-    values_ = {"method": "FLATTEN", "depth": 32, "storage": "MEMORY", "material": False, "margin": 0, **settings}
+    values_ = {
+        "method": "FLATTEN",
+        "depth": 32,
+        "storage": "MEMORY",
+        "material": False,
+        "margin": 0,
+        "rays": 16,
+        **settings,
+    }
     report = bake_pair(
         bpy.context, low, highs, Settings(width=size, height=size, image="map", maps=tuple(maps), **values_)
     )
     return report, {name: pixels(bpy.data.images[found["image"]]) for name, found in report.maps.items()}
 
 
-@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-@pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
+@pytest.mark.parametrize(("method", "space"), [("FLATTEN", "TANGENT"), ("CAST", "OBJECT"), ("FLATTEN", "WORLD")])
 @pytest.mark.parametrize("samples", lanes.slow_but([1], [1, 4]))
 def test_distances_and_positions_match_the_surface(method, space, samples):
     report, maps = bake(*pair(), method=method, space=space, samples=samples)
@@ -64,7 +71,7 @@ def test_distances_and_positions_match_the_surface(method, space, samples):
     assert report.maps["height"]["scale"] == 1.0
 
 
-@pytest.mark.parametrize(("ending", "depth"), [(".png", 8), (".png", 16), (".exr", 32)])
+@pytest.mark.parametrize(("ending", "depth"), [(".png", 16), (".exr", 32)])
 def test_the_report_has_the_range_to_decode_the_file(tmp_path, ending, depth):
     report, maps = bake(*pair(), storage="FILE", output=str(tmp_path / f"map{ending}"), depth=depth, space="WORLD")
     z = expected_height(64) * SCALE

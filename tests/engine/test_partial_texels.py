@@ -15,8 +15,7 @@ LOW = Layout(degrees=24.0, scale=0.34)
 MAPS = ("AO", "THICKNESS", "CURVATURE", "BENT_NORMAL", "ROUGHNESS", "HEIGHT")
 
 
-@pytest.mark.parametrize("has_detail", [False, True])
-@pytest.mark.parametrize("space", ["TANGENT", "WORLD"])
+@pytest.mark.parametrize(("space", "has_detail"), [("TANGENT", True), ("WORLD", False)])
 @pytest.mark.parametrize(("method", "samples", "rays"), [("FLATTEN", 4, 16), ("FLATTEN", 16, 17), ("CAST", 16, 17)])
 def test_borders_are_means_of_the_samples_on_the_mesh(method, samples, rays, space, has_detail):
     """On a flat high mesh that reaches beyond the low one, each map has one value, also at its border."""

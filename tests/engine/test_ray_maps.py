@@ -15,7 +15,7 @@ from addon.engine import ray_maps, tree_cache
 from addon.jobs import Job, bake_all
 from addon.mesh.local_space import LocalSpace
 from addon.mesh.triangle_mesh import Mesh
-from tests.support import angles, layouts, zoo
+from tests.support import angles, lanes, layouts, zoo
 from tests.support.hemisphere import form_factor
 from tests.support.layouts import Layout
 from tests.support.maps import bake_all_maps, pixels, texel_uv
@@ -163,8 +163,7 @@ def rays_over(points, count=4096):
     return total / count
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize(("method", "samples"), [("FLATTEN", 4), ("CAST", 1)])
 def test_bent_normals_beside_a_wall_in_each_space(method, samples):
     """Decoded, all spaces give the same directions; the objects are turned together."""
     low, *highs = beside_a_wall()
@@ -209,8 +208,7 @@ def ball():
     return low, high
 
 
-@pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (3.0, -1.0, 7.0)])
-@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize(("place", "smooth"), [((0.0, 0.0, 0.0), True), ((3.0, -1.0, 7.0), False)])
 def test_the_poles_of_a_ball_of_quads(place, smooth):
     """Half of each quad at a pole has no area in space, and a place in the UVs. Flatten shows what is beside it in space."""
     high = zoo.sphere("hi", 32, latitude=90.0)
@@ -241,7 +239,7 @@ def test_the_poles_of_a_ball_of_quads(place, smooth):
         assert error.mean() < 2 / 255, name
 
 
-@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("samples", lanes.slow_but([1], [1, 4]))
 def test_the_maps_of_a_ball(samples):
     """Mean exits 2 cos t under the cosine; f = 1/2 - 3 R / (16 rho); nothing hides the sky."""
     length, radius = 0.5 * RADIUS, 0.4 * RADIUS

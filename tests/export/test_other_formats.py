@@ -98,8 +98,7 @@ def test_quads_differ_without_the_tangents_of_the_bake_and_this_is_told(tmp_path
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("ending", [".usda", ".fbx"])
-@pytest.mark.parametrize("name", ["spot_1696_536", "spot_control_vs_subd5"])
+@pytest.mark.parametrize(("name", "ending"), [("spot_1696_536", ".usda"), ("spot_control_vs_subd5", ".fbx")])
 def test_real_meshes(shared_assets, tmp_path, name, ending):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
@@ -176,8 +175,10 @@ def test_files_in_one_folder_keep_their_own_maps(tmp_path):
     assert not np.array_equal(first, normal_map(imported(tmp_path / "two.usda")))
 
 
-@pytest.mark.parametrize("ending", [".usda", ".fbx", ".glb"])
-@pytest.mark.parametrize("kind", ["file", "packed", "generated"])
+@pytest.mark.parametrize(
+    ("ending", "kind"),
+    [(".usda", "file"), (".usda", "generated"), (".fbx", "packed"), (".fbx", "file"), (".glb", "packed")],
+)
 def test_textures_of_the_same_name_stay_apart(tmp_path, ending, kind):
     low, high = bent_pair()
     colors = {"oak": (1.0, 0.0, 0.0), "ash": (0.0, 1.0, 0.0)}

@@ -68,8 +68,7 @@ def endings(make, change):
         yield message
 
 
-@pytest.mark.parametrize("share_image", [False, True], ids=["several", "atlas"])
-@pytest.mark.parametrize("name", ["a", "a high", "b", "b high"])
+@pytest.mark.parametrize(("name", "share_image"), [("a high", False), ("b", False), ("a", True), ("b high", True)])
 def test_a_deleted_object_raises_an_error_at_every_step(name, share_image):
     def make():
         return bake_jobs.work(bpy.context, pairs(), settings(), Pace(SLICED), share_image=share_image)

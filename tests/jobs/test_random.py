@@ -392,7 +392,7 @@ def existing_image(rng, name):
 # The test
 
 
-@random_cases.seeds(360, fast=60)
+@random_cases.seeds(360, fast=40)
 def test_a_random_bake_ends_in_a_map_or_an_error_message(seed, tmp_path, outcomes):
     rng = np.random.default_rng(seed)
     (tmp_path / "out").mkdir()

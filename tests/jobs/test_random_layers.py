@@ -13,7 +13,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 outcomes = random_cases.counted(20, map=0.8)
 
 
-@random_cases.seeds(200, fast=20)
+@random_cases.seeds(200, fast=12)
 def test_random_layers_end_in_a_map_or_an_error_message(seed, tmp_path, outcomes):
     result = outcome.of_bake(*layered_scenes.make(seed), tmp_path)
     outcomes["message" if isinstance(result, str) else "map"] += 1

@@ -198,7 +198,7 @@ def settings_of(source, folder):
     )
 
 
-@random_cases.seeds(200, fast=20)
+@random_cases.seeds(200, fast=8)
 def test_random_materials_end_in_maps_or_an_error_message(seed, tmp_path, outcomes):
     source = random.Random(seed)
     (tmp_path / "out").mkdir()

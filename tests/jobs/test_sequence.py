@@ -86,7 +86,8 @@ def test_each_frame_shows_its_own_map(job, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "expected"), [("map.png", "map_0007.png"), ("m_##_a.exr", "m_07_a.exr"), ("#.png", "7.png")]
+    ("name", "expected"),
+    [("map.png", "map_0007.png"), ("m_##_a.exr", "m_07_a.exr"), ("a#_###.png", "a#_007.png"), ("#.png", "7.png")],
 )
 def test_the_frame_number_is_in_the_file_name(name, expected):
     assert map_names.output_of_frame(name, 7) == expected

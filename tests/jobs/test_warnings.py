@@ -269,7 +269,12 @@ RIGHT = {
     "side by side": lambda: case(zoo.plane("lo"), moved(terrain(), 5, 0, 0)),
     "a part of a larger mesh": lambda: case(zoo.plane("lo"), moved(turned(terrain(waves=3)), 0, 0, 0, scale=(3, 3, 1))),
     "other maps": lambda: case(
-        torus("lo", 16, 8), torus("hi", 96, 48, waves=0.02), maps=("AO", "POSITION", "CURVATURE")
+        torus("lo", 16, 8),
+        torus("hi", 48, 24, waves=0.02),
+        maps=("AO", "POSITION", "CURVATURE"),
+        rays=16,
+        width=64,
+        height=64,
     ),
 }
 

@@ -275,8 +275,7 @@ def bake_file(path, **settings):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("name", ["box", "floaters"])
-@pytest.mark.parametrize("hit", ["OWN", "OUTERMOST"])
+@pytest.mark.parametrize(("name", "hit"), [("box", "OWN"), ("floaters", "OUTERMOST")])
 def test_bolts_and_plates_stay(shared_assets, name, hit):
     report = bake_file(shared_assets / "layers" / f"{name}.blend", hit=hit)
     proposal = weights.propose(bpy.context, report, NONE)

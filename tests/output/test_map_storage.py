@@ -356,8 +356,7 @@ def user_of_image():
     return next(node.image for node in nodes if node.bl_idname == "ShaderNodeTexImage")
 
 
-@pytest.mark.parametrize(("depth", "step"), [(8, STEP_8), (32, EXACT)])
-@pytest.mark.parametrize("storage", ["PACK", "MEMORY"])
+@pytest.mark.parametrize(("storage", "depth", "step"), [("PACK", 8, STEP_8), ("MEMORY", 32, EXACT)])
 def test_an_existing_image_is_filled(texels, old, storage, depth, step):
     image = store(texels, storage=storage, depth=depth)
     assert image == old == user_of_image()
@@ -378,7 +377,11 @@ def test_an_existing_image_is_packed_with_alpha(texels, depth, step, tmp_path):
     assert_is_data(image)
 
 
-@pytest.mark.parametrize(("name", "depth"), FORMATS)
+@pytest.mark.parametrize(
+    ("old", "name", "depth"),
+    [*((old, "map.png", 8) for old in OLD), *(("sRGB file", *each) for each in FORMATS)],
+    indirect=["old"],
+)
 def test_an_existing_image_shows_the_file(texels, old, name, depth, tmp_path):
     image = store(texels, storage="FILE", output=str(tmp_path / name), depth=depth)
     assert image == old == user_of_image()

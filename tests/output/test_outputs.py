@@ -210,6 +210,14 @@ def test_colors_of_another_working_space_are_converted_7(monkeypatch):
 # Bent normals
 
 
+def test_the_range_of_heights_is_that_of_all_tiles():
+    tiles = np.ones((2, 2, 2, 4), np.float32)
+    tiles[0, ..., :3], tiles[1, ..., :3] = 0.25, -2.0
+    storing = Settings(storage="FILE", output="m.png", depth=16).storing
+    for maps in (tiles, tiles[::-1]):
+        assert value_encoding.encoding(BY_NAME["HEIGHT"], maps, (), storing) == {"midlevel": 0.5, "scale": 4.0}
+
+
 def test_bent_normals_are_stored_as_they_were_drawn_8():
     normals = values(8)
     normals[:, -1] = (0.5, 0.5, 1.0, 0.0)

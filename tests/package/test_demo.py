@@ -12,6 +12,8 @@ from PIL import Image
 
 from scripts import imprint
 
+pytestmark = pytest.mark.slow
+
 SIZE = 128
 FLAT = 0.05  # the spread of a map with slopes of about 6 degrees; a map without relief has none
 INSPECT = """
@@ -64,7 +66,6 @@ def made(tmp_path_factory):
     return (home / "made").rename(home / "moved"), output
 
 
-@pytest.mark.slow
 def test_the_output_lists_all_files(made):
     folder, output = made
     names = ["low_normal.png", "plane_normal.png", "terrain.blend", "terrain.png"]

@@ -43,6 +43,7 @@ def run(packages, folder, program):
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_an_installed_package_bakes(packages, tmp_path):
     done = run(packages, tmp_path, SCRIPT)
     assert "baked through the door" in done.stdout, done.stdout + done.stderr

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from tests.support import lanes, stops
+from tests.support import stops
 
 pytestmark = [
     pytest.mark.usefixtures("gpu_context"),
@@ -38,9 +38,8 @@ SIGNALS = [
 ]
 
 
-@pytest.mark.parametrize(
-    "case", lanes.slow_but([(signal.SIGTERM, "launcher")], SIGNALS), ids=lambda case: f"{case[0].name} to {case[1]}"
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("case", SIGNALS, ids=lambda case: f"{case[0].name} to {case[1]}")
 def test_a_signal_stops_a_batch_cleanly(tmp_path, case):
     number, target = case
     process = started(tmp_path)
@@ -75,7 +74,8 @@ STREAMS = {
 }
 
 
-@pytest.mark.parametrize("case", lanes.slow_but(["full"], STREAMS))
+@pytest.mark.slow
+@pytest.mark.parametrize("case", STREAMS)
 def test_maps_are_written_even_if_the_output_fails(tmp_path, case):
     redirection, message = STREAMS[case]
     stops.write_sets(tmp_path, 2)

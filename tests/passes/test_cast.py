@@ -108,7 +108,7 @@ def check(origins, directions, corners, normals, **options):
 
 
 @pytest.mark.parametrize(
-    ("seed", "count", "size"), [(1, 1, 3.0), (2, 5, 1.0), (3, 300, 0.3), (4, 2000, 0.1), (5, 700, 2.0)]
+    ("seed", "count", "size"), [(1, 1, 3.0), (2, 5, 1.0), (3, 300, 0.3), (4, 700, 0.1), (5, 300, 2.0)]
 )
 def test_random_soups_seeds_1_to_5(seed, count, size):
     rng = np.random.default_rng(seed)

@@ -50,7 +50,7 @@ def bilinear(image, u, v, extension, *, closest=False):
 
 @pytest.mark.parametrize("extension", Extension)
 @pytest.mark.parametrize("is_smooth", [True, False])
-@pytest.mark.parametrize("size", [(5, 7), (1, 1), (1, 4), (8, 8)])
+@pytest.mark.parametrize("size", [(5, 7), (1, 4)])
 def test_each_extension_is_as_in_numpy_seed_1(extension, is_smooth, size):
     image = np.random.default_rng(1).random((*size, 4))
     seen = SeenSurface(grid(2, 3), (96, 96))

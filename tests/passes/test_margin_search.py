@@ -58,14 +58,14 @@ MAPS = {
     "few seed 3": np.random.default_rng(3).random((48, 64)) < 0.01,
     "many seed 4": np.random.default_rng(4).random((64, 48)) < 0.5,
     "one": np.arange(40 * 90).reshape(40, 90) == 40 * 90 - 1,
-    "islands seed 5": np.kron(np.random.default_rng(5).random((9, 7)) < 0.2, np.ones((11, 13))) > 0,
+    "islands seed 5": np.kron(np.random.default_rng(5).random((9, 7)) < 0.2, np.ones((7, 8))) > 0,
     "rows": np.tile(np.arange(70)[:, None] % 32 == 7, 33),
     "columns": np.tile(np.arange(70) % 32 == 7, (33, 1)),
     "a narrow map seed 6": np.random.default_rng(6).random((300, 16)) < 0.002,
 }
 
 
-@pytest.mark.parametrize("reach", [0, 1, 3, 16, 1000, None])
+@pytest.mark.parametrize("reach", [0, 1, 16, None])
 @pytest.mark.parametrize("name", MAPS)
 def test_the_margin_repeats_the_nearest_written_texel(name, reach):
     written = MAPS[name]

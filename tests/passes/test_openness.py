@@ -54,8 +54,7 @@ def turned(rng, triangles, points):
     return triangles @ matrix.T, points @ matrix.T, matrix @ UP
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize(("height", "radius"), [(0.3, 0.4), (0.05, 0.5), (0.6, 0.3)])
+@pytest.mark.parametrize(("seed", "height", "radius"), [(1, 0.3, 0.4), (2, 0.05, 0.5), (3, 0.6, 0.3)])
 def test_a_plane_under_a_disc_seeds_1_to_3(seed, height, radius):
     rng = np.random.default_rng(seed)
     points, shade = on_floor(rng), disc(height, radius)
@@ -72,8 +71,7 @@ def test_right_under_a_disc_half_is_blocked_seed_4():
     check(found, 0.5)
 
 
-@pytest.mark.parametrize("walls", [1, 2])
-@pytest.mark.parametrize("seed", [5, 6])
+@pytest.mark.parametrize(("seed", "walls"), [(5, 1), (6, 2)])
 def test_in_a_corner_of_two_and_three_walls_seeds_5_and_6(seed, walls):
     """The floor counts as a wall."""
     rng = np.random.default_rng(seed)

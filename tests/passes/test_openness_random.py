@@ -8,7 +8,7 @@ import pytest
 
 from addon.passes import hemisphere
 from addon.passes.hemisphere import Occluders
-from tests.support import angles, lanes, oracle
+from tests.support import angles, oracle
 from tests.support.hemisphere import COUNT, Probes, tables
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -114,7 +114,8 @@ def seen(directions, point, triangles, faces, *, own, how):
     return np.where(directions @ faces[own] > 0.0, visible, 0.0)
 
 
-@pytest.mark.parametrize("seed", lanes.slow_but([1], range(1, 9)))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 9))
 def test_openness_in_random_scenes_seeds_1_to_8(seed):
     rng = np.random.default_rng(seed)
     triangles, chosen, points, faces, shading = scene(rng)

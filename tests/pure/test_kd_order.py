@@ -12,7 +12,7 @@ def are_separated(first, second):
     return bool(np.any((first.max(axis=1) <= second.min(axis=1)) | (second.max(axis=1) <= first.min(axis=1))))
 
 
-@pytest.mark.parametrize("count", [0, 1, 3, 4, 5, 8, 9, 16, 17, 63, 64, 65, 1000, 4096, 5000, 40_000, 70_000])
+@pytest.mark.parametrize("count", [0, 1, 3, 4, 5, 9, 17, 65, 1000, 4096, 70_000])
 @pytest.mark.parametrize("part", [64, bvh.PART])
 def test_runs_are_separated_by_planes_seed_11(count, part, monkeypatch):
     monkeypatch.setattr(bvh, "PART", part)

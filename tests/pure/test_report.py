@@ -3,6 +3,7 @@
 
 import ast
 import dataclasses
+import functools
 import json
 
 import pytest
@@ -76,11 +77,11 @@ def test_the_summary_has_the_rays_without_an_own_hit(done):
         assert f"Rays: extrusion 0.5 and max distance 1; 1.00% missed{expected}" in report_of_counts.summary()
 
 
+@functools.cache
 def modules():
     """The path and the syntax tree of each module below ui/ and cli/."""
-    for package in BELOW:
-        for path in sorted((ROOT / "addon" / package).rglob("*.py")):
-            yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+    paths = [path for package in BELOW for path in sorted((ROOT / "addon" / package).rglob("*.py"))]
+    return [(path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
 
 
 def imports_report(tree):

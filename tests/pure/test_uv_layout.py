@@ -2,6 +2,7 @@
 """Tests how much of a mesh's UV area is cut off at the border of the tile."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,10 +20,18 @@ def quads(u, width):
     return Mesh("mesh", positions, numbers, np.zeros_like(positions), numbers.reshape(-1, 3), np.eye(4), uv)
 
 
+@pytest.mark.parametrize("is_along_v", [False, True])
 @pytest.mark.parametrize(("tiles", "share"), [((1, 1), 0.625), ((2, 1), 0.0)])
-def test_the_share_that_is_cut_off_is_that_of_the_area_outside(tiles, share):
+def test_the_share_that_is_cut_off_is_that_of_the_area_outside(tiles, share, is_along_v):
     mesh = quads(np.array([0.0, 0.75, 1.0, 1.75 if share else 1.5], np.float32), 0.5)
+    if is_along_v:
+        mesh, tiles = replace(mesh, uv=mesh.uv[:, ::-1].copy()), tiles[::-1]
     assert uv_layout.cut_off(mesh, uv_layout.outside(mesh, tiles), tiles) == pytest.approx(share, abs=0.01)
+
+
+def test_a_square_that_fills_a_tile_is_on_no_other():
+    assert uv_layout.tiles(quads(np.zeros(1), 1.0)) == [1001]
+    assert uv_layout.tiles(quads(np.array([1.0, 0.5]), 1.0)) == [1001, 1002]
 
 
 def test_the_area_outside_of_a_large_mesh_takes_little_memory():

@@ -523,8 +523,9 @@ HIDDEN = {
 }
 
 
-@pytest.mark.parametrize("how", HIDDEN)
-@pytest.mark.parametrize("role", ["lo", "hi", "cage"])
+@pytest.mark.parametrize(
+    ("how", "role"), [*((how, "hi") for how in HIDDEN), *(("everything at once", role) for role in ("lo", "cage"))]
+)
 def test_hidden_objects_are_read_and_stay_hidden(how, role):
     plane, high, cage = low(), zoo.terrain("hi"), zoo.plane("cage")
     high.modifiers.new("Lift", "DISPLACE").strength = 0.1

@@ -88,8 +88,7 @@ def bake(low, high, method, folder, **settings):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("method", DECLARED["method"].values)
-@pytest.mark.parametrize("make", [zoo.plane, zoo.sphere])
+@pytest.mark.parametrize(("make", "method"), [(zoo.plane, "CAST"), (zoo.sphere, "FLATTEN"), (zoo.sphere, "AUTO")])
 def test_a_file_as_high(meshes, make, method, tmp_path):
     for high in meshes:
         result = bake(around(make("lo", 8), high), high, method, tmp_path)
@@ -102,8 +101,15 @@ def test_a_file_as_high(meshes, make, method, tmp_path):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("method", DECLARED["method"].values)
-@pytest.mark.parametrize("scale", lanes.slow_but(SCALES[:2], SCALES), ids=str)
+@pytest.mark.parametrize(
+    ("method", "scale"),
+    [
+        ("AUTO", SCALES[0]),
+        ("FLATTEN", SCALES[0]),
+        ("CAST", SCALES[1]),
+        *(pytest.param("CAST", scale, marks=pytest.mark.slow) for scale in SCALES[2:]),
+    ],
+)
 def test_a_file_as_instances(meshes, method, scale, tmp_path):
     """All objects of the file, twice in a collection that an empty instances."""
     shelf, twice = bpy.data.collections.new("Shelf"), bpy.data.collections.new("Twice")
@@ -126,7 +132,7 @@ def test_a_file_as_instances(meshes, method, scale, tmp_path):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("method", DECLARED["method"].values)
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 def test_a_file_as_low(meshes, method, tmp_path):
     for low in meshes:
         high = around(zoo.sphere("hi", 8), low)
@@ -139,7 +145,7 @@ def test_a_file_as_low(meshes, method, tmp_path):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("method", DECLARED["method"].values)
+@pytest.mark.parametrize("method", ["AUTO", "FLATTEN"])
 def test_a_file_onto_itself(meshes, method, tmp_path):
     """With a modifier that adds detail, and with the file's UVs if it has some."""
     for obj in meshes:
@@ -161,7 +167,7 @@ def scaled_pair(size):
     return pair
 
 
-@pytest.mark.parametrize("size", [1e-6, 1e-3, 1e3, 1e6, 5e8])
+@pytest.mark.parametrize("size", [1e-6, 1e3, 5e8])
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 def test_the_map_does_not_depend_on_the_size(method, size):
     expected = maps.bake(*scaled_pair(1.0), method=method, space="TANGENT")
@@ -170,7 +176,7 @@ def test_the_map_does_not_depend_on_the_size(method, size):
     assert angles.degrees(angles.decode(texels), angles.decode(expected)).max() < ROUNDING
 
 
-@pytest.mark.parametrize("size", [1e-37, 1e-30, 1e-20, 1e-12, 1e-9, 1e-8, 1e10, 1e12, 1e20, 1e30, 1e37])
+@pytest.mark.parametrize("size", [1e-37, 1e-12, 1e-8, 1e10, 1e20, 1e37])
 @pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_a_size_without_valid_normals_is_refused(method, size, tmp_path):
     result = bake(*scaled_pair(size), method, tmp_path)
@@ -186,8 +192,9 @@ def test_a_very_small_or_large_object_scale_works(method, size, tmp_path):
 
 
 @pytest.mark.parametrize("margin_type", DECLARED["margin_type"].values)
-@pytest.mark.parametrize("size", [1e3, 1e9, 1e20, 1e37])
-@pytest.mark.parametrize("method", DECLARED["method"].values)
+@pytest.mark.parametrize(
+    ("size", "method"), [(1e3, "FLATTEN"), (1e9, "CAST"), (1e20, "AUTO"), (1e37, "FLATTEN"), (1e37, "CAST")]
+)
 def test_uvs_far_outside_the_tile(method, size, margin_type, tmp_path):
     """Of one quad at the map's seams."""
     low, high = zoo.plane("lo", 8), zoo.terrain("hi", 8)

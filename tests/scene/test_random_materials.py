@@ -5,11 +5,10 @@ import random
 
 import bpy
 import numpy as np
-import pytest
 
 from addon.core.material_feeds import AVERAGE
 from addon.scene.textures import ImageTextures
-from tests.support import feeds
+from tests.support import feeds, random_cases
 from tests.support.random_nodes import FOLLOWED, OTHERS, SHADERS, grow
 from tests.support.shader_nodes import image, principled, read
 
@@ -27,7 +26,7 @@ def images_for(source):
     return [*found, gone]
 
 
-@pytest.mark.parametrize("seed", range(60))
+@random_cases.seeds(60, fast=24)
 def test_each_socket_is_a_feed_or_a_note_seed(seed, material):
     source = random.Random(seed)
     images = images_for(source)
@@ -66,7 +65,7 @@ def test_each_socket_is_a_feed_or_a_note_seed(seed, material):
             assert images.load(feed.image).values.size
 
 
-@pytest.mark.parametrize("seed", range(100))
+@random_cases.seeds(100, fast=40)
 def test_feeds_without_notes_are_what_cycles_shows_seed(seed, material):
     source = random.Random(seed)
     images = [*images_for(source)[:2], image("wide", (4, 3), seed=seed, space="Non-Color", ends=(-1.0, 2.0))]

@@ -106,8 +106,9 @@ def in_cycles(image, *, uses_alpha) -> np.ndarray:
 
 @pytest.mark.parametrize("uses_alpha", [True, False])
 @pytest.mark.parametrize("alpha", ALPHAS)
-@pytest.mark.parametrize("space", SPACES)
-@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize(
+    ("bits", "space"), [(8, "sRGB"), (8, "Non-Color"), (8, "Display P3"), (16, "sRGB"), (16, "Linear Rec.709")]
+)
 def test_pixels_are_those_of_cycles(tmp_path, bits, space, alpha, uses_alpha):
     if (bits, space, uses_alpha) == (16, "sRGB", False) and alpha in {"STRAIGHT", "PREMUL"}:
         return  # Cycles multiplies with alpha before it makes 16 bits linear; EEVEE does so afterwards

@@ -148,7 +148,7 @@ def test_a_small_thumbnail_in_a_jpeg_is_not_its_end(tmp_path):
     "name",
     [
         *("mesh_cache_mdd", "mesh_cache_pc2", "alembic_cache", "multires_external", "font_of_nodes", "volume_to_mesh"),
-        *("cloth_cache", "soft_body_cache", "dynamic_paint_cache", "particles_cache"),
+        *("cloth_cache", "dynamic_paint_cache", "particles_cache"),
     ],
 )
 def test_a_file_of_points_or_letters_that_ends_too_early(name, tmp_path):

@@ -523,18 +523,6 @@ def font_of_nodes(obj, folder):
     return path
 
 
-@kind
-def bold_font_of_text_object(obj, folder):
-    path = folder / "bold.woff2"
-    shutil.copyfile(FONT, path)
-    text = linked_object("text", bpy.data.curves.new("text", "FONT"))
-    text.data.body, text.data.font_bold = "ab", bpy.data.fonts.load(str(path))
-    text.data.body_format[0].use_bold = True
-    _, node = _filled(obj, "GeometryNodeObjectInfo")
-    node.inputs["Object"].default_value = text
-    return path
-
-
 # Other objects
 
 
@@ -638,26 +626,19 @@ def driver_of_a_linked_place(obj, folder):
 # Caches of simulations and nodes
 
 
+def simulated(obj, cache, folder):
+    """Store three frames of a simulation on the disk. Returns the file of the last one."""
+    cache.use_disk_cache, cache.frame_end = True, 3
+    with bpy.context.temp_override(point_cache=cache, active_object=obj, object=obj):
+        bpy.ops.ptcache.bake(bake=True)
+    bpy.context.scene.frame_set(3)
+    return max(path for path in folder.glob("blendcache_*/*.bphys") if "_000003_" in path.name)
+
+
 @partly
 def cloth_cache(obj, folder):
     obj.modifiers.new("cloth", "CLOTH")
-    cache = obj.modifiers[0].point_cache
-    cache.use_disk_cache, cache.frame_end = True, 3
-    with bpy.context.temp_override(point_cache=cache, active_object=obj, object=obj):
-        bpy.ops.ptcache.bake(bake=True)
-    bpy.context.scene.frame_set(3)
-    return max(folder.glob("blendcache_*/*.bphys"))
-
-
-@partly
-def soft_body_cache(obj, folder):
-    obj.modifiers.new("soft", "SOFT_BODY").settings.use_goal = False
-    cache = obj.modifiers[0].point_cache
-    cache.use_disk_cache, cache.frame_end = True, 3
-    with bpy.context.temp_override(point_cache=cache, active_object=obj, object=obj):
-        bpy.ops.ptcache.bake(bake=True)
-    bpy.context.scene.frame_set(3)
-    return max(folder.glob("blendcache_*/*.bphys"))
+    return simulated(obj, obj.modifiers[0].point_cache, folder)
 
 
 @partly
@@ -672,12 +653,7 @@ def dynamic_paint_cache(obj, folder):
     bpy.ops.dpaint.type_toggle(type="CANVAS")
     surface = obj.modifiers[0].canvas_settings.canvas_surfaces[0]
     surface.surface_type, surface.frame_end = "DISPLACE", 3
-    cache = surface.point_cache
-    cache.use_disk_cache, cache.frame_end = True, 3
-    with bpy.context.temp_override(point_cache=cache, active_object=obj, object=obj):
-        bpy.ops.ptcache.bake(bake=True)
-    bpy.context.scene.frame_set(3)
-    return max(folder.glob("blendcache_*/*.bphys"))
+    return simulated(obj, surface.point_cache, folder)
 
 
 @partly
@@ -690,12 +666,7 @@ def particles_cache(obj, folder):
     settings = system.settings
     settings.count, settings.frame_end, settings.render_type, settings.instance_object = 9, 2.0, "OBJECT", cube
     settings.particle_size = 0.2
-    cache = system.point_cache
-    cache.use_disk_cache, cache.frame_end = True, 3
-    with bpy.context.temp_override(point_cache=cache, active_object=obj, object=obj):
-        bpy.ops.ptcache.bake(bake=True)
-    bpy.context.scene.frame_set(3)
-    return max(path for path in folder.glob("blendcache_*/*.bphys") if "_000003_" in path.name)
+    return simulated(obj, system.point_cache, folder)
 
 
 @partly
@@ -818,17 +789,4 @@ def image_of_a_library(obj, folder):
     texture.image.filepath = "//tex/rough.png"
     file = library(folder / "lib.blend", texture)
     displace(obj, _linked(file, "textures", "rough of library"))
-    return path
-
-
-@kind
-def linked_armature(obj, folder):
-    """A lattice of a library."""
-    lattice = bpy.data.lattices.new("cage")
-    other = linked_object("lattice", lattice)
-    other.scale = 3.0, 3.0, 3.0
-    for point in lattice.points:
-        point.co_deform[2] += 0.2
-    path = library(folder / "lib.blend", other)
-    obj.modifiers.new("lattice", "LATTICE").object = linked_object_of(path, "lattice")
     return path

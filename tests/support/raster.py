@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A float64 rasterizer, which shares no code with the shaders, and the mesh data that it needs."""
 
+import functools
 from dataclasses import dataclass
 
 import bpy
@@ -47,6 +48,14 @@ def rasterize(points, matrix, size):
     points (T, 3, 3) world; matrix (4, 4) world to clip space, with all points before the eye; size (width, height).
     Returns triangle (H, W) int, -1 for none, and perspective-correct weights (H, W, 3).
     """
+    given = (np.ascontiguousarray(values, np.float64) for values in (points, matrix))
+    return _rasterized(*(values.tobytes() for values in given), tuple(size))
+
+
+@functools.lru_cache(maxsize=4)
+def _rasterized(points, matrix, size):
+    """As `rasterize`, from the bytes of both arrays: tests draw the same picture again and again."""
+    points, matrix = np.frombuffer(points).reshape(-1, 3, 3), np.frombuffer(matrix).reshape(4, 4)
     width, height = size
     clip = np.concatenate([points, np.ones((*points.shape[:2], 1))], axis=-1) @ matrix.T
     w = clip[..., 3]
@@ -63,9 +72,9 @@ def rasterize(points, matrix, size):
         high = np.minimum(np.floor(np.max([a, b, c], axis=0) - 0.5) + 1, size).astype(int)
         if area == 0.0 or (low >= high).any():
             continue
-        x, y = np.meshgrid(np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5)
-        p = np.stack([x, y], axis=-1)
-        flat = np.stack([_cross(c - b, p - b), _cross(a - c, p - c), _cross(b - a, p - a)], axis=-1) / area
+        x, y = np.arange(low[0], high[0]) + 0.5, (np.arange(low[1], high[1]) + 0.5)[:, None]
+        sides = ((b, c - b), (c, a - c), (a, b - a))
+        flat = np.stack([way[0] * (y - start[1]) - way[1] * (x - start[0]) for start, way in sides], axis=-1) / area
         z = flat @ depth[t]
         box = slice(low[1], high[1]), slice(low[0], high[0])
         closer = (flat >= 0.0).all(axis=-1) & (z < nearest[box])
