@@ -3,7 +3,6 @@
 
 import functools
 import os
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -28,7 +27,7 @@ _of_pool = threading.local()
 
 def processors() -> int:
     """How many processors this process may use: those of its affinity, and as many as its container has."""
-    if sys.version_info >= (3, 13):
+    if hasattr(os, "process_cpu_count"):  # from Python 3.13 on
         count = os.process_cpu_count()
     else:
         count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
@@ -48,9 +47,8 @@ def map_parallel(work: Callable[[Part], Result], parts: Sequence[Part]) -> list[
 
     If one raises, no other goes on afterwards. Within `work`, another call goes through its parts one by one.
     """
-    if len(parts) < 2 or getattr(
-        _of_pool, "is_own", False
-    ):  # a thread that waits for others of its pool may wait for ever
+    # A thread that waits for others of its pool may wait for ever.
+    if len(parts) < 2 or getattr(_of_pool, "is_own", False):
         return list(map(work, parts))
     jobs = [_pool().submit(work, part) for part in parts]
     try:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import bpy
 import gpu
-from addon.passes.program import in_software
 
+from addon.passes.shader import is_software
 from scripts.bench import scenes
 from scripts.bench.parts import closed_forms as known_normals
 from scripts.bench.parts import growth as growing
@@ -138,7 +138,7 @@ def machine() -> dict:
         "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "system": f"{platform.system()} {platform.machine()}",
         "renderer": renderer,
-        "in_software": in_software(renderer),
+        "in_software": is_software(renderer),
         "backend": gpu.platform.backend_type_get(),
         "blender": bpy.app.version_string,
     }

@@ -59,7 +59,7 @@ def paged(folder):
         materials = [f"m{number}" for number in range(4)]
         for number, color in enumerate(scans.COLORS):
             if number not in missing:
-                scans.page(folder / f"scan_u{number + 1}_v1_diffuse.png", color)
+                scans.texture(folder / f"scan_u{number + 1}_v1_diffuse.png", color)
         said = {name: f"D:\\scans\\SCAN_u{number + 1}_v1_diffuse.png" for number, name in enumerate(materials)}
         scans.write_library(folder / "scan.mtl", said)
         surface = scans.strips(4, place, height=0.02, n=16)
@@ -125,7 +125,7 @@ def test_embedded_images_of_a_glb(folder, paged, colors):
 
 def test_tiles_of_one_material(folder, colors):
     for tile, color in zip((1001, 1002, 1011), scans.COLORS, strict=False):
-        scans.page(folder / f"page_{tile}.png", color)
+        scans.texture(folder / f"page_{tile}.png", color)
     scans.write_library(folder / "scan.mtl", {"m": "page_1001.png"})
     offsets = [(0, 0), (1, 0), (0, 1)]
     surface = scans.strips(3, height=0.02, n=16)
@@ -151,6 +151,6 @@ def test_a_ply_with_an_image_and_uvs_by_face(folder, colors):
     faces = np.concatenate([quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3) for quads in parts])
     images = np.repeat([0, 1], len(faces) // 2)
     for number in range(2):
-        scans.page(folder / f"page{number}.png", scans.COLORS[number])
+        scans.texture(folder / f"page{number}.png", scans.COLORS[number])
     scans.write_textured_ply(folder / "scan.ply", (points, faces, uv[faces]), images, ["page0.png", "page1.png"])
     check_strips(colors("scan.ply", "--method", "cast")[0], scans.COLORS[:2])

@@ -10,7 +10,7 @@ COLORS = ((0.9, 0.1, 0.2), (0.2, 0.8, 0.1), (0.1, 0.3, 0.9), (0.7, 0.6, 0.1))
 """A color, as stored, for each page."""
 
 
-def page(path, color, side=8):
+def texture(path, color, side=8):
     """Write an image of one color, as stored."""
     image = bpy.data.images.new("page", side, side)
     image.pixels.foreach_set(np.tile(np.array([*color, 1.0], np.float32), side * side))
