@@ -91,7 +91,7 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, FootprintUvs corners)
   way *= unit;
   vec3 normal = cross(edge1, edge2);
   float square = dot(normal, normal);
-  if (!(square > 0.0) || least == 1e30) {
+  if (square <= 0.0 || least == 1e30) {
     return vec3(0.0, 0.0, -1.0);
   }
   vec2 along = (corners.b - corners.a) * (dot(cross(way, edge2), normal) / square) +

@@ -196,6 +196,26 @@ def test_an_image_has_the_access_that_its_program_declares(version):
     assert {re.sub(r":\d+:\d+: .*", "", each) for each in generator.errors(stages, version)} == refused
 
 
+def asks_for_nan(text):
+    """Lines that fast math may change: isnan, isinf, and negations of comparisons, which NaN passes."""
+    code = re.sub(r"//[^\n]*", "", text)
+    return re.findall(r"[^\n]*(?:\bisnan\b|\bisinf\b|!\((?:[^()]|\([^()]*\))*\s[<>]=?\s)[^\n]*", code)
+
+
+def test_no_shader_depends_on_nan():
+    """Metal compiles with fast math."""
+    files = sorted(program.SHADERS.rglob("*.glsl"))
+    assert files
+    assert {path.name: lines for path in files if (lines := asks_for_nan(path.read_text(encoding="utf-8")))} == {}
+
+
+@pytest.mark.parametrize(
+    "line", ["if (isnan(x)) {", "is_far = isinf(x) || y;", "if (!(x > 0.0)) {", "a = b && !(dot(x, y) <= f(c) * 2.0);"]
+)
+def test_what_depends_on_nan_is_found(line):
+    assert asks_for_nan(f"  {line}  // x\n")
+
+
 def test_the_text_changes_as_in_blender():
     """As dumps of Blender 5.2 show it (--debug-gpu-shader-source), and the constructors as it changes them on a Mac."""
     before = """\
