@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests that no map depends on NaN, which fast math on Metal takes to be absent. Comparisons are turned around, see fast_math."""
+"""Tests that no map depends on NaN, which fast math on Metal takes to be absent: comparisons are turned around."""
 
 import numpy as np
 import pytest
