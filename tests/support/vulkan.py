@@ -20,7 +20,7 @@ _ACCESS = {"READ": "readonly ", "WRITE": "writeonly ", "READ WRITE": ""}
 
 
 def text_of(stage: Stage, version: str) -> str:
-    """The whole text of a stage in this version of Blender: 4.5 makes a macro of each push constant."""
+    """The whole text of a stage by the rules of one of VERSIONS: those of 4.5 make a macro of each push constant."""
     declared = stage.program
     parts = [_HEAD, _textures(stage), _constants(declared, version)]
     between = [*(("smooth", *each) for each in declared.varyings), *(("flat", *each) for each in declared.flat)]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The names of GLSL that Blender's Metal backend defines before a shader: those that both 4.5 and 5.x define.
+// The names of GLSL that Blender's Metal backend defines before a shader: those that 4.5 to 5.2 define.
 #pragma once
 #include "library.hpp"
 

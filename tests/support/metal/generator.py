@@ -14,8 +14,8 @@ from pathlib import Path
 
 from addon.passes.program import Program, prelude, source
 
-VERSIONS = "4.5", "5.x"
-"""The versions of Blender with rules of their own."""
+VERSIONS = "4.5", "5.1"
+"""The versions of Blender that brought new rules: those of 4.5 hold for 5.0, and those of 5.1 for 5.2."""
 
 _HERE = Path(__file__).parent
 _TYPES = {"INT": "int", "FLOAT": "float", "MAT4": "float4x4"} | {
@@ -65,9 +65,8 @@ def stages_of(name: str, program: Program, as_images: bool) -> list[Stage]:
 
 def rewritten(text: str) -> str:
     """The text of a Python shader after Blender's changes on a Mac."""
-    text = re.sub(
-        r"//[^\n]*", "", re.sub(r"/\*.*?\*/", lambda match: re.sub(r"[^\n]", " ", match[0]), text, flags=re.S)
-    )
+    text = re.sub(r"/\*.*?\*/", lambda comment: re.sub(r"[^\n]", " ", comment[0]), text, flags=re.DOTALL)
+    text = re.sub(r"//[^\n]*", "", text)
     # Constructors of square matrices become functions, which take other matrices, too.
     text = re.sub(r"\bmat([234])(?:x\1)?\(", r"__mat\1x\1(", text)
     # Parameters that are written to become references.
@@ -77,8 +76,8 @@ def rewritten(text: str) -> str:
 
 
 def unit(stages: Iterable[Stage], version: str) -> str:
-    """A file of C++ with a class for each stage, by the rules of this version of Blender. Errors name the stage."""
-    write = _class_4_5 if version == "4.5" else _class_5
+    """A file of C++ with a class for each stage, by the rules of one of VERSIONS. Errors name the stage."""
+    write = _class_up_to_5_0 if version == "4.5" else _class_from_5_1_on
     return '#include "blender.hpp"\n' + "".join(write(stage, f"stage_{i}") for i, stage in enumerate(stages))
 
 
@@ -116,10 +115,10 @@ def _undefined(names: Iterable[str]) -> str:
 
 
 def _own_macros(stage: Stage) -> list[str]:
-    return re.findall(r"^\s*#\s*define\s+(\w+)", stage.text, flags=re.M)
+    return re.findall(r"^\s*#\s*define\s+(\w+)", stage.text, flags=re.MULTILINE)
 
 
-def _class_4_5(stage: Stage, name: str) -> str:
+def _class_up_to_5_0(stage: Stage, name: str) -> str:
     """Members come first, and can all be written to. Push constants are macros."""
     constants = [(_TYPES[kind], constant) for kind, constant in stage.program.constants]
     reads, writes = _interface(stage)
@@ -131,7 +130,7 @@ def _class_4_5(stage: Stage, name: str) -> str:
     return f"class {name} {{\npublic:\n" + "\n".join(members) + f"\n{macros}{_body(stage)}}};\n{_undefined(names)}"
 
 
-def _class_5(stage: Stage, name: str) -> str:
+def _class_from_5_1_on(stage: Stage, name: str) -> str:
     """Members come last. What a stage only reads is constant."""
     constants = [(_TYPES[kind], constant) for kind, constant in stage.program.constants]
     reads, writes = _interface(stage)
@@ -153,7 +152,7 @@ _COMMAND = (
 
 
 def errors(stages: Iterable[Stage], version: str) -> list[str]:
-    """What clang reports of these stages by the rules of this version of Blender: "stage:line:column: message"."""
+    """What clang reports of these stages by the rules of one of VERSIONS: "stage:line:column: message"."""
     done = subprocess.run(
         [CLANG, *_COMMAND, "-I", str(_HERE), "-"],
         input=unit(stages, version),
