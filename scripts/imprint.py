@@ -56,7 +56,6 @@ GPU_STAMP = VENV / "imprint-gpu"  # has the name of a machine on which Blender's
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 INSTALL = {"apt-get": "apt-get install --no-install-recommends", "dnf": "dnf install"}
 DRIVER = "a working OpenGL driver"
-SANDBOX = "bubblewrap"
 PACKAGES = {  # the system libraries that Blender's wheel needs, and their packages for each installer above
     "libEGL.so.1": ("libegl1", "libglvnd-egl"),
     "libGL.so.1": ("libgl1", "libglvnd-glx"),
@@ -70,7 +69,13 @@ PACKAGES = {  # the system libraries that Blender's wheel needs, and their packa
     "libxkbcommon.so.0": ("libxkbcommon0", "libxkbcommon"),
     DRIVER: ("libgl1-mesa-dri", "mesa-dri-drivers"),
 }
-FOR_TESTS = {SANDBOX: ("bubblewrap", "bubblewrap")}
+FOR_TESTS = {  # the programs that tests start, and their packages
+    "bwrap": ("bubblewrap", "bubblewrap"),
+    "clang": ("clang", "clang"),
+    "glslangValidator": ("glslang-tools", "glslang"),
+    "spirv-cross": ("spirv-cross", ""),
+    "spirv-val": ("spirv-tools", "spirv-tools"),
+}
 
 
 class Failure(Exception):
@@ -281,7 +286,7 @@ def remedy(absent, installer):
     if not installer:
         return []
     known = {**PACKAGES, **FOR_TESTS}
-    packages = sorted(known[name][list(INSTALL).index(installer)] for name in absent if name in known)
+    packages = sorted(filter(None, (known[name][list(INSTALL).index(installer)] for name in absent if name in known)))
     return [*([] if IS_ROOT else ["sudo"]), *INSTALL[installer].split(), *packages] if packages else []
 
 
@@ -347,13 +352,16 @@ def require_gpu(python, may_install):
             raise NoGpu(explain(absent, command, code, output))
 
 
-def require_sandbox():
-    """Make sure that the tests of `bake --untrusted` find bubblewrap, on Linux. Without it, say what to install."""
-    if sys.platform != "linux" or shutil.which("bwrap"):
+def require_test_programs():
+    """Make sure that tests find the programs that they start, on Linux. Without them, say what to install."""
+    absent = [name for name in FOR_TESTS if not shutil.which(name)]
+    if sys.platform != "linux" or not absent:
         return
-    command = remedy([SANDBOX], installer())
-    if not install(command, "the tests of --untrusted need bubblewrap", may_install=True) or not shutil.which("bwrap"):
-        print_message(f"bubblewrap is missing, and the tests of --untrusted need it; {how_to_fix(command)}")
+    command = remedy(absent, installer())
+    if install(command, f"tests need {', '.join(absent)}", may_install=True):
+        absent = [name for name in absent if not shutil.which(name)]
+    if absent:
+        print_message(f"tests need {', '.join(absent)}, missing here; {how_to_fix(command)}")
 
 
 def run_blender(arguments, may_install=False, **options):
@@ -550,7 +558,7 @@ def test(options):
     parallel = ["-n", str(known.processes), "--dist", "loadfile"]
     threads = max(1, cores() // max(1, known.processes))
     linted = subprocess.call([environment(), "-m", "ruff", "check"], cwd=ROOT)
-    require_sandbox()
+    require_test_programs()
     with tempfile.TemporaryDirectory(prefix="imprint-test-") as profile:
         variables = {"LP_NUM_THREADS": str(threads), **os.environ, **byte_code(), "BLENDER_USER_RESOURCES": profile}
         pytest = ["-m", "pytest", *parallel, *lane, *rest]

@@ -40,12 +40,12 @@ bool left_is_alike(ivec2 texel, vec3 here, vec3 beside, vec3 normal)
   vec3 u = left_way(texel, ivec2(1, 0), here), v = left_way(texel, ivec2(0, 1), here);
   float uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), us = dot(u, beside), vs = dot(v, beside);
   float area = uu * vv - uv * uv;
-  if (!(area > 1e-6 * uu * vv)) {
+  if (area <= 1e-6 * uu * vv) {
     return false;
   }
   vec2 way = -vec2(vv * us - uv * vs, uu * vs - uv * us) / area;  // in texels
   float far = length(way);
-  if (!(far < LEFT_MOST)) {
+  if (far >= LEFT_MOST) {
     return false;
   }
   if (far < LEFT_SAME) {
@@ -57,7 +57,7 @@ bool left_is_alike(ivec2 texel, vec3 here, vec3 beside, vec3 normal)
     ivec2 place = ivec2(round(vec2(texel) + way * min(at, far)));
     place = clamp(place, ivec2(0), texel_size(positions) - 1);
     vec4 there = texel_at(flat_normals, place);
-    if (!(there.a > 0.0) || !(dot(there.xyz, normal) > LEFT_ALIKE)) {
+    if (there.a <= 0.0 || dot(there.xyz, normal) <= LEFT_ALIKE) {
       return false;
     }
   }
@@ -69,7 +69,7 @@ bool left_is_own(ivec2 texel, vec4 below)
   uvec4 hit = texel_at(flat_hits, texel);
   vec4 normal = texel_at(flat_normals, texel);
   vec4 away = texel_at(directions, texel);
-  if (hit_missed(hit) || !(normal.a > 0.0) || !(dot(normal.xyz, away.xyz) > 0.0)) {
+  if (hit_missed(hit) || normal.a <= 0.0 || dot(normal.xyz, away.xyz) <= 0.0) {
     return false;
   }
   ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(hit_triangle(hit))));

@@ -18,7 +18,8 @@ void main()
     return;
   }
   float size = length(stored.rgb * 2.0 - 1.0);
-  if (!(size > MAP_NORMALS_SHORTEST && size < MAP_NORMALS_LONGEST)) {
+  bool has_direction = size > MAP_NORMALS_SHORTEST && size < MAP_NORMALS_LONGEST;
+  if (!has_direction) {
     normal_out = vec4(0.0);
     fit_out = vec4(MAP_NORMALS_NO_DIRECTION);
     return;

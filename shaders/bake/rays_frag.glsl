@@ -3,6 +3,7 @@
 #include "lib/early_lib.glsl"
 #include "lib/tree_lib.glsl"
 #include "lib/closest_lib.glsl"
+#include "lib/direction_lib.glsl"
 
 // Normals that differ by less, squared, are the same.
 const float RAYS_SAME = 1e-10;
@@ -34,7 +35,7 @@ float rays_edge_distance(vec3 point, float most)
 void main()
 {
   float smooth_length = length(v_smooth_normal);
-  if (!(smooth_length > 0.0)) {
+  if (!direction_exists(smooth_length * smooth_length)) {
     discard;
   }
   vec3 direction = v_smooth_normal / smooth_length;

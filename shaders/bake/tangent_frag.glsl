@@ -2,6 +2,7 @@
 // space of the mesh's normals and tangents.
 #include "lib/early_lib.glsl"
 #include "lib/basis_lib.glsl"
+#include "lib/direction_lib.glsl"
 
 void main()
 {
@@ -14,7 +15,7 @@ void main()
   vec3 normal = mat3(to_basis) * object_normal.xyz;
   vec3 components = basis_components(normal, basis_of(basis_flags, v_normal, v_tangent, v_bitangent));
   float length_squared = dot(components, components);
-  if (!(length_squared > 0.0) || isinf(length_squared)) {
+  if (!direction_exists(length_squared)) {
     discard;
   }
   normal_out = vec4(components / sqrt(length_squared), 1.0);

@@ -27,12 +27,15 @@ mat3 basis_of(int flags, vec3 normal, vec4 tangent, vec3 bitangent)
   return mat3(t, (flags & BASIS_NORMALIZES_BITANGENT) != 0 ? basis_unit(b) : b, n);
 }
 
-// The components of `vector`: solves basis * components = vector by Cramer's rule.
-// A basis without volume gives components that are not finite.
+// A basis with less volume has none.
+const float BASIS_LEAST_VOLUME = 1e-30;
+
+// The components of `vector`: solves basis * components = vector by Cramer's rule. Zero for a basis without volume.
 vec3 basis_components(vec3 vector, mat3 basis)
 {
   vec3 across = cross(basis[1], basis[2]);
   vec3 volumes = vec3(
       dot(vector, across), dot(vector, cross(basis[2], basis[0])), dot(vector, cross(basis[0], basis[1])));
-  return volumes / dot(basis[0], across);
+  float volume = dot(basis[0], across);
+  return abs(volume) > BASIS_LEAST_VOLUME ? volumes / volume : vec3(0.0);
 }

@@ -14,7 +14,7 @@ vec3 channel_of(vec4 color, int number)
   if (number == CHANNEL_AVERAGE) {
     return vec3((color.r + color.g + color.b) / 3.0);
   }
-  vec3 low = number == 0 ? color.rrr : color.ggg;
-  vec3 high = number == 2 ? color.bbb : color.aaa;
-  return number > 3 ? color.rgb : (number < 2 ? low : high);
+  vec3 red_or_green = number == 0 ? color.rrr : color.ggg;
+  vec3 blue_or_alpha = number == 2 ? color.bbb : color.aaa;
+  return number > 3 ? color.rgb : (number < 2 ? red_or_green : blue_or_alpha);
 }

@@ -66,7 +66,7 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, FootprintUvs corners)
 {
   vec3 point = vec3(0.0);
   TriangleEdges edges = triangle_edges(vec4(0.0), vec4(0.0), vec4(0.0));
-  vec3 offset = vec3(0.0);
+  vec3 way = vec3(0.0);
   float least = 1e30;
   // The hit itself, then its neighbors.
   for (int i = 0; i < 3; i++) {
@@ -83,19 +83,19 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, FootprintUvs corners)
     }
     else if (footprint_has(place) && !hit_missed(other) && dot(apart, apart) < least) {
       least = dot(apart, apart);
-      offset = apart;
+      way = apart;
     }
   }
-  float scale = triangle_scale(edges);
-  vec3 edge1 = edges.edge1 * scale, edge2 = edges.edge2 * scale;
-  offset *= scale;
+  float unit = triangle_scale(edges);
+  vec3 edge1 = edges.edge1 * unit, edge2 = edges.edge2 * unit;
+  way *= unit;
   vec3 normal = cross(edge1, edge2);
   float square = dot(normal, normal);
-  if (!(square > 0.0) || least == 1e30) {
+  if (square <= 0.0 || least == 1e30) {
     return vec3(0.0, 0.0, -1.0);
   }
-  vec2 along = (corners.b - corners.a) * (dot(cross(offset, edge2), normal) / square) +
-               (corners.c - corners.a) * (dot(cross(edge1, offset), normal) / square);
+  vec2 along = (corners.b - corners.a) * (dot(cross(way, edge2), normal) / square) +
+               (corners.c - corners.a) * (dot(cross(edge1, way), normal) / square);
   return vec3(along, 1.0);
 }
 

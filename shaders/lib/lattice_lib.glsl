@@ -19,21 +19,22 @@ int lattice_place(ivec2 texel)
 }
 
 // The shift of a texel's lattice. Close texels get shifts that are far apart: the R2 sequence (M. Roberts, "The unreasonable
-// effectiveness of quasirandom sequences", 2018) along a Hilbert curve. `cell` has the two shortest vectors of the lattice.
-// Shifts stay in this cell, so that ray number k goes about the same way from all texels, and lanes take similar paths.
-vec2 lattice_shift(ivec2 texel, vec4 cell)
+// effectiveness of quasirandom sequences", 2018) along a Hilbert curve. `shortest` has the two shortest vectors of the
+// lattice. Shifts stay in the cell between them, so that ray number k goes about the same way from all texels, and lanes take
+// similar paths.
+vec2 lattice_shift(ivec2 texel, vec4 shortest)
 {
   vec2 share = fract(0.5 + float(lattice_place(texel)) * vec2(0.7548776662, 0.5698402910));
-  return share.x * cell.xy + share.y * cell.zw;
+  return share.x * shortest.xy + share.y * shortest.zw;
 }
 
-// The points first, first + stride, first + 2 * stride and first + 3 * stride. `steps` has the numerators of the step from a
-// point to the next, and their denominator: the number of points.
-void lattice_points(int first, int stride, vec3 steps, vec2 shift, out vec4 u, out vec4 v)
+// The points first, first + stride, first + 2 * stride and first + 3 * stride. `fractions` has the numerators of the step
+// from a point to the next, and their denominator: the number of points.
+void lattice_points(int first, int stride, vec3 fractions, vec2 shift, out vec4 u, out vec4 v)
 {
   vec4 numbers_of_points = float(first) + float(stride) * vec4(0.0, 1.0, 2.0, 3.0);
-  u = fract(mod(numbers_of_points * steps.x, steps.z) / steps.z + shift.x);
-  v = fract(mod(numbers_of_points * steps.y, steps.z) / steps.z + shift.y);
+  u = fract(mod(numbers_of_points * fractions.x, fractions.z) / fractions.z + shift.x);
+  v = fract(mod(numbers_of_points * fractions.y, fractions.z) / fractions.z + shift.y);
 }
 
 // Four directions around the unit vector `axis`: the coordinates x, y and z. `cosine` is that of the angle to the axis, and

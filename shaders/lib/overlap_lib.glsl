@@ -3,6 +3,8 @@
 const float OVERLAP_EDGE = 1e-5;
 const float OVERLAP_ROUNDING = 4e-7;
 const float OVERLAP_MOST = 1e-3;
+// Rays pass triangles with a smaller determinant: those without area, and those seen exactly from the side.
+const float OVERLAP_FLAT = 1e-30;
 
 // How far outside a triangle a ray still hits it, in barycentric coordinates. lever: the distance from the triangle's first
 // corner to the start of the ray, times the length of the longer edge at that corner.

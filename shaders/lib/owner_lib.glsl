@@ -71,7 +71,7 @@ bool owner_walk_reaches(int current, int last, vec3 goal)
                        dot(ca, goal - here.c) / max(length(ca), 1e-30));
     float most = max(beyond.x, max(beyond.y, beyond.z));
     int next = beyond.x == most ? here.across.x : beyond.y == most ? here.across.y : here.across.z;
-    if (!(most > OWNER_SAME) || next < 0 || next == before) {
+    if (most <= OWNER_SAME || next < 0 || next == before) {
       break;
     }
     if (next == last) {
@@ -92,7 +92,7 @@ bool owner_is_closer(int triangle, vec3 point, vec3 normal, inout float best, in
   vec3 found = closest_on_triangle(point, here.a, here.b, here.c, here.face);
   vec3 to_found = found - point;
   float squared = dot(to_found, to_found);
-  if (!(dot(here.face, normal) > 0.0) || !(squared < best)) {
+  if (dot(here.face, normal) <= 0.0 || squared >= best) {
     return false;
   }
   best = squared * OWNER_CLOSER;

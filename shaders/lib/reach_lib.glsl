@@ -47,7 +47,8 @@ float reach_triangle(vec3 direction, vec3 across, vec3 for_u, vec3 for_v, float 
   float determinant = dot(direction, across);
   vec3 solved = vec3(dot(direction, for_u), dot(direction, for_v), height) / determinant;
   float slack = overlap_slack(lever, determinant);
-  bool is_inside = solved.x >= -slack && solved.y >= -slack && solved.x + solved.y <= 1.0 + slack;
+  bool is_inside = abs(determinant) > OVERLAP_FLAT && solved.x >= -slack && solved.y >= -slack &&
+                   solved.x + solved.y <= 1.0 + slack;
   bool is_close = solved.z >= -REACH_ROUNDING && solved.z < to;
   int side = determinant > 0.0 ? REACH_FRONTS : REACH_BACKS;
   return is_inside && is_close && (side & sides) != 0 ? solved.z : to;

@@ -48,8 +48,9 @@ vec4 seam_value(int border, ivec2 texel, ivec2 beside)
   vec2 start = seam_place(border, beside);
   vec2 place = seam_place(border, texel);
   float far = distance(start, place);
-  if (!(far <= SEAM_FARTHEST)) {
-    return vec4(0.0);  // too far, or NaN from UVs far outside
+  bool is_close = far <= SEAM_FARTHEST;
+  if (!is_close) {
+    return vec4(0.0);
   }
   // Stop where the island across ends: another one may begin behind it.
   for (float at = 1.0; at < far; at += 1.0) {
@@ -79,7 +80,7 @@ vec4 seam_value(int border, ivec2 texel, ivec2 beside)
   }
   if (kind >= SEAM_NORMAL) {
     float length_squared = dot(value, value);
-    if (!(length_squared > 0.0)) {
+    if (length_squared <= 0.0) {
       return vec4(0.0);
     }
     value /= sqrt(length_squared);

@@ -76,7 +76,8 @@ uvec4 search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wa
       vec3 solved = vec3(dot(to_origin, p), dot(direction, q), dot(edge2, q)) / determinant;
       float lever = sqrt(dot(to_origin, to_origin) * max(dot(edge1, edge1), dot(edge2, edge2)));
       float slack = overlap_slack(lever, determinant);
-      bool inside_triangle = solved.x >= -slack && solved.y >= -slack && solved.x + solved.y <= 1.0 + slack;
+      bool inside_triangle = abs(determinant) > OVERLAP_FLAT && solved.x >= -slack && solved.y >= -slack &&
+                             solved.x + solved.y <= 1.0 + slack;
       bool faces = determinant > 0.0 || !facing;
       float between = abs(solved.z - wanted);
       if (inside_triangle && faces && solved.z >= first && solved.z <= end && between < best) {

@@ -4,6 +4,6 @@
 // The interpolated normal, with length 1; `otherwise` if it has no length.
 vec3 shading_normal(uvec4 hit, vec3 otherwise)
 {
-  ivec3 numbers = triangle_normals(texel_at(surface_triangles, texture_place(hit_triangle(hit))));
-  return surface_unit(TRIANGLE_MIXED(surface_normals, numbers, hit_weights(hit)).xyz, otherwise);
+  ivec3 places = triangle_normals(texel_at(surface_triangles, texture_place(hit_triangle(hit))));
+  return surface_unit(TRIANGLE_MIXED(surface_normals, places, hit_weights(hit)).xyz, otherwise);
 }

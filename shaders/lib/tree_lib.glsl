@@ -63,15 +63,16 @@ int tree_next(int node, inout uvec2 trail)
 }
 
 // One step of a walk, which starts at node 0 with a `trail` of zeros and ends when `node` is negative. mask: a bit for each child
-// of `node` that the walk visits. If these are triangles, returns the mask; the first child is triangle `leaf` then.
-uint tree_step(uint mask, int first_leaf, inout int node, inout uvec2 trail, inout int leaf)
+// of `node` that the walk visits. leaves: the number of the first leaf. If the children are triangles, returns the mask; the first
+// child is triangle `leaf` then.
+uint tree_step(uint mask, int leaves, inout int node, inout uvec2 trail, inout int leaf)
 {
   int child = node * 4 + 1;
-  if (mask != 0u && child < first_leaf) {
+  if (mask != 0u && child < leaves) {
     node = tree_down(node, mask, trail);
     return 0u;
   }
-  leaf = child - first_leaf;
+  leaf = child - leaves;
   node = tree_next(node, trail);
   return mask;
 }

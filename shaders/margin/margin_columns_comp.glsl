@@ -45,7 +45,7 @@ void main()
       continue;
     }
     // Written texels are their own nearest: of a run of them, the first and the last are enough.
-    if (square == 0 && depth >= 0 && upper == ivec2(y - 1) && upper_square == 0) {
+    if (square == 0 && depth >= 0 && all(equal(upper, ivec2(y - 1))) && upper_square == 0) {
       upper = ivec2(y);
       continue;
     }

@@ -312,7 +312,7 @@ class TestProbe:
     def test_only_demo_and_test_install_packages_as_root(self, bare, linux, monkeypatch, capfd, command):
         finish_environment()
         commands = []
-        monkeypatch.setattr(imprint, "require_sandbox", lambda: None)
+        monkeypatch.setattr(imprint, "require_test_programs", lambda: None)
         monkeypatch.setattr(imprint, "IS_ROOT", True)
         monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
         monkeypatch.setattr(imprint, "probe", lambda python: (1, TestMissingLibraries.IMPORT_ERROR))
@@ -323,32 +323,39 @@ class TestProbe:
         assert "to fix it: apt-get install --no-install-recommends libsm6" in capfd.readouterr().err
 
 
-class TestSandbox:
-    """`test` wants bubblewrap, which tests of --untrusted run."""
+class TestTestPrograms:
+    """`test` wants bubblewrap, which tests of --untrusted run, and compilers, which check the shaders."""
 
     @pytest.fixture
     def commands(self, linux, monkeypatch):
-        """The commands that are started where apt-get is there and bubblewrap is not."""
+        """The commands that are started where apt-get is there and none of the programs is."""
         commands = []
         monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
         monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
         return commands
 
-    def test_root_installs_it(self, commands, monkeypatch):
+    def test_root_installs_them(self, commands, monkeypatch):
         monkeypatch.setattr(imprint, "IS_ROOT", True)
-        imprint.require_sandbox()
+        imprint.require_test_programs()
         assert [command[1] for command in commands] == ["update", "install"]
-        assert "bubblewrap" in commands[1]
+        packages = commands[1][commands[1].index("install") + 2 : -3]
+        assert packages == ["bubblewrap", "clang", "glslang-tools", "spirv-cross", "spirv-tools"]
 
     def test_others_are_told_the_command(self, commands, monkeypatch, capfd):
         monkeypatch.setattr(imprint, "IS_ROOT", False)
-        imprint.require_sandbox()
+        imprint.require_test_programs()
         assert commands == []
-        assert "sudo apt-get install --no-install-recommends bubblewrap" in capfd.readouterr().err
+        assert "sudo apt-get install --no-install-recommends bubblewrap clang glslang-tools" in capfd.readouterr().err
 
-    def test_nothing_is_done_where_it_is(self, commands, monkeypatch, capfd):
+    def test_only_what_is_missing_is_named(self, commands, monkeypatch, capfd):
+        monkeypatch.setattr(imprint, "IS_ROOT", False)
+        monkeypatch.setattr(imprint.shutil, "which", lambda name: None if name in {"clang", "apt-get"} else name)
+        imprint.require_test_programs()
+        assert "tests need clang, missing here; to fix it: sudo dnf install clang\n" in capfd.readouterr().err
+
+    def test_nothing_is_done_where_they_are(self, commands, monkeypatch, capfd):
         monkeypatch.setattr(imprint.shutil, "which", lambda name: name)
-        imprint.require_sandbox()
+        imprint.require_test_programs()
         assert (commands, capfd.readouterr().err) == ([], "")
 
 
@@ -359,7 +366,7 @@ def ready(bare, monkeypatch):
     started = []
     ending = {"code": 0}
     monkeypatch.setattr(imprint, "probe", lambda python: (0, ""))
-    monkeypatch.setattr(imprint, "require_sandbox", lambda: None)
+    monkeypatch.setattr(imprint, "require_test_programs", lambda: None)
     monkeypatch.setattr(imprint, "cores", lambda: 6)
     monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: started.append(command) or ending["code"])
     return started, ending

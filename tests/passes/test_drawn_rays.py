@@ -189,7 +189,7 @@ def test_rays_start_on_the_cage():
 
 
 def test_texels_without_a_smooth_normal_have_no_ray():
-    for value in (0.0, np.nan):
+    for value in (0.0, 1e-17, np.inf, np.nan):
         assert not draw(smooth=(0.0, value, 0.0))[1].any()
 
 

@@ -56,14 +56,27 @@ def test_shaders_use_all_declared_names(declared):
     assert [name for name in names if name not in words] == []
 
 
-BYTES = {"INT": 4, "FLOAT": 4, "VEC2": 8, "VEC3": 16, "VEC4": 16, "IVEC4": 16, "MAT4": 64}
+BYTES = {
+    "INT": (4, 4),
+    "FLOAT": (4, 4),
+    "VEC2": (8, 8),
+    "VEC3": (12, 16),
+    "VEC4": (16, 16),
+    "IVEC4": (16, 16),
+    "MAT4": (64, 16),
+}
+"""The size of a constant, and the number of bytes of which its place is a multiple."""
 MOST_CONSTANTS = 128
 """The bytes of push constants that every Vulkan driver supports."""
 
 
 @pytest.mark.parametrize("declared", PROGRAMS.values(), ids=PROGRAMS)
 def test_constants_fit_on_every_vulkan_driver(declared):
-    assert sum(BYTES[kind] for kind, _ in declared.constants) <= MOST_CONSTANTS
+    end = 0
+    for kind, _ in declared.constants:
+        size, multiple = BYTES[kind]
+        end = -(-end // multiple) * multiple + size
+    assert end <= MOST_CONSTANTS
 
 
 @pytest.mark.parametrize("path", sorted(shader.SHADERS.rglob("*_lib.glsl")), ids=lambda path: path.stem)

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests that Vulkan takes every shader, and that it can be said in Metal's and Direct3D's languages, by Khronos' compilers.
+
+They translate what a shader means, where Blender translates its text for Metal: test_metal.py.
+"""
+
+import os
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from addon.passes.shader import Program
+from tests.support import programs, vulkan
+from tests.support.metal import generator
+
+TOOLS = "glslangValidator", "spirv-val", "spirv-cross"
+MISSING = [tool for tool in TOOLS if shutil.which(tool) is None]
+MSL = "--msl", "--msl-version", "20300"
+HLSL = "--hlsl", "--shader-model", "60"
+
+
+@pytest.fixture(autouse=True)
+def tools():
+    """Skip these tests where the tools are missing. Fail where CI=true."""
+    if MISSING:
+        reason = f"no {', '.join(MISSING)}"
+        if os.environ.get("CI") == "true":
+            pytest.fail(reason, pytrace=False)
+        pytest.skip(reason)
+
+
+def problem(*command):
+    """What a tool says of a file that it refuses, or ""."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return f"{command}: {done.stdout}{done.stderr}" if done.returncode else ""
+
+
+def problems(stages, version, folder, languages=()):
+    """What the tools say of the stages: whether they become SPIR-V that is valid, and that in these languages."""
+
+    def check(numbered):
+        number, stage = numbered
+        kind = vulkan.KINDS[stage.kind]
+        text, binary = folder / f"{number}.{kind}", folder / f"{number}.spv"
+        text.write_text(vulkan.text_of(stage, version), encoding="utf-8")
+        environment = "--target-env", "vulkan1.2"
+        found = problem("glslangValidator", "--quiet", "-V", *environment, "-o", binary, text)
+        found = found or problem("spirv-val", *environment, binary)
+        for language in languages:
+            found = found or problem("spirv-cross", binary, *language, "--output", folder / f"{number}.txt")
+        return f"{stage.name}: {found}" if found else ""
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(filter(None, pool.map(check, enumerate(stages))))
+
+
+def every_stage(as_images):
+    programs_found = programs.find_all().items()
+    return [stage for name, declared in programs_found for stage in generator.stages_of(name, declared, as_images)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("version", "as_images"), [("4.5", False), ("5.1", True)], ids=["4.5-samplers", "5.1-images"])
+def test_vulkan_takes_every_stage(version, as_images, tmp_path):
+    assert problems(every_stage(as_images), version, tmp_path) == []
+
+
+@pytest.mark.slow
+def test_every_stage_translates_to_metal_and_direct3d(tmp_path):
+    assert problems(every_stage(as_images=False), "5.1", tmp_path, (MSL, HLSL)) == []
+
+
+def test_what_vulkan_refuses_is_found(tmp_path):
+    declared = Program(compute="c", constants=(("FLOAT", "scale"),), images=(("R32F", "FLOAT_2D", "image", "WRITE"),))
+    uses = {
+        "right": "void main() { imageStore(image, ivec2(0), vec4(scale)); }",
+        "no such name": "void main() { imageStore(image, ivec2(0), vec4(size)); }",
+        "a constant's name": "void main() { float scale = 2.0; imageStore(image, ivec2(0), vec4(scale)); }",
+    }
+    stages = [generator.Stage(name, "compute", text, declared, True) for name, text in uses.items()]
+    assert [each.split(":")[0] for each in problems(stages, "5.1", tmp_path, (MSL, HLSL))] == ["no such name"]
+    assert [each.split(":")[0] for each in problems(stages, "4.5", tmp_path)] == ["no such name", "a constant's name"]
