@@ -8,7 +8,7 @@
 
 A version is downloaded from Blender's releases into --folder, once, and compared with the published SHA-256. --blender is a
 command that starts another one; it may have arguments of its own. --mesa adds Mesa's OpenGL on Windows, from MSYS2. On a
-Debian or Ubuntu, root also gets the packages that Blender needs. Ends with 1 if a step fails, or if the bake used another
+Debian or Ubuntu, root also gets the packages that a download needs. Ends with 1 if a step fails, or if the bake used another
 backend than --backend.
 """
 
@@ -37,8 +37,9 @@ RELEASES = "https://download.blender.org/release"
 ENDINGS = {"linux": "linux-x64.tar.xz", "darwin": "macos-arm64.dmg", "win32": "windows-x64.zip"}
 PROGRAMS = {"linux": "blender", "darwin": "Blender.app/Contents/MacOS/Blender", "win32": "blender.exe"}
 BACKENDS = "opengl", "vulkan", "metal"
-MORE_PACKAGES = ("libxxf86vm1", "mesa-vulkan-drivers")
-"""Of Debian: what a Blender needs and the Python package does not, and a Vulkan driver in software."""
+MORE_PACKAGES = ("libxxf86vm1",)
+"""Of Debian: what a Blender needs and the Python package does not."""
+VULKAN_DRIVER = ("mesa-vulkan-drivers",)
 MSYS2 = Path("C:/msys64")
 PLANE = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n"
 LOW = f"v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\n{PLANE}"
@@ -110,11 +111,12 @@ def unpack(content: bytes, folder: Path) -> Path:
 # Drivers
 
 
-def install_packages() -> None:
-    """Install what Blender and Mesa's software drivers need, as root on a Debian. Other systems are left as they are."""
+def install_packages(backend: str | None) -> None:
+    """Install what Blender and Mesa's software driver need, as root on a Debian. Other systems are left as they are."""
     command = imprint.remedy(imprint.PACKAGES, imprint.installer())
     if command[:1] == ["apt-get"]:
-        imprint.install([*command, *MORE_PACKAGES], "Blender needs system packages", may_install=True)
+        command += [*MORE_PACKAGES, *(VULKAN_DRIVER if backend == "vulkan" else ())]
+        imprint.install(command, "Blender needs system packages", may_install=True)
 
 
 def add_mesa(folder: Path) -> None:
@@ -138,7 +140,9 @@ def check(blender: list[str], backend: str | None, folder: Path) -> None:
     def run(*arguments: object) -> str:
         command = [*start, *map(str, arguments)]
         print(f"$ {shlex.join(command)}", flush=True)
-        done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, errors="replace", check=False)
+        done = subprocess.run(
+            command, env=environment, stdout=subprocess.PIPE, text=True, errors="replace", check=False
+        )
         print(done.stdout, flush=True)
         if done.returncode:
             raise SystemExit(f"exit code {done.returncode}: {shlex.join(command)}")
@@ -150,7 +154,10 @@ def check(blender: list[str], backend: str | None, folder: Path) -> None:
     run("--command", "extension", "install-file", "--repo", "user_default", "--enable", archive)
     run("--command", "imprint", "--version")
     bake(run, backend, folder)
-    for script, last in (("install_zip.py", "installed, used and removed"), ("use_python.py", "baked through the door")):
+    for script, last in (
+        ("install_zip.py", "installed, used and removed"),
+        ("use_python.py", "baked through the door"),
+    ):
         if last not in run("--python", ROOT / "tests" / "package" / script, "--", archive):
             raise SystemExit(f"{script} did not come to its end")
 
@@ -182,11 +189,11 @@ def main() -> None:
     given = parser.parse_args()
     if (given.version is None) == (given.blender is None):
         parser.error("name a version, or a command with --blender")
-    if sys.platform == "linux":
-        install_packages()
     if given.blender:
         blender = shlex.split(given.blender)
     else:
+        if sys.platform == "linux":
+            install_packages(given.backend)
         version = newest() if given.version == "newest" else given.version
         program = download(version, given.folder.resolve())
         if given.mesa:

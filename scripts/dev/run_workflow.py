@@ -209,7 +209,9 @@ def run_job(name: str, workflow: dict, job: dict, matrix: dict[str, str], ref: s
             start = time.monotonic()
             shell = ["sh", "-e", "-c"] if "container" in job else ["bash", "-e", "-c"]
             own = environment | variables(workflow, job, step, matrix=matrix)
-            code = subprocess.run([*shell, command], cwd=clone, env=own, stdin=subprocess.DEVNULL, check=False).returncode
+            code = subprocess.run(
+                [*shell, command], cwd=clone, env=own, stdin=subprocess.DEVNULL, check=False
+            ).returncode
             print(f"{name}: exit code {code} after {time.monotonic() - start:.0f} s: {command}", flush=True)
             if code:
                 return False

@@ -7,8 +7,8 @@ import numpy as np
 from scripts.dev.manual import models
 
 
-def letter(words: str, place: tuple[float, float, float], size: float) -> None:
-    """Words before the camera, lit by nothing."""
+def letter(words: str, place: tuple[float, float, float], size: float) -> bpy.types.Object:
+    """Words that face a camera on -Y, lit by nothing."""
     text = bpy.data.curves.new(words, "FONT")
     text.body, text.align_x, text.size = words, "CENTER", size
     glow = bpy.data.materials.new(words)
@@ -20,3 +20,4 @@ def letter(words: str, place: tuple[float, float, float], size: float) -> None:
     obj = models.add(words, text)
     obj.location, obj.rotation_euler = place, (np.pi / 2, 0, 0)
     obj.visible_shadow = False
+    return obj
