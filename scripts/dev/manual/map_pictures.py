@@ -51,7 +51,7 @@ def plate() -> Iterator[Picture]:
 
 
 def heads() -> Iterator[Picture]:
-    """README.md, docs/maps.md, docs/extension/: a mossy head of stone, each of its maps on the low mesh, and all of them on it."""
+    """README.md, docs/maps.md, docs/extension/: a mossy head of stone, its maps on the low mesh, and all of them on one."""
     models.clear()
     high, low = models.monkeys(levels=4)
     _grow_moss(high)
