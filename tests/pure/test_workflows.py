@@ -141,7 +141,10 @@ def test_texts_that_others_write_are_in_no_command():
 
 
 def test_forms_ask_for_what_is_needed():
-    forms = {path.stem: run_workflow.read_yaml(path.read_text()) for path in (GITHUB / "ISSUE_TEMPLATE").glob("*.yml")}
+    forms = {
+        path.stem: run_workflow.read_yaml(path.read_text(encoding="utf-8"))
+        for path in (GITHUB / "ISSUE_TEMPLATE").glob("*.yml")
+    }
     assert forms.pop("config") == {"blank_issues_enabled": "false"}
     assert set(forms) == {"bug", "feature", "gpu"}
     for form in forms.values():
