@@ -113,7 +113,7 @@ class Parts:
         models.light_and_camera(*camera, sun)
         models.set_sky("night")
         if words:
-            below = letter(words, (0, -0.31, -2), 0.04)
+            below = letter(words, (0, -0.46, -2), 0.05)
             below.parent, below.rotation_euler = bpy.context.scene.camera, (0, 0, 0)
         return models.render(size)
 
@@ -131,7 +131,7 @@ def _around(radius: np.ndarray, u: np.ndarray, z: np.ndarray) -> tuple[np.ndarra
     return radius * np.cos(angle), radius * np.sin(angle), z
 
 
-def collar(size: tuple[int, int] = SIZE, words: tuple[str, str] = ("", "")) -> Iterator[Picture]:
+def collar(size: tuple[int, int] = SIZE, lens: float = 95.0, words: tuple[str, str] = ("", "")) -> Iterator[Picture]:
     """A collar around a neck. Its studs stand off farther than the gap between the two is wide.
 
     The front of the collar is cut away for the picture.
@@ -165,14 +165,13 @@ def collar(size: tuple[int, int] = SIZE, words: tuple[str, str] = ("", "")) -> I
         parts = Parts((neck, ring), (skin, studded), low_sides=32, high_sides=600)
         parts.bake(**settings)
         parts.remove(1, lambda center: (center[:, 1] < 0) & (np.abs(center[:, 0]) < 0.26))
-        yield name, parts.show(((-0.5, -3.4, 1.3), (0, 0, 0.5), 95.0), size=size, words=text)
+        yield name, parts.show(((-0.5, -3.4, 1.3), (0, 0, 0.5), lens), size=size, words=text)
 
 
 def gallery() -> Iterator[Picture]:
     """docs/extension/: the collar with the first hit and by default, side by side."""
-    halves = [
-        pixels for _, pixels in collar(HALF_SIZE, ("The first hit, a distance set", "Imprint, no setting touched"))
-    ]
+    words = "The first hit, a distance set", "Imprint, no setting touched"
+    halves = [pixels for _, pixels in collar(HALF_SIZE, 68.0, words)]
     yield "../extension/gallery-layers.jpg", np.concatenate(halves, axis=1)
     models.clear()
 
