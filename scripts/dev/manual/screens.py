@@ -105,7 +105,7 @@ def gallery() -> Iterator[Action]:
     settings, shown = bpy.context.scene.imprint, bpy.context.scene.imprint_view
     settings.samples = "4"
     with window.override():
-        bpy.ops.imprint.bake(width=2048, height=2048, samples="4")
+        bpy.ops.imprint.bake(width=1024, height=1024, samples="4")
     for obj in bpy.data.objects:
         obj.select_set(False)
     shown.split, shown.mode = 0.365, "SPLIT"
