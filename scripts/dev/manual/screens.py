@@ -98,23 +98,6 @@ def steps() -> Iterator[Action]:
     bpy.context.scene.imprint_view.mode = "OFF"
 
 
-def gallery() -> Iterator[Action]:
-    """docs/extension/: the whole window, with Split in the viewport. Needs a window of 1920 x 1080."""
-    yield from _prepare()
-    _make_room()
-    settings, shown = bpy.context.scene.imprint, bpy.context.scene.imprint_view
-    settings.samples = "4"
-    with window.override():
-        bpy.ops.imprint.bake(width=1024, height=1024, samples="4")
-    for obj in bpy.data.objects:
-        obj.select_set(False)
-    shown.split, shown.mode = 0.365, "SPLIT"
-    yield from window.wait()
-    yield 2.0
-    yield "../extension/gallery-window.jpg", window.screen()
-    shown.mode = "OFF"
-
-
 def _is_half_done() -> bool:
     """Whether the bake that is going on shows something to look at."""
     from addon.ui.progress_display import display
