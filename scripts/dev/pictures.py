@@ -31,6 +31,7 @@ WINDOW = {
 RENDERED = {
     "faults": faults.pictures,
     "layers": near_layers.pictures,
+    "gallery-layers": near_layers.gallery,
     "plate": map_pictures.plate,
     "maps": map_pictures.heads,
     "map-settings": map_pictures.settings,

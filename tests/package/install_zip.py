@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Installs an extension's zip as a user does, enables it, uses it, and disables it again.
 
-test_build.py starts this in a separate process outside the checkout, so that the add-on can come only from the zip.
+test_build.py starts this in a separate process outside the checkout, so that the add-on can come only from the zip. In a real
+Blender, scripts/dev/in_blender.py does, with the zip after "--".
 """
 
 import math
@@ -39,7 +40,7 @@ def remove():
 
 
 if __name__ == "__main__":
-    install(sys.argv[1])
+    install(sys.argv[-1])
     use()
     remove()
     print("installed, used and removed")

@@ -6,7 +6,8 @@ import textwrap
 
 from scripts.imprint import ROOT
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SECURITY = ROOT / ".github" / "SECURITY.md"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", SECURITY, *sorted((ROOT / "docs").rglob("*.md"))]
 FENCED = r"^ *```(\w*)\n(.*?)^ *```"
 """A block of code, in a list as well."""
 

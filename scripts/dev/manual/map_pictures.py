@@ -11,7 +11,7 @@ from scripts.dev.manual import faults, models
 Picture = tuple[str, np.ndarray]
 PLATE_MAPS = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID", "MATERIAL_ID")
 HEAD_MAPS = ("AO", "BENT_NORMAL", "THICKNESS", "CURVATURE", "BASE_COLOR", "ROUGHNESS")
-SHEET_SIZE, PAIR_SIZE = (1500, 780), (760, 420)
+SHEET_SIZE, GALLERY_SIZE, PAIR_SIZE = (1500, 780), (1920, 1080), (760, 420)
 SPACING = 2.9
 """Between the middles of two heads."""
 EDGE = 0.4
@@ -50,7 +50,7 @@ def plate() -> Iterator[Picture]:
 
 
 def heads() -> Iterator[Picture]:
-    """README.md and docs/maps.md: a mossy head of stone, its maps on the low mesh, and the low mesh with all of them."""
+    """README.md, docs/maps.md, docs/extension/: a mossy head of stone, its maps on the low mesh, and all of them on one."""
     models.clear()
     high, low = models.monkeys(levels=4)
     _grow_moss(high)
@@ -65,6 +65,7 @@ def heads() -> Iterator[Picture]:
         row, column = divmod(number, 4)
         _place(head, words, ((column - 1.5) * SPACING, 0, 1.55 - 3.0 * row))
     yield "maps", _picture(SHEET_SIZE, 4 * SPACING)
+    yield "../extension/gallery-maps.jpg", _picture(GALLERY_SIZE, 4 * SPACING)
     models.clear()
 
 

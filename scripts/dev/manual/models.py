@@ -221,8 +221,8 @@ def load(path: Path) -> np.ndarray:
         bpy.data.images.remove(image)
 
 
-def letter(words: str, place: tuple[float, float, float], size: float) -> None:
-    """Words before the camera, lit by nothing."""
+def letter(words: str, place: tuple[float, float, float], size: float) -> bpy.types.Object:
+    """Words that face a camera on -Y, lit by nothing."""
     text = bpy.data.curves.new(words, "FONT")
     text.body, text.align_x, text.size = words, "CENTER", size
     glow = bpy.data.materials.new(words)
@@ -234,3 +234,4 @@ def letter(words: str, place: tuple[float, float, float], size: float) -> None:
     obj = add(words, text)
     obj.location, obj.rotation_euler = place, (np.pi / 2, 0, 0)
     obj.visible_shadow = False
+    return obj

@@ -16,6 +16,8 @@ from scripts.dev.manual import models
 Picture = tuple[str, np.ndarray]
 """The name of a file, without its ending, and (height, width, 3) bytes."""
 SIZE = (480, 360)
+HALF_SIZE = (960, 1080)
+"""Of each of two pictures side by side, in the gallery of the extension."""
 MAP = 1024
 RED = (0.6, 0.02, 0.01)
 FROM_BEHIND = (-0.45, 0.8, 0.6)
@@ -101,13 +103,18 @@ class Parts:
         self.low.data.vertices.foreach_set("co", moved.astype(np.float32).ravel())
         self.low.data.update()
 
-    def show(self, camera: tuple, sun: tuple = models.FROM_LEFT) -> np.ndarray:
-        """A render of the low mesh alone."""
+    def show(
+        self, camera: tuple, sun: tuple = models.FROM_LEFT, size: tuple[int, int] = SIZE, words: str = ""
+    ) -> np.ndarray:
+        """A render of the low mesh alone, with words below it."""
         for obj in bpy.data.objects:
             obj.hide_render = obj.type == "MESH" and obj != self.low
         models.light_and_camera(*camera, sun)
         models.set_sky("night")
-        return models.render(SIZE)
+        if words:
+            below = models.letter(words, (0, -0.46, -2), 0.05)
+            below.parent, below.rotation_euler = bpy.context.scene.camera, (0, 0, 0)
+        return models.render(size)
 
 
 def _pixels(image: bpy.types.Image) -> np.ndarray:
@@ -123,7 +130,7 @@ def _around(radius: np.ndarray, u: np.ndarray, z: np.ndarray) -> tuple[np.ndarra
     return radius * np.cos(angle), radius * np.sin(angle), z
 
 
-def collar() -> Iterator[Picture]:
+def collar(size: tuple[int, int] = SIZE, lens: float = 95.0, words: tuple[str, str] = ("", "")) -> Iterator[Picture]:
     """A collar around a neck. Its studs stand off farther than the gap between the two is wide.
 
     The front of the collar is cut away for the picture.
@@ -149,15 +156,23 @@ def collar() -> Iterator[Picture]:
     def studded(u, v):
         return ring(u, v, studs / 0.16 * models.rivets(u * 16 % 1, v / 0.24 % 1, 1, 0.3, 0.16) * (v < 0.48))
 
-    for name, settings in (
-        ("collar-first-hit", {"hit": "OUTERMOST", "extrusion": 0.07, "max_distance": 0.14}),
-        ("collar-own-hit", {}),
+    for name, settings, text in (
+        ("collar-first-hit", {"hit": "OUTERMOST", "extrusion": 0.07, "max_distance": 0.14}, words[0]),
+        ("collar-own-hit", {}, words[1]),
     ):
         models.clear()
         parts = Parts((neck, ring), (skin, studded), low_sides=32, high_sides=600)
         parts.bake(**settings)
         parts.remove(1, lambda center: (center[:, 1] < 0) & (np.abs(center[:, 0]) < 0.26))
-        yield name, parts.show(((-0.5, -3.4, 1.3), (0, 0, 0.5), 95.0))
+        yield name, parts.show(((-0.5, -3.4, 1.3), (0, 0, 0.5), lens), size=size, words=text)
+
+
+def gallery() -> Iterator[Picture]:
+    """docs/extension/: the collar with the first hit and by default, side by side."""
+    words = "The first hit, a distance set", "Imprint, no setting touched"
+    halves = [pixels for _, pixels in collar(HALF_SIZE, 68.0, words)]
+    yield "../extension/gallery-layers.jpg", np.concatenate(halves, axis=1)
+    models.clear()
 
 
 def fingers() -> Iterator[Picture]:

@@ -1,0 +1,81 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Checks that a tag may become a release, and makes the files of it: the zip, its SHA-256, and notes from the changelog.
+
+    python3 scripts/dev/release.py v0.2.0 [--output dist] [--check]
+
+The tag is "v" and the version. blender_manifest.toml, pyproject.toml and CITATION.cff have the same version, and the changelog
+a section for it with a date, and nothing that is unreleased. What is wrong is printed, a line each, and the exit code is 1.
+"""
+
+import argparse
+import hashlib
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from scripts import imprint  # noqa: E402
+
+VERSIONED = ("blender_manifest.toml", "pyproject.toml", "CITATION.cff")
+"""The files with the version of the next release."""
+
+
+def sections(root: Path = ROOT) -> dict[str, str]:
+    """The sections of the changelog by their headings, such as "0.2.0 - 2026-11-22"."""
+    parts = re.split(r"^## (.+)$", (root / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {heading: text.strip() for heading, text in zip(parts[1::2], parts[2::2], strict=True)}
+
+
+def faults(tag: str, root: Path = ROOT) -> Iterator[str]:
+    """What keeps a tag from becoming a release, in sentences."""
+    version = tag.removeprefix("v")
+    if not re.fullmatch(r"v\d+\.\d+\.\d+", tag):
+        yield f'{tag} is no tag of a release, such as "v1.2.3".'
+    for name in VERSIONED:
+        found = re.search(r'^version(?: = |: )"?([^"\n]+)"?$', (root / name).read_text(encoding="utf-8"), re.MULTILINE)
+        if found is None or found[1] != version:
+            yield f"{name} has the version {found and found[1]}."
+    date = re.search(r"^date-released: (\S+)$", (root / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    texts = sections(root)
+    if not texts.get(f"{version} - {date and date[1]}"):
+        yield f"CHANGELOG.md has no section of {version} with the date in CITATION.cff, which is {date and date[1]}."
+    if texts.get("Unreleased"):
+        yield "CHANGELOG.md has entries that are unreleased."
+
+
+def notes(tag: str, root: Path = ROOT) -> str:
+    """The changelog's section of a release. Links to files of the repository become plain words: no page is around them."""
+    (text,) = (text for heading, text in sections(root).items() if heading.startswith(f"{tag.removeprefix('v')} - "))
+    return re.sub(r"\[([^\]]+)\]\((?!https?:)[^)]+\)", r"\1", text) + "\n"
+
+
+def make(tag: str, output: Path) -> None:
+    """Write the zip, its SHA-256 and the notes, and print their paths."""
+    archive = imprint.build_zip(imprint.environment(), imprint.SITE_PACKAGES, ROOT, output)
+    total = output / f"{archive.name}.sha256"
+    total.write_text(f"{hashlib.sha256(archive.read_bytes()).hexdigest()}  {archive.name}\n", encoding="utf-8")
+    text = output / "notes.md"
+    text.write_text(notes(tag), encoding="utf-8")
+    print(*(archive, total, text), sep="\n")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tag")
+    parser.add_argument("--output", type=Path, default=ROOT / "dist")
+    parser.add_argument("--check", action="store_true", help="make no files")
+    given = parser.parse_args()
+    wrong = list(faults(given.tag))
+    for line in wrong:
+        print(f"release: {line}", file=sys.stderr)
+    if not wrong and not given.check:
+        make(given.tag, given.output.resolve())
+    return int(bool(wrong))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
