@@ -2,7 +2,7 @@
 """All code for Blender 4.5, 5.0 and 5.1, where they differ from 5.2.
 
 To drop them: delete this file, put what the docstring of each function names in place of its calls, and raise
-blender_version_min. tests/pure/test_older_blender.py lists the calls.
+blender_version_min. tests/pure/test_layers.py lists the calls.
 """
 
 import traceback

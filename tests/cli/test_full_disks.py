@@ -10,7 +10,7 @@ from addon.cli import run_report
 from addon.cli.run_report import Entry, ReportFile
 from addon.cli.sheet import SheetFile
 from addon.core.errors import BakeError
-from tests.pure.test_report_merge import entry
+from tests.pure.test_report import entry
 
 pytestmark = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
 

@@ -15,11 +15,13 @@ from addon.cli.importers import PLAIN, Space, import_file
 from addon.cli.scan_files import Texture
 from addon.cli.scene_files import SceneLoader
 from addon.core.errors import BakeError
+from addon.core.file_structure import mesh_references
 from addon.core.preflight import TEXTURE_PIXEL, TEXTURE_PIXEL_ON_GPU
 from addon.core.settings import Settings
 from tests.support import angles, maps, reports, scans
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
+
 
 FAR = (512_345.0, 5_412_345.0, 312.0)
 """A place in meters as in maps of a country."""
@@ -529,3 +531,300 @@ def test_damaged_ply_files_are_read_without_an_error_by_seed(folder, name, seed)
         scan_files.write_near(folder / name, folder / "near.ply", origin)
     found = scan_files.read_texture(folder / name)
     assert found is None or found.uv is None or found.uv.shape == (*found.corners.shape, 2)
+
+
+# Scan colors
+
+
+STEP = 1.5 / 255.0
+"""An error of colors: pages and maps have 8 bits."""
+SIDE = 32
+WORDS = ["--size", SIDE, "--margin", "0", "--depth", "8", "--maps", "base-color", "--output", "m.png", "--limit", "9"]
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    """The working folder, with a low mesh whose UVs fill the map."""
+    monkeypatch.chdir(tmp_path)
+    scans.write_obj(tmp_path / "low.obj", scans.strips(1))
+    return tmp_path
+
+
+@pytest.fixture
+def colors(home, capsys):
+    """A function that bakes files. It returns the base color map (SIDE, SIDE, 3), as stored, and the standard error."""
+
+    def bake(high, *words, low="low.obj"):
+        code = command.run([str(word) for word in ("--low-file", low, "--high-file", high, *WORDS, *words)])
+        err = capsys.readouterr().err
+        assert code == run_report.DONE, err
+        image = bpy.data.images.load(str(home / "m_base_color.png"))
+        image.colorspace_settings.is_data = True
+        return maps.pixels(image)[..., :3], err
+
+    return bake
+
+
+def check_strips(found, expected):
+    """Check the color in the middle of each strip along u."""
+    width = SIDE // len(expected)
+    for number, color in enumerate(expected):
+        inside = found[4:-4, number * width + 2 : (number + 1) * width - 2]
+        assert np.abs(inside - color).max() < STEP
+
+
+@pytest.fixture
+def paged(home):
+    """A function that writes a scan with four pages, and returns its file's name."""
+
+    def write(place=(0.0, 0.0, 0.0), missing=()):
+        materials = [f"m{number}" for number in range(4)]
+        for number, color in enumerate(scans.COLORS):
+            if number not in missing:
+                scans.texture(home / f"scan_u{number + 1}_v1_diffuse.png", color)
+        said = {name: f"D:\\scans\\SCAN_u{number + 1}_v1_diffuse.png" for number, name in enumerate(materials)}
+        scans.write_library(home / "scan.mtl", said)
+        surface = scans.strips(4, place, height=0.02, n=16)
+        scans.write_obj(home / "scan.obj", surface, materials=materials, library="scan.mtl")
+        return "scan.obj"
+
+    return write
+
+
+@pytest.mark.parametrize("method", ["cast", "flatten"])
+def test_each_page_shows_where_its_material_is(paged, colors, method):
+    check_strips(colors(paged(), "--method", method)[0], scans.COLORS)
+
+
+def test_a_far_scan_has_the_same_colors(home, paged, colors):
+    scans.write_obj(home / "far.obj", scans.strips(1, FAR))
+    check_strips(colors(paged(FAR), "--method", "cast", low="far.obj")[0], scans.COLORS)
+
+
+def test_a_far_scan_of_several_objects(home, paged, colors):
+    """As programs write them that cut large scans into parts."""
+    scans.write_obj(home / "far.obj", scans.strips(1, FAR))
+    scan = home / paged(FAR)
+    scan.write_text(re.sub(r"^usemtl m(\d)", r"o part \1\nusemtl m\1", scan.read_text(), flags=re.MULTILINE))
+    found, err = colors(scan, "--method", "cast", "--report", "r.json", low="far.obj")
+    check_strips(found, scans.COLORS)
+    assert err == ""
+    assert reports.one(home / "r.json")["high"] == [f"part {number}" for number in range(4)]
+
+
+def test_missing_pages_are_left_out_if_that_is_allowed(home, paged, colors):
+    found, err = colors(paged(missing=[1]), "--method", "cast", "--allow-missing-files")
+    (line,) = err.splitlines()
+    assert line.startswith('imprint: warning: Material "m1": Base Color')
+    assert str(home / "SCAN_u2_v1_diffuse.png") in line
+    width = SIDE // 4
+    for number in (0, 2, 3):
+        inside = found[4:-4, number * width + 2 : (number + 1) * width - 2]
+        assert np.abs(inside - scans.COLORS[number]).max() < STEP
+
+
+def test_a_missing_library_is_named_once(home, paged, colors):
+    name = paged()
+    (home / "scan.mtl").unlink()
+    _, err = colors(name, "--method", "cast", "--allow-missing-files")
+    assert err == (
+        f"imprint: warning: 1 file of the high meshes' materials cannot be found: {str(home / 'scan.mtl')!r}.\n"
+    )
+
+
+def test_embedded_images_of_a_glb(home, paged, colors):
+    bpy.ops.wm.obj_import(filepath=str(home / paged()))
+    for material in bpy.data.materials:
+        for node in material.node_tree.nodes:
+            if node.type == "TEX_IMAGE":
+                number = int(node.image.filepath.split("_u")[1][0])
+                node.image = bpy.data.images.load(str(home / f"scan_u{number}_v1_diffuse.png"))
+    bpy.ops.export_scene.gltf(filepath=str(home / "scan.glb"))
+    for page in home.glob("scan_u*"):
+        page.unlink()
+    check_strips(colors("scan.glb", "--method", "cast")[0], scans.COLORS)
+
+
+def test_tiles_of_one_material(home, colors):
+    for tile, color in zip((1001, 1002, 1011), scans.COLORS, strict=False):
+        scans.texture(home / f"page_{tile}.png", color)
+    scans.write_library(home / "scan.mtl", {"m": "page_1001.png"})
+    offsets = [(0, 0), (1, 0), (0, 1)]
+    surface = scans.strips(3, height=0.02, n=16)
+    scans.write_obj(home / "scan.obj", surface, materials=["m"] * 3, library="scan.mtl", uv_offsets=offsets)
+    found, _ = colors("scan.obj", "--method", "cast")
+    for u, color in zip((4, 15, 26), scans.COLORS, strict=False):
+        assert np.abs(found[4:-4, u] - color).max() < STEP
+
+
+def test_vertex_colors_of_a_ply(home, colors):
+    """They are stored as sRGB, and are linear in the file's coordinates where they do not differ."""
+    points, _, parts = scans.strips(2, height=0.02, n=16)
+    stored = np.array([230, 26, 51]), np.array([51, 204, 26])
+    values = np.where(points[:, :1] < -0.1, *stored).astype(np.uint8)
+    scans.write_ply(home / "scan.ply", points, np.concatenate(parts), colors=values)
+    found, _ = colors("scan.ply", "--method", "cast", "--high-up", "z")
+    assert np.abs(found[4:-4, 2:12] * 255.0 - stored[0]).max() < 255.0 * STEP
+    assert np.abs(found[4:-4, 18:-2] * 255.0 - stored[1]).max() < 255.0 * STEP
+
+
+def test_a_ply_with_an_image_and_uvs_by_face(home, colors):
+    points, uv, parts = scans.strips(2, height=0.02, n=16)
+    faces = np.concatenate([quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3) for quads in parts])
+    images = np.repeat([0, 1], len(faces) // 2)
+    for number in range(2):
+        scans.texture(home / f"page{number}.png", scans.COLORS[number])
+    scans.write_textured_ply(home / "scan.ply", (points, faces, uv[faces]), images, ["page0.png", "page1.png"])
+    check_strips(colors("scan.ply", "--method", "cast")[0], scans.COLORS[:2])
+
+
+# Obj materials
+
+
+@pytest.fixture
+def room(tmp_path):
+    for name in ("a.png", "b c.png", "-odd.png", "s 1 2.png"):
+        (tmp_path / name).write_bytes(b"page")
+    return tmp_path
+
+
+def read(room, library, head="mtllib m.mtl\n"):
+    """The lines of the library that the importer gets, and the names of the images' files by placeholder."""
+    (room / "m.mtl").write_bytes(library.encode() if isinstance(library, str) else library)
+    (room / "scan.obj").write_text(head + "v 0 0 0\n")
+    found = importers.read_materials(room / "scan.obj")
+    files = {name: page.path.name if page.path else page.name for name, page in found.placeholders.items()}
+    return found.content.decode(errors="surrogateescape").splitlines(), files
+
+
+IMAGES = {
+    "map_Kd a.png": ("map_Kd", "a.png"),
+    "  map_Kd   b c.png": ("map_Kd", "b c.png"),
+    "map_Kd\tA.PNG": ("map_Kd", "a.png"),
+    "map_Bump -bm 0.5 b c.png": ("map_Bump -bm 0.5", "b c.png"),
+    "map_Kd -s 1 2 3 -clamp on a.png": ("map_Kd -s 1 2 3", "a.png"),
+    "map_Kd -colorspace sRGB -o 1 2 b c.png": ("map_Kd -o 1 2", "b c.png"),
+    "map_Kd -blendu on -odd none.png": ("map_Kd", "none.png"),
+    "map_Kd -s": ("map_Kd", "-s"),
+    "refl -type sphere a.png": ("refl -type sphere", "a.png"),
+    "map_Kd -o 0.5 a.png": ("map_Kd -o 0.5", "a.png"),
+    "map_Kd -odd.png": ("map_Kd", "-odd.png"),
+    'map_Kd "b c.png"': ("map_Kd", "b c.png"),
+    "norm C:\\scans\\a.png": ("norm", "a.png"),
+}
+
+
+@pytest.mark.parametrize("line", IMAGES)
+def test_the_image_of_a_line_is_found_after_its_options(room, line):
+    (first, second, *_), files = read(room, f"newmtl x\n{line}\n")
+    ((placeholder, name),) = files.items()
+    assert first == "newmtl x"
+    assert (second, name) == (f"{IMAGES[line][0]} {placeholder}", IMAGES[line][1])
+
+
+@pytest.mark.parametrize("line", IMAGES)
+def test_planning_knows_the_files_that_the_importer_gets(room, line):
+    """But for other spellings, which are looked for when the file is imported."""
+    _, files = read(room, f"newmtl x\n{line}\n")
+    known = {path.name.lower() for path in mesh_references.of(str(room / "scan.obj"))}
+    assert {"m.mtl", *(name.lower() for name in files.values())} <= known
+
+
+def test_planning_reads_no_points(room):
+    names = "mtllib m.mtl\n", "mtllib other.mtl\n"
+    points = "v 1 2 3\n" * 100
+    for head, expected in ((names[0] + points + names[1], ["m.mtl", "other.mtl"]), (points + names[1], [])):
+        (room / "scan.obj").write_text(head)
+        assert mesh_references.libraries(room / "scan.obj", is_whole=False) == expected
+
+
+@pytest.mark.parametrize("name", ["/", ".", "..", '""', "-clamp on ./"])
+def test_a_line_that_names_no_image_is_left_out(room, name):
+    assert read(room, f"newmtl x\nmap_Kd {name}\n") == (["newmtl x", ""], {})
+
+
+def test_other_lines_stay_byte_by_byte(room):
+    lines, files = read(room, b"\xef\xbb\xbfnewmtl na\xefve\r\nKd 0.5 0.5 0.5\r\n\r\n# map_Kd a.png\r\nmap_Kd\r\n")
+    assert lines == ["newmtl na\udcefve", "Kd 0.5 0.5 0.5", "", "# map_Kd a.png", "map_Kd"]
+    assert files == {}
+
+
+def test_a_page_of_several_materials_has_one_placeholder_for_each_use(room):
+    """An image that is used as a color and as numbers is decoded in two ways."""
+    library = (
+        "newmtl x\nmap_Kd a.png\nnewmtl y\nmap_kd A.png\nmap_Pr a.png\nnewmtl z\nmap_Kd none.png\nmap_Kd ./none.png\n"
+    )
+    (room / "m.mtl").write_text(library)
+    (room / "scan.obj").write_text("mtllib m.mtl\n")
+    pages = importers.read_materials(room / "scan.obj").placeholders.values()
+    assert [(page.name, page.is_color, page.path is None) for page in pages][:2] == [
+        ("a.png", True, False),
+        ("a.png", False, False),
+    ]
+    assert {page.name for page in pages if page.path is None} == {"none.png", "./none.png"}
+
+
+LIBRARIES = {
+    "mtllib m.mtl\n": [],
+    "# a comment about mtllib none.mtl\nmtllib M.MTL\n": [],
+    "mtllib C:\\scans\\m.mtl\n": [],
+    "mtllib m.mtl m.mtl\n": [],
+    "mtllib none.mtl\nmtllib m.mtl\n": ["none.mtl"],
+    "mtllib\n": [],
+    "": [],
+}
+
+
+@pytest.mark.parametrize("head", LIBRARIES)
+def test_missing_libraries_are_named(room, head):
+    lines, _ = read(room, "newmtl x\n", head)
+    assert importers.missing_libraries(room / "scan.obj") == LIBRARIES[head]
+    assert lines == (["newmtl x"] if "m.mtl" in head.lower().replace("none.mtl", "") else [])
+
+
+def test_a_library_with_the_name_of_the_obj_counts(room):
+    """As in Blender's importer."""
+    (room / "SCAN.mtl").write_text("newmtl own\n")
+    assert read(room, "newmtl x\n", "mtllib none.mtl\n")[0] == ["newmtl own"]
+    assert importers.missing_libraries(room / "scan.obj") == []
+    (room / "scan.mtl").write_text("newmtl own\nmap_Kd own.png\n")
+    assert room / "own.png" in mesh_references.of(str(room / "scan.obj"))
+
+
+def test_a_library_is_found_far_into_a_large_file(room):
+    head = "v 1 2 3\n" * 100_000
+    assert read(room, "newmtl x\n", f"{head}mtllib m.mtl\n{head}")[0] == ["newmtl x"]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_libraries_never_fail_by_seed(room, seed):
+    random = np.random.default_rng(seed)
+    words = [
+        "newmtl",
+        "map_Kd",
+        "norm",
+        "-bm",
+        "-s",
+        "1",
+        "a.png",
+        "none.png",
+        "\\",
+        '"',
+        "\t",
+        "\0",
+        "\r",
+        "é",
+        "<UDIM>",
+    ]
+    text = "".join(" \n"[int(random.integers(8) == 0)] + words[random.integers(len(words))] for _ in range(400))
+    content, files = read(room, text.encode("latin1" if seed % 2 else "utf-8"))
+    assert len([line for line in content if "imprint-image-" in line]) >= len(files)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/mem"), reason="the files of Linux about processes")
+def test_a_library_that_cannot_be_read_is_named_nevertheless(room):
+    """So that planning can refuse it."""
+    (room / "scan.obj").write_text("mtllib m.mtl\nmtllib /proc/self/mem\nv 0 0 0\n")
+    (room / "m.mtl").write_text("newmtl x\nmap_Kd a.png\n")
+    found = list(mesh_references.of(str(room / "scan.obj")))
+    assert {Path("/proc/self/mem"), room / "a.png"} <= set(found)

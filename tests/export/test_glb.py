@@ -7,14 +7,19 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core import progress
+from addon.core.declarations import bases, targets
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.export import engine_files
+from addon.export import comparison, engine_files
+from addon.export.baked_low import FileMesh
+from addon.export.comparison import Baked
 from addon.jobs import bake_jobs, bake_pair
 from addon.jobs.job import Job
-from tests.support import angles, cycles, glb, lanes, maps, scenes, snapshot, zoo
+from tests.support import angles, cycles, decoders, glb, lanes, maps, scenes, snapshot, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
+
 
 PAIRS = ["spot_1696_536", "spot_control_vs_subd5", "king_40480_4000", "helmet_23358_6117"]
 EIGHT_BITS_P99 = 0.35
@@ -396,3 +401,179 @@ def test_a_map_that_only_cycles_can_show_is_refused(tmp_path):
     with pytest.raises(BakeError, match="'bent' is scaled more along one axis.*apply the scale"):
         export(tmp_path / "out.glb", report)
     assert not list(tmp_path.iterdir())
+
+
+# Steps
+
+
+@pytest.mark.parametrize("ending", [".glb", ".usda", ".fbx"])
+def test_the_open_file_is_the_same_at_each_step(tmp_path, ending):
+    low, high = bent_pair()
+    report = bake(low, high)
+    before, shares = snapshot.snapshot(), []
+    work = engine_files.work(bpy.context, [[report]], tmp_path / f"out{ending}")
+    for step in work:
+        shares.append(step.done)
+        assert snapshot.difference(before, snapshot.snapshot()) == {}
+        assert list(tmp_path.iterdir()) == []
+    assert shares == sorted({*shares})
+    assert len(shares) > 1
+    assert (tmp_path / f"out{ending}").is_file()
+
+
+def test_an_export_that_is_stopped_leaves_the_file_that_was_there(tmp_path):
+    low, high = bent_pair()
+    report, path = bake(low, high), tmp_path / "out.glb"
+    path.write_bytes(b"before")
+    work = engine_files.work(bpy.context, [[report]], path)
+    for _ in range(2):
+        next(work)
+    work.close()
+    assert path.read_bytes() == b"before"
+    assert list(tmp_path.iterdir()) == [path]
+    assert progress.finish(engine_files.work(bpy.context, [[report]], path))
+    assert path.read_bytes() != b"before"
+
+
+def test_what_materials_of_one_object_lack_is_told_of_that_object(tmp_path):
+    low, high = bent_pair()
+    other = low.copy()
+    other.data = low.data.copy()
+    other.name = "other"
+    bpy.context.scene.collection.objects.link(other)
+    for obj in (low, other):
+        for number in range(2):
+            scenes.material(f"{obj.name} {number}", obj)
+        obj.data.polygons[0].material_index = 1
+    first, second = (bake(obj, high, image=f"{obj.name} normal") for obj in (low, other))
+    done = export(tmp_path / "out.glb", replace(first, slots=[0]), second)
+    assert [one.warnings for one in done] == [
+        ["The material slot 2 of 'bent' has no maps: bake its texture set as well."],
+        [],
+    ]
+
+
+# Comparison
+
+
+UV = np.array([[[0, 0], [1, 0], [0, 1]], [[1, 0], [1, 1], [0, 1]]], np.float32)
+POSITIONS = np.concatenate([UV, np.zeros((2, 3, 1), np.float32)], axis=-1)
+NORMALS = np.tile(np.float32([0, 0, 1]), (2, 3, 1))
+TANGENTS = np.tile(np.float32([1, 0, 0, 1]), (2, 3, 1))
+PAGES = np.zeros(2, np.int32)
+
+
+def texels(vector, size=8):
+    """A map of one normal."""
+    return np.tile(np.float32([*(np.array(vector) * 0.5 + 0.5), 1.0]), (size, size, 1))
+
+
+def baked(vector=(0, 0, 1)):
+    return Baked(POSITIONS, NORMALS, TANGENTS, UV, PAGES, bases.MIKKTSPACE, lambda _page: texels(vector))
+
+
+def found(**other):
+    values = {"positions": POSITIONS, "normals": NORMALS, "uv": UV, "tangents": TANGENTS, "materials": PAGES}
+    return FileMesh(**{**values, **other}, pictures=[b""])
+
+
+def test_points_are_centers_of_texels_in_their_triangles():
+    triangles, weights, uv = comparison.points(UV, 16, 16)
+    assert len(triangles) > 500
+    assert set(triangles.tolist()) == {0, 1}
+    np.testing.assert_allclose(np.einsum("nc,nck->nk", weights, UV[triangles]), uv, atol=1e-12)
+    np.testing.assert_allclose(uv * 16 % 1.0, 0.5)
+    assert weights.min() >= 0.0
+
+
+def test_uvs_without_area_have_no_points():
+    assert len(comparison.points(np.zeros((2, 3, 2), np.float32), 16, 16)[0]) == 0
+
+
+@pytest.mark.parametrize(
+    ("other", "stored", "angle"),
+    [
+        ({}, (0, 0, 1), 0.0),
+        ({}, (np.sin(0.1), 0, np.cos(0.1)), np.degrees(0.1)),
+        ({"tangents": TANGENTS * np.float32([-1, 1, 1, 1])}, (0, 0, 1), 0.0),
+        ({"normals": np.tile(np.float32([0, np.sin(0.2), np.cos(0.2)]), (2, 3, 1))}, (0, 0, 1), np.degrees(0.2)),
+    ],
+)
+def test_angles_of_what_differs(other, stored, angle):
+    measured = comparison.measure(baked(), found(**other), lambda _page: texels(stored))
+    assert measured.degrees["MIKKTSPACE"]["median"] == pytest.approx(angle, abs=1e-3)
+    assert measured.degrees["MIKKTSPACE"]["maximum"] == pytest.approx(angle, abs=1e-3)
+
+
+def test_a_turned_tangent_turns_what_leans():
+    lean = (0.6, 0.0, 0.8)
+    turned = found(tangents=TANGENTS * np.float32([-1, 1, 1, 1]))
+    measured = comparison.measure(baked(lean), turned, lambda _page: texels(lean))
+    assert measured.degrees["MIKKTSPACE"]["median"] == pytest.approx(2.0 * np.degrees(np.arcsin(0.6)), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("other", "reason"),
+    [
+        ({"positions": POSITIONS[:1]}, "1 triangles of 'low' where 2 were baked"),
+        ({"positions": POSITIONS + 0.01}, "other triangles"),
+        ({"uv": UV + 0.01}, "other UVs"),
+        ({"materials": PAGES + 1}, "other materials"),
+    ],
+)
+def test_another_surface_is_refused(other, reason):
+    comparison.check_surface(baked(), found(), "low")
+    with pytest.raises(BakeError, match=reason):
+        comparison.check_surface(baked(), found(**other), "low")
+
+
+@pytest.mark.parametrize(
+    ("name", "channels", "read"),
+    [
+        ("three", (), (0.36, 0.48, -0.8)),
+        ("unreal", (), (0.36, 0.48, 0.8)),
+        ("directx", (), (0.36, 0.48, -0.8)),
+        ("three", ("+X", "-Y", "+Z"), (0.36, -0.48, -0.8)),
+        ("directx", ("+X", "-Y", "+Z"), (0.36, 0.48, -0.8)),
+        ("unreal", ("+X", "+Y", "+Z"), (0.36, -0.48, 0.8)),
+        ("three", ("+Z", "-Y", "-X"), (-0.8, -0.48, -0.36)),
+    ],
+)
+def test_programs_read_their_green_and_make_their_z(name, channels, read):
+    vector = np.array((0.36, 0.48, -0.8))
+    measured = comparison.measure(
+        baked(vector), found(), lambda _page: texels(vector), [targets.BY_NAME[name]], channels
+    )
+    angle = np.degrees(np.arccos(np.clip(vector @ read, -1.0, 1.0)))
+    assert measured.targets.keys() == {name}
+    assert measured.targets[name]["median"] == pytest.approx(angle, abs=1e-3)
+    assert measured.degrees["MIKKTSPACE"]["median"] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_missing_normal_map_is_refused():
+    with pytest.raises(BakeError, match="no normal map"):
+        comparison.measure(baked(), found(), lambda _page: None)
+
+
+# Frames
+
+
+@pytest.mark.parametrize("basis", bases.BASES, ids=lambda basis: basis.name)
+def test_each_basis_decodes_as_its_readers_do(basis):
+    random = np.random.default_rng(7)
+    normals = comparison.unit_vectors(random.normal(size=(500, 3, 3)) * 0.4 + [0.0, 0.0, 1.0])
+    along = comparison.unit_vectors(np.cross(normals, random.normal(size=3)))
+    signs = np.where(random.random(500) < 0.5, -1.0, 1.0)
+    tangents = np.concatenate([along, np.broadcast_to(signs[:, None, None], (500, 3, 1))], axis=-1)
+    weights = random.dirichlet(np.ones(3), 500)
+    values = random.normal(size=(500, 3)) * 0.3 + [0.0, 0.0, 1.0]
+    corners = (normals, tangents, decoders.bitangents(normals, tangents))
+    interpolated = [np.einsum("nc,nck->nk", weights, part) for part in corners]
+    expected = decoders.unit(decoders.decoded(values, basis.name, *interpolated))
+    np.testing.assert_allclose(comparison.decoded(basis, values, weights, normals, tangents), expected, atol=1e-12)
+
+
+def test_angles_are_exact_when_they_are_small():
+    a = np.array([[0.0, 0.0, 1.0]])
+    b = np.array([[np.sin(1e-6), 0.0, np.cos(1e-6)]])
+    np.testing.assert_allclose(comparison.degrees_between(a, b), np.degrees(1e-6), rtol=1e-6)

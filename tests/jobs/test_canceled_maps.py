@@ -1,21 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A bake that is canceled or fails in the middle of any kind of map leaves Blender, files and the GPU's state alone."""
 
+from types import SimpleNamespace
+
 import bpy
 import gpu
 import numpy as np
 import pytest
 
+from addon.core import progress
 from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine import map_families, material_maps, ray_maps, sampling
+from addon.engine import map_families, material_maps, ray_maps, sampling, tree_cache
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair
 from tests.support import lanes, scenes, zoo
 from tests.support.feeds import write_png
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
+
 
 MAPS = ("POSITION", "AO", "BENT_NORMAL", "BASE_COLOR", "ATTRIBUTE", "THICKNESS", "CURVATURE")
 FAMILIES = {
@@ -163,3 +167,32 @@ def test_the_bar_never_goes_back(method, kept, tmp_path, monkeypatch):
     assert len(done) > 20
     assert done == sorted(done)
     assert done[-1] == 1.0
+
+
+# Stage times
+
+
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("share_image", [False, True])
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_stages_add_up_to_the_total_without_waiting(method, share_image, monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+
+    def tick():
+        clock.now += 1.0  # each look at the clock takes a second
+        return clock.now
+
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=tick))
+    tree_cache.trees.free()
+    jobs = [Job(zoo.plane("lo"), [zoo.terrain("hi")])]
+    settings = Settings(method=method, width=32, height=32, image="map", storage="MEMORY", material=False)
+    work = bake_jobs.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
+    try:
+        while True:
+            next(work)
+            clock.now += 1e6
+    except StopIteration as end:
+        (report,) = end.value
+    stages = {stage: seconds for stage, seconds in report.seconds.items() if stage != "total"}
+    assert stages["draw"] > 0.0 and (stages["tree"] > 0.0) == (method == "CAST")
+    assert 0.0 < sum(stages.values()) <= report.seconds["total"] < 1e6

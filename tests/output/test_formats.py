@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests files with other programs' readers, rounding and dithering, and that a file is complete at any moment."""
 
+import ctypes
+import ctypes.util
+import importlib
 import os
 import random
+import re
 import subprocess
 import sys
 import time
@@ -18,7 +22,7 @@ from addon.core.file_structure.whole_files import tiff_directory
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, bake_pair
-from addon.output import image_file, outputs, value_encoding
+from addon.output import image_file, outputs, png_writer, value_encoding
 from scripts.imprint import ROOT
 from tests.support import lanes, pictures, zoo
 from tests.support.maps import pixels
@@ -390,3 +394,87 @@ def test_thresholds_of_the_dither_differ_by_channel():
     for first, second in ((red, green), (green, blue), (blue, red)):
         assert (first == second).mean() < 0.95
     assert (alpha == 1.0).all()
+
+
+# File layouts
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_exr_keeps_values_that_are_no_numbers(tmp_path):
+    texels = np.zeros((2, 3, 4), np.float32)
+    texels[0, 0], texels[1, 1, 2] = np.nan, np.inf
+    for depth in (16, 32):
+        image_file.write(texels, tmp_path / "map.exr", depth)
+        most = 65504 if depth == 16 else None  # a half float holds no more
+        np.testing.assert_array_equal(pictures.read(tmp_path / "map.exr"), texels.clip(None, most))
+
+
+@pytest.mark.parametrize("ending", sorted(file_formats.BY_ENDING))
+def test_files_have_no_time_which_would_differ_in_equal_bakes(ending, tmp_path):
+    path, depth = tmp_path / f"map{ending}", file_formats.BY_ENDING[ending].depths[0]
+    image_file.write(np.ones((2, 3, 4), np.float32), path, depth)
+    found = re.findall(rb"\d{4}:\d\d:\d\d \d\d:\d\d:\d\d", path.read_bytes())
+    assert set(found) <= {b"0000:00:00 00:00:00"}
+
+
+def test_a_blender_without_openimageio_names_it_before_the_bake_and_writes_png(tmp_path, monkeypatch):
+    def fail(name):
+        raise ModuleNotFoundError(f"No module named {name!r}")
+
+    image_file._library.cache_clear()
+    monkeypatch.setattr(importlib, "import_module", fail)
+    path = list(sys.path)
+    for ending, file_format in file_formats.BY_ENDING.items():
+        output, depth = str(tmp_path / f"map{ending}"), file_format.depths[0]
+        settings = Settings(storage="FILE", output=output, depth=depth)
+        if file_format is file_formats.PNG:
+            outputs.check_storage("low", settings)
+            continue
+        with pytest.raises(BakeError, match="lacks the Python module OpenImageIO, .*: choose PNG, or install"):
+            outputs.check_storage("low", settings)
+    with pytest.raises(BakeError, match="OpenImageIO"):
+        outputs.check_storage("low", Settings(storage="PACK", udim=True, depth=32))
+    outputs.check_storage("low", Settings(storage="PACK", udim=True, depth=8))
+    assert sys.path == path
+
+
+def test_the_path_of_modules_stays_as_it_was(tmp_path):
+    image_file._library.cache_clear()
+    path = list(sys.path)
+    image_file.check_format(tmp_path / "map.exr")
+    assert sys.path == path
+
+
+# Libpng
+
+
+class _Simple(ctypes.Structure):
+    """png_image of libpng's simplified interface."""
+
+    _fields_ = (
+        ("opaque", ctypes.c_void_p),
+        *((name, ctypes.c_uint32) for name in ("version", "width", "height", "format", "flags", "colormap")),
+        ("warning", ctypes.c_uint32),
+        ("message", ctypes.c_char * 64),
+    )
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 7), (300, 1), (17, 33), (700, 500)], ids=str)
+def test_libpng_reads_the_bytes_seed_7(size, tmp_path):
+    name = ctypes.util.find_library("png16")
+    if name is None:
+        pytest.skip("libpng is not installed")
+    library = ctypes.CDLL(name)
+    width, height = size
+    texels = np.random.default_rng(7).random((height, width, 4), np.float32)
+    made = png_writer.content(texels, 8, has_alpha=True)
+    made.write(tmp_path / "map.png", (part() for part in made.parts))
+    data = (tmp_path / "map.png").read_bytes()
+    image = _Simple(version=1)
+    assert library.png_image_begin_read_from_memory(ctypes.byref(image), data, ctypes.c_size_t(len(data)))
+    image.format = 3  # red, green, blue and alpha of 8 bits
+    found = np.zeros((height, width, 4), np.uint8)
+    end_read = library.png_image_finish_read
+    assert end_read(ctypes.byref(image), None, found.ctypes.data_as(ctypes.c_void_p), ctypes.c_int32(0), None)
+    assert (image.width, image.height, image.message) == (*size, b"")
+    np.testing.assert_array_equal(found, np.floor(texels[::-1] * np.float32(255) + np.float32(0.5)))

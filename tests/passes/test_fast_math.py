@@ -8,7 +8,7 @@ from gpu_extras.batch import batch_for_shader
 from addon.core import udim
 from addon.passes import high_in_uv, low_in_uv, shader, target
 from addon.passes.hemisphere import Occluders
-from tests.passes.test_cast import random_rays, soup, trace
+from tests.passes.test_drawn_rays import random_rays, soup, trace
 from tests.support import fast_math, hemisphere, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -6,11 +6,21 @@ import itertools
 import numpy as np
 import pytest
 
-from addon.core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, Extension, ImageFeed, Limits
-from addon.passes import surface_tables
+from addon.core.material_feeds import (
+    AVERAGE,
+    LUMINANCE,
+    LUMINANCE_WEIGHTS,
+    AttributeFeed,
+    Extension,
+    ImageFeed,
+    ImagePixels,
+    Limits,
+)
+from addon.passes import shader, surface_tables, surface_values, target
 from tests.support.seen_surface import SeenSurface, grid, page
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
+
 
 EXACT = 2e-6
 """Single precision, of values up to 1; UVs of a few units lose some bits."""
@@ -378,3 +388,265 @@ def test_limits_count_before_scale_and_offset_seed_14():
         feed = ImageFeed("a", channel=channel, limits=Limits((0.1,) * 3, (0.8,) * 3, -1.0, 1.5), is_smooth=False)
         number = (color[..., :3].clip(-1.0, 1.5) @ np.array(weights)).clip(0.1, 0.8)
         assert np.abs(seen.shown(page(color), feed)[..., 0] - number).max() < EXACT
+
+
+# Image page
+
+
+SINGLE = 1e-6
+
+
+def mean_over_parts(values, count):
+    """The means (count, ...) of equal parts of the first axis, with shares of the values that a border cuts."""
+    size = len(values)
+    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    at = np.arange(count + 1) * size / count
+    whole = np.minimum(np.floor(at).astype(int), size - 1)
+    sums = total[whole] + values[whole] * (at - whole).reshape(-1, *[1] * (values.ndim - 1))
+    return np.diff(sums, axis=0) * count / size
+
+
+def test_parts_of_the_oracle():
+    assert np.allclose(mean_over_parts(np.arange(6.0), 3), (0.5, 2.5, 4.5))
+    assert np.allclose(mean_over_parts(np.array((0.0, 1.0, 5.0)), 2), (1 / 3, 11 / 3))
+
+
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("size", [(1, 1), (3, 5), (1, 7), (2, 1), (64, 64), (37, 100), (255, 129)])
+@pytest.mark.parametrize("is_byte", [False, True])
+def test_each_level_has_the_means_of_its_parts_seed_1(size, is_byte):
+    """Odd sizes shift nothing: each pixel is an equal part of the level before, all of which it covers."""
+    values = np.random.default_rng(1).integers(0, 256, (*size, 4)).astype(np.float32) / np.float32(255)
+    page = surface_tables.upload_image(ImagePixels(values, is_byte=is_byte))
+    sizes = surface_tables.level_sizes(size[1], size[0])
+    assert sizes[-1] == (1, 1)
+    assert page.top == len(sizes) - 1
+    levels = np.array(page.levels.read()).reshape(page.levels.height, page.levels.width, 4)
+    truth = values.astype(np.float64)
+    used = np.zeros(levels.shape[:2], int)
+    for level, (width, height) in enumerate(sizes[1:], 1):
+        x, y = surface_tables.level_origin(sizes, level)
+        assert x + width <= levels.shape[1]
+        assert y + height <= levels.shape[0]
+        used[y : y + height, x : x + width] += 1
+        truth = mean_over_parts(mean_over_parts(truth, height).swapaxes(0, 1), width).swapaxes(0, 1)
+        assert np.abs(levels[y : y + height, x : x + width] - truth).max() < SINGLE
+    assert used.max() <= 1
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_colors_are_averaged_in_linear_light():
+    values = np.zeros((2, 2, 4), np.float32)
+    values[0, :, :3], values[1, :, 3] = 1.0, 1.0
+    for weighs_alpha, expected in ((False, (0.5, 0.5, 0.5, 0.5)), (True, (0.0, 0.0, 0.0, 0.5))):
+        page = surface_tables.upload_image(ImagePixels(values, is_srgb=True, is_byte=True, weighs_alpha=weighs_alpha))
+        assert np.allclose(np.array(page.levels.read()).ravel(), expected)
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_values_that_are_not_finite_do_not_spread():
+    values = np.full((8, 8, 4), 0.5, np.float32)
+    values[0, 0], values[7, 7] = np.nan, np.inf
+    page = surface_tables.upload_image(ImagePixels(values))
+    levels = np.array(page.levels.read()).reshape(page.levels.height, page.levels.width, 4)
+    assert np.isfinite(np.array(page.pixels.read())).all()
+    assert np.isfinite(levels).all()
+    assert np.isnan(values[0, 0]).all()  # the caller's pixels stay
+    assert levels[0, 0, 0] == np.float32(0.375)
+    assert (levels[1:3, 1:3] == 0.5).all()
+
+
+def test_an_image_that_is_too_large_is_reduced():
+    values = np.random.default_rng(2).random((7, 10, 4), np.float32)
+    assert surface_tables.fitting(values, 10)[0] is values
+    reduced, parts = surface_tables.fitting(values, 4)
+    assert parts == 3
+    assert reduced.shape == (3, 4, 4)
+    assert np.allclose(reduced[0, 0], values[:3, :3].mean(axis=(0, 1)))
+    assert np.allclose(reduced[2, 3], values[6:, 9:].mean(axis=(0, 1)))
+
+
+def test_an_image_without_pixels_is_refused():
+    with pytest.raises(ValueError, match="no pixels"):
+        surface_tables.upload_image(ImagePixels(np.zeros((0, 5, 4), np.float32)))
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_a_very_wide_image_has_all_its_levels():
+    values = np.zeros((3, 16384, 4), np.float32)
+    values[:, ::2] = 1.0
+    page = surface_tables.upload_image(ImagePixels(values, is_byte=True))
+    assert page.top == 14
+    assert page.levels.width == 8192
+    x, y = surface_tables.level_origin(surface_tables.level_sizes(16384, 3), 14)
+    levels = np.array(page.levels.read()).reshape(page.levels.height, page.levels.width, 4)
+    assert np.allclose(levels[y, x], 0.5, atol=SINGLE)
+
+
+# Plain values
+
+
+EXACT_VALUES = 1e-5
+
+
+def shown(seen, values, feed, materials):
+    seen.begin(materials)
+    table = surface_tables.upload_values(np.asarray(values, np.float32), seen.corners)
+    surface_values.add_attribute(seen.sums, seen.hits, table, feed, 1, labels=seen.labels, materials=materials)
+    return seen.read()
+
+
+def test_attributes_are_interpolated_in_each_triangle_seed_1():
+    """Values that jump at each edge: an attribute of any domain, by corner."""
+    rng = np.random.default_rng(1)
+    triangles = grid(4, 5)
+    values = rng.random((len(triangles), 3, 4))
+    seen = SeenSurface(triangles, (64, 64))
+    sums = shown(seen, values.reshape(-1, 4), AttributeFeed("a"), surface_tables.upload_materials(np.ones(2)))
+    points = np.stack([seen.x, seen.y], axis=-1).reshape(-1, 1, 2).astype(float)
+    a, b, c = (triangles[None, :, i, :2] for i in range(3))
+
+    def area(p, q, r):
+        return (q - p)[..., 0] * (r - p)[..., 1] - (q - p)[..., 1] * (r - p)[..., 0]
+
+    weights = np.stack([area(b, c, points), area(c, a, points), area(a, b, points)], -1) / area(a, b, c)[..., None]
+    inside = weights.min(axis=-1)
+    found = inside.argmax(axis=1)
+    clear = inside.max(axis=1) > 1e-4  # a texel on an edge may show either triangle
+    picked = np.arange(len(found))
+    truth = np.einsum("nk,nkc->nc", weights[picked, found], values[found])
+    assert clear.mean() > 0.9
+    assert np.abs(sums.reshape(-1, 4)[clear, :3] - truth[clear, :3]).max() < EXACT_VALUES
+    assert (sums[..., 3] == 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("value", "channel", "expected"),
+    [
+        ((0.25,), None, (0.25, 0.25, 0.25)),
+        ((0.25, 0.5), None, (0.25, 0.5, 0.0)),
+        ((0.25, 0.5, 0.75), 1, (0.5, 0.5, 0.5)),
+        ((0.25, 0.5, 0.75), 3, (1.0, 1.0, 1.0)),
+        ((0.25, 0.5, 0.75, 0.1), 3, (0.1, 0.1, 0.1)),
+        ((1.0, 0.0, 0.0), LUMINANCE, (0.212639, 0.212639, 0.212639)),
+    ],
+)
+def test_attributes_have_one_to_four_channels(value, channel, expected):
+    triangles = grid(1, 1)
+    seen = SeenSurface(triangles, (8, 8))
+    feed = AttributeFeed("a", channel, (2.0, 2.0, 2.0), (0.5, 0.0, 0.0))
+    sums = shown(seen, np.broadcast_to(value, (6, len(value))), feed, surface_tables.upload_materials(np.ones(2)))
+    assert np.allclose(sums[..., :3], np.array(expected) * 2.0 + (0.5, 0.0, 0.0))
+
+
+def test_limits_count_at_the_hit_before_scale_and_offset_seed_2():
+    """What is interpolated is limited, and not the corners."""
+    values = np.random.default_rng(2).uniform(-2.0, 3.0, (6, 3))
+    limits = Limits((0.2, 0.0, -1.0), (0.9, 1.0, 5.0))
+    triangles = grid(1, 1)
+    seen = SeenSurface(triangles, (32, 32))
+    free, limited = (
+        shown(seen, values, AttributeFeed("a", limits=found), surface_tables.upload_materials(np.ones(2)))[..., :3]
+        for found in (Limits(), limits)
+    )
+    assert free.min() < -1.0
+    assert np.array_equal(limited, free.clip(np.float32(limits.low), np.float32(limits.high)))
+    luminance = AttributeFeed("a", LUMINANCE, limits=Limits(least=0.0, most=1.0))
+    found = shown(seen, values, luminance, surface_tables.upload_materials(np.ones(2)))[..., 0]
+    assert np.abs(found - free.clip(0.0, 1.0) @ np.array(LUMINANCE_WEIGHTS)).max() < EXACT_VALUES
+
+
+def test_only_materials_of_the_feed_show_the_attribute():
+    triangles = grid(2, 2)
+    seen = SeenSurface(triangles, (8, 8), materials=1 + (triangles.mean(axis=1)[:, 0] > 0.5))
+    sums = shown(seen, np.ones((24, 3)), AttributeFeed("a"), surface_tables.upload_materials(np.array([0, 1, 2])))
+    assert (sums[:, :4] == 1.0).all()
+    assert (sums[:, 4:] == 0.0).all()
+
+
+# Served blocks
+
+
+def scattered(seed, count=150, size=(200, 130)):
+    """A surface of many materials and some holes."""
+    rng = np.random.default_rng(seed)
+    triangles = grid(23, 17)
+    keep = rng.random(len(triangles)) < 0.7
+    return SeenSurface(triangles[keep], size, materials=rng.integers(1, count, keep.sum()))
+
+
+@pytest.fixture
+def groups(monkeypatch):
+    """The numbers of workgroups of each pass that runs on blocks."""
+    counted, whole = [], target.dispatch_groups
+
+    def count(program, groups, **bindings):
+        if "blocks" in bindings:
+            counted.append(groups[0] * groups[1])
+        whole(program, groups, **bindings)
+
+    monkeypatch.setattr(target, "dispatch_groups", count)
+    return counted
+
+
+def test_each_block_lists_its_materials_seed_1():
+    """Against the labels of the hits, drawn as constants: material m has the color m."""
+    seen = scattered(1)
+    seen.begin(surface_tables.upload_materials(np.zeros(150, int), np.repeat(np.arange(150)[:, None], 3, axis=1)))
+    sums = seen.read()
+    blocks = surface_tables.find_blocks(seen.hits, seen.labels)
+    assert blocks.masks.shape == (5, 7, 4)
+    for number in range(1, 150):
+        same_bit = (sums[..., 3] == 1.0) & (sums[..., 0] % 96 == number % 96)
+        padded = np.pad(same_bit, ((0, 160 - 130), (0, 224 - 200))).reshape(5, 32, 7, 32)
+        expected = np.argwhere(padded.any(axis=(1, 3)))[:, ::-1]
+        feeds = np.zeros(150, int)
+        feeds[number] = 3
+        found = blocks.serving(surface_tables.upload_materials(feeds), 3)
+        assert np.array_equal(found, expected)
+
+
+def test_maps_are_the_same_by_blocks_and_whole_seed_2(groups):
+    seen = scattered(2, count=6)
+    shown = page(np.random.default_rng(2).random((64, 64)))
+    materials = surface_tables.upload_materials(np.array((-1, 1, 2, 2, 0, 1, 3)))
+    blocks = surface_tables.find_blocks(seen.hits, seen.labels)
+    maps = []
+    for where in (None, blocks):
+        seen.begin(materials)
+        for number in (1, 2):
+            seen.add(shown, ImageFeed("a"), materials, number, blocks=where)
+        maps.append(seen.read())
+    assert np.array_equal(*maps)
+    assert len(np.unique(maps[0])) > 1000
+    assert groups[0] == 5 * 7 * 16
+
+
+def test_only_blocks_that_show_the_image_run(groups):
+    triangles = grid(4, 4)
+    seen = SeenSurface(triangles, (256, 128), materials=1 + (triangles.mean(axis=1)[:, 0] > 0.75))
+    blocks = surface_tables.find_blocks(seen.hits, seen.labels)
+    for feeds in ((0, 0, 1), (0, 1, 0), (0, 0, 0)):
+        materials = surface_tables.upload_materials(np.array(feeds))
+        seen.begin(materials)
+        seen.add(page(np.ones((4, 4))), ImageFeed("a"), materials, blocks=blocks)
+        assert (seen.read()[..., 3] == 1.0).all()
+    assert groups == [2 * 4 * 16, 6 * 4 * 16]
+
+
+def test_samplers_and_images_show_the_same_seed_3(monkeypatch):
+    """Software drivers read tables as images, others as samplers."""
+    image = np.random.default_rng(3).random((90, 70))
+    maps = []
+    for as_images in (True, False):
+        shader.load.cache_clear()
+        monkeypatch.setattr(shader, "reads_images", lambda as_images=as_images: as_images)
+        seen = scattered(3, count=3)
+        materials = surface_tables.upload_materials(np.array((-1, 1, 0)))
+        seen.begin(materials)
+        blocks = surface_tables.find_blocks(seen.hits, seen.labels)
+        seen.add(page(image, is_srgb=True), ImageFeed("a", mapping=((3, 1, 0), (0, 2, 0))), materials, blocks=blocks)
+        maps.append(seen.read())
+    shader.load.cache_clear()
+    assert np.array_equal(*maps)
+    assert len(np.unique(maps[0])) > 1000

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from addon.mesh import edges
+from addon.core import threads
+from addon.mesh import edges, face_shapes, shared_values, subdividing
 from addon.mesh.edges import has_area, neighbors, past_flat
-from addon.mesh.triangle_mesh import Mesh
+from addon.mesh.triangle_mesh import CORNER_BLOCK, FaceCorners, Mesh
 
 
 def by_edge(points, triangles):
@@ -266,3 +267,286 @@ def test_hard_edges_of_a_rough_sheet(seed):
             expected += [tuple(sorted(tuple(map(float, end)) for end in ends))] * 2
     assert expected
     assert [ends for ends, _ in listed(mesh)] == sorted(expected)
+
+
+# Face corners
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_found_equals_a_search_through_all(seed):
+    rng = np.random.default_rng(seed)
+    sizes = rng.integers(3, 7, 400)
+    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+    count = 300
+    # Close faces have close vertices, as in meshes that programs make; then in any order.
+    near = np.repeat(np.linspace(0, count - 20, len(sizes)).astype(int), sizes)
+    vertices = near + rng.integers(0, 20, len(near)) if seed % 2 else rng.integers(0, count, len(near))
+    faces = FaceCorners(starts, vertices.astype(np.int32))
+    assert len(vertices) > 2 * CORNER_BLOCK
+    wanted = np.unique(rng.integers(0, count, rng.integers(1, 40)))
+    corners = faces.corners_at(wanted, count)
+    assert np.array_equal(corners, np.flatnonzero(np.isin(vertices, wanted)))
+    face_of = np.repeat(np.arange(len(sizes)), sizes)
+    found = faces.faces_of(corners)
+    assert np.array_equal(found, np.unique(face_of[corners]))
+    assert np.array_equal(faces.corners_of(found), np.flatnonzero(np.isin(face_of, found)))
+    assert np.array_equal(faces.sizes(found), sizes[found])
+    of_triangles = np.repeat(np.arange(len(sizes)), sizes - 2)
+    assert np.array_equal(faces.triangles_of(found), np.flatnonzero(np.isin(of_triangles, found)))
+
+
+def test_no_vertices_have_no_corners():
+    faces = FaceCorners(np.array([0, 3], np.int32), np.array([0, 1, 2], np.int32))
+    corners = faces.corners_at(np.empty(0, int), 3)
+    assert len(corners) == len(faces.faces_of(corners)) == len(faces.corners_of(faces.faces_of(corners))) == 0
+
+
+# Face shapes
+
+
+CUTS = {"first and third": [(0, 1, 2), (0, 2, 3)], "second and fourth": [(0, 1, 3), (1, 2, 3)]}
+
+
+def mesh(points, triangles, numbers, *, normals=None, to_world=None):
+    """A mesh in which each corner has its own point."""
+    vertices = np.arange(len(points))
+    return Mesh(
+        name="low",
+        positions=np.asarray(points, np.float32),
+        vertices=np.asarray(vertices, np.int32),
+        normals=np.asarray(np.zeros((len(points), 3)) if normals is None else normals, np.float32),
+        triangles=np.asarray(triangles, np.int32),
+        to_world=np.eye(4) if to_world is None else to_world,
+        faces=np.asarray(numbers, np.int32),
+    )
+
+
+def quad(height=0.0, cut="first and third", to_world=None):
+    """A square of side 1 with one corner lifted."""
+    points = [(0, 0, 0), (1, 0, 0), (1, 1, height), (0, 1, 0)]
+    return mesh(points, CUTS[cut], [0, 0], to_world=to_world)
+
+
+@pytest.mark.parametrize("cut", CUTS)
+@pytest.mark.parametrize(("degrees", "is_non_planar"), [(0.0, False), (0.9, False), (1.1, True), (40.0, True)])
+def test_quad_is_non_planar_by_the_angle_between_its_triangulations(cut, degrees, is_non_planar):
+    # One triangulation has a triangle in the plane. Both triangles of the other are tilted against the plane, but less
+    # against the lifted triangle.
+    assert face_shapes.non_planar(quad(np.tan(np.radians(degrees)), cut)).tolist() == [is_non_planar]
+
+
+def test_angles_include_the_scale_of_the_object():
+    tall = quad(0.001, to_world=np.diag([1.0, 1.0, 100.0, 1.0]))
+    assert not face_shapes.non_planar(quad(0.001)).any()
+    assert face_shapes.non_planar(tall).all()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_result_does_not_depend_on_size(scale):
+    to_world = np.diag([scale, scale, scale, 1.0])
+    assert face_shapes.non_planar(quad(0.1, to_world=to_world)).all()
+    assert not face_shapes.non_planar(quad(0.0, to_world=to_world)).any()
+
+
+def test_concave_quad_is_non_planar_where_a_diagonal_lies_outside():
+    dart = [(0, 0, 0), (2, -1, 0), (0.5, 0, 0), (2, 1, 0)]
+    assert face_shapes.non_planar(mesh(dart, CUTS["first and third"], [0, 0])).all()
+
+
+def test_planar_quad_with_three_corners_in_line_is_planar():
+    assert not face_shapes.non_planar(
+        mesh([(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0)], CUTS["second and fourth"], [0, 0])
+    ).any()
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_one_tilted_sliver_makes_a_quad_non_planar(turn):
+    points = [(0, 0, 0), (2, -1, 0), (1, 2, 0), (0.48, 1.01, 0.01)]
+    assert face_shapes.non_planar(mesh(points[turn:] + points[:turn], CUTS["first and third"], [0, 0])).all()
+
+
+@pytest.mark.parametrize(("height", "is_non_planar"), [(0.0, False), (0.01, False), (0.2, True)])
+def test_n_gon_with_a_lifted_corner_is_non_planar(height, is_non_planar):
+    angles = 2 * np.pi * np.arange(6) / 6
+    points = np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=1)
+    points[3, 2] = height
+    fan = [(0, i, i + 1) for i in range(1, 5)]
+    assert face_shapes.non_planar(mesh(points, fan, [0] * 4)).tolist() == [is_non_planar]
+
+
+def test_mixed_faces_are_reported_by_face_index():
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    points += [(0, 0, 0), (1, 0, 0), (1, 1, 1), (0, 1, 0)]
+    points += [(0, 0, 0), (1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0)]
+    triangles = [(0, 1, 2), (3, 4, 5), (3, 5, 6), (7, 8, 9), (7, 9, 10), (7, 10, 11)]
+    mixed = mesh(points, triangles, [0, 1, 1, 2, 2, 2])
+    assert face_shapes.non_triangles(mixed).tolist() == [False, True, True]
+    assert face_shapes.non_planar(mixed).tolist() == [False, True, False]
+
+
+TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+
+
+@pytest.mark.parametrize("corner", range(3))
+@pytest.mark.parametrize(
+    ("degrees", "is_behind"), [(0, False), (89, False), (91, True), (180, True), (269, True), (271, False)]
+)
+def test_one_normal_behind_its_triangle_is_found(corner, degrees, is_behind):
+    normals = np.tile((0.0, 0.0, 1.0), (3, 1))
+    normals[corner] = np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))
+    assert face_shapes.normals_behind(mesh(TRIANGLE, [(0, 1, 2)], [0], normals=normals)).tolist() == [is_behind]
+    assert face_shapes.normals_behind(mesh(TRIANGLE, [(0, 2, 1)], [0], normals=-normals)).tolist() == [is_behind]
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1e4])
+def test_triangle_without_area_has_no_normals_behind(scale):
+    behind = np.tile((0.0, 0.0, -1.0), (6, 1))
+    points = np.array([*TRIANGLE, (0, 0, 0), (1, 0, 0), (2, 0, 0)]) * scale
+    assert face_shapes.normals_behind(mesh(points, [(0, 1, 2), (3, 4, 5)], [0, 1], normals=behind)).tolist() == [
+        True,
+        False,
+    ]
+
+
+def test_all_triangles_are_checked_across_blocks():
+    """The count is more than one block, and not a multiple of a block."""
+    count = threads.BLOCK + 3
+    points, normals = np.tile(TRIANGLE, (count, 1)), np.tile((0.0, 0.0, 1.0), (3 * count, 1))
+    truth = np.arange(count) % 7 == 0
+    normals[::3][truth] *= -1.0
+    found = face_shapes.normals_behind(mesh(points, np.arange(3 * count).reshape(-1, 3), range(count), normals=normals))
+    np.testing.assert_array_equal(found, truth)
+
+
+# Shared values
+
+
+def grid(n):
+    """Corners of n x n quads: their vertices (4 n^2,) and triangles (2 n^2, 3), indices into the corners."""
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).reshape(-1, 1)
+    vertices = (first + [0, 1, n + 2, n + 1]).reshape(-1).astype(np.int32)
+    triangles = (np.arange(n * n)[:, None, None] * 4 + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3).astype(np.int32)
+    return (n + 1) ** 2, vertices, triangles
+
+
+def kept(*meshes):
+    """How many values are left of meshes: the arguments of `share`. Those of all corners are what went in, to the bit."""
+    counts = [mesh[0] for mesh in meshes]
+    values, own = shared_values.joined([shared_values.share(*mesh) for mesh in meshes], counts)
+    before = np.cumsum([0, *counts[:-1]])
+    vertices = [mesh[1][mesh[3]] + first for first, mesh in zip(before, meshes, strict=True)]
+    places = shared_values.places(own, np.concatenate(vertices))
+    assert places.dtype == own.dtype == np.int32
+    expected = np.concatenate([mesh[2][mesh[3]] for mesh in meshes])
+    assert np.array_equal(np.ascontiguousarray(values[places]).view(np.int32), expected.view(np.int32))
+    return len(values)
+
+
+def random(rows, seed, channels=3):
+    return np.random.default_rng(seed).normal(size=(rows, channels)).astype(np.float32)
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+@pytest.mark.parametrize("domain", ["", "POINT"])
+def test_smooth_values_are_those_of_the_vertices_seed_1(domain, channels):
+    count, vertices, triangles = grid(5)
+    assert kept((count, vertices, random(count, 1, channels)[vertices], triangles, domain)) == count
+
+
+@pytest.mark.parametrize("domain", ["", "FACE"])
+def test_flat_triangles_have_one_value_each_seed_2(domain):
+    count, vertices, triangles = grid(5)
+    values = np.repeat(random(len(vertices) // 4, 2), 4, axis=0)
+    # Without a domain, the corners that gave the vertices their values may keep them.
+    most = len(triangles) + (0 if domain else count)
+    assert kept((count, vertices, values, triangles, domain)) <= most
+
+
+def test_hard_edges_add_values_only_along_them_seed_3():
+    count, vertices, triangles = grid(8)
+    values = random(count, 3)[vertices].reshape(-1, 4, 3)
+    values[28:32] *= np.float32(-1.0)  # half a row of quads
+    # The triangles that touch the ten vertices of these quads: three for each, at each corner.
+    assert count < kept((count, vertices, values.reshape(-1, 3), triangles)) <= count + 3 * 28
+
+
+def test_corners_that_share_nothing_keep_their_values_seed_4():
+    count, vertices, triangles = grid(6)
+    assert kept((count, vertices, random(len(vertices), 4), triangles)) <= triangles.size + count
+
+
+def test_a_zero_with_a_sign_is_another_value():
+    count, vertices, triangles = grid(2)
+    values = np.zeros((len(vertices), 3), np.float32)
+    values[:4, 0] = -0.0
+    kept((count, vertices, values, triangles))
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_one_number_makes_another_value_seed_9(axis):
+    count, vertices, triangles = grid(3)
+    values = random(count, 9)[vertices]
+    values[0, axis] += np.float32(0.5)
+    values[19, axis] += np.float32(0.5)
+    kept((count, vertices, values, triangles))
+
+
+def test_corners_that_no_triangle_uses_change_nothing_seed_5():
+    count, vertices, triangles = grid(4)
+    values = random(count, 5)[vertices]
+    values[-4:] = np.nan  # of the last quad
+    kept((count, vertices, values, triangles[:-2]))
+
+
+def test_mirrored_triangles_seed_7():
+    """Mesh.front_triangles is a view backwards."""
+    count, vertices, triangles = grid(4)
+    flat = np.repeat(random(len(vertices) // 4, 8), 4, axis=0)
+    kept((count, vertices, random(len(vertices), 7), triangles[:, ::-1]))
+    kept((count, vertices, flat, triangles[:, ::-1], "FACE"))
+
+
+def test_several_meshes_are_joined_seed_11():
+    """Smooth, flat, and mixed ones: numbers go on from mesh to mesh, whichever have values of vertices."""
+    count, vertices, triangles = grid(4)
+    smooth = count, vertices, random(count, 11)[vertices], triangles, "POINT"
+    flat = count, vertices, np.repeat(random(len(vertices) // 4, 12), 4, axis=0), triangles, "FACE"
+    mixed = count, vertices, random(len(vertices), 13), triangles, ""
+    for meshes in ([smooth, flat, mixed], [flat, smooth], [flat, flat], [mixed, mixed, smooth]):
+        kept(*meshes)
+    assert kept(flat, flat) == 2 * len(triangles)
+
+
+# Subdividing
+
+
+CORNERS = np.array([(0, 0), (4, 0), (0, 2), (5, 5), (5, 6), (7, 5)], np.float32)
+TRIANGLES = np.array([(0, 1, 2), (3, 4, 5)])
+
+
+def doubled_areas(points, triangles):
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+
+
+@pytest.mark.parametrize("counts", [(1, 1), (2, 5), (7, 1), (3, 3)])
+def test_pieces_are_equal_and_fill_their_triangle(counts):
+    pieces = subdividing.divide(np.array(counts))
+    points = pieces.interpolate(CORNERS, TRIANGLES)
+    areas, parents = doubled_areas(points, pieces.triangles), pieces.parents[pieces.triangles]
+    for number, (count, whole) in enumerate(zip(counts, doubled_areas(CORNERS, TRIANGLES), strict=True)):
+        own = areas[(parents == number).all(axis=1)]
+        assert len(own) == count**2
+        assert np.allclose(own, whole / count**2, rtol=1e-4)  # equal areas of the same sign
+    assert len(areas) == sum(count**2 for count in counts)
+
+
+def test_corners_stay_where_they_are():
+    pieces = subdividing.divide(np.array([4, 2]))
+    points = pieces.interpolate(CORNERS, TRIANGLES)
+    assert {tuple(corner) for corner in CORNERS} <= {tuple(point) for point in points}
+
+
+def test_nothing_has_no_pieces():
+    pieces = subdividing.divide(np.zeros(0, int))
+    assert len(pieces.triangles) == len(pieces.interpolate(CORNERS, TRIANGLES)) == 0

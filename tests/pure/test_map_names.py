@@ -134,3 +134,20 @@ def test_numbers_of_any_size_have_32_bits_in_files_of_floats(name):
 
 def test_labels_take_the_lowest_depth_of_their_format():
     assert beside("OBJECT_ID", output="a.exr", depth=32).storing.depth == 16
+
+
+# File names
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [
+        *((name, name) for name in ("Möbel", "岩", "صخرة", "rock.001", "a b  c", "it's", ".hidden", "a#1", "con2")),
+        *(("a/b", "a_b"), ("C:\\x", "C__x"), ('say "so"', "say _so_"), ("<UDIM>", "_UDIM_"), ("tab\there", "tab_here")),
+        *(("..", "__"), ("ends. .", "ends___"), ("CON", "CON_"), ("nul.png", "nul_.png"), ("com1", "com1_")),
+        *(("\udcff", "_"), ("100%", "100_")),
+    ],
+)
+def test_only_characters_that_file_systems_refuse_are_replaced(name, written):
+    assert naming.file_name(name) == written
+    assert naming.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"

@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests which settings are accepted, and the messages for the others."""
 
+import argparse
 import dataclasses
+import re
+from dataclasses import fields
 
 import pytest
 
-from addon.core import file_formats
-from addon.core.declarations.map_settings import MAX_SIZE, MIN_SIZE
+from addon.cli import arguments, option_types
+from addon.cli.job_file import KEYS
+from addon.cli.options import FILES, OBJECTS, OPTIONS
+from addon.core import file_formats, map_types
+from addon.core.declarations import bases, kinds
+from addon.core.declarations.all_settings import DECLARED, PANELS
+from addon.core.declarations.choices import Pack
+from addon.core.declarations.map_settings import CONVERT, MAX_SIZE, MIN_SIZE
 from addon.core.errors import BakeError
-from addon.core.settings import Settings
+from addon.core.map_types import AO, METALLIC, ROUGHNESS, Channel, Family, Kind
+from addon.core.settings import PARTS, Settings
+from addon.passes import lit
+from scripts.dev import tables
+from scripts.imprint import ROOT
 
 GOOD = [
     {},
@@ -89,3 +102,263 @@ def test_settings_cannot_be_changed():
 def test_the_automatic_basis_follows_the_render_engine(basis, engine, read):
     assert Settings(basis=basis).read_by(engine).map.basis == read
     assert Settings().map.basis == "AUTO"
+
+
+# Declarations
+
+
+OPTIONAL = {name: setting for name, setting in DECLARED.items() if setting.option}
+FIELDS = {field.name: field for kind in PARTS.values() for field in fields(kind)}
+
+
+def plain(text):
+    """Text without line breaks and Markdown."""
+    return re.sub(r"\s+", " ", text.replace("`", "").replace("\\|", "|"))
+
+
+def test_the_manuals_tables_are_up_to_date():
+    """To update them, run `python3 scripts/dev/tables.py`."""
+    assert [page.name for page in tables.outdated()] == []
+
+
+def test_the_manual_has_each_table_once():
+    text = "".join(page.read_text(encoding="utf-8") for page in tables.PAGES)
+    found = [place[2] or place[3] for place in tables.PLACE.finditer(text)]
+    assert sorted(found) == sorted(tables.TABLES)
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_each_field_of_the_settings_is_declared(name):
+    assert FIELDS[name].default == DECLARED[name].default
+
+
+def test_each_declaration_is_a_field_or_used_only_by_the_panel():
+    """Only the panel uses its switches and slots, settings with another option or none in a bake."""
+    more = {name for name, setting in DECLARED.items() if name not in FIELDS and setting.option}
+    assert more == {"low", "highs", "cage", "size", "export", *CONVERT}
+    assert {name for name in FIELDS if not DECLARED[name].option} == {"width", "height", "storage"}
+
+
+def test_no_two_panels_show_the_same_setting():
+    assert sum(len(panel.settings) for panel in PANELS.values()) == len(DECLARED)
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_texts_have_no_full_stop_at_their_end(name):
+    setting = DECLARED[name]
+    items = setting.items if isinstance(setting, kinds.Choice) else ()
+    for text in (
+        setting.label,
+        setting.panel_tooltip,
+        *(text for item in items for text in (item.label, item.tooltip)),
+    ):
+        assert text
+        assert not text.endswith(".")
+        assert text[0].isupper() or not text[0].isalpha() or text.startswith(("glTF", "three.js", "xNormal"))
+
+
+@pytest.mark.parametrize("name", [name for name, setting in DECLARED.items() if setting.switch])
+def test_a_switch_decides_whether_a_number_is_none(name):
+    switch = DECLARED[DECLARED[name].switch]
+    assert (switch.default == switch.empties) == (DECLARED[name].default is None)
+
+
+@pytest.mark.parametrize("name", OPTIONAL)
+def test_help_tooltip_and_manual_have_the_same_text(name):
+    setting = OPTIONAL[name]
+    text = setting.option.off or setting.tooltip
+    help_text = plain(arguments.parser("imprint").format_help()).replace("- ", "-")
+    panels = plain((tables.ROOT / "docs" / "panels.md").read_text(encoding="utf-8"))
+    assert text.replace("- ", "-") in help_text
+    assert setting.tooltip in panels
+    assert f"--{setting.option.word or name.replace('_', '-')}" in panels
+
+
+def test_each_option_comes_from_a_declaration_or_is_in_the_list_of_others():
+    made = {setting.option.word or name.replace("_", "-") for name, setting in OPTIONAL.items()}
+    words = {word for group in OPTIONS.values() for word in group}
+    assert words - made == (set(OBJECTS) | set(FILES)) - {"low", "high", "cage"}
+    assert made <= words
+    assert set(KEYS) == words | {"file"}
+
+
+WRONG = {
+    "method": "flatten",
+    "samples": 3,
+    "maps": ("HEIGTH",),
+    "width": 15,
+    "margin": -1,
+    "extrusion": -0.5,
+    "max_distance": 0.0,
+    "limit": float("nan"),
+    "missed": (0.5, 0.5, 1.5),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_the_message_about_a_value_outside_the_limits_has_the_label(name):
+    with pytest.raises(BakeError, match=f"^{DECLARED[name].label}: "):
+        Settings(**{name: WRONG[name]}).check()
+
+
+def test_extrusion_may_be_zero():
+    Settings(extrusion=0.0).check()
+
+
+@pytest.mark.parametrize(
+    ("method", "samples", "expected"),
+    [("FLATTEN", 64, False), ("CAST", 2, False), ("CAST", 4, True), ("AUTO", 4, True)],
+)
+def test_samples_are_adaptive_from_a_number_on_that_depends_on_the_method(method, samples, expected):
+    assert Settings(samples=samples).sampling.are_adaptive(method) is expected
+    assert not Settings(samples=samples, adaptive=False).sampling.are_adaptive(method)
+
+
+# Bases
+
+
+FLAGS = ("bitangent_of_vertices", "normalizes_tangent", "normalizes_bitangent", "normalizes_normal")
+
+
+def constants(library, prefix):
+    """The numbers in a library of shaders whose names have this prefix, by the rest of their names."""
+    source = (ROOT / "shaders" / "lib" / f"{library}.glsl").read_text(encoding="utf-8")
+    return {name: int(number) for name, number in re.findall(rf"const int {prefix}_(\w+) = (\d+);", source)}
+
+
+def test_the_shader_has_the_declared_kinds_of_maps():
+    assert constants("decode_lib", "DECODE") == {
+        "WORLD": lit.WORLD,
+        "OBJECT": lit.OBJECT,
+        "TANGENT": lit.TANGENT,
+        "REBUILT_Z": lit.REBUILT_Z,
+    }
+
+
+@pytest.mark.parametrize("name", FLAGS)
+def test_the_shader_has_the_declared_flags_of_bases(name):
+    one = bases.Basis("X", "", "", **{name: True})
+    assert constants("basis_lib", "BASIS")[name.upper()] == one.flags
+    assert set(constants("basis_lib", "BASIS")) == {flag.upper() for flag in FLAGS}
+
+
+def test_each_basis_has_rules_of_its_own():
+    assert len({one.flags for one in bases.BASES}) == len(bases.BASES) == 4
+
+
+def test_files_of_blender_keep_their_basis():
+    """They hold the place in the list."""
+    assert DECLARED["basis"].values[:3] == (bases.AUTO, "CYCLES", "MIKKTSPACE")
+
+
+def test_earlier_names_of_a_basis_are_read_as_its_name():
+    read = option_types.one_of(DECLARED["basis"])
+    assert [read(word) for word in ("blender", "BLENDER", "cycles", "mikktspace-vertex", "mikktspacevertex")] == [
+        "CYCLES",
+        "CYCLES",
+        "CYCLES",
+        "MIKKTSPACE_VERTEX",
+        "MIKKTSPACE_VERTEX",
+    ]
+    with pytest.raises(argparse.ArgumentTypeError, match="auto, cycles, mikktspace, mikktspace-vertex, normalized$"):
+        read("blend")
+
+
+def test_each_render_engine_has_one_basis():
+    engines = [engine for one in bases.BASES for engine in one.engines]
+    assert len(set(engines)) == len(engines)
+    assert all(bases.of_engine(engine).engines.count(engine) for engine in engines)
+
+
+# Map types
+
+
+def test_names_and_suffixes_are_unique():
+    declared = [map_types.NORMAL, map_types.MASK, *map_types.OTHERS]
+    assert len(map_types.BY_NAME) == len({map_type.suffix for map_type in declared}) == len(declared)
+
+
+def test_the_shader_has_the_declared_indices_of_maps():
+    source = (ROOT / "shaders" / "bake" / "height_position_ids_frag.glsl").read_text(encoding="utf-8")
+    found = {name: int(number) for name, number in re.findall(r"const int INDEX_(\w+) = (\d+);", source)}
+    assert found == {map_type.name: map_type.index for map_type in map_types.OTHERS if map_type.family is Family.POINTS}
+
+
+@pytest.mark.parametrize("map_type", map_types.OTHERS, ids=lambda map_type: map_type.name)
+def test_only_label_maps_have_labels_and_they_are_not_deep(map_type):
+    assert (map_type.kind is Kind.LABEL) == (map_type.labeled is not None)
+    assert not (map_type.kind is Kind.LABEL and map_type.is_deep)
+
+
+# Packing
+
+
+AMBIENT, ROUGH, METAL = (Channel(kind.name) for kind in (AO, ROUGHNESS, METALLIC))
+SMOOTH = Channel(ROUGHNESS.name, is_inverted=True)
+BLACK, WHITE = Channel(constant=0.0), Channel(constant=1.0)
+LAYOUTS = {
+    Pack.GLTF: ("orm", AMBIENT, ROUGH, METAL, WHITE),
+    Pack.UNREAL: ("orm", AMBIENT, ROUGH, METAL, WHITE),
+    Pack.GODOT: ("orm", AMBIENT, ROUGH, METAL, WHITE),
+    Pack.URP: ("metallic_smoothness", METAL, BLACK, BLACK, SMOOTH),
+    Pack.HDRP: ("mask", METAL, AMBIENT, WHITE, SMOOTH),
+}
+
+
+@pytest.mark.parametrize("pack", LAYOUTS)
+def test_the_channels_of_each_engine(pack):
+    packing = Settings(pack=pack).map.packing
+    assert (packing.suffix, *packing.channels) == LAYOUTS[pack]
+    assert list(packing.by_name()) == ["red", "green", "blue", "alpha"]
+
+
+def test_every_choice_but_none_has_a_layout():
+    assert [pack for pack in Pack if Settings(pack=pack).map.packing is None] == [Pack.NONE]
+
+
+def test_a_layout_of_ones_own():
+    settings = Settings(
+        pack=Pack.CUSTOM, pack_red="HEIGHT", pack_green="ONE", pack_blue="SMOOTHNESS", pack_alpha="HEIGHT"
+    )
+    packing = settings.map.packing
+    assert (packing.suffix, *packing.channels) == ("packed", Channel("HEIGHT"), WHITE, SMOOTH, Channel("HEIGHT"))
+    assert packing.maps == ("HEIGHT", ROUGHNESS.name)
+
+
+def test_maps_that_are_packed_are_drawn_and_not_stored_alone():
+    settings = Settings(maps=("HEIGHT", "ROUGHNESS"), pack=Pack.HDRP)
+    assert settings.map.drawn_maps == ("HEIGHT", "AO", "ROUGHNESS", "METALLIC")
+    assert settings.without_other_maps().map.drawn_maps == ()
+    assert settings.map.maps == ("HEIGHT", "ROUGHNESS")
+    assert Settings(maps=("HEIGHT",)).map.drawn_maps == ("HEIGHT",)
+
+
+@pytest.mark.parametrize("chosen", [{"normal": True}, {"maps": ("HEIGHT",)}, {"pack": Pack.GLTF}])
+def test_one_map_is_enough(chosen):
+    Settings(**{"normal": False} | chosen).check()
+
+
+@pytest.mark.parametrize("mask", [False, True])
+def test_at_least_one_map_must_be_chosen(mask):
+    with pytest.raises(BakeError, match="No map is chosen: choose the normal map"):
+        Settings(normal=False, mask=mask).check()
+
+
+def test_a_packed_image_must_hold_a_map():
+    settings = Settings(pack=Pack.CUSTOM, pack_red="ONE", pack_green="ZERO", pack_blue="ZERO", pack_alpha="ONE")
+    with pytest.raises(BakeError, match="The packed image would hold no map"):
+        settings.check()
+
+
+@pytest.mark.parametrize("pack", [pack for pack in Pack if pack not in (Pack.NONE, Pack.CUSTOM)])
+def test_presets_take_the_widened_roughness_if_it_is_chosen(pack):
+    plain, widened = (Settings(pack=pack, maps=maps).map.packing for maps in ((), ("WIDENED_ROUGHNESS",)))
+    assert "ROUGHNESS" in plain.maps
+    assert widened.maps == tuple(name.replace("ROUGHNESS", "WIDENED_ROUGHNESS") for name in plain.maps)
+    for before, after in zip(plain.channels, widened.channels, strict=True):
+        assert (before.is_inverted, before.constant) == (after.is_inverted, after.constant)
+
+
+def test_a_layout_of_one_s_own_holds_what_it_names():
+    settings = Settings(pack=Pack.CUSTOM, pack_green="ROUGHNESS", maps=("WIDENED_ROUGHNESS",))
+    assert settings.map.packing.channels[1].map == "ROUGHNESS"

@@ -1,14 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that materials become the feeds that Cycles' emission bake of the same nodes shows."""
 
+import json
+import random
+import struct
+
 import bpy
 import numpy as np
 import pytest
 
-from addon.core.material_feeds import LUMINANCE, AttributeFeed, Constant, Extension, ImageFeed, Limits
+from addon.core.material_feeds import (
+    AVERAGE,
+    LUMINANCE,
+    AttributeFeed,
+    BumpFeed,
+    Constant,
+    Extension,
+    ImageFeed,
+    Limits,
+    NormalMapFeed,
+)
 from addon.scene.materials.material_reading import read_materials
+from addon.scene.mesh_elements import attribute_by_corner
 from addon.scene.textures import ImageTextures
-from tests.support import feeds
+from tests.support import feeds, random_cases
+from tests.support.random_nodes import FOLLOWED, OTHERS, SHADERS, grow
 from tests.support.shader_nodes import add, feed_color, image, principled, read, texture
 
 SIZE = 64
@@ -819,3 +835,490 @@ def test_long_chains_are_named(material):
         output = add(material, "Invert", {"Color": output}).outputs[0]
     (note,) = feed_color(material, output).notes["Base Color"]
     assert note.endswith("because more than 60 nodes follow each other.")
+
+
+# Detail normals
+
+
+def connect(material, output):
+    material.node_tree.links.new(output, principled(material).inputs["Normal"])
+    return read(material)
+
+
+def normal_map(material, color, **properties):
+    return add(material, "NormalMap", {"Color": color}, **properties)
+
+
+def test_a_normal_map(material):
+    node = texture(material, image(space="Non-Color"))
+    found = connect(material, normal_map(material, node.outputs[0], uv_map="UVMap").outputs[0])
+    assert isinstance(found.detail, NormalMapFeed)
+    assert (found.detail.uv_layer, found.detail.strength, found.detail.is_green_down) == ("UVMap", 1.0, False)
+    assert (found.detail.image.channel, found.detail.image.uv_layer) == (None, "")
+    assert found.notes == {}
+
+
+def test_the_strength(material):
+    node = texture(material, image(space="Non-Color"))
+    mapped = normal_map(material, node.outputs[0])
+    for value, expected in ((0.5, 0.5), (3.0, 3.0)):
+        mapped.inputs["Strength"].default_value = value
+        assert connect(material, mapped.outputs[0]).detail.strength == expected
+    mapped.inputs["Strength"].default_value = 0.0
+    assert connect(material, mapped.outputs[0]).detail is None
+
+
+def test_a_map_whose_green_nodes_invert(material):
+    """Separate, invert green, combine: the usual nodes for maps of DirectX."""
+    node = texture(material, image(space="Non-Color"))
+    parts = add(material, "SeparateColor", {"Color": node.outputs[0]})
+    over = add(material, "Invert", {"Color": parts.outputs["Green"]})
+    inputs = {"Red": parts.outputs["Red"], "Green": over.outputs[0], "Blue": parts.outputs["Blue"]}
+    joined = add(material, "CombineColor", inputs)
+    detail = connect(material, normal_map(material, joined.outputs[0]).outputs[0]).detail
+    assert detail.is_green_down
+    assert detail.image.scale == (1.0, 1.0, 1.0)
+    assert detail.image.offset == (0.0, 0.0, 0.0)
+
+
+def test_a_map_whose_green_a_curve_inverts(material):
+    node = texture(material, image(space="Non-Color"))
+    curves = add(material, "RGBCurve", {"Color": node.outputs[0]})
+    points = curves.mapping.curves[1].points
+    points[0].location, points[1].location = (0.0, 1.0), (1.0, 0.0)
+    curves.mapping.update()
+    detail = connect(material, normal_map(material, curves.outputs[0]).outputs[0]).detail
+    assert detail.is_green_down
+    assert detail.image.scale == pytest.approx((1.0, 1.0, 1.0), abs=1e-4)
+    assert detail.image.offset == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
+
+
+def test_the_convention_of_the_node(material):
+    node = texture(material, image(space="Non-Color"))
+    mapped = normal_map(material, node.outputs[0], convention="DIRECTX")
+    assert connect(material, mapped.outputs[0]).detail.is_green_down
+
+
+def test_a_map_of_two_channels(material):
+    node = texture(material, image(space="Non-Color"))
+    parts = add(material, "SeparateColor", {"Color": node.outputs[0]})
+    joined = add(material, "CombineColor", {"Red": parts.outputs[0], "Green": parts.outputs[1], "Blue": 1.0})
+    found = connect(material, normal_map(material, joined.outputs[0]).outputs[0]).detail.image
+    assert (found.channel, found.scale, found.offset) == (None, (1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def test_limits_of_heights_and_of_stored_normals(material):
+    node = texture(material, image(space="Non-Color", ends=(-2.0, 3.0)))
+    parts = add(material, "SeparateColor", {"Color": node.outputs[0]})
+    limit = add(material, "Clamp", {"Value": parts.outputs["Green"], "Min": 0.25, "Max": 0.75})
+    bump = connect(material, add(material, "Bump", {"Height": limit.outputs[0]}).outputs[0]).detail
+    assert (bump.image.limits.low[0], bump.image.limits.high[0]) == (0.25, 0.75)
+    several = add(material, "CombineColor", {"Red": limit.outputs[0], "Green": parts.outputs["Green"], "Blue": 1.0})
+    found = connect(material, normal_map(material, several.outputs[0]).outputs[0])
+    assert found.detail is None
+    assert found.notes["Normal"] == (
+        'Material "Rust": Normal: the detail is left out, because the channels of the normal map have several limits.',
+    )
+
+
+@pytest.mark.parametrize("space", ["OBJECT", "WORLD"])
+def test_other_spaces_are_named(material, space):
+    node = texture(material, image(space="Non-Color"))
+    found = connect(material, normal_map(material, node.outputs[0], space=space).outputs[0])
+    assert found.detail is None
+    assert found.notes["Normal"] == (
+        'Material "Rust": Normal: the detail is left out, because the node "Normal Map" is not in tangent space.',
+    )
+
+
+def test_no_detail(material):
+    assert connect(material, add(material, "NormalMap").outputs[0]).detail is None
+    assert connect(material, add(material, "NewGeometry").outputs["Normal"]).detail is None
+    assert connect(material, add(material, "Bump").outputs[0]).detail is None
+    assert read(material).notes == {}
+
+
+def test_a_bump_map(material):
+    node = texture(material)
+    bump = add(material, "Bump", {"Height": node.outputs[0], "Strength": 0.5, "Distance": 0.25})
+    found = connect(material, bump.outputs[0])
+    assert isinstance(found.detail, BumpFeed)
+    assert (found.detail.strength, found.detail.distance, found.detail.below) == (0.5, 0.25, None)
+    assert found.detail.image.channel == LUMINANCE
+    bump.invert = True
+    assert read(material).detail.distance == -0.25
+
+
+def test_a_bump_map_on_a_normal_map(material):
+    node, height = texture(material, image(space="Non-Color")), texture(material)
+    below = normal_map(material, node.outputs[0])
+    bump = add(material, "Bump", {"Height": height.outputs[0], "Normal": below.outputs[0]})
+    found = connect(material, bump.outputs[0])
+    assert isinstance(found.detail.below, NormalMapFeed)
+    assert found.detail.image.image != found.detail.below.image.image
+    bump.mute = True
+    assert read(material).detail == found.detail.below
+
+
+@pytest.mark.parametrize("name", ["Strength", "Distance"])
+def test_a_bump_map_without_height_leaves_what_is_below(material, name):
+    node, height = texture(material, image(space="Non-Color")), texture(material)
+    below = normal_map(material, node.outputs[0])
+    bump = add(material, "Bump", {"Height": height.outputs[0], "Normal": below.outputs[0], name: 0.0})
+    assert isinstance(connect(material, bump.outputs[0]).detail, NormalMapFeed)
+
+
+def test_a_bump_map_on_another_is_named(material):
+    first = add(material, "Bump", {"Height": texture(material).outputs[0], "Distance": 3.0})
+    second = add(material, "Bump", {"Height": texture(material).outputs[0], "Normal": first.outputs[0]})
+    found = connect(material, second.outputs[0])
+    assert (found.detail.distance, found.detail.below) == (second.inputs["Distance"].default_value, None)
+    assert found.notes["Normal"] == (
+        'Material "Rust": Normal: the node "Bump.001" lies on another Bump node, which the map does not have.',
+    )
+
+
+@pytest.mark.parametrize("kind", ["TexNoise", "VertexColor"])
+def test_heights_that_are_no_image_are_named(material, kind):
+    bump = add(material, "Bump", {"Height": add(material, kind).outputs[0]})
+    found = connect(material, bump.outputs[0])
+    assert found.detail is None
+    assert len(found.notes["Normal"]) == 1
+
+
+def test_displacement_is_named(material):
+    displacement = add(material, "Displacement")
+    output = material.node_tree.get_output_node("CYCLES")
+    material.node_tree.links.new(displacement.outputs[0], output.inputs["Displacement"])
+    assert read(material).notes == {"Normal": ('Material "Rust": Normal: the displacement is left out.',)}
+
+
+def test_detail_in_a_group(material):
+    """The group of a character's skin: an image outside, the Normal Map node inside."""
+    group = bpy.data.node_groups.new("skin", "ShaderNodeTree")
+    group.interface.new_socket("In", in_out="INPUT", socket_type="NodeSocketColor")
+    group.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketVector")
+    start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    group.links.new(add(group, "NormalMap", {"Color": start.outputs[0]}).outputs[0], end.inputs[0])
+    used = add(material, "Group", node_tree=group)
+    material.node_tree.links.new(texture(material, image(space="Non-Color")).outputs[0], used.inputs[0])
+    assert isinstance(connect(material, used.outputs[0]).detail, NormalMapFeed)
+
+
+# Random materials
+
+
+RANDOM_SIZE = 48
+RANDOM_BORDERS = 0.05
+"""The largest share of texels on borders of pixels, where rounding decides."""
+
+
+def images_for(source):
+    found = [image(f"image {place}", (4 + place, 3), seed=source.randrange(1000), space=space)
+             for place, space in enumerate(("sRGB", "Non-Color"))]  # fmt: skip
+    gone = bpy.data.images.new("gone", 1, 1)
+    gone.source, gone.filepath = "FILE", "//gone.png"
+    return [*found, gone]
+
+
+@random_cases.seeds(60, fast=24)
+def test_each_socket_is_a_feed_or_a_note_seed(seed, material):
+    source = random.Random(seed)
+    images = images_for(source)
+    for name in ("inner", "outer"):
+        group = bpy.data.node_groups.new(name, "ShaderNodeTree")
+        for place in range(3):
+            kind = source.choice(["NodeSocketColor", "NodeSocketFloat", "NodeSocketVector"])
+            group.interface.new_socket(str(place), in_out=source.choice(["INPUT", "OUTPUT"]), socket_type=kind)
+        start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+        grow(group, source, FOLLOWED + OTHERS, 6, images)
+        for socket in end.inputs[:-1]:
+            group.links.new(source.choice([out for node in group.nodes for out in node.outputs]), socket)
+        assert start.outputs
+    grow(material.node_tree, source, FOLLOWED * 3 + OTHERS + SHADERS, 30, images)
+    shader = principled(material)
+    outputs = [output for node in material.node_tree.nodes for output in node.outputs]
+    for socket in shader.inputs:
+        if source.random() < 0.7:
+            material.node_tree.links.new(source.choice(outputs), socket)
+    if source.random() < 0.5:
+        surface = material.node_tree.get_output_node("ALL").inputs["Surface"]
+        material.node_tree.links.new(source.choice([o for o in outputs if o.type == "SHADER"]), surface)
+    found = read(material)
+    assert all(
+        note.startswith('Material "Rust": ') and note.endswith(".") for notes in found.notes.values() for note in notes
+    )
+    if "" not in found.notes:
+        # Another Principled BSDF of the tree may be the surface, with other settings.
+        inputs = [s for n in material.node_tree.nodes if n.bl_idname == shader.bl_idname for s in n.inputs]
+        sockets = {socket.name for socket in inputs if socket.enabled and socket.type in {"RGBA", "VALUE"}}
+        assert set(found.feeds) | set(found.notes) >= sockets - {"Subsurface IOR"}
+        assert set(found.feeds) <= sockets
+    images = ImageTextures()
+    for feed in found.feeds.values():
+        if hasattr(feed, "image"):
+            assert images.load(feed.image).values.size
+
+
+@random_cases.seeds(100, fast=40)
+def test_feeds_without_notes_are_what_cycles_shows_seed(seed, material):
+    source = random.Random(seed)
+    images = [*images_for(source)[:2], image("wide", (4, 3), seed=seed, space="Non-Color", ends=(-1.0, 2.0))]
+    grow(material.node_tree, source, ["TexImage"], 2, images, is_sound=True)
+    grow(material.node_tree, source, FOLLOWED, source.randrange(1, 6), images, is_sound=True)
+    outputs = [o for node in material.node_tree.nodes for o in node.outputs if o.enabled and o.type != "SHADER"]
+    output = outputs[-1 - source.randrange(min(3, len(outputs)))]
+    material.node_tree.links.new(output, principled(material).inputs["Base Color"])
+    found = read(material)
+    if "Base Color" in found.notes:
+        return
+    obj = feeds.square(material, ((0.03, 0.02), (1.9, -0.3), (2.4, 1.7), (0.53, 2.02)))
+    colors = np.random.default_rng(seed).uniform(0.1, 2, (4, 4)).astype(np.float32)
+    obj.data.color_attributes.new("paint", "FLOAT_COLOR", "CORNER").data.foreach_set("color", colors.ravel())
+    feed = found.feeds["Base Color"]
+    if getattr(feed, "name", "paint") == "missing":
+        return
+    if (getattr(feed, "name", ""), getattr(feed, "channel", 0)) == ("UVMap", AVERAGE):
+        return  # Cycles takes the mean of two components, EEVEE that of three
+    mine = feeds.evaluate(feed, ImageTextures(), obj.data, RANDOM_SIZE)
+    theirs = feeds.cycles(obj, output, RANDOM_SIZE)
+    # Emission has no negative light.
+    scale = max(1.0, np.abs(mine).max())
+    wrong = np.abs(mine.clip(0.0, None) - theirs.clip(0.0, None)).max(axis=-1) > TOLERANCE * scale
+    assert wrong.mean() < RANDOM_BORDERS, (output.node.name, output.name, feed, mine[10, 10], theirs[10, 10])
+
+
+# Imported materials
+
+
+def png(path, seed, channels=3):
+    values = np.random.default_rng(seed).integers(0, 256, (4, 6, channels)).astype(np.uint8)
+    feeds.write_png(path, values)
+    return values
+
+
+def stored(feed) -> np.ndarray:
+    """The pixels of a feed's image, as 8 bits if it is data."""
+    return ImageTextures().load(feed.image).values[..., :3] * 255
+
+
+OBJ = """mtllib scan.mtl
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+usemtl one
+f 1/1 2/2 3/3 4/4
+usemtl two
+f 1/1 3/3 4/4
+usemtl three
+f 1/1 2/2 4/4
+"""
+MTL = """newmtl one
+Kd 0.8 0.7 0.6
+Ke 1 1 1
+map_Kd -s 2 3 1 -o 0.25 0.5 0 color.png
+map_Bump -bm 0.4 normal.png
+map_d alpha.png
+map_Ke emission.png
+map_Pr rough.png
+newmtl two
+Kd 0.2 0.3 0.4
+Pr 0.3
+Pm 1.0
+newmtl three
+map_Kd gone.png
+"""
+
+
+@pytest.fixture
+def scan(tmp_path):
+    """The materials of an OBJ file, by name."""
+    (tmp_path / "scan.obj").write_text(OBJ)
+    (tmp_path / "scan.mtl").write_text(MTL)
+    for seed, name in enumerate(("color", "normal", "alpha", "emission", "rough")):
+        png(tmp_path / f"{name}.png", seed, 4 if name == "alpha" else 3)
+    bpy.ops.wm.obj_import(filepath=str(tmp_path / "scan.obj"))
+    return {material.name: read(material) for material in bpy.data.materials}
+
+
+def test_the_textures_of_an_obj_file(scan):
+    found = scan["one"]
+    assert found.notes == {}
+    images = ("Base Color", "Emission Color", "Roughness", "Alpha")
+    assert all(isinstance(found.feeds[name], ImageFeed) for name in images)
+    assert len({found.feeds[name].image for name in images}) == 4
+    assert found.feeds["Base Color"].mapping == ((2.0, 0.0, 0.25), (0.0, 3.0, 0.5))
+    assert found.feeds["Alpha"].channel == 3
+    assert isinstance(found.detail, NormalMapFeed)
+    assert found.detail.strength == pytest.approx(0.4)
+
+
+def test_the_numbers_of_an_obj_file(scan):
+    found = scan["two"]
+    assert found.notes == {}
+    assert found.feeds["Base Color"].color[:3] == pytest.approx((0.2, 0.3, 0.4))
+    assert found.feeds["Roughness"].color[0] == pytest.approx(0.3)
+    assert found.feeds["Metallic"].color[0] == 1.0
+
+
+def test_a_missing_texture_of_an_obj_file_is_named(scan, tmp_path):
+    found = scan["three"]
+    assert "Base Color" not in found.feeds
+    assert found.notes["Base Color"] == (
+        'Material "three": Base Color is left out, because the image "gone.png" has no pixels: '
+        f"{tmp_path / 'gone.png'} cannot be read.",
+    )
+
+
+def gltf(tmp_path, material, extensions=(), *, has_colors=False):
+    """The material of a glTF file of one triangle with two UV sets, as Blender imports it."""
+    positions = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
+    uv = struct.pack("<6f", 0, 0, 1, 0, 0, 1)
+    colors = struct.pack("<12f", *(0.25,) * 12)
+    buffer = positions + uv + colors
+    (tmp_path / "data.bin").write_bytes(buffer)
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1, "TEXCOORD_1": 1} | ({"COLOR_0": 2} if has_colors else {})
+    images = ("base", "orm", "normal", "emission")
+    for seed, name in enumerate(images):
+        png(tmp_path / f"{name}.png", seed, 4 if name == "base" else 3)
+    views = [(0, 36), (36, 24), (60, 48)]
+    accessors = [("VEC3", {"min": [0, 0, 0], "max": [1, 1, 0]}), ("VEC2", {}), ("VEC4", {})]
+    document = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": list(extensions),
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": attributes, "material": 0}]}],
+        "materials": [{"name": "Rust", **material}],
+        "textures": [{"source": place} for place in range(len(images))],
+        "images": [{"uri": f"{name}.png"} for name in images],
+        "buffers": [{"uri": "data.bin", "byteLength": len(buffer)}],
+        "bufferViews": [{"buffer": 0, "byteOffset": start, "byteLength": length} for start, length in views],
+        "accessors": [
+            {"bufferView": place, "componentType": 5126, "count": 3, "type": kind, **limits}
+            for place, (kind, limits) in enumerate(accessors)
+        ],
+    }
+    (tmp_path / "scan.gltf").write_text(json.dumps(document))
+    bpy.ops.import_scene.gltf(filepath=str(tmp_path / "scan.gltf"))
+    return read(bpy.data.materials["Rust"])
+
+
+def test_all_textures_of_a_gltf_file(tmp_path):
+    found = gltf(
+        tmp_path,
+        {
+            "pbrMetallicRoughness": {
+                "baseColorTexture": {"index": 0},
+                "metallicRoughnessTexture": {"index": 1, "texCoord": 1},
+            },
+            "normalTexture": {"index": 2, "scale": 0.7},
+            "occlusionTexture": {"index": 1, "texCoord": 1},
+            "emissiveTexture": {"index": 3},
+            "emissiveFactor": [1, 1, 1],
+            "alphaMode": "BLEND",
+        },
+    )
+    assert found.notes == {}
+    assert (found.feeds["Roughness"].channel, found.feeds["Metallic"].channel) == (1, 2)
+    assert found.feeds["Roughness"].image == found.feeds["Metallic"].image
+    assert found.feeds["Roughness"].uv_layer == "UVMap.001"
+    assert found.feeds["Base Color"].image == found.feeds["Alpha"].image
+    assert found.feeds["Alpha"].channel == 3
+    assert isinstance(found.feeds["Emission Color"], ImageFeed)
+    assert isinstance(found.detail, NormalMapFeed)
+    assert found.detail.strength == pytest.approx(0.7)
+    orm = np.random.default_rng(1).integers(0, 256, (4, 6, 3))
+    assert np.abs(stored(found.feeds["Roughness"]) - orm).max() < 0.01
+
+
+def test_factors_of_a_gltf_file(tmp_path):
+    found = gltf(
+        tmp_path,
+        {
+            "pbrMetallicRoughness": {
+                "baseColorTexture": {"index": 0},
+                "baseColorFactor": [0.5, 0.25, 1.0, 0.5],
+                "metallicRoughnessTexture": {"index": 1},
+                "roughnessFactor": 0.4,
+                "metallicFactor": 0.6,
+            },
+            "emissiveTexture": {"index": 3},
+            "emissiveFactor": [1.0, 0.5, 0.25],
+            "alphaMode": "BLEND",
+        },
+    )
+    assert found.notes == {}
+    assert found.feeds["Base Color"].scale == pytest.approx((0.5, 0.25, 1.0))
+    assert found.feeds["Alpha"].scale[0] == pytest.approx(0.5)
+    assert found.feeds["Roughness"].scale[0] == pytest.approx(0.4)
+    assert found.feeds["Metallic"].scale[0] == pytest.approx(0.6)
+    assert found.feeds["Emission Color"].scale == pytest.approx((1.0, 0.5, 0.25))
+
+
+def test_a_moved_texture_of_a_gltf_file(tmp_path):
+    """The extension turns about the upper left corner; the images of glTF begin there."""
+    moved = {"KHR_texture_transform": {"offset": [0.1, 0.2], "rotation": 0.5, "scale": [2.0, 3.0]}}
+    found = gltf(
+        tmp_path,
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions": moved}}},
+        moved,
+    ).feeds["Base Color"]
+    cos, sin = np.cos(0.5), np.sin(0.5)
+    # The extension's matrix, on (u, 1 - v), and 1 - v of the result.
+    matrix = np.array([[2.0 * cos, 3.0 * sin, 0.1], [-2.0 * sin, 3.0 * cos, 0.2], [0.0, 0.0, 1.0]])
+    over = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
+    assert np.array(found.mapping) == pytest.approx((over @ matrix @ over)[:2], abs=1e-5)
+
+
+def test_a_cut_off_alpha_of_a_gltf_file_is_named(tmp_path):
+    found = gltf(
+        tmp_path,
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "alphaMode": "MASK", "alphaCutoff": 0.3},
+    )
+    alpha = found.feeds["Alpha"]
+    assert (alpha.channel, alpha.scale[0], alpha.offset[0]) == (3, 1.0, 0.0)
+    assert set(found.notes) == {"Alpha"}
+    (note,) = found.notes["Alpha"]
+    assert note.endswith("makes steps of a texture, of which the map has the values.")
+
+
+def test_vertex_colors_of_a_gltf_file(tmp_path):
+    found = gltf(tmp_path, {"pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.5, 1.0, 1.0]}}, has_colors=True)
+    assert found.notes == {}
+    assert isinstance(found.feeds["Base Color"], AttributeFeed)
+    assert found.feeds["Base Color"].scale == pytest.approx((1.0, 0.5, 1.0))
+
+
+def test_a_product_of_texture_and_vertex_colors_is_named(tmp_path):
+    found = gltf(tmp_path, {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, has_colors=True)
+    assert isinstance(found.feeds["Base Color"], ImageFeed)
+    (note,) = found.notes["Base Color"]
+    assert note.endswith("multiplies two textures, of which the map has the image.")
+
+
+def test_an_unlit_material_of_a_gltf_file(tmp_path):
+    """Scans often have it: its color is in the texture, and no light belongs to it."""
+    found = gltf(
+        tmp_path,
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "extensions": {"KHR_materials_unlit": {}}},
+        ["KHR_materials_unlit"],
+    )
+    assert isinstance(found.feeds["Base Color"], ImageFeed)
+    assert found.feeds["Base Color"] == found.feeds["Emission Color"]
+
+
+def test_ply_vertex_colors(tmp_path):
+    lines = ["ply", "format ascii 1.0", "element vertex 3", *(f"property float {axis}" for axis in "xyz")]
+    lines += [*(f"property uchar {name}" for name in ("red", "green", "blue")), "element face 1"]
+    lines += ["property list uchar int vertex_indices", "end_header"]
+    lines += ["0 0 0 255 0 0", "1 0 0 0 255 0", "0 1 0 0 0 255", "3 0 1 2"]
+    (tmp_path / "scan.ply").write_text("\n".join(lines) + "\n")
+    bpy.ops.wm.ply_import(filepath=str(tmp_path / "scan.ply"))
+    colors = attribute_by_corner(bpy.context.object.data, "")
+    assert np.abs(colors[:, :3] - np.eye(3)).max() < 1e-6

@@ -6,8 +6,12 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
+from addon.scene import mesh_reader, reading, steady_tangents
 from addon.scene.mesh_elements import attribute_by_corner, tangents_by_corner, uv_by_corner
 from addon.scene.textures import srgb_to_linear
+from tests.support import zoo
 
 CORNERS = [0, 1, 2, 3, 3, 2, 4]
 """The vertices of the corners of `two_faces`."""
@@ -142,3 +146,229 @@ def test_tangents_of_faces_with_any_corners(corners, is_mirrored):
     normal = data.polygons[0].normal.z
     assert np.abs(found[:, :3] - (0.0, -sign, 0.0)).max() < 1e-5
     assert (found[:, 3] == sign * normal).all()
+
+
+# Steady tangents
+
+
+SIDE = 120
+"""Faces along a side of the grids: more than PARALLEL in all."""
+ROUNDED = 2e-5
+"""How far MikkTSpace in single precision may be from double precision where faces take 4e-3 of the layout: 6e-8 / 4e-3."""
+
+
+def grid(quads, side=SIDE):
+    """A wavy grid with a share of quads, the others cut into triangles, a mirrored half of its UVs and a seam between both."""
+    rng = np.random.default_rng(17)
+    rows, columns = np.mgrid[0 : side + 1, 0 : side + 1] / side
+    points = np.stack([columns * 2, rows * 2, 0.2 * np.sin(5 * columns) * np.cos(4 * rows)], axis=-1).reshape(-1, 3)
+    numbers = np.arange((side + 1) ** 2).reshape(side + 1, side + 1)
+    corners = np.stack([numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]], axis=-1).reshape(-1, 4)
+    is_quad = rng.random(len(corners)) < quads
+    cut = corners[~is_quad]
+    faces = [*corners[is_quad].tolist(), *cut[:, [0, 1, 2]].tolist(), *cut[:, [0, 2, 3]].tolist()]
+    data = bpy.data.meshes.new("grid")
+    data.from_pydata(points.tolist(), [], faces)
+    data.shade_smooth()
+    layout = points[mesh_reader.corner_vertices(data)][:, :2] / 2
+    layout[:, 0] = np.abs(layout[:, 0] - 0.5)
+    layout += rng.normal(0, 1e-3, (len(points), 2))[mesh_reader.corner_vertices(data)]
+    data.uv_layers.new(name="UVMap").uv.foreach_set("vector", layout.astype(np.float32).reshape(-1))
+    return data
+
+
+def of_blender(data):
+    data.calc_tangents(uvmap="UVMap")
+    values = np.empty((len(data.loops), 3), np.float32)
+    data.loops.foreach_get("tangent", values.reshape(-1))
+    data.free_tangents()
+    return values
+
+
+def read(data):
+    return mesh_reader.with_tangents(data, "UVMap", "grid", np.eye(4)).tangents
+
+
+@pytest.mark.parametrize("quads", [0.0, 0.5, 1.0])
+def test_tangents_are_those_of_mikktspace_and_the_same_each_time(quads):
+    data = grid(quads)
+    assert len(data.polygons) > steady_tangents.PARALLEL
+    found = {read(data).tobytes() for _ in range(4)}
+    assert len(found) == 1
+    found, expected = read(data)[:, :3], of_blender(data)
+    assert np.abs(found - expected).max() < ROUNDED
+    assert not np.array_equal(found, expected)  # or nothing was added up again
+
+
+def test_small_meshes_are_steady_in_blender():
+    """The reason for PARALLEL."""
+    data = grid(1.0, 100)
+    assert len(data.polygons) == steady_tangents.PARALLEL
+    assert len({of_blender(data).tobytes() for _ in range(6)}) == 1
+
+
+def test_corners_that_differ_for_another_reason_stay():
+    data = grid(0.5)
+    before = of_blender(data)
+    before[:7] = [0.6, 0.8, 0.0]
+    before[9] = np.nan
+    mesh = mesh_reader.surface(data, "UVMap", "grid", np.eye(4))
+    tangents = np.concatenate([before, np.ones((len(before), 1), np.float32)], axis=1)
+    found = steady_tangents.steady(
+        tangents,
+        positions=mesh.positions[mesh.vertices],
+        normals=mesh.normals,
+        uv=mesh.uv,
+        starts=mesh_reader.face_values(data, "loop_start"),
+        sizes=mesh_reader.face_values(data, "loop_total"),
+    )
+    assert np.array_equal(found[[*range(7), 9]], tangents[[*range(7), 9]], equal_nan=True)
+    assert np.array_equal(found[:, 3], tangents[:, 3])
+
+
+# Vertex weights
+
+
+NAMES = {"offset_group": "far", "straight_group": "turned"}
+
+
+def paint(obj, name, by_vertex):
+    """Give the group `name` these weights; vertices with None stay outside."""
+    group = obj.vertex_groups.get(name) or obj.vertex_groups.new(name=name)
+    for vertex, weight in enumerate(by_vertex):
+        if weight is not None:
+            group.add([vertex], weight, "REPLACE")
+
+
+def read_weights(low, high=None, **settings):
+    high = high or zoo.plane("hi")
+    bpy.context.view_layer.update()
+    return reading.read(bpy.context, low, [high], None, Settings(**{"method": "CAST"} | settings))
+
+
+def with_nodes(obj, build):
+    """Add a Geometry Nodes modifier; build(tree, group_input, group_output) makes the nodes."""
+    tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
+    for kind in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=kind, socket_type="NodeSocketGeometry")
+    build(tree, tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput"))
+    obj.modifiers.new("Nodes", "NODES").node_group = tree
+
+
+def test_each_corner_has_the_weight_of_its_vertex():
+    low = zoo.plane("lo", n=2)
+    paint(low, "other", [0.1] * 9)
+    paint(low, "turned", [0.0, 0.25, 0.5, 1.0] + [None] * 5)
+    paint(low, "far", [None] * 5 + [0.0, 0.25, 0.5, 1.0])
+    meshes = read_weights(low, **NAMES)
+    offset = np.array([1, 1, 1, 1, 1, 0, 0.5, 1, 2], np.float32)  # twice the weight, 1 outside the group
+    straight = np.array([-1, -0.5, 0, 1, 0, 0, 0, 0, 0], np.float32)
+    assert np.array_equal(meshes.offset, offset[meshes.low.vertices])
+    assert np.array_equal(meshes.straight, straight[meshes.low.vertices])
+    assert meshes.offset.dtype == meshes.straight.dtype == np.float32
+
+
+def test_without_names_nothing_is_read():
+    low = zoo.plane("lo")
+    paint(low, "far", [0.0] * 4)
+    meshes = read_weights(low)
+    assert meshes.offset is None
+    assert meshes.straight is None
+    meshes = read_weights(low, offset_group="far")
+    assert (meshes.offset == 0.0).all()
+    assert meshes.straight is None
+
+
+def test_a_new_group_changes_nothing():
+    low = zoo.plane("lo", n=2)
+    bpy.context.view_layer.update()  # before the group is added, which Blender does not take for a change
+    low.vertex_groups.new(name="far")
+    assert (read_weights(low, offset_group="far").offset == 1.0).all()
+
+
+def test_flatten_needs_no_group():
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    assert read_weights(low, high, method="FLATTEN", **NAMES).offset is None
+    with pytest.raises(BakeError, match="'lo' has no vertex group 'far': name one that it has"):
+        read_weights(low, high, method="AUTO", **NAMES)
+
+
+def test_a_group_with_a_similar_name_is_suggested():
+    low = zoo.plane("lo")
+    paint(low, "farther", [0.0] * 4)
+    with pytest.raises(BakeError, match=r"'lo' has no vertex group 'fahrter': did you mean 'farther'\?$"):
+        read_weights(low, offset_group="fahrter")
+
+
+@pytest.mark.parametrize("kind", ["SUBSURF", "MIRROR", "TRIANGULATE", "ARRAY"])
+def test_modifiers_carry_the_weights_to_their_vertices(kind):
+    """The weight is 0.5 + x / 2, which all of these modifiers keep up to their own moves of the vertices."""
+    low = zoo.plane("lo", n=4)
+    paint(low, "far", [0.5 + 0.5 * vertex.co.x for vertex in low.data.vertices])
+    modifier = low.modifiers.new("Modifier", kind)
+    if kind == "SUBSURF":
+        modifier.subdivision_type, modifier.levels, modifier.render_levels = "SIMPLE", 1, 2
+    meshes = read_weights(low, offset_group="far")
+    x = meshes.low.positions[meshes.low.vertices][:, 0]
+    if kind == "ARRAY":
+        x = np.where(np.arange(len(x)) < len(x) // 2, x, x - 2.0)
+    if kind == "MIRROR":  # merged and copied vertices have the weights of their originals
+        assert len(x) == 128
+        x = np.concatenate([x[:64], -x[64:]])
+    if kind == "SUBSURF":
+        assert len(x) == 64 * 16  # as set for rendering
+    assert np.allclose(meshes.offset, 1.0 + x, atol=1e-6)
+
+
+def test_modifiers_may_renumber_the_groups():
+    low, other = zoo.plane("lo"), zoo.plane("other")
+    paint(other, "another", [0.9] * 4)
+    paint(low, "far", [0.25] * 4)
+
+    def join(tree, first, last):
+        node, info = tree.nodes.new("GeometryNodeJoinGeometry"), tree.nodes.new("GeometryNodeObjectInfo")
+        info.inputs["Object"].default_value = other
+        tree.links.new(first.outputs[0], node.inputs[0])
+        tree.links.new(info.outputs["Geometry"], node.inputs[0])
+        tree.links.new(node.outputs[0], last.inputs[0])
+
+    with_nodes(low, join)
+    assert sorted(read_weights(low, offset_group="far").offset) == [0.5] * 4 + [1.0] * 4
+
+
+def test_modifiers_that_remove_the_group_are_named():
+    low = zoo.plane("lo")
+    paint(low, "far", [1.0] * 4)
+
+    def remove(tree, first, last):
+        node = tree.nodes.new("GeometryNodeRemoveAttribute")
+        node.inputs["Name"].default_value = "far"
+        tree.links.new(first.outputs[0], node.inputs[0])
+        tree.links.new(node.outputs[0], last.inputs[0])
+
+    with_nodes(low, remove)
+    with pytest.raises(BakeError, match="The modifiers of 'lo' remove its vertex group 'far'"):
+        read_weights(low, offset_group="far")
+
+
+def test_a_base_mesh_has_its_own_weights():
+    low = zoo.plane("lo", n=2)
+    paint(low, "far", [0.0] * 3 + [None] * 6)
+    low.modifiers.new("Subdivision", "SUBSURF")
+    meshes = read_weights(low, low, offset_group="far")
+    assert meshes.is_own_base
+    assert np.array_equal(meshes.offset, np.where(meshes.low.vertices < 3, 0.0, 1.0))
+
+
+@pytest.mark.parametrize("mode", ["EDIT", "SCULPT", "WEIGHT_PAINT"])
+def test_every_mode_has_the_weights(mode):
+    low, high = zoo.plane("lo", n=2), zoo.plane("hi")
+    paint(low, "far", [0.0] * 3 + [None] * 6)
+    bpy.context.view_layer.objects.active = low
+    bpy.ops.object.mode_set(mode=mode)
+    settings = Settings(method="CAST", offset_group="far")
+    for meshes in (
+        reading.read(bpy.context, low, [high], None, settings),
+        reading.read_again(bpy.context, low, [high], None, settings),
+    ):
+        assert np.array_equal(meshes.offset, np.where(meshes.low.vertices < 3, 0.0, 1.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes a small .blend file as an older version of Imprint does, for tests/ui/test_older_files.py.
+"""Writes a small .blend file as an older version of Imprint does, for tests/ui/test_properties.py.
 
     git worktree add ../older COMMIT
     .venv/bin/python -m tests.support.older_file ../older tests/support/data/version_0.2.blend

@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators, called as in scripts, and their panel."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
 
+from addon import flamenco
 from addon.core import map_types, naming, progress
 from addon.core.declarations.all_settings import FORMER
+from addon.core.errors import BakeError
 from addon.ui import bake_operators
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
+from scripts.imprint import ROOT
 from tests.support import maps, zoo
+from tests.support.manual import blocks
 from tests.support.panel import add, refusal, select, use
 from tests.support.panel_layout import draw
 from tests.support.snapshot import difference, snapshot
@@ -473,3 +479,143 @@ def test_names_are_matched_again_only_after_a_change(pair, monkeypatch):
     bpy.context.scene.imprint.low_suffix = "_lp"
     assert "a_low: a_high" not in draw().labels
     assert len(asked) == 3
+
+
+# Levels panel
+
+
+@pytest.fixture
+def settings():
+    """The settings of the scene, for small maps of an active terrain."""
+    bpy.context.view_layer.objects.active = zoo.terrain("Hill", 12)
+    return use(size=64, storage="MEMORY")
+
+
+def test_the_panel_shows_the_limits_and_the_button(settings):
+    drawn = draw()
+    assert {"level_degrees", "level_distance", "export"} <= set(drawn.properties)
+    assert ("imprint.make_levels", True) in drawn.buttons
+
+
+def test_the_button_makes_a_level_for_each_limit(settings):
+    settings.level_degrees, settings.level_distance = "", "2, 4"
+    assert bpy.ops.imprint.make_levels() == {"FINISHED"}
+    assert [obj.name for obj in bpy.data.collections["Hill_LODs"].objects] == ["Hill_LOD1", "Hill_LOD2"]
+    assert bpy.context.window_manager.imprint_summary.startswith("Hill_LOD1: ")
+
+
+@pytest.mark.parametrize(
+    ("name", "files"), [("hill.glb", ["hill.glb"]), ("{low}.usd", ["Hill_LOD1.usd", "Hill_LOD2.usd"])]
+)
+def test_the_button_writes_files_for_an_engine(settings, tmp_path, name, files):
+    settings.level_degrees, settings.level_distance = "", "2, 4"
+    settings.export = str(tmp_path / name)
+    assert bpy.ops.imprint.make_levels() == {"FINISHED"}
+    assert sorted(path.name for path in tmp_path.glob("*.*")) == files
+    assert bpy.context.window_manager.imprint_summary.splitlines()[-1].startswith(f"Wrote {tmp_path / files[0]}")
+    if name.endswith(".glb"):
+        assert b"MSFT_lod" in (tmp_path / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("path", "text"), [("hill.usd", "put {low} into"), ("hill.obj", "no file for an engine"), ("//hill.glb", "save it")]
+)
+def test_a_file_that_cannot_take_levels_is_refused_before_they_are_made(settings, path, text):
+    settings.level_degrees, settings.level_distance, settings.export = "", "2, 4", path
+    with pytest.raises(RuntimeError, match=text):
+        bpy.ops.imprint.make_levels()
+    assert len(bpy.data.objects) == 1
+
+
+def test_levels_stay_where_their_file_cannot_be_written(settings, tmp_path):
+    settings.level_degrees, settings.level_distance = "", "4"
+    (tmp_path / "none").write_text("a file, not a folder")
+    settings.export = str(tmp_path / "none" / "hill.glb")
+    assert bpy.ops.imprint.make_levels() == {"FINISHED"}
+    assert len(bpy.data.objects) == 2
+    assert bpy.context.window_manager.imprint_warnings
+
+
+def test_the_usual_limits_are_valid_and_wrong_ones_are_reported(settings):
+    assert (settings.level_degrees, settings.level_distance) == ("1, 2, 4", "1")
+    settings.level_degrees = "one"
+    with pytest.raises(RuntimeError, match="are not degrees"):
+        bpy.ops.imprint.make_levels()
+    bpy.context.view_layer.objects.active = None
+    settings.level_degrees = "1"
+    with pytest.raises(RuntimeError, match="No object is active"):
+        bpy.ops.imprint.make_levels()
+    assert len(bpy.data.objects) == 1
+
+
+# Sending
+
+
+@pytest.fixture
+def address(monkeypatch):
+    """A Flamenco Manager in the preferences."""
+    monkeypatch.setattr(bake_operators, "flamenco_address", lambda _context: "http://farm")
+    return "http://farm"
+
+
+@pytest.fixture
+def sent(monkeypatch):
+    """The jobs that are sent, in place of sending them. Blender is online."""
+    jobs = []
+    monkeypatch.setattr(flamenco, "submit", lambda url, job: jobs.append((url, job)) or f"{url}/app/jobs/1")
+    monkeypatch.setattr(bake_operators.bpy, "app", SimpleNamespace(online_access=True), raising=False)
+    return jobs
+
+
+def test_the_button_is_there_if_an_address_is_set(address):
+    assert "imprint.send_to_flamenco" in {name for name, _ in draw().buttons}
+
+
+def test_without_an_address_there_is_no_button():
+    assert bake_operators.flamenco_address(bpy.context) == ""
+    assert "imprint.send_to_flamenco" not in {name for name, _ in draw().buttons}
+
+
+def test_without_online_access_nothing_is_sent(address, sent, monkeypatch, tmp_path):
+    monkeypatch.setattr(bake_operators.bpy, "app", SimpleNamespace(online_access=False))
+    with pytest.raises(RuntimeError, match="poll"):
+        bpy.ops.imprint.send_to_flamenco(filepath=str(tmp_path / "jobs.toml"))
+    assert sent == []
+
+
+def test_a_job_file_is_sent(address, sent, tmp_path):
+    path = tmp_path / "props.toml"
+    path.touch()
+    assert bpy.ops.imprint.send_to_flamenco(filepath=str(path), shards=4) == {"FINISHED"}
+    assert sent == [(address, flamenco.Job("props", {"jobs": str(path), "shards": 4}))]
+
+
+def test_a_missing_file_is_named(address, sent, tmp_path):
+    with pytest.raises(RuntimeError, match=r"no file .*none\.toml"):
+        bpy.ops.imprint.send_to_flamenco(filepath=str(tmp_path / "none.toml"))
+    assert sent == []
+
+
+def test_what_the_manager_refuses_is_shown(address, sent, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise BakeError("The Flamenco Manager refuses the job: no")
+
+    path = tmp_path / "props.toml"
+    path.touch()
+    monkeypatch.setattr(flamenco, "submit", refuse)
+    with pytest.raises(RuntimeError, match="refuses the job"):
+        bpy.ops.imprint.send_to_flamenco(filepath=str(path))
+
+
+# Manual examples
+
+
+def test_the_examples_of_operators_bake(tmp_path):
+    zoo.plane("rock_low")
+    zoo.plane("rock_high", slope=0.2)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rock.blend"))
+    (example,) = (text for _, text in blocks(ROOT / "docs" / "python.md") if text.startswith("import bpy"))
+    exec(example.replace("1024", "32").replace("last=48", "last=2"))
+    maps = {"rock.exr", "rock_ao.png", "rock_curvature.png", "rock_001.png", "rock_002.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {"rock.blend"} | maps
+    assert bpy.data.images["rock_low_normal"].size[:] == (32, 32)

@@ -9,9 +9,11 @@ import pytest
 from addon.scene.object_checks import ObjectRef
 from addon.ui import bake_panel, bake_results
 from addon.ui.bake_results import results
-from tests.support import zoo
+from tests.export.test_glb import bent_pair
+from tests.support import panel_layout, zoo
 from tests.support.panel import area, image_editor, use, window
 from tests.support.panel_layout import Layout
+from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
@@ -222,3 +224,164 @@ def test_objects_with_the_name_of_a_high_object_stay_visible(baked, tmp_path):
         bake_results.hide_high(bpy.context, report, hide=True)
         assert (own.visible_get(), other.visible_get()) == (False, True)
         bake_results.hide_high(bpy.context, report, hide=False)
+
+
+# Connect maps
+
+
+@pytest.fixture
+def low():
+    """A low object in its slot, with a high one."""
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    high.location.z = 0.2
+    use(low, size=16, method="CAST", material=False)
+    return low
+
+
+def bake(**settings):
+    for name, value in settings.items():
+        setattr(bpy.context.scene.imprint, name, value)
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
+
+
+def displacement(low):
+    return low.active_material.node_tree.nodes["Material Output"].inputs["Displacement"]
+
+
+def test_the_button_needs_a_map_that_a_material_takes(low):
+    assert not bpy.ops.imprint.connect_maps.poll()
+    bake(maps={"DISTANCE"})
+    assert not bpy.ops.imprint.connect_maps.poll()
+    bake(maps={"HEIGHT"})
+    assert bpy.ops.imprint.connect_maps.poll()
+
+
+def test_a_bake_leaves_the_material_to_the_button(low):
+    bake(maps={"HEIGHT"})
+    assert len(low.material_slots) == 0
+    assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
+    assert displacement(low).is_linked
+
+
+def test_a_shared_material_is_copied_as_the_setting_says(low):
+    material = bpy.data.materials.new("Skin")
+    for obj in (low, bpy.data.objects["hi"]):
+        obj.data.materials.append(material)
+    bake(maps={"HEIGHT"}, single_user=True)
+    assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
+    assert low.active_material.name == "Skin.001"
+    assert displacement(low).is_linked
+    assert not displacement(bpy.data.objects["hi"]).is_linked
+
+
+def test_an_image_that_is_gone_is_a_warning(low):
+    bake(maps={"HEIGHT"})
+    bpy.data.images.remove(bpy.data.images["lo_height"])
+    assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
+    assert len(low.material_slots) == 0
+
+
+@pytest.mark.parametrize("pack", ["NONE", "CUSTOM"])
+def test_a_map_without_a_value_is_a_warning(low, pack):
+    material = bpy.data.materials.new("Noisy")
+    tree = material.node_tree
+    noise = tree.nodes.new("ShaderNodeTexNoise").outputs[0]
+    shader = tree.nodes["Principled BSDF"]
+    for name in ("Base Color", "Metallic"):
+        tree.links.new(noise, shader.inputs[name])
+    bpy.data.objects["hi"].data.materials.append(material)
+    bake(maps={"BASE_COLOR", "METALLIC", "ROUGHNESS"}, pack=pack, pack_red="METALLIC", connect_maps=True)
+    found = low.active_material.node_tree.nodes["Principled BSDF"].inputs
+    assert [name for name in ("Base Color", "Metallic", "Roughness") if found[name].is_linked] == ["Roughness"]
+    (report,) = results.all_of(bpy.context)
+    assert "Maps without a value are not connected: Base Color, Metallic." in report.warnings
+    assert [name for name, how in report.maps.items() if how.get("empty")] == ["base_color", "metallic"]
+
+
+def test_undo_takes_attributes_and_links_away_in_one_step(low):
+    settings = bpy.context.scene.imprint
+    settings.maps, settings.vertex_domain, settings.connect_maps = {"HEIGHT"}, "CORNER", True
+    bpy.ops.ed.undo_push(message="before")
+    before = snapshot()
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
+    assert "height" in low.data.attributes
+    assert displacement(low).is_linked
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert difference(before, snapshot()) == {}
+
+
+def test_undo_of_the_button_leaves_the_images(low):
+    bake(maps={"HEIGHT"})
+    bpy.ops.ed.undo_push(message="before")
+    before = snapshot()
+    assert bpy.ops.imprint.connect_maps("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert difference(before, snapshot()) == {}
+    assert "lo_height" in bpy.data.images
+
+
+def test_the_button_connects_each_texture_set_with_its_own_material(low):
+    low.data = zoo.plane("finer", n=2).data
+    low.data.materials.append(bpy.data.materials.new("First"))
+    low.data.materials.append(bpy.data.materials.new("Second"))
+    low.data.polygons.foreach_set("material_index", [number % 2 for number in range(len(low.data.polygons))])
+    bake(maps={"HEIGHT"}, texture_sets=True)
+    assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
+    images = []
+    for name in ("First", "Second"):
+        node = bpy.data.materials[name].node_tree.nodes["Material Output"].inputs["Displacement"].links[0].from_node
+        images.append(node.inputs["Height"].links[0].from_node.image.name)
+    assert images == ["lo_First_height", "lo_Second_height"]
+
+
+# Export operator
+
+
+@pytest.fixture
+def low_object():
+    low_object, high = zoo.plane("lo"), zoo.plane("hi", slope=0.2)
+    settings = bpy.context.scene.imprint
+    settings.low, settings.method, settings.width, settings.height = low_object, "FLATTEN", 64, 64
+    settings.highs.add().object = high
+    return low_object
+
+
+def test_there_is_nothing_to_export_before_a_bake(low_object):
+    assert not bpy.ops.imprint.export.poll()
+
+
+def test_the_button_writes_the_file_of_the_panel(low_object, tmp_path):
+    bpy.ops.imprint.bake()
+    bpy.context.scene.imprint.export = str(tmp_path / "{low}.glb")
+    assert bpy.ops.imprint.export() == {"FINISHED"}
+    assert (tmp_path / "lo.glb").is_file()
+    (report,) = results.all_of(bpy.context, low_object)
+    assert report.export["files"] == [str(tmp_path / "lo.glb")]
+    assert "lo.glb: 2 triangles, read back" in "\n".join(report.summary())
+
+
+def test_an_error_is_told(low_object, tmp_path):
+    bpy.ops.imprint.bake()
+    with pytest.raises(RuntimeError, match=r"is no file for an engine: .glb"):
+        bpy.ops.imprint.export(filepath=str(tmp_path / "lo.obj"))
+    with pytest.raises(RuntimeError, match="No file is set"):
+        bpy.ops.imprint.export()
+
+
+def test_the_panel_keeps_the_warnings_of_the_file(tmp_path):
+    """Two triangles of a bent quad have other tangents than the quad."""
+    low_object, high = bent_pair()
+    settings = bpy.context.scene.imprint
+    settings.low, settings.method, settings.width, settings.height = low_object, "FLATTEN", 64, 64
+    settings.highs.add().object = high
+    bpy.ops.imprint.bake()
+    bpy.ops.imprint.export(filepath=str(tmp_path / "lo.fbx"))
+    assert "Engines make their own tangents of this file" in panel_layout.draw(width=2000).text
+    bpy.ops.imprint.export(filepath=str(tmp_path / "lo.glb"))
+    assert "Engines make their own tangents of this file" not in panel_layout.draw(width=2000).text
+
+
+def test_the_file_browser_lists_the_formats_and_warns_of_existing_files():
+    kind = bpy.ops.imprint.export.get_rna_type().properties
+    assert kind["filter_glob"].default == "*.glb;*.usd;*.usda;*.usdc;*.fbx"
+    assert kind["check_existing"].default
