@@ -24,7 +24,7 @@ class Sample:
     """One sample of each texel of a band, whose hits are known.
 
     number: from 0, among all samples of the band. is_central: whether it is the one nearest to the texel's center. normals,
-    hits: as sources.Source has them. blocks: where in the band its materials are, if images are looked up.
+    hits, covered: as sources.Source has them. blocks: where in the band its materials are, if images are looked up.
     """
 
     band: Band
@@ -32,6 +32,7 @@ class Sample:
     is_central: bool
     normals: target.Target
     hits: target.Target
+    covered: np.ndarray
     blocks: Blocks | None = None
 
 

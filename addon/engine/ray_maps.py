@@ -17,6 +17,7 @@ from ..core.settings import Run, Settings, TracingSettings
 from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import Mesh
 from ..passes import hemisphere, target, viewport
+from ..passes.shader import Program
 from . import tree_cache
 from .bands import Band
 from .high_meshes import HighSurface
@@ -29,6 +30,8 @@ class RayMaps(MapFamily):
 
     family: ClassVar[Family]
     title: ClassVar[str]
+    program: ClassVar[Program]
+    """That casts the rays."""
     values: ClassVar[tuple[hemisphere.Value, ...]]
     """By the index of the map."""
 
@@ -55,13 +58,18 @@ class RayMaps(MapFamily):
         band, count = sample.band, self.run.settings.sampling.samples
         sums = self._sums(band)
         rays = hemisphere.rays_of_sample(self.lattice, sample.number, count)
-        done = 0
-        for rows, some, is_first in hemisphere.slices(self.run.pace, band.height, rays, self.title):
+        tables, done = self.surface.tables, 0
+
+        def cast(rows: range, some: range, is_first: bool) -> None:
             with self.run.timings.timed("draw"):
                 is_start = is_first and sample.number == 0
-                tables = self.surface.tables
                 self._cast(sums, hemisphere.Rays(sample.hits.texture, tables, self.lattice, some, rows, is_start))
                 sums.finish()
+
+        size = band.width, band.height
+        for rows, some, is_first in hemisphere.slices(
+            self.run.pace, self.program, size, sample.covered, rays, draw=cast
+        ):
             done += len(some) * len(rows)
             # All rows of the picture have as many rays, or none yet.
             if is_first and sample.number == 0:
@@ -113,6 +121,7 @@ class OpennessMaps(RayMaps):
 
     family = Family.OPENNESS
     title = "Casting rays for occlusion"
+    program = hemisphere.ADD_OPENNESS
     values = (hemisphere.OCCLUSION,)
 
     def __init__(
@@ -148,6 +157,7 @@ class ThicknessMaps(RayMaps):
 
     family = Family.THICKNESS
     title = "Casting rays for thickness"
+    program = hemisphere.ADD_THICKNESS
     values = (hemisphere.THICKNESS,)
 
     def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:
@@ -160,6 +170,7 @@ class CurvatureMaps(RayMaps):
 
     family = Family.CURVATURE
     title = "Casting rays for curvature"
+    program = hemisphere.ADD_CURVATURE
     values = (hemisphere.CURVATURE, hemisphere.CONVEXITY, hemisphere.CAVITY)
 
     def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:

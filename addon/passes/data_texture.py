@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core import threads
 from ..core.errors import BakeError
+from . import allocation
 from . import blender_gpu as gpu
 
 WIDTH = 4096
@@ -104,8 +105,7 @@ def upload_numbers(*columns: np.ndarray) -> gpu.types.GPUTexture:
 def image(values: np.ndarray, texel: str = "RGBA32F") -> gpu.types.GPUTexture:
     """A texture of this format with the texels of `values`, (height, width, 4), or (height, width) for a single channel."""
     values = np.ascontiguousarray(values, np.float32)
-    data = gpu.types.Buffer("FLOAT", values.shape, values)
-    return gpu.types.GPUTexture(values.shape[1::-1], format=texel, data=data)
+    return allocation.texture(values.shape[1::-1], texel, values)
 
 
 def empty(count: int) -> np.ndarray:

@@ -37,6 +37,7 @@ ADD_IMAGE = Program(
     samplers=IMAGE,
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(*_ROWS, *LEVELS, *_IMAGE_NUMBERS),
+    cost=0.5,
 )
 ADD_CONSTANTS = Program(
     compute="surface/add_constants_comp.glsl",
@@ -67,6 +68,7 @@ NORMAL_MAP = Program(
     samplers=(*IMAGE, ("FLOAT_2D", "tangent_triangles"), ("FLOAT_2D", "tangents")),
     images=_NORMALS,
     constants=(("MAT4", "to_space"), *_ROWS, *_LIMITS, *_IMAGE_NUMBERS),
+    cost=0.5,
 )
 BUMP = Program(
     compute="surface/bump_comp.glsl",
@@ -74,6 +76,7 @@ BUMP = Program(
     samplers=IMAGE,
     images=_NORMALS,
     constants=(("MAT4", "to_space"), *_ROWS, ("FLOAT", "rise"), *_LIMITS, *_IMAGE_NUMBERS),
+    cost=2.0,
 )
 COLOR = 4
 """The channel of a whole color in shaders/lib/channel_lib.glsl."""
@@ -114,11 +117,10 @@ class ImageAtHits:
         flags |= self.image.flags | (not self.feed.is_smooth) * CLOSEST
         surface_tables.dispatch_in_blocks(
             program,
-            (self.hits.width, self.hits.height),
+            self.hits,
             self.blocks,
             self.materials,
             self.number,
-            hits=self.hits.texture,
             triangles=self.tables.triangles,
             points=self.tables.points,
             uv_triangles=self.uvs.triangles,
