@@ -249,13 +249,14 @@ def test_a_texture_is_copied_by_drawing_before_it_is_read_seed_2(monkeypatch):
 
 @pytest.mark.parametrize("texel", ["RGBA32UI", "RGBA32F"])
 def test_a_target_that_a_dispatch_wrote_is_waited_for(texel):
-    """A read-back that OpenGL refuses gives zeros, and does not wait: one of four channels of integers as Blender asks for them."""
+    """OpenGL refuses to read four channels of integers as Blender asks for them: it gives zeros, and does not wait."""
     kind, values = ("UINT_2D", "uvec4(7u, 8u, 9u, 10u)") if texel == "RGBA32UI" else ("FLOAT_2D", "vec4(7, 8, 9, 10)")
     info = gpu.types.GPUShaderCreateInfo()
     info.image(0, texel, kind, "written", qualifiers={"WRITE"})
     info.local_group_size(8, 8)
     info.compute_source(f"void main() {{ imageStore(written, ivec2(gl_GlobalInvocationID.xy), {values}); }}")
     compiled, into = gpu.shader.create_from_info(info), target.Target(8, 8, (texel,))
+    gpu.shader.from_builtin("UNIFORM_COLOR").bind()  # as shader.load has it
     compiled.bind()
     compiled.image("written", into.texture)
     gpu.compute.dispatch(compiled, 1, 1, 1)
