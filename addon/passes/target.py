@@ -119,11 +119,14 @@ class Target:
     def first(self) -> np.ndarray:
         """The first texel of the first texture, which was drawn. Integers have their first channel alone.
 
-        OpenGL refuses to read four channels of integers as Blender asks for them, and then does not wait either.
+        OpenGL refuses to read four channels of integers as Blender asks for them, and then does not wait either. Vulkan writes
+        four channels whatever is asked for, so that there must be room for them.
         """
         kind, channels = ("UINT", 1) if self.formats[0].endswith("UI") else ("FLOAT", 4)
+        read = gpu.types.Buffer(kind, 4)
         with self.bound() as framebuffer:
-            return np.array(framebuffer.read_color(0, 0, 1, 1, channels, 0, kind)).reshape(-1)
+            framebuffer.read_color(0, 0, 1, 1, channels, 0, kind, data=read)
+        return np.array(read.to_list()[:channels])
 
     @contextmanager
     def bound(self, depth: gpu.types.GPUTexture | None = None) -> Iterator[gpu.types.GPUFrameBuffer]:
