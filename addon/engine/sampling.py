@@ -200,6 +200,7 @@ class SampledMaps(BandMaps):
         size = self.settings.sampling.width, self.settings.sampling.height
         # Of a map in bands, only the coarse picture is shown.
         if band.is_whole and (clear or self.pace.takes_picture()):
+            clear = clear or self._picture is None  # it may show another bake, and new memory shows anything
             shown = self.space.of_sample(normals, band)
             self._picture = viewport.draw_preview(shown, size, channels(self.settings.map), clear=clear)
         return Progress("Drawing", done, self._picture)

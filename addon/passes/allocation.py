@@ -58,10 +58,24 @@ def triangles(values: np.ndarray) -> gpu.types.GPUIndexBuf:
         return gpu.types.GPUIndexBuf(type="TRIS", seq=values)
 
 
+def check_arrived(uploaded: gpu.types.GPUTexture, place: tuple[int, int], expected: np.ndarray) -> None:
+    """Raise NoGpuMemory if the texel (RGBA32F) at this column and row is not what was uploaded, (4,) float32."""
+    read = gpu.types.Buffer("FLOAT", 4)
+    framebuffer = gpu.types.GPUFrameBuffer(color_slots=[uploaded])
+    with framebuffer.bind():
+        framebuffer.read_color(*place, 1, 1, 4, 0, "FLOAT", data=read)
+    if np.asarray(read).tobytes() != expected.tobytes():
+        raise _refused(uploaded.width * uploaded.height * TEXEL_BYTES["RGBA32F"])
+
+
+def _refused(size: int) -> NoGpuMemory:
+    return NoGpuMemory(sum(count() for count in held) + size)
+
+
 @contextmanager
 def _refusals(size: int) -> Iterator[None]:
     """Raise NoGpuMemory if something of `size` bytes is refused in this block."""
     try:
         yield
     except (RuntimeError, MemoryError) as error:
-        raise NoGpuMemory(sum(count() for count in held) + size) from error
+        raise _refused(size) from error

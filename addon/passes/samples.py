@@ -95,7 +95,7 @@ def average(into: target.Target, sums: target.Target, *, is_direction: bool = Tr
 
 
 STOPPED = Program(
-    vertex="lib/fullscreen_vert.glsl",
+    vertex="lib/nearer_vert.glsl",
     fragment="adaptive/stopped_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("FLOAT_2D", "rounds"), ("FLOAT_2D", "covered")),

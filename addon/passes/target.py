@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -179,6 +180,10 @@ def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
 Kind = TypeVar("Kind", bound=Target)
 
 
+_pools: weakref.WeakSet[TargetPool] = weakref.WeakSet()
+allocation.held.append(lambda: sum(pool.bytes for pool in _pools))
+
+
 class TargetPool:
     """Targets by their roles, each kept until one of another size or format is asked for.
 
@@ -188,6 +193,7 @@ class TargetPool:
     def __init__(self, most_bytes: int = KEPT_BYTES):
         self.most_bytes = most_bytes
         self._targets: dict[str, Target] = {}
+        _pools.add(self)
         self._last_use = -math.inf
 
     def __len__(self) -> int:
@@ -345,11 +351,9 @@ def _draw_in_pieces(
     into: Target, program: Program, rows: range | None, draw_piece: Callable[[], None], *, clear: bool, **options
 ) -> None:
     """Draw these rows of `into`, or all of them, at once or in pieces as core.progress has them; options as in `drawing`."""
-    found = [rows]
-    if rows is None:
-        _, drawn = drawn_part(into.width, into.height)
-        found = progress.pieces(into.height, program.cost * into.width, progress.STEP)
-        found = [piece for piece in found if piece.start < drawn.stop and drawn.start < piece.stop]
+    _, drawn = drawn_part(into.width, into.height)
+    found = [rows] if rows is not None else progress.pieces(into.height, program.cost * into.width, progress.STEP)
+    found = [piece for piece in found if piece.start < drawn.stop and drawn.start < piece.stop]
     for number, piece in enumerate(found):
         with drawing(into, piece if len(found) > 1 else rows, clear=clear and not number, **options):
             draw_piece()
