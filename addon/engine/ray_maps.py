@@ -21,7 +21,7 @@ from ..passes.shader import Program
 from . import tree_cache
 from .bands import Band
 from .high_meshes import HighSurface
-from .map_families import MapFamily, Sample
+from .map_families import MapFamily, Sample, value_of
 from .normal_space import NormalSpace
 
 
@@ -83,7 +83,7 @@ class RayMaps(MapFamily):
         """Draw the picture of the rays so far."""
         if not (self.run.pace.has_listener and self.run.pace.has_picture and sample.band.is_whole):
             return
-        into = target.get("mean", sums.width, sums.height, "RGBA32F")
+        into = value_of(sample.band)
         self._values(self.names[0], into, sums, sample.normals.texture, rays)
         size = self.run.settings.sampling.width, self.run.settings.sampling.height
         is_first = self._picture is None  # the picture may still show the normal map
@@ -101,7 +101,7 @@ class RayMaps(MapFamily):
         return target.get(f"sums of {self.title}", band.width, band.height, "RGBA32F")
 
     def _draw(self, name: str, band: Band, known: gpu.types.GPUTexture, rays: float) -> gpu.types.GPUTexture:
-        into = target.get("mean", band.width, band.height, "RGBA32F")
+        into = value_of(band)
         self._values(name, into, self._sums(band), known, rays)
         return into.texture
 
