@@ -63,7 +63,9 @@ class RayMaps(MapFamily):
         def cast(rows: range, some: range, is_first: bool) -> None:
             with self.run.timings.timed("draw"):
                 is_start = is_first and sample.number == 0
-                self._cast(sums, hemisphere.Rays(sample.hits.texture, tables, self.lattice, some, rows, is_start))
+                first_row = band.start - band.halo
+                shared = sample.hits.texture, tables, self.lattice
+                self._cast(sums, hemisphere.Rays(*shared, some, rows, is_start, first_row))
                 sums.finish()
 
         size = band.width, band.height

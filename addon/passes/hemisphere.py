@@ -37,8 +37,9 @@ _CONSTANTS = (
     ("INT", "first_row"),
     ("INT", "first_leaf"),
 )
-"""`numbers` has the first ray, the count of rays, the step from a ray to the next, and 1 to replace the sums. Fourth numbers,
-since there are only 128 bytes: `grid_scale` has where rays end, `grid_origin` one that is free, `steps` the cone."""
+"""`numbers` has the first ray, the count of rays, the step from a ray to the next, and 1 to replace the sums plus twice the row
+of Rays.first_row. Fourth numbers, since there are only 128 bytes: `grid_scale` has where rays end, `grid_origin` one that is
+free, `steps` the cone."""
 ADD_OPENNESS = Program(
     compute="hemisphere/openness_comp.glsl",
     texels=_TEXELS,
@@ -76,6 +77,8 @@ UNLIMITED = 1e8
 FRONTS, BOTH = 1, 3
 """The sides of triangles that block, as in shaders/lib/reach_lib.glsl."""
 NO_FLOOR = -1e30
+SHIFTS = 64
+"""As LATTICE_SIDE in shaders/lib/lattice_lib.glsl."""
 AT_ONCE = 64
 """The most rays of a texel in one dispatch: large maps take rows of few texels otherwise."""
 
@@ -149,7 +152,8 @@ class Rays:
     """Rays from the hits of one sample.
 
     hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it, with triangles of `surface`. numbers: the points of the lattice. rows:
-    those of the map; the first is a multiple of 8. is_first: whether they replace what the sums hold.
+    those of the texture; the first is a multiple of 8. is_first: whether they replace what the sums hold. first_row: the row of
+    the map that is the texture's first: a band takes the rays that the whole map takes.
     """
 
     hits: gpu.types.GPUTexture
@@ -158,6 +162,7 @@ class Rays:
     numbers: range
     rows: range
     is_first: bool
+    first_row: int = 0
 
 
 @dataclass(frozen=True)
@@ -332,7 +337,7 @@ def _add(
         grid_scale=(*tree.scale, farthest),
         steps=(*lattice.step, lattice.count, cone),
         cell=lattice.cell,
-        numbers=(numbers.start, len(numbers), numbers.step, int(rays.is_first)),
+        numbers=(numbers.start, len(numbers), numbers.step, rays.first_row % SHIFTS * 2 + rays.is_first),
         first_leaf=tree.first_leaf,
         **bindings,
     )
