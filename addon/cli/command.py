@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..core import versions
-from ..core.errors import BakeError, NoGpu, WrongPlace, sentence
+from ..core.errors import BakeError, NoGpu, NoGpuMemory, WrongPlace, sentence
 from ..core.progress import Progress, startup
 from . import (
     arguments,
@@ -108,7 +108,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
     except (BakeError, MemoryError) as error:
         meter.clear()
         print(f"{program}: {sentence(error)}", file=sys.stderr)
-        return NO_MACHINE if isinstance(error, NoGpu | MemoryError) else FAILED
+        return NO_MACHINE if isinstance(error, NoGpu | NoGpuMemory | MemoryError) else FAILED
 
 
 def _bake(options: RunOptions, sets: Sequence[argparse.Namespace], meter: Meter, *, may_start_processes: bool) -> int:

@@ -154,9 +154,9 @@ def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
         )
 
 
-def band_texels(sampling: SamplingSettings) -> int:
-    """The most texels of a map that are drawn at once."""
-    return sampling.width * _tallest_band(sampling)
+def band_texels(sampling: SamplingSettings, texel_bytes: int) -> int:
+    """The most texels of a map that are drawn at once. texel_bytes: as core.preflight.texel_bytes returns them."""
+    return sampling.width * _tallest_band(sampling, texel_bytes)
 
 
 def draws_in_software() -> bool:
@@ -164,8 +164,16 @@ def draws_in_software() -> bool:
     return is_software(gpu.platform.renderer_get())
 
 
-def _tallest_band(sampling: SamplingSettings) -> int:
-    return max(band.height for band in bands(sampling.width, sampling.height, sampling.margin))
+def uses_vulkan() -> bool:
+    """Whether Blender draws with Vulkan; False if no GPU has started."""
+    try:
+        return gpu.platform.backend_type_get() == "VULKAN"
+    except SystemError:
+        return False
+
+
+def _tallest_band(sampling: SamplingSettings, texel_bytes: int = 1) -> int:
+    return max(band.height for band in bands(*sampling.size, sampling.margin, texel_bytes=texel_bytes))
 
 
 def files_read_by(jobs: Sequence[Job], *, has_maps: bool = True) -> list[tuple[str, str]]:

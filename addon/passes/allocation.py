@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.errors import NoGpuMemory
+from ..core.errors import BakeError, NoGpuMemory
 from . import blender_gpu as gpu
 
 if TYPE_CHECKING:
@@ -21,6 +22,32 @@ TEXEL_BYTES |= {"R32F": 4, "R32I": 4, "DEPTH_COMPONENT32F": 4}
 
 held: list[Callable[[], int]] = []
 """Functions that return how many bytes on the GPU an owner holds, for the message."""
+
+
+BUDGET = 1536 * 2**20
+"""Bytes that the targets of a bake may take: Blender does not say how much memory a GPU has, and few have less than 4 GiB."""
+VARIABLE = "IMPRINT_GPU_MEMORY"
+"""The environment variable with another budget, in MiB."""
+LEAST = 64
+"""The least budget, in MiB."""
+
+
+def no_preference() -> int | None:
+    """There are no preferences of Blender's."""
+    return None
+
+
+preferred: Callable[[], int | None] = no_preference
+"""Returns the budget of Blender's preferences in MiB; None without one. The interface replaces it."""
+
+
+def budget() -> int:
+    """The bytes on the GPU that the targets of a bake may take. Raises BakeError if the environment has no such number."""
+    text = os.environ.get(VARIABLE, "")
+    if text and not (text.isascii() and text.isdigit() and int(text) >= LEAST):
+        raise BakeError(f"{VARIABLE} is {text!r}: set a whole number of MiB, at least {LEAST}.")
+    megabytes = int(text) if text else preferred()
+    return BUDGET if megabytes is None else max(megabytes, LEAST) * 2**20
 
 
 def texture(size: tuple[int, int], texel: str, values: np.ndarray | None = None) -> gpu.types.GPUTexture:

@@ -258,6 +258,11 @@ def offscreen(role: str, width: int, height: int, texel: str) -> Offscreen:
     return _in_use.get().get(role, Offscreen, width, height, (texel,))
 
 
+def free_current() -> None:
+    """Free all targets of the pool in use."""
+    _in_use.get().free()
+
+
 @contextmanager
 def using(pool: TargetPool) -> Iterator[None]:
     """In this block targets come from `pool` and stay there; bakes that go on outside do not draw into them."""

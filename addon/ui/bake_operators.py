@@ -25,6 +25,7 @@ from ..jobs import bake_jobs, convert, lod
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.convert import Conversion
 from ..jobs.job import Job, jobs_by_name
+from ..passes import allocation
 from ..scene import reading
 from ..scene.object_checks import object_by_name
 from . import bake_results, modal, object_pairs
@@ -50,8 +51,25 @@ class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
         "Address of the Flamenco Manager that gets job files, as http://flamenco.local:8080",
     )
 
+    gpu_memory: labeled(
+        IntProperty,
+        "GPU Memory",
+        "GPU memory for the maps of a bake, in MiB. Bakes that need more are drawn in more parts. Meshes and images need "
+        "memory beside it",
+        default=allocation.BUDGET // 2**20,
+        min=allocation.LEAST,
+        max=2**16,
+    )
+
     def draw(self, _context: bpy.types.Context) -> None:
+        self.layout.prop(self, "gpu_memory")
         self.layout.prop(self, "flamenco")
+
+
+def gpu_memory() -> int | None:
+    """The GPU memory for maps in MiB as the preferences have it; None if this is no installed extension."""
+    own = bpy.context.preferences.addons.get(MODULE)
+    return own.preferences.gpu_memory if own and own.preferences else None
 
 
 def flamenco_address(context: bpy.types.Context) -> str:
@@ -375,4 +393,16 @@ CLASSES = (
     IMPRINT_OT_convert,
     IMPRINT_PT_convert,
 )
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register() -> None:
+    """Called when the extension is enabled."""
+    _register()
+    allocation.preferred = gpu_memory
+
+
+def unregister() -> None:
+    """Called when the extension is disabled."""
+    allocation.preferred = allocation.no_preference
+    _unregister()

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests that nothing that a bake draws keeps a slow GPU busy for long: the engine's own passes, on simulated GPUs."""
+"""Tests that nothing that a bake draws keeps a slow GPU busy for long, and that it fits in little memory: the engine's own
+passes, on simulated GPUs."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from addon.core.map_types import NAMES
 from addon.core.material_feeds import BumpFeed, HighMaterial, ImageFeed, ImagePixels, NormalMapFeed
 from addon.core.progress import Pace, finish
 from addon.core.settings import Run, Settings
@@ -14,7 +16,7 @@ from addon.engine.method_choice import choose_method
 from addon.engine.sampling import maps_of_bake
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import TANGENTS, UV_LAYER, Mesh
-from addon.passes import high_in_uv, target
+from addon.passes import allocation, high_in_uv, target
 from tests.support.simulated_gpu import GPUS, SimulatedGpu
 
 LONGEST = 0.5
@@ -81,11 +83,12 @@ def covered_by(rectangles, band):
 
 
 def draw(simulated, rectangles, size, pace, *, combined=False, **values):
-    """Draw all maps of a bake, with their margins."""
+    """Draw all maps of a bake, with their margins. Returns the rows of a band, and the bytes of a texel that are told."""
     fixed = {"extrusion": 0.01, "max_distance": 0.02, "margin_type": "ADJACENT_FACES", "margin": 64}
     settings = Settings(**{"method": "CAST", "width": size, "height": size, **fixed, **values})
     run = Run(settings, pace)
     meshes = meshes_of(rectangles, has_detail=settings.map.detail_maps)
+    meshes = meshes if settings.map.space == "TANGENT" else replace(meshes, basis=None)
     plan = choose_method(meshes, [1001], settings.tracing)
     if combined:
         rays = finish(ray_distances.measured_rays(plan.meshes, [1001], settings, run.timings))
@@ -93,10 +96,12 @@ def draw(simulated, rectangles, size, pace, *, combined=False, **values):
     else:
         source = finish(sources.normal_source(plan, run))
     maps, processes = maps_of_bake(plan.meshes, source, run), margins.for_maps([plan.meshes.low], settings)
-    for band in bands.bands(size, size, settings.sampling.margin):
+    of_map = list(bands.bands(size, size, settings.sampling.margin, texel_bytes=maps.texel_bytes))
+    for band in of_map:
         simulated.covered = covered_by(rectangles, band)
         for name, drawn in finish(maps.of(band)):
             processes[name].draw(band, drawn).finish()
+    return of_map[0].height, maps.texel_bytes
 
 
 @pytest.fixture
@@ -153,3 +158,47 @@ def test_millions_of_triangles_are_drawn_in_pieces(simulate, gpu):
     high_in_uv.draw_hits(into, None, count, (1.0, 1.0, 0.0, 0.0))
     assert sum(simulated.rows["bake/flatten_frag.glsl"]) == sum(simulated.rows["bake/flat_hits_frag.glsl"]) == count
     check(simulated)
+
+
+MIB = 2**20
+PBR = ("AO", "CURVATURE", "HEIGHT", "BASE_COLOR", "ROUGHNESS", "METALLIC")
+BAKES = {
+    "normal map": {},
+    "normal map, Flatten": {"method": "FLATTEN"},
+    "normal map, 4 samples, Flatten": {"method": "FLATTEN", "samples": 4},
+    "normal map, 64 adaptive samples": {"samples": 64, "detail_maps": False},
+    "normal map in the low object's space": {"space": "OBJECT", "maps": ("WIDENED_ROUGHNESS",)},
+    "six maps": {"maps": PBR},
+    "six maps, 4 samples": {"maps": PBR, "samples": 4},
+    "all maps": {"maps": NAMES, "detail_maps": True},
+    "all maps, 4 samples": {"maps": NAMES, "detail_maps": True, "samples": 4},
+    "all maps, 4 samples, Flatten": {"method": "FLATTEN", "maps": NAMES, "detail_maps": True, "samples": 4},
+    "all maps, 4 samples, both": {"combined": True, "maps": NAMES, "detail_maps": True, "samples": 4},
+}
+
+
+@pytest.fixture
+def peaks(monkeypatch):
+    """The most bytes that a pool of targets holds."""
+    found = {"bytes": 0}
+    get = target.TargetPool.get
+
+    def noted(pool, *wanted):
+        made = get(pool, *wanted)
+        found["bytes"] = max(found["bytes"], pool.bytes)
+        return made
+
+    monkeypatch.setattr(target.TargetPool, "get", noted)
+    return found
+
+
+@pytest.mark.parametrize(("size", "megabytes"), [(4096, 512), (4096, 1536), (8192, 1536)])
+@pytest.mark.parametrize("name", BAKES)
+def test_targets_fit_the_budget(simulate, peaks, name, size, megabytes):
+    """And take almost what is told before a bake."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(allocation, "BUDGET", megabytes * MIB)
+        tallest, texel = draw(simulate("RTX 3060"), LAYOUTS["full"], size, Pace(), margin=16, **BAKES[name])
+    print(f"{peaks['bytes'] / 2**30:.2f} GiB, {peaks['bytes'] / (tallest * size):.0f} bytes of {texel} for each texel")
+    assert peaks["bytes"] <= megabytes * MIB
+    assert peaks["bytes"] >= 0.85 * texel * tallest * size
