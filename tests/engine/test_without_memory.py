@@ -8,6 +8,7 @@ import pytest
 
 from addon.cli.run_report import Cause
 from addon.core.errors import BakeError, NoGpuMemory
+from addon.core.preflight import texel_bytes
 from addon.core.progress import Pace, finish
 from addon.core.settings import Run, Settings
 from addon.engine import baking, bands, gpu_memory, tree_cache
@@ -31,11 +32,14 @@ def plane(name, height, count):
     return Mesh.of_arrays(name, points, quads.reshape(-1, 3), np.column_stack([x, y]))
 
 
+def settings_of(method):
+    return Settings(method=method, maps=MAPS, rays=8, width=SIZE, height=SIZE, space="OBJECT", samples=4, margin=4)
+
+
 def bake(method):
-    settings = Settings(method=method, maps=MAPS, rays=8, width=SIZE, height=SIZE, space="OBJECT", samples=4, margin=4)
     meshes = Meshes.of(plane("low", 0.0, 2), [plane("high", 0.01, 16)])
     with gpu_memory.trimmed():
-        return finish(baking.bake(meshes, Run(settings, Pace())))[1001]
+        return finish(baking.bake(meshes, Run(settings_of(method), Pace())))[1001]
 
 
 class Refusing:
@@ -169,3 +173,23 @@ def test_a_wrong_budget_is_refused(monkeypatch, text):
 
 def test_a_farm_may_try_another_machine():
     assert Cause.of(NoGpuMemory(2**31)) is Cause.MEMORY
+
+
+@pytest.mark.parametrize("method", ["CAST", "FLATTEN"])
+@pytest.mark.parametrize("rows", [24, 40, 76])
+def test_any_budget_gives_the_same_maps(refusing, monkeypatch, method, rows):
+    """To the bit where no drawn number counts: a GPU rounds what it interpolates by where in the texture it is."""
+    whole = bake(method)
+    seen = []
+    cut = bands.bands
+    monkeypatch.setattr(
+        baking, "bands", lambda *given, **more: seen.append(list(cut(*given, **more))) or iter(seen[-1])
+    )
+    texel = texel_bytes(settings_of(method), method, has_detail=False)
+    monkeypatch.setattr(allocation, "BUDGET", rows * SIZE * texel)
+    parts = bake(method)
+    assert len(seen[0]) == -(-SIZE // (rows - 12))
+    for name in whole:
+        assert np.array_equal(parts[name][1], whole[name][1]), name
+        off = np.abs(parts[name][0] - whole[name][0]).max(axis=-1)
+        assert off.max() <= {"AO": 0.0, "CURVATURE": 3e-5}.get(name, 2e-7), name
