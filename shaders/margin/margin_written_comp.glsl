@@ -12,7 +12,9 @@ void main()
   uint bits = 0u;
   int count = min(MARGIN_WORD, size.x - start);
   for (int i = 0; i < count; i++) {
-    bits |= texel_at(values, ivec2(start + i, word.y)).a > 0.0 ? 1u << uint(i) : 0u;
+    if (texel_at(values, ivec2(start + i, word.y)).a > 0.0) {
+      bits |= 1u << uint(i);
+    }
   }
   imageStore(written, word, ivec4(int(bits), 0, 0, 0));
 }
