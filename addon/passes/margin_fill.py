@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fills the margin around UV islands: finds the nearest written texels, repeats them, and continues the map across seams.
 
-The nearest texels are exact: rows are searched first, then the results along columns, as in A. Meijster, J. Roerdink and
-W. Hesselink, "A general algorithm for computing distance transforms in linear time" (2000). Theirs takes a column in one go, and a
-GPU has room for many more invocations than a map has columns. So columns are searched by halving: a few rows first, then those
-halfway between two, whose nearest lie between the nearest of both. Each pass searches all gaps between rows at once.
+The nearest texels are exact: rows are searched first, then the results along columns, as in A. Meijster, J. Roerdink and W.
+Hesselink, "A general algorithm for computing distance transforms in linear time" (2000). Theirs takes a column in one go,
+but a GPU has room for many more invocations than a map has columns. So columns are searched by halving: a few rows first,
+then those halfway between two, whose nearest lie between the nearest of both. Each pass searches all gaps between rows at
+once.
 
 Across a seam, the margin of a texel starts at its nearest written texel. Just before that one, on the way there, is a texel
 beside the border of the island. The similarity transform of this border moves the whole way to the island across, and the map
