@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core import threads
 from ..core.declarations import bases, targets
 from ..core.declarations.choices import Space, Storage
 from ..core.settings import MapSettings, SamplingSettings, Settings
@@ -17,6 +18,8 @@ from . import severity
 
 LOW_FACES, HIGH_FACES = 256, 2048
 """The most faces of the low mesh, and of all high ones, that are compared."""
+BLOCK = 64
+"""The low faces that are compared at once: larger products of matrices start threads of their own, which take longer."""
 AGAINST = 0.8
 """The share of the low faces that point against the high ones near them, above which one of the two meshes is flipped. Thin
 parts reach half of it, because the nearest face can be on their other side."""
@@ -63,9 +66,13 @@ def is_against(low: Faces, high: Faces) -> bool:
     boxes = _box(below), _box(above)
     if gap_of_boxes(*boxes) > 0.0:
         above = above + (sum(boxes[0]) - sum(boxes[1])) / 2.0
-    squares = (above * above).sum(axis=1) - 2.0 * below @ above.T
-    nearest = high.normals[squares.argmin(axis=1)]
-    return bool(((low.normals * nearest).sum(axis=1) < 0.0).mean() > AGAINST)
+    squares, nearest = (above * above).sum(axis=1), np.empty(len(below), np.intp)
+
+    def find(part: slice) -> None:
+        nearest[part] = (squares - 2.0 * below[part] @ above.T).argmin(axis=1)
+
+    threads.for_blocks(len(below), find, BLOCK)
+    return bool(((low.normals * high.normals[nearest]).sum(axis=1) < 0.0).mean() > AGAINST)
 
 
 def flipped_one(low: Faces, high: Faces) -> str:

@@ -163,7 +163,8 @@ def _texels(plan: Plan, tally: Tally, sampling: SamplingSettings) -> Checks:
     for counts, state in zip(covering(low, size, tiles), tally.states, strict=True):
         covered += int(np.count_nonzero(counts))
         shared += int(np.count_nonzero(counts > 1.0))
-        uncovered += int(np.count_nonzero((counts > 0.0) & (state != WRITTEN)))
+        if not plan.casts_rays:
+            uncovered += int(np.count_nonzero((counts > 0.0) & (state != WRITTEN)))
     overlap_check = _overlap(low, size, tiles, covered, shared)
     missed = _share(tally.missed, tally.missed + tally.written)
     return {
