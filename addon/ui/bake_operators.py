@@ -27,7 +27,7 @@ from ..jobs.convert import Conversion
 from ..jobs.job import Job, jobs_by_name
 from ..scene import reading
 from ..scene.object_checks import object_by_name
-from . import bake_results, modal, object_pairs
+from . import bake_results, gpu_test, modal, object_pairs
 from .bake_results import results
 from .live import live
 from .modal import QuickOperator
@@ -50,8 +50,9 @@ class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
         "Address of the Flamenco Manager that gets job files, as http://flamenco.local:8080",
     )
 
-    def draw(self, _context: bpy.types.Context) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         self.layout.prop(self, "flamenco")
+        gpu_test.draw(self.layout, context)
 
 
 def flamenco_address(context: bpy.types.Context) -> str:
