@@ -46,7 +46,7 @@ def run(words: Sequence[str], program: str, meter: Meter) -> int:
         run_report.check_report(options.report, "the report")
     load_blender()
     from ..jobs import gpu_test  # needs Blender
-    from .batch import start_gpu
+    from .baker import start_gpu
 
     def show(step: Progress) -> None:
         interruption.check()

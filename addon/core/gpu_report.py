@@ -18,7 +18,7 @@ class Verdict(StrEnum):
     """What a test says."""
 
     RIGHT = "right"
-    """A promise of the driver that is kept."""
+    """A check that the driver passes."""
     EQUAL = "equal"
     """A map that differs by no more than answers are rounded."""
     WITHIN = "within"
@@ -28,11 +28,11 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Outcome:
-    """One promise of the driver, or one map.
+    """One check of the driver, or one map.
 
-    name: of the promise, or of the pair and the map. note: what was measured, or what is wrong, in a sentence. differing: of
+    name: of the check, or of the pair and the map. note: what was measured, or what is wrong, in a sentence. differing: of
     `texels`, those that differ from the answer. worst: the largest difference in `unit`, which is "degrees", or empty for
-    plain numbers. All three are None for promises, and for maps that could not be drawn.
+    plain numbers. All three are None for checks, and for maps that could not be drawn.
     """
 
     name: str
@@ -79,7 +79,7 @@ class GpuReport:
 
     machine: dict[str, str] = field(default_factory=dict)
     limits: dict[str, int | str] = field(default_factory=dict)
-    promises: list[Outcome] = field(default_factory=list)
+    driver_checks: list[Outcome] = field(default_factory=list)
     maps: list[Outcome] = field(default_factory=list)
     times: list[Timed] = field(default_factory=list)
     seconds: float = 0.0
@@ -87,16 +87,18 @@ class GpuReport:
     @property
     def wrong(self) -> list[Outcome]:
         """What is not right."""
-        return [each for each in (*self.promises, *self.maps) if each.verdict is Verdict.WRONG]
+        return [each for each in (*self.driver_checks, *self.maps) if each.verdict is Verdict.WRONG]
 
     @property
     def verdict(self) -> str:
         """A sentence."""
         if self.wrong:
-            return f"{len(self.wrong)} of {len(self.promises) + len(self.maps)} tests are wrong: bakes may be, too."
+            return (
+                f"{len(self.wrong)} of {len(self.driver_checks) + len(self.maps)} tests are wrong: bakes may be, too."
+            )
         equal = sum(each.verdict is Verdict.EQUAL for each in self.maps)
         return (
-            f"All right: {len(self.promises)} promises of the driver are kept; {equal} maps are equal, and "
+            f"All right: the driver passes {len(self.driver_checks)} checks; {equal} maps are equal, and "
             f"{len(self.maps) - equal} within what drivers differ in."
         )
 
@@ -104,7 +106,7 @@ class GpuReport:
     def text(self) -> str:
         """For people: it fits into an issue."""
         lines = [self.verdict, "", *_columns(self.machine), *_columns(self.limits)]
-        lines += ["", "The driver", *_results(self.promises), "", "Maps", *_results(self.maps)]
+        lines += ["", "The driver", *_results(self.driver_checks), "", "Maps", *_results(self.maps)]
         lines += ["", "Times", *(f"  {each.text}" for each in self.times), f"  in all: {self.seconds:.1f} s"]
         return "\n".join(lines)
 
@@ -116,7 +118,7 @@ class GpuReport:
             "verdict": self.verdict,
             "machine": self.machine,
             "limits": self.limits,
-            "promises": [each.to_dict() for each in self.promises],
+            "driver_checks": [each.to_dict() for each in self.driver_checks],
             "maps": [each.to_dict() for each in self.maps],
             "times": [vars(each) for each in self.times],
             "seconds": round(self.seconds, 2),

@@ -30,7 +30,7 @@ from ..core.material_feeds import (
 from ..core.progress import Pace, Task
 from ..core.settings import Run, Settings
 from ..core.udim import FIRST
-from ..engine import baking, normal_space, shared_uvs
+from ..engine import baking, normal_space, stacked_uvs
 from ..engine.bands import Band
 from ..engine.method_choice import choose_method
 from ..engine.sampling import maps_of_bake
@@ -463,11 +463,11 @@ ANGLES = "median", "percentile_95", "percentile_99", "maximum"
 
 def _deviations(meshes: Meshes, run: Run) -> Task[Maps]:
     """The median, two percentiles and the largest angle, if the low mesh had a map of flat normals."""
-    in_order = shared_uvs.ordered(meshes, [FIRST], run.settings.sampling)
+    in_order = stacked_uvs.ordered(meshes, [FIRST], run.settings.sampling)
     plan = choose_method(in_order, [FIRST], run.settings.tracing)
     source = yield from normal_source(plan, run)
     drawn = maps_of_bake(in_order, source, run)
-    hidden = shared_uvs.HiddenParts(plan, source, run.settings, is_shared=in_order is not meshes)
+    hidden = stacked_uvs.StackedParts(plan, source, run.settings, is_shared=in_order is not meshes)
     measured = Deviations(
         plan, drawn, run.settings, kept=lambda texels: np.full_like(texels, FLAT_COLOR), is_wanted=True, hidden=hidden
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests the GPU: what it is, whether its driver keeps what Imprint relies on, whether its maps are right, and how fast it is.
+"""Tests the GPU: what it is, whether its driver does what Imprint relies on, whether its maps are right, and how fast it is.
 
 It draws meshes of its own, and neither reads nor changes the open file.
 """
@@ -26,16 +26,16 @@ from ..core.settings import Run, Settings
 from ..engine import gpu_memory, margins
 from ..engine.bands import Band
 from ..engine.method_choice import choose_method
-from ..engine.sources import Rays, normal_source
+from ..engine.sources import normal_source
 from ..passes import data_texture, hemisphere, margin_fill, shader, target
-from ..passes.promises import PROMISES, Broken, Promise
+from ..passes.driver_checks import DRIVER_CHECKS, CheckFailed, DriverCheck
 from . import gpu_pairs
 from .gpu_pairs import PAIRS, Pair, Sheet
 
-WHAT = "Testing the GPU"
-"""The step in the progress bar."""
+STEP = Progress("Testing the GPU", 0.0)
+"""The step in the progress bar, at the start."""
 _SHARES = 0.4, 0.8
-"""The share of the test that is done after the promises, and after the maps."""
+"""The share of the test that is done after the checks of the driver, and after the maps."""
 
 
 def test(on_progress: Callable[[Progress], None] | None = None) -> GpuReport:
@@ -46,14 +46,16 @@ def test(on_progress: Callable[[Progress], None] | None = None) -> GpuReport:
 def work(pace: Pace | None = None) -> Task[GpuReport]:
     """Test the GPU in slices of `pace`. Maps and trees that are cached on the GPU are freed. Raises NoGpu."""
     start = time.perf_counter()
-    yield Progress(WHAT, 0.0)
+    yield STEP
     try:
         older_blender.start_gpu()
     except (SystemError, RuntimeError) as error:
         raise NoGpu(f"Blender has no GPU to draw on here: {error}.") from error
     pool = target.TargetPool()
     try:
-        report = yield from progress.relay(_work(pace), within=partial(target.using, pool))
+        report = yield from progress.relay(
+            _work(pace), lambda step: replace(STEP, done=step.done), partial(target.using, pool)
+        )
     finally:
         pool.free()
         gpu_memory.free()
@@ -66,12 +68,11 @@ def _work(pace: Pace | None) -> Task[GpuReport]:
     passes.free()  # so that all programs are compiled
     report = GpuReport(_machine(), _limits())
     compiling = 0.0
-    for number, promise in enumerate(PROMISES):
-        yield Progress(WHAT, _SHARES[0] * number / len(PROMISES))
-        report.promises += yield from progress.part(_checked(promise), *[_SHARES[0] * number / len(PROMISES)] * 2)
+    for number, check in enumerate(DRIVER_CHECKS):
+        done = _SHARES[0] * number / len(DRIVER_CHECKS)
+        report.driver_checks += yield from progress.part(_checked(check), done, done)
     for number, pair in enumerate(PAIRS):
         done = _SHARES[0] + (_SHARES[1] - _SHARES[0]) * number / len(PAIRS)
-        yield Progress(WHAT, done)
         tests, longer = yield from progress.part(_baked(pair, pace), done, done)
         report.maps += tests
         compiling += longer
@@ -79,7 +80,10 @@ def _work(pace: Pace | None) -> Task[GpuReport]:
     report.times.append(
         Timed("First use", compiling, "s", f"{count} programs; what first bakes took longer than second ones")
     )
-    report.times += yield from progress.part(_times(), _SHARES[1], 1.0)
+    for number, measure in enumerate(MEASURES):
+        done = _SHARES[1] + (1.0 - _SHARES[1]) * number / len(MEASURES)
+        with _Attempt(f"Times of {measure.__name__.strip('_')}", report.driver_checks):
+            report.times += yield from progress.part(measure(), done, done)
     return report
 
 
@@ -87,7 +91,7 @@ class _Attempt:
     """Notes in `tests` what a driver raises in this block, as the error of a test with a name."""
 
     # Blender raises Exception itself where a program does not compile.
-    ERRORS = Broken, BakeError, RuntimeError, SystemError, ValueError, TypeError, MemoryError
+    ERRORS = CheckFailed, BakeError, RuntimeError, SystemError, ValueError, TypeError, MemoryError
 
     def __init__(self, name: str, tests: list[Outcome]):
         self._name, self._tests = name, tests
@@ -102,16 +106,16 @@ class _Attempt:
         return True
 
 
-def _checked(promise: Promise) -> Task[list[Outcome]]:
+def _checked(driver_check: DriverCheck) -> Task[list[Outcome]]:
     tests: list[Outcome] = []
-    with _Attempt(promise.name, tests):
-        check = promise.check()
+    with _Attempt(driver_check.name, tests):
+        check = driver_check.check()
         try:
             while True:
                 next(check)
-                yield Progress(WHAT, 0.0)
+                yield STEP
         except StopIteration as end:
-            tests.append(Outcome(promise.name, Verdict.RIGHT, end.value))
+            tests.append(Outcome(driver_check.name, Verdict.RIGHT, end.value))
         finally:
             check.close()
     return tests
@@ -169,7 +173,7 @@ def _system() -> str:
 
 
 def _limits() -> dict[str, int | str]:
-    """What Blender tells. Push constants it does not: a promise tests those that Imprint has."""
+    """What Blender tells. Of push constants it tells nothing: a check of the driver takes as many as Imprint has."""
     told = {
         "texture size": "max_texture_size_get",
         "samplers": "max_textures_frag_get",
@@ -194,17 +198,6 @@ SIDES = 128, 256, 512, 1024
 """Of maps, in texels. A slow GPU is measured on a small one."""
 
 
-def _times() -> Task[list[Timed]]:
-    found: list[Timed] = []
-    measures = _upload, _read_back, _rays, _margin
-    for number, measure in enumerate(measures):
-        yield Progress(WHAT, number / len(measures))
-        tests: list[Outcome] = []
-        with _Attempt(measure.__name__, tests):
-            found += yield from progress.part(measure(), number / len(measures), (number + 1) / len(measures))
-    return found
-
-
 def _seconds(act: Callable[[], None]) -> float:
     start = time.perf_counter()
     act()
@@ -216,11 +209,11 @@ def _steady(of_side: Callable[[int], Callable[[], None]]) -> Task[tuple[int, flo
     for side in SIDES:
         act = of_side(side)
         act()  # compiles, and allocates
-        yield Progress(WHAT, 0.0)
+        yield STEP
         taken = []
         for _ in range(TURNS):
             taken.append(_seconds(act))
-            yield Progress(WHAT, 0.0)
+            yield STEP
         if statistics.median(taken) >= ENOUGH:
             break
     return side, statistics.median(taken)
@@ -270,8 +263,6 @@ def _rays() -> Task[list[Timed]]:
     run = Run(Settings(method=Method.CAST, space=Space.WORLD, maps=("AO",), width=SIDES[0], height=SIDES[0], margin=0))
     plan = choose_method(meshes, [1001], run.settings.tracing)
     source = yield from normal_source(plan, run)
-    if not isinstance(source, Rays):
-        raise BakeError("Rays were to be cast, and were not.")
     pace = Pace()
 
     def cast(side: int) -> Callable[[], None]:
@@ -318,3 +309,6 @@ def _margin() -> Task[list[Timed]]:
 
     side, seconds = yield from _steady(of_side)
     return [Timed("Margin", 1e3 * seconds, "ms", f"{side} x {side}, 16 texels")]
+
+
+MEASURES = _upload, _read_back, _rays, _margin

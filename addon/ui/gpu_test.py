@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from .. import older_blender
 from ..core.errors import BakeError
@@ -40,7 +40,7 @@ class LastTest:
 
     def _found(self) -> GpuReport:
         if self.report is None:
-            raise BakeError("The GPU was not tested yet: press Test My GPU.")
+            raise BakeError("Test the GPU first: press Test My GPU.")
         return self.report
 
 
@@ -48,7 +48,7 @@ last = LastTest()
 
 
 class IMPRINT_OT_test_gpu(SlicedOperator, bpy.types.Operator):
-    """Test the graphics driver: small bakes of all kinds, promises that Imprint relies on, and times. It changes nothing"""
+    """Bake small maps of all kinds, check the graphics driver, and measure times, in less than a minute. It changes nothing"""
 
     bl_idname = "imprint.test_gpu"
     bl_label = "Test My GPU"
@@ -74,7 +74,7 @@ class IMPRINT_OT_test_gpu(SlicedOperator, bpy.types.Operator):
 
 
 class IMPRINT_OT_copy_gpu_report(QuickOperator, bpy.types.Operator):
-    """Copy the report of the test to the clipboard, for an issue. It names the machine and the driver, and nobody"""
+    """Copy the report of the test as text, for an issue. It names the GPU and its driver, and no users or paths"""
 
     bl_idname = "imprint.copy_gpu_report"
     bl_label = "Copy Report"
@@ -105,7 +105,9 @@ class IMPRINT_OT_save_gpu_report(QuickOperator, bpy.types.Operator):
         default="*.json",
         options={"HIDDEN", "SKIP_SAVE"},
     )
-    check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    check_existing: labeled(
+        BoolProperty, "Check Existing", "Warn before a file is replaced", default=True, options={"HIDDEN", "SKIP_SAVE"}
+    )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         context.window_manager.fileselect_add(self)
@@ -122,7 +124,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the test: its button or its bar, and what the last one found."""
     column = layout.column()
     step = display.current
-    if step is not None and step.what == gpu_test.WHAT:
+    if step is not None and step.what == gpu_test.STEP.what:
         row = column.row()
         row.progress(factor=step.done, text=display.text(), translate=False)
         row.operator("imprint.stop", text="", icon="X")
@@ -145,7 +147,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _verdict(report: GpuReport) -> str:
-    count = len(report.promises) + len(report.maps)
+    count = len(report.driver_checks) + len(report.maps)
     if report.wrong:
         return message("{} of {} tests of this GPU are wrong: bakes may be, too.").format(len(report.wrong), count)
     return message("All {} tests of this GPU are right.").format(count)

@@ -27,7 +27,7 @@ RIGHT = GpuReport(
     [Timed("Own hits", 5.0, "M rays/s")],
     1.0,
 )
-WRONG = replace(RIGHT, promises=[Outcome("Blending", Verdict.WRONG, "Nothing is added.")])
+WRONG = replace(RIGHT, driver_checks=[Outcome("Blending", Verdict.WRONG, "Nothing is added.")])
 
 
 @pytest.fixture

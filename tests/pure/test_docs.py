@@ -144,7 +144,13 @@ def bake_arguments(words):
     ]
     if launcher:
         more = words[launcher[0] + 1 :]
-        return more[1:] if more[:1] == ["bake"] else more if more[:1] in ([command.FARM], [command.REPORT], [command.GPU]) else None
+        return (
+            more[1:]
+            if more[:1] == ["bake"]
+            else more
+            if more[:1] in ([command.FARM], [command.REPORT], [command.GPU])
+            else None
+        )
     if "--command" in words:
         return words[words.index("--command") + 2 :]
     if "scripts/bake.py" in " ".join(words) and "--" in words:

@@ -28,7 +28,7 @@ def report(*tests, **more):
 def test_what_is_right_is_said():
     found = report(EQUAL, WITHIN)
     assert found.verdict == (
-        "All right: 1 promises of the driver are kept; 1 maps are equal, and 1 within what drivers differ in."
+        "All right: the driver passes 1 checks; 1 maps are equal, and 1 within what drivers differ in."
     )
     assert found.wrong == []
     lines = found.text.splitlines()
@@ -57,7 +57,7 @@ def test_the_schema_describes_the_json(tests):
     assert list(json_schema.faults(found, SCHEMA)) == []
     assert found.keys() == SCHEMA["properties"].keys()
     assert found["machine"].keys() == SCHEMA["properties"]["machine"]["properties"].keys()
-    for test in found["promises"] + found["maps"]:
+    for test in found["driver_checks"] + found["maps"]:
         assert test.keys() <= SCHEMA["$defs"]["test"]["properties"].keys()
     assert found["is_right"] == (WRONG not in tests)
 

@@ -2,6 +2,7 @@
 """Tests the button Test My GPU, what the preferences show of the last test, and its report."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import bpy
@@ -39,7 +40,7 @@ def found(monkeypatch):
 
     def set_result(result):
         def work(pace):
-            yield Progress(job.WHAT, 0.0)
+            yield job.STEP
             if isinstance(result, Exception):
                 raise result
             return result
@@ -84,7 +85,7 @@ def test_what_is_wrong_is_shown(found):
 
 
 def test_a_bar_takes_the_place_of_the_button():
-    display.show(bpy.context, Progress(job.WHAT, 0.5))
+    display.show(bpy.context, replace(job.STEP, done=0.5))
     try:
         shown = drawn()
         assert shown.buttons == [("imprint.stop", True)]
@@ -121,7 +122,7 @@ def test_the_report_is_saved(found, tmp_path):
 
 @pytest.mark.parametrize("operator", ["copy_gpu_report", "save_gpu_report"])
 def test_without_a_test_there_is_no_report(operator):
-    assert panel.refusal(getattr(bpy.ops.imprint, operator)) == "The GPU was not tested yet: press Test My GPU."
+    assert panel.refusal(getattr(bpy.ops.imprint, operator)) == "Test the GPU first: press Test My GPU."
 
 
 def test_a_report_is_not_kept_after_the_add_on():

@@ -22,28 +22,28 @@ from . import blender_gpu as gpu
 from .shader import Program
 
 Check: TypeAlias = Generator[None, None, str]
-"""Yields between slices. Returns what was measured, in a few words, or nothing. Raises Broken."""
+"""Yields between slices. Returns what was measured, in a few words, or nothing. Raises CheckFailed."""
 
 
-class Broken(Exception):
-    """The driver does not keep a promise. The message is a sentence that says what happened instead."""
+class CheckFailed(Exception):
+    """The driver fails a check. The message is a sentence that says what happened."""
 
 
 @dataclass(frozen=True)
-class Promise:
-    """name: for the report. check: without the promise, it raises Broken."""
+class DriverCheck:
+    """name: for the report. check: raises CheckFailed where the driver does something else."""
 
     name: str
     check: Callable[[], Check]
 
 
 LONG = Program(
-    compute="promises/long_comp.glsl",
+    compute="driver_checks/long_comp.glsl",
     images=(("RGBA32F", "FLOAT_2D", "values", "WRITE"), ("RGBA32UI", "UINT_2D", "numbers", "WRITE")),
     constants=(("INT", "first"), ("INT", "turns")),
 )
 STEP = Program(
-    compute="promises/step_comp.glsl",
+    compute="driver_checks/step_comp.glsl",
     texels=(("RGBA32F", "FLOAT_2D", "source"),),
     images=(("RGBA32F", "FLOAT_2D", "into", "WRITE"),),
 )
@@ -52,13 +52,15 @@ _INTEGERS = (
     ("R16I", "INT_2D", "offsets"),
     ("R32I", "INT_2D", "source_rows"),
 )
-WRITE_INTEGERS = Program(compute="promises/integers_comp.glsl", images=tuple((*each, "WRITE") for each in _INTEGERS))
+WRITE_INTEGERS = Program(
+    compute="driver_checks/integers_comp.glsl", images=tuple((*each, "WRITE") for each in _INTEGERS)
+)
 
 
 def _drawn(name: str, texels: tuple[tuple[str, str, str], ...], outputs: Iterable[str], **more) -> Program:
     return Program(
         vertex="lib/fullscreen_vert.glsl",
-        fragment=f"promises/{name}_frag.glsl",
+        fragment=f"driver_checks/{name}_frag.glsl",
         inputs=(("VEC2", "position"),),
         texels=texels,
         outputs=tuple(("VEC4", name) for name in outputs),
@@ -75,12 +77,12 @@ READ_CONSTANTS = _drawn("constants", (), ("constant_out",), constants=(("MAT4", 
 
 
 def _expect(found: np.ndarray, wanted: np.ndarray, what: str) -> None:
-    """Raise Broken unless both arrays (..., channels) are equal to the bit."""
+    """Raise CheckFailed unless both arrays (..., channels) are equal to the bit."""
     wanted = np.ascontiguousarray(np.broadcast_to(wanted, found.shape), found.dtype)
     differs = (found.view(np.uint32) != wanted.view(np.uint32)).any(axis=-1)
     if differs.any():
         place = np.unravel_index(int(np.argmax(differs)), differs.shape)
-        raise Broken(
+        raise CheckFailed(
             f"{what}: {np.count_nonzero(differs):,} of {differs.size:,} are wrong, first {tuple(map(int, place))}: "
             f"{_numbers(found[place])}, not {_numbers(wanted[place])}."
         )
@@ -195,7 +197,7 @@ def _finish_waits() -> Check:
         left = time.perf_counter() - waited
         done.append(f"{each.formats[0]} {1e3 * (waited - start):.1f} ms")
         if left > max(WAITED * work.seconds, 0.02):
-            raise Broken(
+            raise CheckFailed(
                 f"Waiting for {each.formats[0]} took {1e3 * (waited - start):.1f} ms, and the dispatch was still running: the "
                 f"next read-back took {1e3 * left:.0f} ms."
             )
@@ -323,11 +325,11 @@ def _vectors_without_length() -> Check:
     units, components = read.texels(0)[0], read.texels(1)[0]
     _expect(units[:, 3:], exists[:, None], "Vectors that have a direction")
     if not (units[0, :3] == 0.0).all():
-        raise Broken(f"The unit vector of (0, 0, 0) is {_numbers(units[0, :3])}, not 0 0 0.")
+        raise CheckFailed(f"The unit vector of (0, 0, 0) is {_numbers(units[0, :3])}, not 0 0 0.")
     if not (np.abs(units[6:, :3] - np.float32([(0.6, 0, 0.8), (0, -1, 0)])) < 1e-6).all():
-        raise Broken(f"The unit vector of (3, 0, 4) is {_numbers(units[6, :3])}, not 0.6 0 0.8.")
+        raise CheckFailed(f"The unit vector of (3, 0, 4) is {_numbers(units[6, :3])}, not 0.6 0 0.8.")
     if not (components[[0, 6, 7], :3] == 0.0).all():
-        raise Broken("The components of a vector in a basis without volume are not 0.")
+        raise CheckFailed("The components of a vector in a basis without volume are not 0.")
     return ""
 
 
@@ -364,7 +366,7 @@ def _first_row_is_lowest() -> Check:
         wrong = inside & (np.abs(found - wanted) > 1e-6).any(axis=-1)
         if wrong.any():
             where = tuple(map(int, np.argwhere(wrong)[0]))
-            raise Broken(
+            raise CheckFailed(
                 f"Triangles that run {winding}: {np.count_nonzero(wrong)} of {wrong.size} texels are wrong, the first in row "
                 f"{where[0]}, column {where[1]}: {_numbers(found[where])}, not {_numbers(wanted[where])}."
             )
@@ -396,7 +398,7 @@ def _only_the_last_stays() -> Check:
     found = counted.texels()
     below = np.add.outer(-np.arange(size), np.arange(size)) > 0  # the triangle at the lower right
     if not ((found[below] == 3.0).all() and (found[below.T] == 2.0).all()):
-        raise Broken(f"Three and two triangles that are added up are {sorted(set(found.ravel().tolist()))}.")
+        raise CheckFailed(f"Three and two triangles that are added up are {sorted(set(found.ravel().tolist()))}.")
     return ""
 
 
@@ -478,7 +480,7 @@ def _too_much_is_refused() -> Check:
     except BakeError:
         pass
     else:
-        raise Broken(f"A table of more than {data_texture.limit():,} texels was not refused.")
+        raise CheckFailed(f"A table of more than {data_texture.limit():,} texels was not refused.")
     yield
     # On OpenGL, Blender asks the driver first. On Vulkan and Metal such a texture is a fault of the program, which may end it.
     if gpu.platform.backend_type_get() == "OPENGL":
@@ -487,7 +489,7 @@ def _too_much_is_refused() -> Check:
         except (RuntimeError, ValueError, MemoryError):
             pass
         else:
-            raise Broken(f"A texture of {2 * side:,} texels a side was granted, where {side:,} are the most.")
+            raise CheckFailed(f"A texture of {2 * side:,} texels a side was granted, where {side:,} are the most.")
     yield
     values = _hashed(64, 5).reshape(8, 8, 4)
     into = target.Target(8, 8, ("RGBA32F",))
@@ -496,21 +498,21 @@ def _too_much_is_refused() -> Check:
     return ""
 
 
-PROMISES = (
-    Promise("Read-backs wait", _read_waits),
-    Promise("Waiting waits", _finish_waits),
-    Promise("No dispatch is left out", _dispatches_are_done),
-    Promise("Drawing sees what was computed", _drawing_sees_computing),
-    Promise("Whole numbers stay whole", _integers_are_kept),
-    Promise("Floats keep 32 bits", _floats_are_kept),
-    Promise("Corners of textures", _corners_are_read),
-    Promise("Large tables arrive whole", _tables_arrive),
-    Promise("Vectors without a direction", _vectors_without_length),
-    Promise("128 bytes of constants", _constants_arrive),
-    Promise("Row 0 is v = 0", _first_row_is_lowest),
-    Promise("Blending", _only_the_last_stays),
-    Promise("Depth and rows", _depth_and_rows_limit),
-    Promise("New textures are cleared", _targets_are_cleared),
-    Promise("Memory is granted and freed", _memory_is_granted),
-    Promise("Too much is refused", _too_much_is_refused),
+DRIVER_CHECKS = (
+    DriverCheck("Read-backs wait", _read_waits),
+    DriverCheck("Waiting waits", _finish_waits),
+    DriverCheck("No dispatch is left out", _dispatches_are_done),
+    DriverCheck("Drawing sees what was computed", _drawing_sees_computing),
+    DriverCheck("Whole numbers stay whole", _integers_are_kept),
+    DriverCheck("Floats keep 32 bits", _floats_are_kept),
+    DriverCheck("Corners of textures", _corners_are_read),
+    DriverCheck("Large tables arrive whole", _tables_arrive),
+    DriverCheck("Vectors without a direction", _vectors_without_length),
+    DriverCheck("128 bytes of constants", _constants_arrive),
+    DriverCheck("Row 0 is v = 0", _first_row_is_lowest),
+    DriverCheck("Blending", _only_the_last_stays),
+    DriverCheck("Depth and rows", _depth_and_rows_limit),
+    DriverCheck("New textures are cleared", _targets_are_cleared),
+    DriverCheck("Memory is granted and freed", _memory_is_granted),
+    DriverCheck("Too much is refused", _too_much_is_refused),
 )

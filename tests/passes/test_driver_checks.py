@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests the checks of what Imprint relies on a driver for: a GPU keeps all, and a driver that lies is caught by the right one."""
+"""Tests the checks of the driver: this driver passes all, and a driver that lies is caught by the right one."""
 
 import time
 
@@ -7,12 +7,12 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.passes import data_texture, promises, shader, target
-from addon.passes.promises import PROMISES, Broken
+from addon.passes import data_texture, driver_checks, shader, target
+from addon.passes.driver_checks import DRIVER_CHECKS, CheckFailed
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-BY_NAME = {promise.name: promise for promise in PROMISES}
+BY_NAME = {each.name: each for each in DRIVER_CHECKS}
 
 
 def finish(check):
@@ -24,17 +24,17 @@ def finish(check):
         return end.value
 
 
-@pytest.mark.parametrize("promise", PROMISES, ids=BY_NAME)
-def test_this_driver_keeps_all(promise):
-    assert isinstance(finish(promise.check()), str)
+@pytest.mark.parametrize("check", DRIVER_CHECKS, ids=BY_NAME)
+def test_this_driver_passes(check):
+    assert isinstance(finish(check.check()), str)
 
 
 @pytest.mark.parametrize("turns", [0, 1, 2, 7, 1000])
 def test_the_sequence_of_the_long_dispatch(turns):
-    expected = np.arange(30, 30 + promises.SIDE**2, dtype=np.uint64)
+    expected = np.arange(30, 30 + driver_checks.SIDE**2, dtype=np.uint64)
     for _ in range(turns):
         expected = (expected * np.uint64(1664525) + np.uint64(1013904223)) % np.uint64(2**32)
-    values, numbers = promises._sequence(30, turns)
+    values, numbers = driver_checks._sequence(30, turns)
     assert np.array_equal(numbers.ravel(), expected)
     assert np.array_equal(values[..., 0].ravel(), expected >> np.uint64(8))
     assert values.dtype == np.float32
@@ -58,7 +58,7 @@ class Late:
             patch.setattr(target.Target, "finish", lambda of: (self._run(), self.finish(of)))
 
     def _dispatch(self, program, groups, **bindings):
-        if program is promises.LONG and bindings["turns"] > 2**9:
+        if program is driver_checks.LONG and bindings["turns"] > 2**9:
             self.waiting.append((program, groups, bindings))
         else:
             self.dispatch(program, groups, **bindings)
@@ -81,7 +81,7 @@ def zeros_instead_of_waiting(patch):
         start = time.perf_counter()
         dispatch(program, groups, **bindings)
         took = time.perf_counter() - start
-        ended[0] = time.perf_counter() + took if program is promises.LONG else 0.0
+        ended[0] = time.perf_counter() + took if program is driver_checks.LONG else 0.0
 
     def read_too_early(of, out, slot=0, start=(0, 0)):
         read(of, out, slot, start)
@@ -259,17 +259,17 @@ def test_a_driver_that_lies_is_caught(lie, name):
     shader.load.cache_clear()
     with pytest.MonkeyPatch.context() as patch:
         lie(patch)
-        with pytest.raises(Broken) as found:
+        with pytest.raises(CheckFailed) as found:
             finish(BY_NAME[name].check())
     shader.load.cache_clear()
     assert str(found.value).endswith(".")
 
 
-def test_each_promise_has_a_lie():
+def test_each_check_has_a_lie():
     assert {name for _, name in LIES.values()} == set(BY_NAME)
 
 
-def test_an_asynchronous_driver_that_waits_keeps_all():
+def test_an_asynchronous_driver_that_waits_passes():
     with pytest.MonkeyPatch.context() as patch:
         Late(patch, waits=True)
         for name in ("Read-backs wait", "Waiting waits"):
