@@ -98,8 +98,8 @@ class GpuReport:
             )
         equal = sum(each.verdict is Verdict.EQUAL for each in self.maps)
         return (
-            f"All right: the driver passes {len(self.driver_checks)} checks; {equal} maps are equal, and "
-            f"{len(self.maps) - equal} within what drivers differ in."
+            f"All right: the driver passes {len(self.driver_checks)} checks, and {len(self.maps)} maps are right, {equal} of "
+            "them equal to their answers."
         )
 
     @property

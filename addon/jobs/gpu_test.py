@@ -80,9 +80,9 @@ def _work(pace: Pace | None) -> Task[GpuReport]:
     report.times.append(
         Timed("First use", compiling, "s", f"{count} programs; what first bakes took longer than second ones")
     )
-    for number, measure in enumerate(MEASURES):
+    for number, (name, measure) in enumerate(MEASURES.items()):
         done = _SHARES[1] + (1.0 - _SHARES[1]) * number / len(MEASURES)
-        with _Attempt(f"Times of {measure.__name__.strip('_')}", report.driver_checks):
+        with _Attempt(f"Times: {name.lower()}", report.driver_checks):
             report.times += yield from progress.part(measure(), done, done)
     return report
 
@@ -311,4 +311,4 @@ def _margin() -> Task[list[Timed]]:
     return [Timed("Margin", 1e3 * seconds, "ms", f"{side} x {side}, 16 texels")]
 
 
-MEASURES = _upload, _read_back, _rays, _margin
+MEASURES = {"Upload": _upload, "Read-back": _read_back, "Rays": _rays, "Margin": _margin}

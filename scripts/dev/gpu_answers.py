@@ -38,6 +38,11 @@ def unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
+def unit_or(vectors):
+    """Unit vectors; those without a length stay."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
+
+
 # Places on meshes
 
 
@@ -108,7 +113,7 @@ def hits(origins, directions, mesh, reach):
 
 
 def smooth_normals(mesh, triangle, weights):
-    return unit(np.einsum("pcn,pc->pn", mesh.normals[mesh.triangles[triangle]].astype(np.float64), weights))
+    return unit_or(np.einsum("pcn,pc->pn", mesh.normals[mesh.triangles[triangle]].astype(np.float64), weights))
 
 
 # Answers
@@ -131,11 +136,6 @@ def flat_domes(basis):
     return {
         "NORMAL": answer(stored(in_basis(low, unit_or(high.of(high.mesh.normals)), basis), low.covered), low.covered)
     }
-
-
-def unit_or(vectors):
-    """Unit vectors; those without a length stay."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
 
 
 def cast_domes(basis):
@@ -330,7 +330,7 @@ def engine_angles():
 
 SHARE_SEEN = 0.05
 """The most that 64 rays and 4 samples of a texel are off from many."""
-FEWER_SAMPLES = 1.2
+FEWER_SAMPLES = 0.1
 """Degrees. The most by which a texel that adaptive samples leave out early is off from the mean of all 64."""
 
 

@@ -19,6 +19,7 @@ from addon.core.progress import Pace, finish
 from addon.jobs import gpu_pairs, gpu_test
 from addon.jobs.gpu_pairs import PAIRS
 from addon.passes import hemisphere, shader, target
+from tests.support.lying_drivers import WHOLE_LIES, lying
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -217,6 +218,36 @@ def test_what_fails_does_not_end_the_test(monkeypatch):
     assert [(each.name, each.note) for each in report.wrong] == [
         ("Rays from hits", "Shader Compile Error, see console for more details")
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("lie", "wrong"), WHOLE_LIES.values(), ids=WHOLE_LIES)
+def test_a_driver_that_lies_is_caught(lie, wrong):
+    with lying(lie):
+        report = gpu_test.test()
+    assert wrong <= {each.name for each in report.wrong}
+
+
+@pytest.mark.slow
+def test_samplers_give_the_same_maps(monkeypatch):
+    """Hardware reads tables by samplers, software drivers by images."""
+    monkeypatch.setattr(shader, "reads_images", lambda: False)
+    report = gpu_test.test()
+    assert report.machine["reads"] == "samplers"
+    assert report.wrong == []
+    assert {each.verdict for each in report.maps} == {Verdict.EQUAL}
+
+
+def test_a_measurement_that_fails_is_wrong(monkeypatch):
+    def refused():
+        yield gpu_test.STEP
+        raise RuntimeError("no memory")
+
+    monkeypatch.setattr(gpu_test, "MEASURES", {"Upload": refused})
+    monkeypatch.setattr(gpu_test, "DRIVER_CHECKS", ())
+    monkeypatch.setattr(gpu_test, "PAIRS", ())
+    report = gpu_test.test()
+    assert [(each.name, each.note) for each in report.wrong] == [("Times: upload", "no memory")]
 
 
 def test_maps_that_change_from_bake_to_bake_are_wrong():

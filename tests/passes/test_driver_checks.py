@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the checks of the driver: this driver passes all, and a driver that lies is caught by the right one."""
 
-import time
-
-import gpu
 import numpy as np
 import pytest
 
-from addon.passes import data_texture, driver_checks, shader, target
+from addon.passes import driver_checks
 from addon.passes.driver_checks import DRIVER_CHECKS, CheckFailed
+from tests.support.lying_drivers import LIES, Late, lying
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -40,228 +38,10 @@ def test_the_sequence_of_the_long_dispatch(turns):
     assert values.dtype == np.float32
 
 
-# Lies: each makes the layer below the passes do what a broken driver would
-
-
-class Late:
-    """Runs each long dispatch only when something else asks for its result, as an asynchronous driver does.
-
-    waits: whether `finish` asks for it.
-    """
-
-    def __init__(self, patch, *, waits):
-        self.waiting = []
-        self.dispatch, self.finish, self.read = target.dispatch_groups, target.Target.finish, target.read
-        patch.setattr(target, "dispatch_groups", self._dispatch)
-        patch.setattr(target, "read", self._read)
-        if waits:
-            patch.setattr(target.Target, "finish", lambda of: (self._run(), self.finish(of)))
-
-    def _dispatch(self, program, groups, **bindings):
-        if program is driver_checks.LONG and bindings["turns"] > 2**9:
-            self.waiting.append((program, groups, bindings))
-        else:
-            self.dispatch(program, groups, **bindings)
-
-    def _run(self):
-        while self.waiting:
-            program, groups, bindings = self.waiting.pop(0)
-            self.dispatch(program, groups, **bindings)
-
-    def _read(self, texture, out):
-        self._run()
-        self.read(texture, out)
-
-
-def zeros_instead_of_waiting(patch):
-    ended = [0.0]
-    dispatch, read = target.dispatch_groups, target.Target.read
-
-    def dispatched(program, groups, **bindings):
-        start = time.perf_counter()
-        dispatch(program, groups, **bindings)
-        took = time.perf_counter() - start
-        ended[0] = time.perf_counter() + took if program is driver_checks.LONG else 0.0
-
-    def read_too_early(of, out, slot=0, start=(0, 0)):
-        read(of, out, slot, start)
-        if time.perf_counter() < ended[0]:
-            out[...] = 0
-
-    patch.setattr(target, "dispatch_groups", dispatched)
-    patch.setattr(target.Target, "read", read_too_early)
-
-
-def finish_does_not_wait(patch):
-    Late(patch, waits=False)
-
-
-def a_dispatch_is_skipped(patch):
-    done, dispatch = [0], target.dispatch_groups
-
-    def dispatched(program, groups, **bindings):
-        done[0] += 1
-        if done[0] % 20:
-            dispatch(program, groups, **bindings)
-
-    patch.setattr(target, "dispatch_groups", dispatched)
-
-
-def drawing_goes_first(patch):
-    """A copy of what is computed is drawn before it is computed."""
-    waiting, dispatch, fill = [], target.dispatch_groups, target.fill
-
-    def dispatched(program, groups, **bindings):
-        waiting.append(lambda: dispatch(program, groups, **bindings))
-
-    def filled(*arguments, **options):
-        fill(*arguments, **options)
-        while waiting:
-            waiting.pop()()
-
-    patch.setattr(target, "dispatch_groups", dispatched)
-    patch.setattr(target, "fill", filled)
-
-
-def changed_upload(change):
-    """A lie about what is uploaded. change: takes and returns the values (height, width, 4)."""
-
-    def lie(patch):
-        image = data_texture.image
-        patch.setattr(data_texture, "image", lambda values, texel="RGBA32F": image(change(values.copy()), texel))
-
-    return lie
-
-
-def half_precision(values):
-    with np.errstate(over="ignore"):
-        return values.astype(np.float16).astype(np.float32)
-
-
-def without_last_rows(values):
-    values[64:][-3:] = 0.0
-    return values
-
-
-def changed_source(before, after):
-    """A lie of a compiler, which takes one text for another."""
-
-    def lie(patch):
-        source = shader.source
-        patch.setattr(shader, "source", lambda name: source(name).replace(before, after))
-
-    return lie
-
-
-def rows_are_flipped(patch):
-    read = target.Target.read
-
-    def flipped(of, out, slot=0, start=(0, 0)):
-        read(of, out, slot, start)
-        out[:] = out[::-1].copy()
-
-    patch.setattr(target.Target, "read", flipped)
-
-
-def backs_are_not_drawn(patch):
-    draw = target.draw_bound
-
-    def culled(*arguments, **options):
-        gpu.state.face_culling_set("BACK")
-        draw(*arguments, **options)
-        gpu.state.face_culling_set("NONE")
-
-    patch.setattr(target, "draw_bound", culled)
-
-
-def ignored(switch, *values):
-    """A state of the GPU that is not set to these values."""
-
-    def lie(patch):
-        change = getattr(gpu.state, switch)
-        patch.setattr(gpu.state, switch, lambda value: None if value in values else change(value))
-
-    return lie
-
-
-def nothing_is_cleared(patch):
-    patch.setattr(target, "clear", lambda _target: None)
-    patch.setattr(target.Target, "__init__", spoiled(target.Target.__init__))
-
-
-def spoiled(make):
-    """New textures with NaN in them."""
-
-    def made(of, width, height, formats):
-        make(of, width, height, formats)
-        if formats == ("RGBA32F",):
-            with of.bound() as framebuffer:
-                framebuffer.clear(color=(np.nan,) * 4)
-
-    return made
-
-
-def constants_are_cut(patch):
-    mat4 = shader.mat4
-    patch.setattr(shader, "mat4", lambda matrix: [*mat4(matrix)[:-1], 0.0])
-
-
-def memory_is_shared(patch):
-    made, make = {}, target.Target.__init__
-
-    def shared(of, width, height, formats):
-        make(of, width, height, formats)
-        if width >= 2048:
-            of.textures = made.setdefault((width, height), of.textures)
-
-    patch.setattr(target.Target, "__init__", shared)
-
-
-def anything_is_granted(patch):
-    make = gpu.types.GPUTexture
-    patch.setattr(gpu.types, "GPUTexture", lambda size, **how: make((min(size[0], 64), size[1]), **how))
-
-
-LIES = {
-    "reads back zeros instead of waiting": (zeros_instead_of_waiting, "Read-backs wait"),
-    "does not wait where it is told to": (finish_does_not_wait, "Waiting waits"),
-    "skips a dispatch": (a_dispatch_is_skipped, "No dispatch is left out"),
-    "draws before it computes": (drawing_goes_first, "Drawing sees what was computed"),
-    "drops the last rows of a table": (changed_upload(without_last_rows), "Large tables arrive whole"),
-    "rounds floats to half precision": (changed_upload(half_precision), "Floats keep 32 bits"),
-    "cuts whole numbers": (changed_source("hit.z >> 8u", "(hit.z & 16777215u) >> 8u"), "Whole numbers stay whole"),
-    "reads beside corners": (changed_source("(size - 1)", "(size - 2)"), "Corners of textures"),
-    "gives NaN for a vector of zeros": (
-        changed_source("max(length(vector), 1e-20)", "length(vector)"),
-        "Vectors without a direction",
-    ),
-    "folds comparisons with NaN": (
-        changed_source(
-            "length_squared > 1e-30 && length_squared < 1e30", "!(length_squared <= 1e-30 || length_squared >= 1e30)"
-        ),
-        "Vectors without a direction",
-    ),
-    "cuts constants": (constants_are_cut, "128 bytes of constants"),
-    "flips rows": (rows_are_flipped, "Row 0 is v = 0"),
-    "draws one winding alone": (backs_are_not_drawn, "Row 0 is v = 0"),
-    "goes on blending": (ignored("blend_set", "NONE"), "Blending"),
-    "never blends": (ignored("blend_set", "ADDITIVE"), "Blending"),
-    "tests no depth": (ignored("depth_test_set", "LESS"), "Depth and rows"),
-    "limits no rows": (ignored("scissor_test_set", True), "Depth and rows"),
-    "leaves new textures as they are": (nothing_is_cleared, "New textures are cleared"),
-    "gives the same memory twice": (memory_is_shared, "Memory is granted and freed"),
-    "grants what it has not": (anything_is_granted, "Too much is refused"),
-}
-
-
 @pytest.mark.parametrize(("lie", "name"), LIES.values(), ids=LIES)
 def test_a_driver_that_lies_is_caught(lie, name):
-    shader.load.cache_clear()
-    with pytest.MonkeyPatch.context() as patch:
-        lie(patch)
-        with pytest.raises(CheckFailed) as found:
-            finish(BY_NAME[name].check())
-    shader.load.cache_clear()
+    with lying(lie), pytest.raises(CheckFailed) as found:
+        finish(BY_NAME[name].check())
     assert str(found.value).endswith(".")
 
 
@@ -270,7 +50,6 @@ def test_each_check_has_a_lie():
 
 
 def test_an_asynchronous_driver_that_waits_passes():
-    with pytest.MonkeyPatch.context() as patch:
-        Late(patch, waits=True)
+    with lying(lambda patch: Late(patch, waits=True)):
         for name in ("Read-backs wait", "Waiting waits"):
             finish(BY_NAME[name].check())

@@ -28,7 +28,7 @@ def report(*tests, **more):
 def test_what_is_right_is_said():
     found = report(EQUAL, WITHIN)
     assert found.verdict == (
-        "All right: the driver passes 1 checks; 1 maps are equal, and 1 within what drivers differ in."
+        "All right: the driver passes 1 checks, and 2 maps are right, 1 of them equal to their answers."
     )
     assert found.wrong == []
     lines = found.text.splitlines()
