@@ -1,4 +1,4 @@
-// What Imprint asks of vectors that may have no length, or be infinite, or no numbers.
+// What Imprint asks of vectors that may have no length, or only what rounding leaves of one.
 #include "lib/basis_lib.glsl"
 #include "lib/direction_lib.glsl"
 

@@ -19,7 +19,8 @@ from addon.core.progress import Pace, finish
 from addon.jobs import gpu_pairs, gpu_test
 from addon.jobs.gpu_pairs import PAIRS
 from addon.passes import hemisphere, shader, target
-from tests.support.lying_drivers import WHOLE_LIES, lying
+from tests.support import fast_math
+from tests.support.lying_drivers import WHOLE_LIES, changed_shaders, lying
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -226,6 +227,14 @@ def test_a_driver_that_lies_is_caught(lie, wrong):
     with lying(lie):
         report = gpu_test.test()
     assert wrong <= {each.name for each in report.wrong}
+
+
+@pytest.mark.slow
+def test_a_compiler_with_fast_math_is_right():
+    """As Metal's: it folds comparisons with NaN, which no map depends on."""
+    with lying(changed_shaders(fast_math.turned)):
+        report = gpu_test.test()
+    assert report.wrong == []
 
 
 @pytest.mark.slow

@@ -27,6 +27,14 @@ def test_this_driver_passes(check):
     assert isinstance(finish(check.check()), str)
 
 
+def test_texels_differ_from_each_other_and_from_seed_to_seed():
+    """Otherwise a check would not see that what it reads is another texel, or is of another texture."""
+    first, *others = (driver_checks._hashed(1 << 16, seed) for seed in range(24))
+    assert ((first >= 1.0) & (first < 2.0)).all()
+    assert len(np.unique(first, axis=0)) == len(first)
+    assert all((first != other).any(axis=1).sum() > 0.999 * len(first) for other in others)
+
+
 @pytest.mark.parametrize("turns", [0, 1, 2, 7, 1000])
 def test_the_sequence_of_the_long_dispatch(turns):
     expected = np.arange(30, 30 + driver_checks.SIDE**2, dtype=np.uint64)
