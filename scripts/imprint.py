@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs Imprint from a checkout: demo, bake, lod, farm, bench, test and build. Sets up what they need at the first use.
+"""Runs Imprint from a checkout: demo, bake, lod, farm, gpu, bench, test and build. Sets up what they need at the first use.
 
 This script runs on any Python from 3.9, with only the standard library. It finds a Python 3.13, which Blender's wheel
 needs, creates a virtual environment in .venv, and runs each command there.
@@ -532,6 +532,12 @@ def report(options):
     return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "report", *options.rest])
 
 
+def gpu(options):
+    """Test the GPU with scripts/bake.py."""
+    options.rest.insert(0, "gpu")
+    return bake(options)
+
+
 def cores():
     """Return the number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -602,7 +608,7 @@ def version():
 
 
 def parse(arguments):
-    """Return the options. The scripts behind demo, bake, lod, farm, bench and test parse their own options, --help included."""
+    """Return the options. The scripts behind most commands parse their own options, --help included."""
     parser = argparse.ArgumentParser(prog="imprint.py", description=DESCRIPTION)
     parser.add_argument("--version", action="store_true", help="print the versions of Imprint and of Blender")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -611,6 +617,7 @@ def parse(arguments):
         (bake, "bake a normal map; see bake --help"),
         (lod, "make levels of detail of a mesh; see lod --help"),
         (farm, "send a job file to a farm; see farm --help"),
+        (gpu, "test the GPU and its driver; see gpu --help"),
         (report, "put the reports of several machines together; see report --help"),
         (bench, "compare Imprint with other bakers, and write a report; see bench --help"),
         (test, "run ruff and the tests; see test --help"),
@@ -619,7 +626,7 @@ def parse(arguments):
     building = commands.add_parser("build", help="make the extension's zip and print its path")
     building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="folder for the zip (default: dist)")
     building.set_defaults(run=build)
-    passes_on = arguments[:1] in (["demo"], ["bake"], ["lod"], ["farm"], ["report"], ["bench"], ["test"])
+    passes_on = arguments[:1] in (["demo"], ["bake"], ["lod"], ["farm"], ["gpu"], ["report"], ["bench"], ["test"])
     options = parser.parse_args(arguments[:1] if passes_on else arguments)
     options.rest = arguments[1:] if passes_on else []
     return options

@@ -28,7 +28,7 @@ from ..jobs.job import Job, jobs_by_name
 from ..passes import allocation
 from ..scene import reading
 from ..scene.object_checks import object_by_name
-from . import bake_results, modal, object_pairs
+from . import bake_results, gpu_test, modal, object_pairs
 from .bake_results import results
 from .live import live
 from .modal import QuickOperator
@@ -61,9 +61,10 @@ class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
         max=2**16,
     )
 
-    def draw(self, _context: bpy.types.Context) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         self.layout.prop(self, "gpu_memory")
         self.layout.prop(self, "flamenco")
+        gpu_test.draw(self.layout, context)
 
 
 def gpu_memory() -> int | None:

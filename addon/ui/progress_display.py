@@ -90,6 +90,7 @@ class ProgressDisplay:
             self._named = now
             context.workspace.status_text_set(f"{self.text()}   {message('Esc: stop')}")
             redraw("VIEW_3D", "IMAGE_EDITOR", region="UI")
+            redraw("PREFERENCES")  # the bar of the test of the GPU
         if self.picture is not None and self._redraws.are_due():
             redraw("VIEW_3D", "IMAGE_EDITOR", region="WINDOW")
 
@@ -103,7 +104,7 @@ class ProgressDisplay:
         self._draw_callbacks.remove()
         for window in context.window_manager.windows:  # a bake may be stopped from another window
             window.workspace.status_text_set(None)
-        redraw("VIEW_3D", "IMAGE_EDITOR")
+        redraw("VIEW_3D", "IMAGE_EDITOR", "PREFERENCES")
 
     def text(self) -> str:
         """The current step in a line: its name, its progress, and the remaining time."""

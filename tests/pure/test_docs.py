@@ -10,8 +10,9 @@ import tomllib
 
 import pytest
 
-from addon.cli import arguments, command, farm_command, job_file, report_command, run_report
+from addon.cli import arguments, command, farm_command, gpu_command, job_file, report_command, run_report
 from addon.cli.farm_command import FARM_OPTIONS
+from addon.cli.gpu_command import GPU_OPTIONS
 from addon.cli.options import OPTIONS, RUN_OPTIONS
 from addon.cli.report_command import REPORT_OPTIONS
 from addon.core import map_types
@@ -113,7 +114,9 @@ def options_in(script):
 @functools.cache
 def known_options():
     ours = {
-        f"--{name}" for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS, REPORT_OPTIONS) for name in group
+        f"--{name}"
+        for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS, REPORT_OPTIONS, GPU_OPTIONS)
+        for name in group
     } | {"--jobs"}
     ours |= options_in(ROOT / "addon" / "cli" / "arguments.py")
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
@@ -141,7 +144,13 @@ def bake_arguments(words):
     ]
     if launcher:
         more = words[launcher[0] + 1 :]
-        return more[1:] if more[:1] == ["bake"] else more if more[:1] in ([command.FARM], [command.REPORT]) else None
+        return (
+            more[1:]
+            if more[:1] == ["bake"]
+            else more
+            if more[:1] in ([command.FARM], [command.REPORT], [command.GPU])
+            else None
+        )
     if "--command" in words:
         return words[words.index("--command") + 2 :]
     if "scripts/bake.py" in " ".join(words) and "--" in words:
@@ -160,6 +169,9 @@ def check_command(words):
             return
         if given[0] == command.REPORT:
             report_command.parser("imprint").parse_intermixed_args(given[1:])
+            return
+        if given[0] == command.GPU:
+            gpu_command.parser("imprint").parse_args(given[1:])
             return
         options = arguments.parse(given)
         if options.jobs:
