@@ -453,8 +453,8 @@ def tiled() -> Meshes:
 # What is measured
 
 
-FLAT_COLOR = np.float32([0.5, 0.5, 1.0, 1.0])
-TILTED_COLOR = np.float32([0.68, 0.36, 0.9, 1.0])
+FLAT_COLOR = np.array([0.5, 0.5, 1.0, 1.0], np.float32)
+TILTED_COLOR = np.array([0.68, 0.36, 0.9, 1.0], np.float32)
 WHOLE_BAND = Band(0, SIZE, (SIZE, SIZE), 0)
 
 
@@ -473,7 +473,7 @@ def _deviations(meshes: Meshes, run: Run) -> Task[Maps]:
     )
     measured.add(FIRST, (np.zeros((SIZE, SIZE, 4), np.float32), np.full((SIZE, SIZE), WRITTEN, np.uint8)))
     results = measured.results()
-    numbers = np.float32([[results[name] for name in ANGLES]])
+    numbers = np.array([[results[name] for name in ANGLES]], np.float32)
     texels = np.repeat(numbers[..., None], 4, axis=-1)
     return {"angles": (texels, np.full(numbers.shape, WRITTEN, np.uint8))}
 
