@@ -27,8 +27,9 @@ _of_pool = threading.local()
 
 def processors() -> int:
     """How many processors this process may use: those of its affinity, and as many as its container has."""
-    if hasattr(os, "process_cpu_count"):  # from Python 3.13 on
-        count = os.process_cpu_count()
+    own_count = getattr(os, "process_cpu_count", None)  # from Python 3.13 on
+    if own_count is not None:
+        count = own_count()
     else:
         count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     with suppress(OSError, ValueError):  # "max" is no number
