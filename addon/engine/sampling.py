@@ -91,7 +91,8 @@ class SampledMaps(BandMaps):
         for _ in self.source.normals(band):
             pass
         if self.detail is not None:
-            finish(self.detail.apply([Sample(band, 0, True, self.source.drawn(), self.source.hits(band))]))
+            hits, covered = self.source.hits(band), self.source.covered(band)
+            finish(self.detail.apply([Sample(band, 0, True, self.source.drawn(), hits, covered)]))
         return self.source.drawn().texture
 
     def coarse(self, tile: int) -> Task[None]:
@@ -146,7 +147,8 @@ class SampledMaps(BandMaps):
                 if self._has_images and self.source.surface is not None:
                     with self.timings.timed("draw"):
                         blocks = surface_tables.find_blocks(hits, self.source.surface.labels)
-                drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits, blocks))
+                covered = self.source.covered(sample_band)
+                drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits, covered, blocks))
         if self.detail is not None:
             yield from part(self._with_detail(self.detail, drawn, sums), efforts[0] / whole, efforts[0] / whole)
         if self.families and sums is not None and not self.source.is_within_low:
@@ -198,6 +200,7 @@ class SampledMaps(BandMaps):
         size = self.settings.sampling.width, self.settings.sampling.height
         # Of a map in bands, only the coarse picture is shown.
         if band.is_whole and (clear or self.pace.takes_picture()):
+            clear = clear or self._picture is None  # it may show another bake, and new memory shows anything
             shown = self.space.of_sample(normals, band)
             self._picture = viewport.draw_preview(shown, size, channels(self.settings.map), clear=clear)
         return Progress("Drawing", done, self._picture)

@@ -32,7 +32,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import map_names, outputs
 from ..output.atomic_file import all_or_none
-from ..passes import audit, lit, mesh_upload, target, viewport
+from ..passes import audit, data_texture, lit, mesh_upload, target, viewport
 from ..scene import evaluation, mesh_reader, object_checks
 from ..scene.object_checks import ObjectRef
 from . import bake_jobs
@@ -441,9 +441,7 @@ def _flattened(meshes: Meshes, settings: Settings, pace: Pace) -> Task[gpu.types
     renderer = baking.Renderer(maps_of_bake(meshes, source, run), run)
     drawing = renderer.texels(udim.FIRST, margins.for_maps([meshes.low], settings))
     maps = yield from part(drawing, 0.5, 1.0)
-    texels = maps[NORMAL.name][0]
-    data = gpu.types.Buffer("FLOAT", texels.size, texels)
-    return gpu.types.GPUTexture(settings.sampling.size, format="RGBA32F", data=data)
+    return data_texture.image(maps[NORMAL.name][0])
 
 
 def _compared(

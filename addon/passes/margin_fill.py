@@ -132,6 +132,7 @@ ACROSS_SEAMS = Program(
         ("MAT4", "encode"),
     ),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
+    cost=1.0,
 )
 ACROSS_SEAMS_LISTED = Program(
     vertex="lib/fullscreen_vert.glsl",
@@ -141,6 +142,7 @@ ACROSS_SEAMS_LISTED = Program(
     texels=(("RGBA32F", "FLOAT_2D", "places"), ("RGBA32F", "FLOAT_2D", "borders")),
     constants=(("INT", "kind"), ("INT", "first_row"), ("MAT4", "encode")),
     outputs=(("VEC4", "map_out"),),
+    cost=1.0,
 )
 VALUE, LABEL, NORMAL, TANGENT = range(4)
 """Kinds of values: numbers, numbers that must not be averaged, unit normals, and unit normals in tangent space."""

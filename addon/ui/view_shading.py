@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 
 import gpu
 import numpy as np
@@ -319,13 +320,15 @@ class Shading:
                 self._draw_map(scene, matrix, light)
             elif mode == Mode.SPLIT:
                 x, y, width, height = gpu.state.viewport_get()
-                high, low, mapped = zones(width, split)
-                with _only(x + high.start, y, len(high), height):
-                    _draw_bare(scene.highs, matrix, light)
-                with _only(x + low.start, y, len(low), height):
-                    _draw_bare([scene.low], matrix, light)
-                with _only(x + mapped.start, y, len(mapped), height):
-                    self._draw_map(scene, matrix, light)
+                draws = (
+                    partial(_draw_bare, scene.highs, matrix, light),
+                    partial(_draw_bare, [scene.low], matrix, light),
+                    partial(self._draw_map, scene, matrix, light),
+                )
+                for zone, draw in zip(zones(width, split), draws, strict=True):
+                    if zone:  # Vulkan and Metal refuse a part without pixels
+                        with _only(x + zone.start, y, len(zone), height):
+                            draw()
             elif self._measured is not None:
                 how = {"limit": limit, "without_map": mode == Mode.BARE_DEVIATION}
                 viewport.draw_deviation(scene.low[0], self._measured.texture, matrix, **how)

@@ -202,6 +202,22 @@ def bare(obj, eye, *, has_tangents=False):
     return owner >= 0, brightness(raster.unit(normals), raster.interpolate(points, owner, weights), eye.light)
 
 
+@pytest.mark.parametrize("split", [0.0, 1.0])
+def test_no_part_without_pixels_is_drawn(monkeypatch, split):
+    """Vulkan's and Metal's checks abort on such a rectangle at the edge of a view."""
+    widths, scissor = [], gpu.state.scissor_set
+    monkeypatch.setattr(
+        gpu.state, "scissor_set", lambda x, y, width, height: (widths.append(width), scissor(x, y, width, height))
+    )
+    low, high = pair(UNEVEN, n=4)
+    shading, eye = view_shading.Shading(session_of(low, [high])), eye_on(low)
+    widths.clear()
+    picture(lambda: shading.draw("SPLIT", eye, split=split))
+    assert widths
+    assert min(widths) > 0
+    assert sum(widths) == SIZE[0]
+
+
 @pytest.mark.parametrize("split", [0.4, 0.95])
 def test_split_shows_high_mesh_low_mesh_and_low_mesh_with_map(split):
     low, high = pair(UNEVEN, n=20)
