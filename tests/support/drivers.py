@@ -5,7 +5,7 @@ import os
 
 import gpu
 
-from addon.passes import shader, target
+from addon.passes import allocation, shader
 from tests.support import fast_math
 
 VARIABLE = "IMPRINT_TEST_DRIVER"
@@ -17,8 +17,7 @@ KINDS = {
     "rounding": "a product and a sum are rounded once, and square roots are one unit off in the last place",
 }
 NAN, IN_FRONT = float("nan"), 0.0
-_STORED = {"RGBA32UI": ("UINT_2D", "uvec4(0x7fc00000u)"), "R32I": ("INT_2D", "ivec4(0x7fc00000)")}
-_STORED |= {"R16I": ("INT_2D", "ivec4(0x7e00)")}
+_WHOLE = {"RGBA32UI": ("UINT", 0x7FC00000), "R32I": ("INT", 0x7FC00000), "R16I": ("INT", 0x7E00)}
 """The type and the value of new texels of whole numbers: the bits of NaN."""
 
 
@@ -40,37 +39,20 @@ def imitate(kind: str) -> None:
 
 
 def _fill_new_textures() -> None:
-    new_texture, new_offscreen, source = gpu.types.GPUTexture, gpu.types.GPUOffScreen, shader.source
+    new_texture, new_offscreen = allocation.texture, allocation.offscreen
 
-    def texture(size, *, format="RGBA8", data=None, **others):
-        if data is not None:
-            return new_texture(size, format=format, data=data, **others)
-        result = new_texture(size, format=format, **others)
-        if format in _STORED:
-            _store(result, format)
-            return result
-        is_depth = format.startswith("DEPTH")
-        framebuffer = gpu.types.GPUFrameBuffer(**({"depth_slot": result} if is_depth else {"color_slots": [result]}))
-        with framebuffer.bind():
-            framebuffer.clear(**({"depth": IN_FRONT} if is_depth else {"color": (0.5 if "8" in format else NAN,) * 4}))
-        return result
+    def texture(size, texel, values=None):
+        made = new_texture(size, texel, values)
+        if values is None:
+            of_floats = IN_FRONT if texel.startswith("DEPTH") else 0.5 if texel.endswith("8") else NAN
+            kind, value = _WHOLE.get(texel, ("FLOAT", of_floats))
+            made.clear(format=kind, value=(value,) * 4)
+        return made
 
-    def offscreen(width, height, *, format="RGBA8"):
-        result = new_offscreen(width, height, format=format)
-        with result.bind():
+    def offscreen(size, texel):
+        made = new_offscreen(size, texel)
+        with made.bind():
             gpu.state.active_framebuffer_get().clear(color=(NAN,) * 4, depth=IN_FRONT)
-        return result
+        return made
 
-    gpu.types.GPUTexture, gpu.types.GPUOffScreen = texture, offscreen
-    values = {f"all {texel}": value for texel, (_, value) in _STORED.items()}
-    shader.source = lambda name: (
-        f"void main() {{ imageStore(into, ivec2(gl_GlobalInvocationID.xy), {values[name]}); }}"
-        if name in values
-        else source(name)
-    )
-
-
-def _store(texture: gpu.types.GPUTexture, texel: str) -> None:
-    kind, _ = _STORED[texel]
-    program = shader.Program(compute=f"all {texel}", images=((texel, kind, "into", "WRITE"),))
-    target.dispatch_groups(program, (-(-texture.width // 8), -(-texture.height // 8)), into=texture)
+    allocation.texture, allocation.offscreen = texture, offscreen

@@ -67,8 +67,10 @@ def _overloads() -> Iterator[str]:
             value = f"{vector}({double}(a) * {double}(b) + {double}(c))"
             yield f"{vector} rounded_once({given}) {{ return {value}; }}"
         for scalar, whole in ("int", f"ivec{n}"), ("uint", f"uvec{n}"):
-            for kinds in (("vvv", "fvv", "vfv", "vvf", "vff", "fvf", "ffv") if n else ("fff",)):
-                given = ", ".join(f"{whole if k == 'v' else scalar} {name}" for k, name in zip(kinds, "abc", strict=True))
+            for kinds in ("vvv", "fvv", "vfv", "vvf", "vff", "fvf", "ffv") if n else ("fff",):
+                given = ", ".join(
+                    f"{whole if k == 'v' else scalar} {name}" for k, name in zip(kinds, "abc", strict=True)
+                )
                 yield f"{whole if n else scalar} rounded_once({given}) {{ return a * b + c; }}"
         if n in (3, 4):
             yield f"vec{n} rounded_once(mat{n} a, vec{n} b, vec{n} c) {{ return a * b + c; }}"
@@ -80,6 +82,7 @@ def _of_each(name: str) -> Iterator[str]:
         yield f"vec{n} {name}(vec{n} x) {{ return vec{n}({', '.join(f'{name}(x.{c})' for c in 'xyzw'[:n])}); }}"
 
 
+_ROUGH = "inversesqrt", "sqrt", "dot", "cross", "length", "distance", "normalize"
 _ROUNDING = "\n".join(
     [
         *_overloads(),
@@ -102,7 +105,7 @@ vec3 rough_cross(vec3 a, vec3 b) { return rounded_once(a.yzx, b.zxy, -(a.zxy * b
             f"vec{n} rough_normalize(vec{n} a) {{ return a * rough_inversesqrt(rough_dot(a, a)); }}"
             for n in (2, 3, 4)
         ),
-        *(f"#define {name} rough_{name}" for name in "inversesqrt sqrt dot cross length distance normalize".split()),
+        *(f"#define {name} rough_{name}" for name in _ROUGH),
         "",
     ]
 )
@@ -116,7 +119,8 @@ _TOKEN = re.compile(
 )
 """Constants may call no functions, and stay as they are."""
 _DEFINED = re.compile(r"(\s*#define\s+\w+(?:\([^)]*\))?)(.*)", re.DOTALL)
-_BETWEEN = {*", ; { } = *= /= == != < > <= >= && || ^^ ? : | & ^ << >> |= &= ^= return else".split()}
+_BETWEEN = {",", ";", "{", "}", "?", ":", "return", "else", "=", "*=", "/=", "|=", "&=", "^="}
+_BETWEEN |= {"==", "!=", "<", ">", "<=", ">=", "&&", "||", "^^", "|", "&", "^", "<<", ">>"}
 """What is between two sums, beside brackets."""
 _VARIABLE = re.compile(r"[A-Za-z_][\w.]*(?:\[[^\[\]]*\])?(?:\.\w+)?\s*$")
 
