@@ -230,10 +230,10 @@ def compare_slices(names: list[str], out: Path) -> bool:
         for pair, found in json.loads((out / name / "slices.json").read_text()).items():
             missed = max(found["missed"])
             wrong |= missed > MISSED
+            print(f"{name}, {pair}: {found['seconds']:.1f} s; rows of the slices: {found['rows']}")
             print(
-                f"{name}, {pair}: {found['seconds']:.1f} s, longest slice {max(found['slices']):.2f} s, the longest time that"
+                f"  longest slice {max(found['slices']):.2f} s; after a wait the GPU worked for at most {missed:.4f} s"
             )
-            print(f"  the GPU still worked after the wait {missed:.4f} s; rows of the slices: {found['rows']}")
     return wrong
 
 
@@ -294,11 +294,13 @@ def bake(out: str, scenes: str, size: str, *files: str) -> None:
     found = {}
 
     def add(name: str, low: bpy.types.Object, highs: list, settings: Settings) -> None:
+        start = time.monotonic()
         try:
             report = bake_pair(bpy.context, low, highs, settings)
         except BakeError as error:
             found[name] = np.array(str(error))
             return
+        print(f"{name}: {time.monotonic() - start:.1f} s", flush=True)
         for kind, image in {"NORMAL": report.image, **{k: v["image"] for k, v in report.maps.items()}}.items():
             if image in bpy.data.images:
                 found[f"{name} {kind}"] = maps.pixels(bpy.data.images[image])
@@ -319,7 +321,7 @@ def bake(out: str, scenes: str, size: str, *files: str) -> None:
 def _bakes() -> dict[str, dict]:
     """Settings that reach every family of maps and every way of the rays."""
     families = "POSITION HEIGHT DISPLACEMENT DISTANCE COVERAGE OBJECT_ID MATERIAL_ID AO BENT_NORMAL THICKNESS CURVATURE"
-    every = {"maps": (*families.split(), "BASE_COLOR", "ROUGHNESS", "ATTRIBUTE"), "detail_maps": True}
+    every = {"maps": (*families.split(), "BASE_COLOR", "ROUGHNESS", "ATTRIBUTE"), "detail_maps": True, "rays": 16}
     bakes = {}
     for method in ("CAST", "FLATTEN"):
         bakes |= {
@@ -354,7 +356,7 @@ def measure_slices(out: str, size: str, *files: str) -> None:
 
     drivers.imitate(drivers.named())
     found, slices, other = {}, Pace.slices, target.Target(8, 8, ("RGBA32F",))
-    settings = Settings("CAST", image="map", storage="MEMORY", material=False, width=int(size), height=int(size))
+    settings = Settings(method="CAST", image="map", storage="MEMORY", material=False, width=int(size), height=int(size))
 
     def measured(rows: list, seconds: list, missed: list | None):
         def in_slices(pace, work, costs, height, draw):
@@ -442,7 +444,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--scenes", default="0:0")
     parser.add_argument("--size", help="256 for maps, 2048 for slices")
-    given = parser.parse_args()
+    given = parser.parse_intermixed_args()
     blender, names, files = shlex.split(given.blender), given.lanes.split(","), [file.resolve() for file in given.files]
     if unknown := set(names) - set(LANES):
         parser.error(f"no lane {', '.join(unknown)}; there are {', '.join(LANES)}")
