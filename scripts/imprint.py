@@ -69,12 +69,15 @@ PACKAGES = {  # the system libraries that Blender's wheel needs, and their packa
     "libxkbcommon.so.0": ("libxkbcommon0", "libxkbcommon"),
     DRIVER: ("libgl1-mesa-dri", "mesa-dri-drivers"),
 }
-FOR_TESTS = {  # the programs that tests start, and their packages
+LAVAPIPE = "lavapipe"  # Mesa's Vulkan in software, on which its OpenGL draws later than it is called
+VULKAN_DRIVERS = Path("/usr/share/vulkan/icd.d")
+FOR_TESTS = {  # the programs that tests start, a driver, and their packages
     "bwrap": ("bubblewrap", "bubblewrap"),
     "clang": ("clang", "clang"),
     "glslangValidator": ("glslang-tools", "glslang"),
     "spirv-cross": ("spirv-cross", ""),
     "spirv-val": ("spirv-tools", "spirv-tools"),
+    LAVAPIPE: ("mesa-vulkan-drivers", "mesa-vulkan-drivers"),
 }
 
 
@@ -352,14 +355,20 @@ def require_gpu(python, may_install):
             raise NoGpu(explain(absent, command, code, output))
 
 
+def missing_for_tests():
+    """Return what tests need and do not find."""
+    absent = [name for name in FOR_TESTS if name != LAVAPIPE and not shutil.which(name)]
+    return absent if any(VULKAN_DRIVERS.glob("lvp_icd*.json")) else [*absent, LAVAPIPE]
+
+
 def require_test_programs():
     """Make sure that tests find the programs that they start, on Linux. Without them, say what to install."""
-    absent = [name for name in FOR_TESTS if not shutil.which(name)]
+    absent = missing_for_tests()
     if sys.platform != "linux" or not absent:
         return
     command = remedy(absent, installer())
     if install(command, f"tests need {', '.join(absent)}", may_install=True):
-        absent = [name for name in absent if not shutil.which(name)]
+        absent = missing_for_tests()
     if absent:
         print_message(f"tests need {', '.join(absent)}, missing here; {how_to_fix(command)}")
 
