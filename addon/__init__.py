@@ -74,7 +74,8 @@ def modules() -> tuple[ModuleType, ...]:
         properties,
         settings_panels,
         texts,
-        views,
+        view_gizmos,
+        view_panel,
     )
 
     return (
@@ -82,7 +83,8 @@ def modules() -> tuple[ModuleType, ...]:
         properties,
         bake_panel,
         checks,
-        views,
+        view_panel,
+        view_gizmos,
         settings_panels,
         bake_operators,
         bake_results,
