@@ -280,7 +280,7 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
         row.enabled = display.current is None
         row.prop(view, "mode")
         row.operator("imprint.view_refresh", text="", icon="FILE_REFRESH")
-        _draw_maps(layout, context)
+        _draw_maps(layout, row, context)
         if viewer.is_outdated(context):
             draw_paragraphs(layout, context, [message("The settings have changed: refresh the view.")], "INFO")
         if viewer.mode is not Mode.OFF:
@@ -289,8 +289,8 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
             draw_paragraphs(layout.box(), context, [viewer.message], "ERROR")
 
 
-def _draw_maps(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """A button for each stored map of the low object, which shows it on the mesh."""
+def _draw_maps(layout: bpy.types.UILayout, row: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """A button for each stored map of the low object, which shows it on the mesh; in the `row`, one that opens its image."""
     low = viewer.low_of(context)
     maps = maps_of(low)
     if not maps:
@@ -298,6 +298,7 @@ def _draw_maps(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if low not in {context.scene.imprint.low, context.active_object}:
         layout.label(text=low.name, icon="OBJECT_DATA", translate=False)
     shown = viewer.map if viewer.map in maps else next(iter(maps))
+    row.operator("imprint.show_map", text="", icon="IMAGE_DATA").image = maps[shown][0].image.name
     grid = layout.grid_flow(columns=2, even_columns=True, align=True)
     for name in maps:
         is_on = viewer.mode in {Mode.MAP, Mode.SPLIT, Mode.SIDES} and name == shown

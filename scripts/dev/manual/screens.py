@@ -89,7 +89,7 @@ def steps() -> Iterator[Action]:
         obj.select_set(False)
     yield 8.0  # for the material's shaders and the small picture
     yield "step-4-result", window.crop(window.box_of(area))
-    area.spaces.active.region_3d.view_distance /= 1.35  # each part gets a third of the head
+    area.spaces.active.region_3d.view_distance /= 1.35
     bpy.context.scene.imprint_view.split = 0.365
     bpy.context.scene.imprint_view.mode = "SPLIT"
     yield from window.wait()
