@@ -65,8 +65,11 @@ class ViewMode:
         self.own: OwnMap | None = None
         self.stored: dict[int, StoredShading] = {}
         self.timer = Timer(self.catch_up)
+        self._drawings: list[Drawing] = []
         self._shown: tuple = ()
         """What was prepared: see `_wanted`."""
+        self._asked: tuple = ()
+        """What a viewport has asked for. It asks once: two windows may show different scenes."""
         self._draw_callbacks = DrawCallbacks(
             (bpy.types.SpaceView3D, self.draw, "POST_VIEW"), (bpy.types.SpaceView3D, self._draw_labels, "POST_PIXEL")
         )
@@ -204,11 +207,13 @@ class ViewMode:
         """Free the view's GPU memory."""
         self._free_own()
         self.stored.clear()
-        self._shown = ()
+        self._drawings = []
+        self._shown = self._asked = ()
 
     def _free_own(self) -> None:
         if self.own is not None:
             self.own.session.free()
+        self._drawings = [drawing for drawing in self._drawings if drawing is not self.shading]
         self.own = self.shading = None
 
     # Following
@@ -221,7 +226,9 @@ class ViewMode:
             return RETRY
         try:
             if self.is_ready(bpy.context, self.mode):
+                asked = self._asked
                 self._prepare(bpy.context)
+                self._asked = asked
             else:
                 self._ask_for(self.mode)
         except BakeError as error:
@@ -254,13 +261,15 @@ class ViewMode:
             if self.shading is None or self.shading.session is not self.session:
                 self.shading = view_shading.Shading(self.session)
             self.shading.update(is_measured=self.mode.is_deviation, target_engine=target)
+            self._drawings = [self.shading]
         else:
-            for obj in self.lows_of(context):
-                shading = self._stored_of(context, obj)
+            found = [self._stored_of(context, obj) for obj in self.lows_of(context)]
+            for shading in found:
                 shading.name, shading.target_engine = self.map, target
                 if self.mode.has_high:
                     shading.bake.read_highs(context)
-        self._shown = self._wanted(context)
+            self._drawings = found
+        self._shown, self._asked = self._wanted(context), ()
         redraw()
 
     def _stored_of(self, context: bpy.types.Context, low: bpy.types.Object) -> StoredShading:
@@ -288,7 +297,7 @@ class ViewMode:
     def _forget(self, uids) -> None:
         for uid in list(uids):
             del self.stored[uid]
-            self._shown = ()
+            self._shown = self._asked = ()
 
     def _ask_for(self, wanted: Mode) -> None:
         """Show a mode, with a progress bar if there is a window and a map has to be drawn. Raises BakeError."""
@@ -303,16 +312,18 @@ class ViewMode:
 
     def drawings(self, context: bpy.types.Context) -> list[Drawing]:
         """What draws the low objects that are visible in the viewport that Blender is drawing."""
-        if self._wanted(context) != self._shown:
+        wanted = self._wanted(context)
+        if wanted not in (self._shown, self._asked):
+            self._asked = wanted
             self.timer.start()  # nothing is read or baked while a view is being drawn
-        low = self.low and self.low.find()
-        if low is None:
-            return []
-        if self.shows_session(maps_of(low)):
-            is_current = self.shading is not None and self.shading.session is self.session
-            return [self.shading] if is_current and _is_visible(low, context) else []
-        found = ((obj, self.stored.get(obj.session_uid)) for obj in self.lows_of(context))
-        return [shading for obj, shading in found if shading is not None and _is_visible(obj, context)]
+        if self.shading in self._drawings and self.shading.session is not self.session:
+            return []  # Live was switched on or off
+        lows = (drawing.subject.job.low_ref.find() for drawing in self._drawings)
+        return [
+            drawing
+            for drawing, low in zip(self._drawings, lows, strict=True)
+            if low is not None and _is_visible(low, context)
+        ]
 
     def draw(self) -> None:
         """Called by Blender for each 3D viewport that it draws."""

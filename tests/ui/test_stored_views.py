@@ -33,6 +33,7 @@ def pair():
     material = bpy.data.materials.new("painted")
     material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.2, 0.05, 1.0)
     high.data.materials.append(material)
+    viewer.map = "NORMAL"  # the choice of another test
     yield low, high
     live.stop()
     viewer.off()

@@ -145,7 +145,8 @@ def following():
     with window.at_view():
         bpy.ops.imprint.view_map(map="AO")
     yield 0.5
-    window.select_only(bpy.data.objects["barrel_low"])
+    yield from window.click_row("barrel_low")
+    yield from until(lambda: viewer.low.name == "barrel_low" or viewer.mode is Mode.OFF)
     yield 1.0
     check("the view follows the active low object", viewer.low.name == "barrel_low")
     picture("followed")
