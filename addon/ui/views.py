@@ -5,6 +5,8 @@ What is shown follows the panel: its low object, Live's map while Live is on, th
 drawn for the views alone.
 """
 
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import bpy
@@ -135,7 +137,7 @@ class ViewMode:
 
     def _wanted(self, context: bpy.types.Context) -> tuple:
         """What there is to show, to be compared with what was prepared."""
-        lows = [(low.session_uid, _time_of_bake(low)) for low in self.lows_of(context)]
+        lows = [(low.session_uid, _time_of_bake(low), *maps_of(low)) for low in self.lows_of(context)]
         return self.mode, self.map, lows, self.session and self.session.job.low_ref.uid, live.is_on
 
     # Turning on and off
@@ -229,6 +231,9 @@ class ViewMode:
                 asked = self._asked
                 self._prepare(bpy.context)
                 self._asked = asked
+            elif self.stored and not self.mode.is_deviation:
+                name = self.low.name if self.low is not None else ""
+                raise BakeError(f"The maps of {name!r} were undone or deleted: bake it again.")
             else:
                 self._ask_for(self.mode)
         except BakeError as error:
@@ -238,8 +243,8 @@ class ViewMode:
 
     def read_again(self) -> None:
         """Show the same map as another program reads it."""
-        if self.mode is not Mode.OFF and display.current is None:
-            self._prepare(bpy.context)
+        if display.current is None:
+            self.catch_up()
 
     def is_outdated(self, context: bpy.types.Context) -> bool:
         """Whether the settings have changed since the map that is shown was drawn."""
@@ -263,14 +268,20 @@ class ViewMode:
             self.shading.update(is_measured=self.mode.is_deviation, target_engine=target)
             self._drawings = [self.shading]
         else:
-            found = [self._stored_of(context, obj) for obj in self.lows_of(context)]
-            for shading in found:
-                shading.name, shading.target_engine = self.map, target
-                if self.mode.has_high:
-                    shading.bake.read_highs(context)
-            self._drawings = found
+            self._drawings = [self._prepared(context, low, target)]
+            for other in self.lows_of(context)[1:]:
+                with suppress(BakeError):  # one that cannot be read is left out
+                    self._drawings.append(self._prepared(context, other, target))
         self._shown, self._asked = self._wanted(context), ()
         redraw()
+
+    def _prepared(self, context: bpy.types.Context, low: bpy.types.Object, target: str) -> StoredShading:
+        """What draws the images of a low object in the mode that is on. target: as StoredShading.target_engine."""
+        shading = self._stored_of(context, low)
+        shading.name, shading.target_engine = self.map, target
+        if self.mode.has_high:
+            shading.bake.read_highs(context)
+        return shading
 
     def _stored_of(self, context: bpy.types.Context, low: bpy.types.Object) -> StoredShading:
         """What draws the images of a low object, made again after a bake."""
@@ -294,7 +305,7 @@ class ViewMode:
     def _after_undo(self, *_) -> None:
         self._forget(self.stored)
 
-    def _forget(self, uids) -> None:
+    def _forget(self, uids: Iterable[int]) -> None:
         for uid in list(uids):
             del self.stored[uid]
             self._shown = self._asked = ()

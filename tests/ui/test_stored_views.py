@@ -516,6 +516,40 @@ def test_a_low_mesh_without_faces_says_why(pair):
     assert viewer.is_idle
 
 
+@pytest.mark.usefixtures("no_bake")
+def test_nothing_is_baked_when_what_is_shown_is_gone(pair):
+    bake(maps={"AO"}, rays=16)
+    show("AO")
+    bpy.data.images.remove(bpy.data.images["lo_ao"])
+    drawn_pixels()
+    viewer.catch_up()
+    assert (viewer.mode, viewer.message) == (Mode.MAP, "")  # the normal map is left
+    bpy.data.images.remove(bpy.data.images["lo_normal"])
+    drawn_pixels()
+    viewer.catch_up()
+    assert viewer.is_idle
+    assert viewer.message == "The maps of 'lo' were undone or deleted: bake it again."
+    bake()
+    show("NORMAL")
+    bpy.data.objects.remove(pair[0])
+    assert not drawn_pixels().any()
+    viewer.catch_up()
+    assert viewer.is_idle
+
+
+@pytest.mark.usefixtures("no_bake")
+def test_low_objects_that_cannot_be_read_are_left_out_of_a_batch():
+    crate, barrel = two_pairs()
+    activate(crate)
+    show("AO")
+    before = drawn_pixels()
+    barrel.data.clear_geometry()
+    view().all_lows = True
+    viewer.catch_up()
+    assert np.array_equal(drawn_pixels(), before)
+    viewer.off()
+
+
 def test_stored_textures_are_freed(pair):
     bake(maps={"AO"}, rays=16)
     show("AO")

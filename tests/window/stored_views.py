@@ -3,8 +3,9 @@
 
     blender --factory-startup --python tests/window/stored_views.py
 
-Needs X11 (or Xvfb), xdotool and ImageMagick, and the mouse for some minutes. It prints what each part found, and how long views
-take until they are drawn. Pictures go to the folder in $PICTURES, or the current one. Blender exits with 1 if a part is wrong.
+Needs X11 (or Xvfb) of 1920 x 1080, xdotool and ImageMagick, and the mouse for some minutes. It prints what each part found, and
+how long views of maps of $MAP_SIZE take until they are drawn. Pictures go to the folder in $PICTURES, or the current one.
+Blender exits with 1 if a part is wrong.
 """
 
 import math
