@@ -14,7 +14,7 @@ from ..jobs.live_session import Session
 from ..passes import data_texture
 from ..scene.textures import SINGLE
 from . import object_pairs
-from .callbacks import Key, redraw
+from .callbacks import Key
 from .checks import CHECKS
 from .declared_properties import passed_on
 from .live import live
@@ -57,10 +57,6 @@ def _set_mode(_view: bpy.types.PropertyGroup, number: int) -> None:
 
 def _read_again(_view: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
     viewer.read_again()
-
-
-def _show_others(_view: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    redraw()
 
 
 def _mask_of(low: bpy.types.Object | None) -> str:
@@ -127,7 +123,7 @@ class ImprintView(bpy.types.PropertyGroup):
         BoolProperty,
         "All Low Objects",
         "Show all low objects of the view layer that were baked, and not only that of the panel",
-        update=_show_others,
+        update=_read_again,
     )
     mask: labeled(
         EnumProperty,

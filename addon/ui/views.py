@@ -242,7 +242,7 @@ class ViewMode:
         return None
 
     def read_again(self) -> None:
-        """Show the same map as another program reads it."""
+        """Show what the settings of the view say now."""
         if display.current is None:
             self.catch_up()
 

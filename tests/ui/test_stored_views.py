@@ -127,17 +127,23 @@ def test_colors_look_as_in_the_image(pair):
 
 @pytest.mark.usefixtures("no_bake")
 def test_ids_have_their_true_borders(pair):
+    pair[1].data.materials.append(bpy.data.materials.new("other"))
+    for polygon in pair[1].data.polygons:
+        polygon.material_index = int(polygon.center.x > 0.1)
     bake(maps={"MATERIAL_ID"})
     show("MATERIAL_ID")
     pixels = drawn_pixels()
     drawn = np.unique(np.round(to_stored(pixels[pixels[..., 3] > 0.0][:, :3]) * 255.0), axis=0)
     stored = np.unique(np.round(texels_of(bpy.data.images["lo_material_id"]).reshape(-1, 3) * 255.0), axis=0)
+    assert len(stored) >= 2
     assert {*map(tuple, drawn)} <= {*map(tuple, stored)}
 
 
 @pytest.mark.usefixtures("no_bake")
 def test_heights_fill_the_range_from_black_to_white(pair):
-    """Inside Blender they are floats in scene units, most of them below 0.2."""
+    """Inside Blender they are floats in scene units. Gray is the low surface, also if nothing is below it."""
+    for vertex in pair[1].data.vertices:
+        vertex.co.z = abs(vertex.co.z)
     bake(maps={"HEIGHT"}, depth="16")
     image = bpy.data.images["lo_height"]
     assert image.is_float
@@ -339,17 +345,26 @@ def test_deviations_are_those_of_the_stored_map(pair, monkeypatch):
 
 
 def test_after_a_bake_the_view_shows_the_new_images(pair):
-    bake(maps={"AO"}, rays=16)
-    show("AO")
+    bake(maps={"AO", "HEIGHT"}, rays=16)
+    show("HEIGHT")
     before = drawn_pixels()
-    pair[1].location.z = 0.2
-    for vertex in pair[1].data.vertices:
-        vertex.co.z *= 3.0
+    pair[1].location.z = 0.4  # no mesh has changed
     bake()
     drawn_pixels()
     viewer.catch_up()
+    most = np.abs(texels_of(bpy.data.images["lo_height"])).max()
+    check_shown(pair[0], texels_of(bpy.data.images["lo_height"]) / (2.0 * most) + 0.5)
+    show("AO")
     assert not np.array_equal(drawn_pixels(), before)
     check_shown(pair[0], texels_of(bpy.data.images["lo_ao"]))
+    show("NORMAL")
+    assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
+    assert viewer.own is not None
+    bake()  # newer than the map of the view
+    drawn_pixels()
+    viewer.catch_up()
+    assert viewer.own is None
+    assert drawn_pixels().any()
 
 
 @pytest.mark.usefixtures("no_bake")

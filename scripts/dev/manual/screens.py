@@ -129,15 +129,13 @@ def views() -> Iterator[Action]:
     yield 0.5
     _frame()
     area.spaces.active.region_3d.view_distance *= 1.15  # room for the legend
-    bpy.context.scene.imprint.samples = (
-        "1"  # the views bake by these settings; more samples differ from the center's normal
-    )
     with window.override():
-        bpy.ops.imprint.bake(width=2048, height=2048, samples="4")
+        bpy.ops.imprint.bake(width=2048, height=2048, samples="1")  # more differ from the center's normal
     shown = bpy.context.scene.imprint_view
     for mode, name in (
         ("MAP", "view-map"),
         ("SPLIT", "view-split"),
+        ("SIDES", "view-sides"),
         ("DEVIATION", "view-deviation"),
         ("BARE_DEVIATION", "view-without-map"),
     ):
