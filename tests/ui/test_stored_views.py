@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Views of maps that were baked: they show the images of the file on the low mesh as they are, and bake nothing."""
 
+import time
+
 import bpy
 import numpy as np
 import pytest
@@ -572,3 +574,39 @@ def test_stored_textures_are_freed(pair):
     viewer.off()
     assert viewer.is_idle
     assert not viewer.stored
+
+
+LIMITS = {"a map": 0.05, "flicker": 0.05, "another object": 0.1}
+"""Seconds until all is ready to be drawn, of maps that were shown once. The drawing itself is that of the GPU."""
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("no_bake")
+def test_views_of_large_maps_are_ready_at_once(record_property):
+    crate, barrel = two_pairs()
+    for image in bpy.data.images:
+        image.scale(4096, 4096)
+
+    def switch(low):
+        activate(low)
+        viewer.catch_up()
+
+    activate(crate)
+    actions = {
+        "a map": lambda number: show(("AO", "NORMAL")[number % 2]),
+        "flicker": lambda _: bpy.ops.imprint.view_flicker(),
+        "another object": lambda number: switch((crate, barrel)[number % 2]),
+    }
+    for what, action in actions.items():
+        show("AO")
+        seconds = []
+        for number in range(2 + 9):
+            start = time.perf_counter()
+            action(number)
+            seconds.append(time.perf_counter() - start)
+            drawn_pixels()
+        median = float(np.median(seconds[2:]))
+        record_property(what, median)
+        print(f"{what}: {1000.0 * median:.1f} ms until it is ready")
+        assert median < LIMITS[what]
+    viewer.off()

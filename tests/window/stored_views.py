@@ -41,6 +41,7 @@ def step():
     yield from bake()
     yield from looking()
     yield from following()
+    yield from reopened()
     yield from times()
     addon.unregister()
     print("failed: " + ", ".join(wrong) if wrong else "all as promised", flush=True)
@@ -88,7 +89,7 @@ def bake():
 
 def looking():
     """Each map by a click on its button, the key that flickers, the line, the light, the mask."""
-    yield from click("imprint.view_map", "AO")
+    yield from click("imprint.view_map")
     check("a click shows the map", (viewer.mode, viewer.map) == (Mode.MAP, "AO"))
     picture("ao")
     for name in ("CURVATURE", "BASE_COLOR", "HEIGHT", "MATERIAL_ID", "NORMAL"):
@@ -152,10 +153,25 @@ def following():
     check("the view follows the active low object", viewer.low.name == "barrel_low")
     picture("followed")
     view.all_lows = True
-    yield 1.0
+    yield 3.0
     picture("all lows")
     view.all_lows = False
     yield 0.5
+
+
+def reopened():
+    """The file is saved and opened again: a click shows a map, and nothing is baked."""
+    path = str(FOLDER / "views.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    yield 3.0
+    check("no view after opening", viewer.is_idle)
+    window.select_only(bpy.data.objects["barrel_low"])
+    yield 1.0
+    yield from click("imprint.view_map")
+    check("a click shows the map after opening", viewer.mode is Mode.MAP and viewer.own is None)
+    yield 2.0
+    picture("reopened")
 
 
 def times():
@@ -221,8 +237,8 @@ def bake_low():
     yield 0.5
 
 
-def click(button, *_):
-    """Click the first button of this operator that stands for another map than the normal map."""
+def click(button):
+    """Click the second button of this operator, beside the first one."""
     yield from window.find(button)
     window.mouse("mousemove_relative", 120, 0)
     yield 0.2

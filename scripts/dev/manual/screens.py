@@ -135,7 +135,6 @@ def views() -> Iterator[Action]:
     for mode, name in (
         ("MAP", "view-map"),
         ("SPLIT", "view-split"),
-        ("SIDES", "view-sides"),
         ("DEVIATION", "view-deviation"),
         ("BARE_DEVIATION", "view-without-map"),
     ):
