@@ -9,8 +9,8 @@ from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
 from ..core.progress import Pace, Task
+from ..core.settings import Settings
 from ..jobs import checks
-from ..jobs.live_session import Session
 from ..passes import data_texture
 from ..scene.textures import SINGLE
 from . import object_pairs
@@ -305,9 +305,9 @@ def _draw_settings(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
     """What the mode that is on can be set to."""
     view = context.scene.imprint_view
     is_normal = viewer.mode.is_deviation or viewer.map == NORMAL.name
-    if is_normal and context.scene.imprint.space == Space.TANGENT:
+    if is_normal and viewer.settings is not None and viewer.settings.map.space == Space.TANGENT:
         layout.prop(view, "target")
-        draw_paragraphs(layout, context, _green_problem(view.target, viewer.session), "INFO")
+        draw_paragraphs(layout, context, _green_problem(view.target, viewer.settings), "INFO")
     if viewer.mode.is_deviation:
         layout.prop(view, "limit")
         lines = describe_deviations(viewer.deviations)
@@ -323,12 +323,12 @@ def _draw_settings(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
         layout.prop(view, "split")
 
 
-def _green_problem(name: str, session: Session | None) -> list[str]:
+def _green_problem(name: str, settings: Settings) -> list[str]:
     """Why the program of this name shows the map with green upside down, in a sentence; empty if it does not."""
     target = targets.BY_NAME.get(name)
-    if target is None or session is None or session.settings.map.green == target.green:
+    stored = settings.map.green
+    if target is None or stored == target.green:
         return []
-    stored = session.settings.map.green
     return [message(GREEN).format(target=target.label, wanted=target.green, stored=stored, preset=target.preset)]
 
 

@@ -8,6 +8,7 @@ import gpu
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
+from ..core.settings import Settings
 from ..jobs.job import Job
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
@@ -19,10 +20,12 @@ from ..scene import mesh_reader
 class Subject(Protocol):
     """What a view shows: Live's session, one that was made for the views, or the last bake of a low object.
 
-    job: its objects. meshes: these as last read; the high ones may be missing. upload: keeps batches, as UploadCache.upload.
+    job: its objects. settings: of the bake. meshes: the objects as last read; the high ones may be missing. upload: keeps
+    batches, as UploadCache.upload.
     """
 
     job: Job
+    settings: Settings
     meshes: Meshes
 
     def upload(self, key: str, mesh: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch: ...

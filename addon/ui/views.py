@@ -99,6 +99,11 @@ class ViewMode:
         """The deviations of the shown map, after a mode that measures them was on."""
         return self.shading.deviations if self.shading is not None else None
 
+    @property
+    def settings(self) -> Settings | None:
+        """The settings of the bake that is shown, or None."""
+        return self._drawings[0].subject.settings if self._drawings else None
+
     def shows_session(self, maps: dict) -> bool:
         """Whether the session's map is drawn, rather than images of the low object, which are in `maps`."""
         if self.session is None:

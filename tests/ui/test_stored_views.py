@@ -161,6 +161,11 @@ def test_the_stored_normal_map_is_lit(pair, monkeypatch):
     show("NORMAL")
     pixels = drawn_pixels()
     monkeypatch.undo()
+    view().target = "unreal"
+    assert "Unreal Engine reads green as -Y" in panel_layout.draw(width=2000).text
+    assert not np.array_equal(drawn_pixels(), pixels)
+    view().target = "OWN"
+    assert np.array_equal(drawn_pixels(), pixels)
     assert bpy.ops.imprint.view_refresh() == {"FINISHED"}  # a map of the view's own
     assert viewer.shading is not None
     own = drawn_pixels()
