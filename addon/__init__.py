@@ -75,7 +75,8 @@ def modules() -> tuple[ModuleType, ...]:
         properties,
         settings_panels,
         texts,
-        views,
+        view_gizmos,
+        view_panel,
     )
 
     return (
@@ -83,7 +84,8 @@ def modules() -> tuple[ModuleType, ...]:
         properties,
         bake_panel,
         checks,
-        views,
+        view_panel,
+        view_gizmos,
         settings_panels,
         gpu_test,
         bake_operators,

@@ -16,6 +16,7 @@ from ..core import progress
 from ..core.declarations.choices import Method, Modifiers, Space
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import NORMAL
+from ..core.progress import Progress, Task
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
 from ..engine import baking, gpu_memory, separation, stacked_uvs
@@ -26,6 +27,7 @@ from ..engine.sources import Source, normal_source
 from ..engine.unsure_texels import Explorer
 from ..mesh import edges, face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
+from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
@@ -324,6 +326,10 @@ _FIXES: dict[str, Callable[[bpy.types.Object, Settings], str]] = {
 
 
 ON_TEXELS = ("overlap", "uncovered", "far", "unsure", "gaps", "backwards")
+SKEWED = "skewed"
+"""The kind of texels whose rays lean: they show detail from beside them. No check counts them, because that can be wanted."""
+LEAN = 30.0
+"""Degrees between a ray and the normal of its triangle from which a texel is skewed: shifted by half of the detail's height."""
 ON_TRIANGLES = ("mirrored", "outside", "no_area", "behind")
 ON_EDGES = ("hard_edges",)
 ON_FACES = ("polygons", "uneven")
@@ -362,13 +368,29 @@ def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.type
     report and errors: as in `find`.
     """
     view = _view(context, report, kind)
-    mask = np.empty((view.settings.sampling.height, view.settings.sampling.width), bool)
     with outputs.MapWriter("", view.settings) as writer:
-        for band, rows, _ in _masks(view, kind):
-            mask[band.start : band.stop] = rows
-            if band.stop == len(mask):
-                writer.add(band.tile, outputs.black_and_white(mask))
+        for tile, mask in progress.finish(_whole_masks(view, kind)).items():
+            writer.add(tile, outputs.black_and_white(mask))
         return writer.commit()
+
+
+def mask_work(context: bpy.types.Context, report: Report, kind: str) -> Task[dict[int, np.ndarray]]:
+    """Find the texels (height, width) bool with issues of a kind ON_TEXELS, or SKEWED, for each UDIM tile.
+
+    report and errors: as in `find`.
+    """
+    yield Progress("Reading the objects", 0.0)
+    return (yield from _whole_masks(_view(context, report, kind), kind))
+
+
+def _whole_masks(view: "_View", kind: str) -> Task[dict[int, np.ndarray]]:
+    size = view.size[::-1]
+    found: dict[int, np.ndarray] = {}
+    for band, rows, _ in _masks(view, kind):
+        mask = found.setdefault(band.tile, np.zeros(size, bool))
+        mask[band.start : band.stop] = rows
+        yield Progress("Checking the texels", (len(found) - 1 + band.stop / size[0]) / len(view.plan.tiles))
+    return found
 
 
 @dataclass(frozen=True)
@@ -437,6 +459,8 @@ def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
             yield from _shared(view, bands)
         elif kind == "unsure":
             yield from _unsure(view, bands)
+        elif kind == SKEWED:
+            yield from _skewed(view, bands)
         elif kind in {"gaps", "backwards"}:
             whole = dict(zip(tiles, (_close if kind == "gaps" else _backwards)(view), strict=False))
             for band in bands:
@@ -487,6 +511,24 @@ def _unsure(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
     for band in bands:
         size = band.width, band.height
         yield band, explorer.doubts(size, band.uv_to_clip).unsure if explorer else np.zeros(size[::-1], bool), 1
+
+
+def _skewed(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
+    """The texels whose rays lean, as `_masks` has them; none without rays."""
+    ray_cast, low = view.source().ray_cast, view.meshes.whole_low
+    corners = local_space_of([low]).points(low)[low.vertices[low.front_triangles]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    for band in bands:
+        skewed = np.zeros((band.height, band.width), bool)
+        if ray_cast:
+            drawn = target.get("audit rays", band.width, band.height, "RGBA32F", "RGBA32F")
+            ray_cast.draw(drawn, band.uv_to_clip)
+            places, away = drawn.texels(), drawn.texels(1)
+            on_low = places[..., 3] > 0.0
+            of_triangles = normals[places[on_low][:, 3].astype(np.int64) - 1]
+            skewed[on_low] = (away[on_low][:, :3] * of_triangles).sum(axis=1) < np.cos(np.radians(LEAN))
+        yield band, skewed, 1
 
 
 def _close(view: _View) -> Iterator[np.ndarray]:

@@ -25,7 +25,7 @@ from ..engine.stacked_uvs import StackedParts
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, materials, outputs
-from ..passes import target
+from ..passes import data_texture, target
 from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
 from . import bake_jobs
@@ -127,6 +127,7 @@ class Session:
         self._pool = target.TargetPool()
         self._coarse_pool = target.TargetPool()
         self._coarse: gpu.types.GPUTexture | None = None
+        self._adopted: gpu.types.GPUTexture | None = None
         self._kept = live_redraw.kept_map(self.settings)
         self._is_stored = False
         self._shown_by: dict[int, set[int]] = {}
@@ -162,6 +163,20 @@ class Session:
         if not (yield from progress.part(drawing, READY, 1.0)):
             raise BakeError(nothing_drawn(plan, length))
         self._finish(plan, source, drawer)
+
+    def adopt(self, context: bpy.types.Context, texels: np.ndarray) -> None:
+        """Take a normal map that was baked before as the last one, instead of drawing it. Nothing is drawn.
+
+        Args:
+            context: whose objects are read.
+            texels: (height, width, 4) float32 as it is stored, of the size in the settings.
+
+        Raises BakeError for objects that cannot be baked.
+        """
+        meshes = self._read(context, None, replace(self.others.settings, method=self._method))
+        tracing = replace(self.settings, method=self._method).tracing
+        self._adopted = data_texture.image(texels)
+        self._finish(choose_method(meshes, [udim.FIRST], tracing, reading.lengths_of(context.scene)), None, None)
 
     def _finish(self, plan: Plan, source: Source | None, drawer: sampling.SampledMaps | None) -> None:
         """Note what the map that is done was drawn with; None where only a part was drawn."""
@@ -258,7 +273,7 @@ class Session:
         self._pool.free()
         self._coarse_pool.free()
         self.others.pool.free()
-        self._coarse = None
+        self._coarse = self._adopted = None
         self._post_processes = {}
         self._uploads, self._source, self._drawer = UploadCache(), None, None
 
@@ -274,13 +289,11 @@ class Session:
 
     @property
     def map(self) -> gpu.types.GPUTexture | None:
-        """The last map on the GPU: a coarse one while rays for the whole map are being cast.
+        """The last map on the GPU: one that was adopted, or a coarse one while rays for the whole map are being cast.
 
         None before the first map, and for a map that is drawn in bands.
         """
-        if self._coarse is not None:
-            return self._coarse
-        return self._kept.texture
+        return self._adopted or self._coarse or self._kept.texture
 
     def upload(self, key: str, mesh: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
         """As UploadCache.upload, in the cache of the session."""

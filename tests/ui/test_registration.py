@@ -11,7 +11,7 @@ import addon
 from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
-from addon.ui import bake_operators, modal, properties, settings_panels, views
+from addon.ui import bake_operators, modal, properties, settings_panels, view_gizmos, view_panel
 from addon.ui.callbacks import DrawCallbacks, Handlers, Key, Timer
 from addon.ui.texts import SidebarPanel
 from tests.support import maps, zoo
@@ -31,7 +31,7 @@ def traces():
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.Menu, bpy.types.PropertyGroup)
     kinds += (bpy.types.AddonPreferences,)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
-    gizmos = {views.IMPRINT_GT_split: bpy.types.Gizmo, views.IMPRINT_GGT_split: bpy.types.GizmoGroup}
+    gizmos = {view_gizmos.IMPRINT_GT_split: bpy.types.Gizmo, view_gizmos.IMPRINT_GGT_split: bpy.types.GizmoGroup}
     found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}
     found |= {f"Scene.{name}" for name in dir(bpy.types.Scene) if name.startswith("imprint")}
     return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
@@ -106,7 +106,7 @@ class TestWords:
         for button in buttons:
             assert button.description, button.identifier
         structs = [*buttons, properties.ImprintSettings.bl_rna, properties.ImprintHigh.bl_rna]
-        structs.append(views.ImprintView.bl_rna)
+        structs.append(view_panel.ImprintView.bl_rna)
         for struct in structs:
             for prop in struct.properties:
                 if prop.identifier not in {"rna_type", "name"}:
