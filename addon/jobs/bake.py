@@ -37,7 +37,7 @@ from ..output.outputs import HIDDEN_MISSES, Outputs, Stored, kept
 from ..passes import surface_tables
 from ..scene import object_checks, reading
 from . import checks
-from .job import Job, check_job, set_numbers
+from .job import Job, check_job, read_meshes, set_numbers
 
 READY = 0.2
 """The share of a bake that is done when drawing begins."""
@@ -129,17 +129,8 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     settings, timings = run.settings, run.timings
     name, length = job.low.name, reading.lengths_of(context.scene)
     yield Progress(f"Reading {name}", 0.0)
+    meshes = read_meshes(context, job, settings, timings)
     with timings.timed("extract"):
-        meshes = reading.read(
-            context,
-            job.low,
-            job.highs,
-            job.cage,
-            settings,
-            others=job.others,
-            texture_set=job.texture_set,
-            must_be_whole=job.must_be_whole,
-        )
         warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
     with timings.timed("audit"):
         found = checks.flipped_findings(meshes)
@@ -238,7 +229,7 @@ def measure_rays(
     settings.check()
     job = Job(low, highs, cage)
     check_job(context, job, settings)
-    meshes = reading.read(context, low, highs, cage, settings)
+    meshes = read_meshes(context, job, settings)
     with gpu_memory.trimmed():
         tiles = tiles_to_bake(meshes, settings.sampling)
         in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)

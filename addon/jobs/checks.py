@@ -29,8 +29,8 @@ from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
-from ..scene import evaluation, mesh_elements, mesh_reader, reading
-from .job import Job, PastBake, check_job
+from ..scene import evaluation, mesh_elements, mesh_reader
+from .job import Job, PastBake, check_job, read_meshes
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
 SOLVED_BY_EXPORT = (POLYGONS, LAYER)
@@ -401,9 +401,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     settings = replace(past.settings.without_other_maps(), method=past.method, space=space, mask=False, material=False)
     settings = replace(settings.without_file(), image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
-    meshes = reading.read(
-        context, past.job.low, past.job.highs, past.job.cage, settings, texture_set=past.job.texture_set
-    )
+    meshes = read_meshes(context, past.job, settings)
     meshes = shared_uvs.ordered(meshes, past.tiles, settings.sampling)
     return _View(past.job, choose_method(meshes, past.tiles, settings.tracing), settings, past.distances)
 

@@ -7,13 +7,37 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..core.material_feeds import HighMaterial, ImagePixels
-from .triangle_mesh import Mesh
+from .triangle_mesh import MaybeArray, Mesh
 
 LoadImage = Callable[[str, int], ImagePixels]
 
 
 def _no_image(key: str, _tile: int) -> ImagePixels:
     raise LookupError(key)
+
+
+@dataclass(frozen=True)
+class Mended:
+    """What was changed of the high meshes after they were read.
+
+    turned: for each mesh, which of its triangles (T,) bool were turned over; None for none. kept: for each mesh, which of them
+    (T,) bool are left; None for all. parts: the number of connected parts that have turned triangles, of_parts: of all; 0 if no
+    triangle was turned. share: of the area that was turned. undecided: the number of parts whose outer side is not known.
+    hidden: the number of triangles left out since they lie behind the surface, twice: since they are there twice. degrees:
+    by how much normals were smoothed, in the median and at the 95th percentile, or empty. low_differs: whether the faces of the
+    low mesh itself point to different sides, so that it cannot tell.
+    """
+
+    turned: tuple[MaybeArray, ...] = ()
+    kept: tuple[MaybeArray, ...] = ()
+    parts: int = 0
+    of_parts: int = 0
+    share: float = 0.0
+    undecided: int = 0
+    hidden: int = 0
+    twice: int = 0
+    degrees: tuple[float, ...] = ()
+    low_differs: bool = False
 
 
 @dataclass(frozen=True)
@@ -28,7 +52,8 @@ class Meshes:
     whole, kept, material: for a texture set, `low` has only the triangles of one material; then the low mesh with all of them,
     the indices of those that were kept, and the material's name. shown: with is_own_base, the high mesh with the UVs that
     modifiers moved, as the viewport shows it; None if no modifier moves UVs. lacks: what the objects lack, in sentences.
-    is_reversed: whether `highs` are in the reverse order of the objects, so that Flatten draws the first one last.
+    is_reversed: whether `highs` are in the reverse order of the objects, so that Flatten draws the first one last. mended: what
+    was changed of them after they were read; None if nothing was.
 
     Painted by corner of `low`, (C,) float32, or None without a painted group. offset: factors from 0 to 2 on the extrusion.
     straight: from -1 to 1, added to the share of the mesh's own normals in the directions.
@@ -52,6 +77,7 @@ class Meshes:
     material: str = ""
     lacks: list[str] = field(default_factory=list)
     is_reversed: bool = False
+    mended: Mended | None = None
 
     @classmethod
     def of(cls, low: Mesh, highs: list[Mesh]) -> "Meshes":
