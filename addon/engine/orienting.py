@@ -7,16 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..core.declarations.choices import Hit
 from ..core.progress import Timings
 from ..core.settings import TracingSettings
 from ..mesh import corner_normals, orientation
 from ..mesh.closest import Surface
 from ..mesh.inputs import Mended, Meshes
-from ..mesh.local_space import LocalSpace, gap, local_space_of
+from ..mesh.local_space import FARTHEST, LocalSpace, gap, local_space_of
 from ..mesh.orientation import Patches
 from ..mesh.triangle_mesh import Mesh
+from ..passes import cast, rays, target
 from . import tree_cache
 from .face_openness import openness
+from .tree_cache import RayScene
 
 FEW, MANY = 64, 4096
 """How many triangles of all high meshes are compared with the low mesh, if they agree with each other, and if not."""
@@ -34,6 +37,16 @@ RAYS = 32
 """From each side of a triangle, to see which one is open."""
 ALONE = 0.25
 """The least share of a patch that is the nearest to its places on the low mesh, if it belongs there."""
+FIRST_RAYS, HIDDEN_RAYS = 8, 64
+"""From each side of a triangle, to see the outside: first for all, then for those that seem to be hidden."""
+HIDDEN = 0.02
+"""A side that sees less of the outside, as a share of a hemisphere, is hidden."""
+PEEPING = 0.2
+"""The share of a hidden patch that may see the outside, as through a hole."""
+SHOWN = 0.1
+"""The share of a hidden patch that places of the low mesh show, if it is meant."""
+CLOSE = 1e-3
+"""In local space. Closer hits are the same."""
 NEAREST, NEAR = 1.5, 5e-4
 """A point of a patch belongs to its place on the low mesh if no other is nearer by this factor and this share of the radius."""
 
@@ -99,6 +112,7 @@ class _Samples:
 
     triangles, patches (N,) int. weights (N,): areas. cosines (N,): between the triangle's normal, turned as its patch says, and
     that of the low mesh at the closest point. places (N, 3), on_low (N, 3): the triangle's middle and that point, in local space.
+    closest (N,) int: the triangle of the low mesh.
     """
 
     triangles: np.ndarray
@@ -107,6 +121,7 @@ class _Samples:
     cosines: np.ndarray
     places: np.ndarray
     on_low: np.ndarray
+    closest: np.ndarray
 
     def ratios(self, count: int, chosen: np.ndarray | slice = slice(None)) -> np.ndarray:
         """From -1 for a patch that points against the low mesh to 1, (count,)."""
@@ -133,6 +148,7 @@ class _Turning:
         normals = orientation.face_normals(self._low_points, self._low_triangles)
         self._low_normals = normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
         self._surface = Surface(self._low_points, self._low_triangles)
+        self._is_two_sided = orientation.copies(self._low_points, self._low_triangles)[1]
         self._aside = self._offset()
         is_clean = all(patches.pairs is None for patches in found)
         samples = [
@@ -146,8 +162,7 @@ class _Turning:
     def _joined(self, found: Sequence[Patches]) -> Meshes:
         """The meshes with smooth normals across vertices that were not joined."""
         highs = [
-            corner_normals.joined(high, patches.places)
-            for high, patches in zip(self.meshes.highs, found, strict=True)
+            corner_normals.joined(high, patches.places) for high, patches in zip(self.meshes.highs, found, strict=True)
         ]
         if all(one is other for one, other in zip(highs, self.meshes.highs, strict=True)):
             return self.meshes
@@ -181,11 +196,11 @@ class _Turning:
         closest, on_low, _ = self._surface.closest(places)
         cosines = (normals * self._low_normals[closest]).sum(axis=1) / np.maximum(areas, 1e-300)
         cosines *= np.where(patches.is_against[chosen], -1.0, 1.0)
-        return _Samples(chosen, patches.labels[chosen], areas, cosines, places, on_low)
+        two_sided = self._is_two_sided[closest]
+        cosines[two_sided] = np.abs(cosines[two_sided])
+        return _Samples(chosen, patches.labels[chosen], areas, cosines, places, on_low, closest)
 
-    def _turned(
-        self, found: Sequence[Patches], samples: Sequence[_Samples], ratios: Sequence[np.ndarray]
-    ) -> Meshes:
+    def _turned(self, found: Sequence[Patches], samples: Sequence[_Samples], ratios: Sequence[np.ndarray]) -> Meshes:
         meshes = self.meshes
         if self._low_is_inside_out(samples):
             return meshes
@@ -204,9 +219,7 @@ class _Turning:
                 is_own = against[number] & (share >= ALONE)
                 flips[number] |= is_own & (ratio < -SURE)
                 unclear[number] |= against[number] & ~(is_own & (np.abs(ratio) > SURE))
-        for number, (high, patches, some, ratio) in enumerate(
-            zip(meshes.highs, found, samples, ratios, strict=True)
-        ):
+        for number, (high, patches, some, ratio) in enumerate(zip(meshes.highs, found, samples, ratios, strict=True)):
             near = (np.abs(ratio) <= SURE) & (np.bincount(some.patches, some.weights, patches.count) > 0.0)
             if near.any():
                 volumes = self._volumes(high, patches)
@@ -214,10 +227,8 @@ class _Turning:
         undecided = 0
         if any(each.any() for each in unclear) and tree_cache.fits(meshes.highs):
             undecided = self._by_openness(samples, flips, unclear)
-        turned = [
-            patches.is_against ^ flip[patches.labels] for patches, flip in zip(found, flips, strict=True)
-        ]
-        return self._mended(found, turned, undecided)
+        turned = [patches.is_against ^ flip[patches.labels] for patches, flip in zip(found, flips, strict=True)]
+        return self._one_skin(self._mended(found, turned, undecided), found, samples)
 
     def _low_is_inside_out(self, samples: Sequence[_Samples]) -> bool:
         """Whether the low mesh is the one that points inward, while the high ones do not."""
@@ -310,6 +321,85 @@ class _Turning:
             undecided=undecided,
         )
         return replace(self.meshes, highs=highs, mended=mended)
+
+    def _one_skin(self, meshes: Meshes, found: Sequence[Patches], samples: Sequence[_Samples]) -> Meshes:
+        """`meshes` without triangles that are there twice, and without patches that lie behind the surface: they see nothing of
+        the outside from either side, and no place of the low mesh shows them."""
+        kept = [np.ones(len(high.triangles), bool) for high in meshes.highs]
+        twice = 0
+        for high, mask in zip(meshes.highs, kept, strict=True):
+            same, _ = orientation.copies(high.positions, high.vertices[high.triangles])
+            mask &= ~same
+            twice += int(np.count_nonzero(same))
+        hidden = 0
+        if sum(patches.count for patches in found) > 1 and tree_cache.fits(meshes.highs):
+            scene = tree_cache.trees.ray_scene_of(meshes.highs, self.timings)
+            for high, mask, patches, some in zip(meshes.highs, kept, found, samples, strict=True):
+                is_hidden = self._hidden(high, patches, some, scene)
+                if is_hidden.any():
+                    is_hidden &= ~self._shown(high, patches, some, is_hidden, scene)
+                left_out = mask & is_hidden[patches.labels]
+                mask &= ~left_out
+                hidden += int(np.count_nonzero(left_out))
+        if not (twice or hidden):
+            return meshes
+        highs = [
+            high if mask.all() else high.with_triangles(mask) for high, mask in zip(meshes.highs, kept, strict=True)
+        ]
+        masks = tuple(None if mask.all() else mask for mask in kept)
+        return replace(
+            meshes, highs=highs, mended=replace(meshes.mended or Mended(), kept=masks, hidden=hidden, twice=twice)
+        )
+
+    def _hidden(self, high: Mesh, patches: Patches, some: _Samples, scene: RayScene) -> np.ndarray:
+        """Which patches (count,) bool see nothing of the outside."""
+        open_ones = np.zeros(len(some.triangles), bool)
+        for rays in (FIRST_RAYS, HIDDEN_RAYS):  # most see much of it
+            left = ~self._any_of(patches, some, open_ones)[some.patches] if rays > FIRST_RAYS else ~open_ones
+            if not left.any():
+                break
+            corners = _in_space(high, some.triangles[left], scene.local_space)
+            both = openness(scene.tables, np.concatenate([corners, corners[:, ::-1]]), rays)
+            open_ones[left] = np.maximum(*np.split(both, 2)) > HIDDEN
+        return ~self._any_of(patches, some, open_ones)
+
+    @staticmethod
+    def _any_of(patches: Patches, some: _Samples, chosen: np.ndarray) -> np.ndarray:
+        """Which patches (count,) bool have enough of the chosen samples (N,) bool: more than PEEPING."""
+        of_all = np.bincount(some.patches, minlength=patches.count)
+        return np.bincount(some.patches[chosen], minlength=patches.count) > PEEPING * of_all
+
+    def _shown(self, high: Mesh, patches: Patches, some: _Samples, asked: np.ndarray, scene: RayScene) -> np.ndarray:
+        """Which of the patches asked for (count,) bool are what some place of the low mesh shows, (count,) bool."""
+        chosen = np.flatnonzero(asked[some.patches])
+        space = scene.local_space
+        low = tree_cache.trees.low_surface_of(self.low, space, self.timings)
+        own, below = (self._moved(places[chosen], space) for places in (some.places, some.on_low))
+        normals = self._low_normals[some.closest[chosen]]
+        along = own - below
+        far = np.linalg.norm(along, axis=1)
+        is_aside = far > CLOSE
+        away = np.where(is_aside[:, None], along / np.maximum(far, 1e-30)[:, None], normals)
+        away *= np.where((away * normals).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+        height = (along * away).sum(axis=1)
+        reach = np.maximum(low.owners.room, np.abs(height).max(initial=0.0) + CLOSE)
+        texels = np.empty((2, len(chosen), 4), np.float32)
+        texels[0, :, :3], texels[1, :, :3] = below, away
+        texels[0, :, 3], texels[1, :, 3] = low.starts[some.closest[chosen]], low.owners.room
+        drawn = rays.upload_texels(*texels)
+        hits = target.Target(drawn.width, drawn.height, ("RGBA32UI",))
+        search = cast.Search(Hit.OWN, inside=float(reach), max_t=FARTHEST, facing_only=True)
+        cast.trace(hits, drawn, scene.tables, low.owners, search)
+        heights = target.Target(drawn.width, drawn.height, ("RGBA32F",))
+        cast.heights(heights, hits, drawn)
+        values = heights.texels().reshape(-1, 4)[: len(chosen)]
+        is_own = (values[:, 3] > 0.0) & (np.abs(values[:, 0] - height) <= CLOSE + 0.02 * np.abs(height))
+        of_all = np.bincount(some.patches[chosen], minlength=patches.count)
+        return np.bincount(some.patches[chosen[is_own]], minlength=patches.count) > SHOWN * of_all
+
+    def _moved(self, places: np.ndarray, space: LocalSpace) -> np.ndarray:
+        """Places (N, 3) of this space in that of rays, without the offset of high meshes beside the low one."""
+        return ((places - self._aside) * self.space.size + self.space.origin - space.origin) / space.size
 
 
 def _in_space(high: Mesh, chosen: np.ndarray, space: LocalSpace) -> np.ndarray:

@@ -63,36 +63,36 @@ def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.n
     if not is_bad.any():
         return mesh
     vertices = places[mesh.vertices[mesh.triangles]]
-    some = np.flatnonzero(is_bad[vertices].any(axis=1) & orientation.has_corners(vertices))
+    some = np.flatnonzero(is_bad[vertices].any(axis=1))
     corners, vertices = mesh.triangles[some], vertices[some]
     faces = face_normals(mesh.positions, mesh.vertices[corners])
     units = faces / np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-300)
-    pairs, cosines = edge_pairs(vertices, units)
+    whole = np.flatnonzero(orientation.has_corners(vertices))
+    pairs, cosines = edge_pairs(vertices[whole], units[whole])
     # Both sides of an edge: the corner at its start and at its end; the other side runs the other way.
     starts, ends = corners.reshape(-1), np.roll(corners, -1, axis=1).reshape(-1)
-    one, other = pairs.first, pairs.second
-    mixed = is_turned[some[one // 3]] != is_turned[some[other // 3]]
-    beside = np.where(pairs.is_against, starts[other], ends[other]), np.where(pairs.is_against, ends[other], starts[other])
-    is_joined = (mesh.vertices[starts[one]] == mesh.vertices[beside[0]]) & (
-        mesh.vertices[ends[one]] == mesh.vertices[beside[1]]
+    one, other = (3 * whole[side // 3] + side % 3 for side in (pairs.first, pairs.second))
+    beside = (
+        np.where(pairs.is_against, starts[other], ends[other]),
+        np.where(pairs.is_against, ends[other], starts[other]),
     )
-    hard = cosines < FLAT
+    corner = np.concatenate([starts[one], ends[one]])
+    next_to = np.concatenate(beside)
+    is_soft = np.tile(cosines >= FLAT, 2)
     if mesh.normals_domain == "POINT":
-        hard &= ~is_joined
+        # Corners of one vertex have one normal.
+        of_vertex = orientation.connected(len(places), mesh.vertices[corner[is_soft]], mesh.vertices[next_to[is_soft]])
+        groups = of_vertex[mesh.vertices]
     else:
-        own = differ(mesh.normals[starts[one]], mesh.normals[beside[0]]) | differ(
-            mesh.normals[ends[one]], mesh.normals[beside[1]]
-        )
-        hard = np.where(mixed | ~is_joined, hard, own)
-    soft = ~hard
-    groups = orientation.connected(
-        len(mesh.vertices),
-        np.concatenate([starts[one[soft]], ends[one[soft]]]),
-        np.concatenate([beside[0][soft], beside[1][soft]]),
-    )
+        is_mixed = is_turned[some[one // 3]] != is_turned[some[other // 3]]
+        is_known = np.tile(~is_mixed, 2) & (mesh.vertices[corner] == mesh.vertices[next_to])
+        differs = differ(mesh.normals[corner], mesh.normals[next_to]).reshape(2, -1).any(axis=0)
+        is_soft = np.where(is_known, ~np.tile(differs, 2), is_soft)
+        groups = orientation.connected(len(mesh.vertices), corner[is_soft], next_to[is_soft])
     weighted = _angles(mesh, corners)[:, :, None] * units[:, None]
     sums = np.stack(
-        [np.bincount(groups[corners.reshape(-1)], weighted[..., axis].reshape(-1), len(groups)) for axis in range(3)], axis=1
+        [np.bincount(groups[corners.reshape(-1)], weighted[..., axis].reshape(-1), len(groups)) for axis in range(3)],
+        axis=1,
     )
     used = corners[is_bad[vertices]]
     found = sums[groups[used]]
@@ -119,7 +119,9 @@ def smoothed(mesh: Mesh, rounds: int) -> tuple[Mesh, np.ndarray]:
     used = mesh.triangles.reshape(-1)
     normals = mesh.normals[used].astype(np.float64)
     # Corners of one vertex with the same normal are one.
-    keys = orientation.hashes(np.column_stack([mesh.vertices[used].view(np.uint32), mesh.normals[used].view(np.uint32)]))
+    keys = orientation.hashes(
+        np.column_stack([mesh.vertices[used].view(np.uint32), mesh.normals[used].view(np.uint32)])
+    )
     group = np.unique(keys, return_inverse=True)[1].reshape(-1)
     angles, before = _angles(mesh, mesh.triangles).reshape(-1), normals
     for _ in range(rounds):

@@ -90,7 +90,8 @@ def open_vertices(columns: Columns, count: int) -> np.ndarray:
     random = ((np.arange(1, count + 1, dtype=np.uint64) * _MIX) >> np.uint64(32)).astype(np.float64)
     values = [np.take(random, column) for column in columns]
     sums = threads.map_parallel(
-        lambda corner: np.bincount(columns[corner], values[(corner + 1) % 3] - values[(corner + 2) % 3], count), range(3)
+        lambda corner: np.bincount(columns[corner], values[(corner + 1) % 3] - values[(corner + 2) % 3], count),
+        range(3),
     )
     return sums[0] + sums[1] + sums[2] != 0.0
 
@@ -114,6 +115,34 @@ def welded(points: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         first = first[lowest[which.reshape(-1)]]
     places[some] = some[first]
     return places
+
+
+def copies(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which triangles (T,) bool are in the place of an earlier one and point to the same side, and which are in the place of one
+    that points to the other side."""
+    same, other = np.zeros((2, len(triangles)), bool)
+    places = np.unique(hashes(points + np.float32(0.0)), return_inverse=True)[1].reshape(-1)
+    if int(places.max(initial=-1)) + 1 == len(places):  # no two vertices are in one place
+        return same, other
+    is_shared = (np.bincount(places) > 1)[places]
+    # Copies can share their vertices, too: then all of them are of one patch, and one edge has more than two triangles.
+    some = np.flatnonzero(is_shared[triangles].all(axis=1))
+    vertices = places[triangles[some]]
+    some, vertices = (each[has_corners(vertices)] for each in (some, vertices))
+    first = vertices.argmin(axis=1)
+    turned = np.take_along_axis(vertices, (first[:, None] + np.arange(3)) % 3, axis=1)
+    is_even = turned[:, 1] < turned[:, 2]
+    turned[:, 1:].sort(axis=1)
+    keys = hashes(turned.astype(np.int64))
+    order = np.lexsort((some, is_even, keys))
+    is_same = (np.diff(keys[order]) == 0) & (np.diff(is_even[order].view(np.int8)) == 0)
+    same[some[order[1:][is_same]]] = True
+    _, which = np.unique(keys, return_inverse=True)
+    both = np.bincount(which.reshape(-1), is_even, len(some)) % np.maximum(
+        np.bincount(which.reshape(-1), minlength=len(some)), 1
+    )
+    other[some] = both[which.reshape(-1)] > 0
+    return same, other
 
 
 def has_conflict(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> bool:
@@ -201,6 +230,7 @@ def _flooded(points: np.ndarray, triangles: np.ndarray, places: np.ndarray) -> P
         found = _flooded(points, triangles[is_whole], places)
         labels, is_against = np.zeros(len(triangles), found.labels.dtype), np.zeros(len(triangles), bool)
         labels[is_whole], is_against[is_whole] = found.labels, found.is_against
+        _follow(triangles, is_whole, labels, is_against)
         if not found.count:
             return replace(found, labels=labels, is_against=is_against, count=1, is_closed=np.zeros(1, bool))
         return replace(found, labels=labels, is_against=is_against)
@@ -227,6 +257,21 @@ def _flooded(points: np.ndarray, triangles: np.ndarray, places: np.ndarray) -> P
     return Patches(numbers, count, signs, is_closed, places, pairs, conflicts, contradicting)
 
 
+def _follow(triangles: np.ndarray, is_known: np.ndarray, labels: np.ndarray, is_against: np.ndarray) -> None:
+    """Give triangles that are not known the patch and the side of a known one that shares an edge with them."""
+    near = np.zeros(int(triangles.max(initial=-1)) + 1, bool)
+    near[triangles[~is_known]] = True
+    some = np.flatnonzero(near[triangles].sum(axis=1) > 1)
+    first, last = triangles[some].reshape(-1), np.roll(triangles[some], -1, axis=1).reshape(-1)
+    _, order, begins, counts = _runs(np.minimum(first, last), np.maximum(first, last), len(near))
+    two = begins[counts == 2]
+    for one, other in ((order[two], order[two + 1]), (order[two + 1], order[two])):
+        flat, whole = some[one // 3], some[other // 3]
+        chosen = ~is_known[flat] & is_known[whole]
+        flat, whole, is_same = flat[chosen], whole[chosen], (first[one] == first[other])[chosen]
+        labels[flat], is_against[flat] = labels[whole], is_against[whole] ^ is_same
+
+
 def face_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """The normals (T, 3) float64 of triangles (T, 3), as long as twice their areas."""
     a, b, c = (points[triangles[:, corner]].astype(np.float64).T for corner in range(3))
@@ -248,9 +293,7 @@ def _pairs(vertices: np.ndarray, normals: np.ndarray) -> tuple[Pairs, np.ndarray
     """The pairs of triangles that share edges, the cosines (E,) between their normals once they agree, whether no third one
     shares the edge (E,) bool, and which triangles (T,) bool have an edge that is open."""
     first, last = vertices.reshape(-1), np.roll(vertices, -1, axis=1).reshape(-1)
-    _, order, begins, counts = _runs(
-        np.minimum(first, last), np.maximum(first, last), int(vertices.max(initial=0)) + 1
-    )
+    _, order, begins, counts = _runs(np.minimum(first, last), np.maximum(first, last), int(vertices.max(initial=0)) + 1)
 
     def made(one: np.ndarray, other: np.ndarray) -> tuple[Pairs, np.ndarray]:
         is_against = first[one] == first[other]
@@ -309,7 +352,7 @@ def _signs(count: int, pairs: Pairs, cosines: np.ndarray) -> tuple[np.ndarray, n
     rank[np.argsort(-cosines, kind="stable")] = np.arange(len(cosines))
     by_rank = np.argsort(rank)
     parents, is_against = np.arange(count), np.zeros(count, bool)
-    one, other, against, rank = pairs.first // 3, pairs.second // 3, pairs.is_against, rank
+    one, other, against = pairs.first // 3, pairs.second // 3, pairs.is_against
     left = np.arange(len(one))
     while len(left):
         a, b = parents[one[left]], parents[other[left]]

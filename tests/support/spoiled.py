@@ -65,26 +65,28 @@ def of_object(obj: bpy.types.Object) -> Soup:
     return Soup(points @ matrix[:3, :3].T + matrix[:3, 3], triangles, uv)
 
 
-def build(name: str, soup: Soup, *, smooth: bool = True, colored: bool = False) -> bpy.types.Object:
-    """An object of a soup. colored: with a material whose base color follows from the place."""
+def build(name: str, soup: Soup, *, smooth: bool = True, like: Soup | None = None) -> bpy.types.Object:
+    """An object of a soup. like: the clean mesh; then its material has a base color that follows from the place in it."""
     obj = zoo.build(name, soup.points, soup.triangles, soup.uv, smooth=smooth)
-    if colored:
-        color(obj, soup)
+    if like is not None:
+        color(obj, (soup.points - like.points.min(axis=0)) / like.diagonal)
     return obj
 
 
-def color(obj: bpy.types.Object, soup: Soup) -> None:
+def color(obj: bpy.types.Object, places: np.ndarray) -> None:
+    """Give an object a base color that follows from places (V, 3), of its vertices."""
     layer = obj.data.color_attributes.new(COLOR, "FLOAT_COLOR", "POINT")
-    low = soup.points.min(axis=0)
     values = np.ones((len(obj.data.vertices), 4), np.float32)
-    values[:, :3] = 0.5 + 0.4 * np.sin(20.0 * (soup.points - low) / soup.diagonal)
+    values[:, :3] = 0.5 + 0.4 * np.sin(10.0 * places)
     layer.data.foreach_set("color", values.reshape(-1))
     material = bpy.data.materials.new("colors")
     material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
     shown = nodes.new("ShaderNodeVertexColor")
     shown.layer_name = COLOR
-    links.new(shown.outputs["Color"], next(node for node in nodes if node.type == "BSDF_PRINCIPLED").inputs["Base Color"])
+    links.new(
+        shown.outputs["Color"], next(node for node in nodes if node.type == "BSDF_PRINCIPLED").inputs["Base Color"]
+    )
     obj.data.materials.append(material)
 
 
@@ -125,7 +127,9 @@ def joined(one: Soup, other: Soup) -> Soup:
     return Soup(np.concatenate([one.points, other.points]), triangles, uv)
 
 
-def with_doubles(soup: Soup, rng: np.random.Generator, share: float, depth: float = 0.004, noise: float = 0.001) -> Soup:
+def with_doubles(
+    soup: Soup, rng: np.random.Generator, share: float, depth: float = 0.004, noise: float = 0.001
+) -> Soup:
     """Copies of regions, moved inward by up to `depth` of the diagonal with noise, turned to either side."""
     some = soup.at(regions(soup, rng, share))
     deep = depth * (0.3 + 0.7 * rng.random((len(soup.points), 1)))
