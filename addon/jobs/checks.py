@@ -18,7 +18,7 @@ from ..core.errors import BakeError, shorten_list
 from ..core.map_types import NORMAL
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
-from ..engine import baking, gpu_memory, separation, shared_uvs
+from ..engine import baking, gpu_memory, separation, stacked_uvs
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method
 from ..engine.sampling import maps_of_bake
@@ -402,7 +402,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     settings = replace(settings.without_file(), image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
     meshes = read_meshes(context, past.job, settings)
-    meshes = shared_uvs.ordered(meshes, past.tiles, settings.sampling)
+    meshes = stacked_uvs.ordered(meshes, past.tiles, settings.sampling)
     return _View(past.job, choose_method(meshes, past.tiles, settings.tracing), settings, past.distances)
 
 
