@@ -22,7 +22,7 @@ from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, Settings
-from ..engine import gpu_memory, margins, mip_levels, ray_maps, sources, stacked_uvs
+from ..engine import gpu_memory, margins, mip_levels, orienting, ray_maps, sources, stacked_uvs
 from ..engine.baking import Renderer
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
 from ..engine.ray_casting import RayCast
@@ -132,6 +132,7 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     meshes = read_meshes(context, job, settings, timings)
     with timings.timed("extract"):
         warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
+        warnings += map(Warned, orienting.notes(meshes))
     with timings.timed("audit"):
         found = checks.flipped_findings(meshes)
         if job.is_for_others:
@@ -255,6 +256,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         uv_layer=drawn.meshes.uv_layer,
         why=plan.why,
         triangles=findings.triangles,
+        mended=drawn.meshes.mended.to_dict() if drawn.meshes.mended is not None else {},
         distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
         measured=ray_cast is not None and ray_cast.is_measured,
         blend_width=ray_cast.blend_width if ray_cast else 0.0,

@@ -83,14 +83,19 @@ def viewport_findings(
 
 
 def flipped_findings(meshes: Meshes) -> list[Finding]:
-    """A finding if the faces of the meshes of a bake point to opposite sides."""
+    """A finding if the faces of the meshes of a bake pointed to opposite sides when they were read. That of high meshes that
+    were turned over is none."""
     if meshes.is_own_base or not len(meshes.low.triangles):
         return []
     low = before_bake.faces_of_mesh(meshes.low, before_bake.LOW_FACES)
     each = max(1, before_bake.HIGH_FACES // len(meshes.highs))
-    highs = before_bake.joined_faces([before_bake.faces_of_mesh(high, each) for high in meshes.highs])
+    turned = meshes.mended.turned_of_kept if meshes.mended is not None else [None] * len(meshes.highs)
+    faces = (before_bake.faces_of_mesh(high, each, mask) for high, mask in zip(meshes.highs, turned, strict=True))
+    highs = before_bake.joined_faces(list(faces))
     names = shorten_list(repr(high.name) for high in meshes.highs)
-    return before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+    found = before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+    is_mended = any(mask is not None for mask in turned)
+    return [each for each in found if not (is_mended and each.values["is_high"])]
 
 
 def viewport_flipped(

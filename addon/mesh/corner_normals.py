@@ -8,7 +8,7 @@ import numpy as np
 from . import orientation
 from .edges import differ
 from .orientation import edge_pairs, face_normals
-from .triangle_mesh import Mesh
+from .triangle_mesh import TANGENTS, Mesh
 
 FLAT = float(np.cos(np.radians(30.0)))
 """The cosine of the angle between two faces up to which the surface is smooth where the mesh itself cannot tell."""
@@ -18,7 +18,12 @@ def turned_over(mesh: Mesh, is_turned: np.ndarray, places: np.ndarray) -> Mesh:
     """`mesh` with some triangles (T,) bool turned over, and normals that fit. places: as Patches has them."""
     triangles = mesh.triangles.copy()
     triangles[is_turned, 1], triangles[is_turned, 2] = mesh.triangles[is_turned, 2], mesh.triangles[is_turned, 1]
-    mesh = replace(mesh, triangles=triangles, face_corners=None, normals=_negated(mesh, is_turned))
+    layers = {
+        key: _mirrored(values, mesh.triangles[is_turned]) if key[0] == TANGENTS else values
+        for key, values in mesh.layers.items()
+    }
+    normals = _negated(mesh, is_turned)
+    mesh = replace(mesh, triangles=triangles, face_corners=None, normals=normals, layers=layers)
     is_mixed = np.zeros(len(mesh.positions), bool)
     if mesh.normals_domain in {"POINT", "CORNER"}:
         vertices = places[mesh.vertices[triangles]]
@@ -33,6 +38,13 @@ def joined(mesh: Mesh, places: np.ndarray) -> Mesh:
     """`mesh` with smooth normals where vertices are at one place, but not joined, and its faces are smooth."""
     is_bad = _is_split(mesh, places)
     return _rebuilt(mesh, places, is_bad, np.zeros(len(mesh.triangles), bool)) if is_bad.any() else mesh
+
+
+def _mirrored(tangents: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """`tangents` (C, 4) with the other sign of the bitangent at some corners: with the face, its UVs are seen from behind."""
+    tangents = tangents.copy()
+    tangents[np.unique(corners), 3] *= -1.0
+    return tangents
 
 
 def _negated(mesh: Mesh, is_turned: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The meshes of one bake."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,23 +21,52 @@ class Mended:
     """What was changed of the high meshes after they were read.
 
     turned: for each mesh, which of its triangles (T,) bool were turned over; None for none. kept: for each mesh, which of them
-    (T,) bool are left; None for all. parts: the number of connected parts that have turned triangles, of_parts: of all; 0 if no
-    triangle was turned. share: of the area that was turned. undecided: the number of parts whose outer side is not known.
-    hidden: the number of triangles left out since they lie behind the surface, twice: since they are there twice. degrees:
-    by how much normals were smoothed, in the median and at the 95th percentile, or empty. low_differs: whether the faces of the
-    low mesh itself point to different sides, so that it cannot tell.
+    (T,) bool are left; None for all. parts: the number of connected parts that have turned triangles, of_parts: of all.
+    of_triangles: the number of triangles that there were. undecided: for each mesh, the number of parts whose outer side is not
+    known, and undecided_share: of the area of all meshes that they have. contradicting: for each mesh, the number of parts that
+    cannot point to one side, as a Möbius strip. hidden: the number of triangles left out since they lie behind the surface,
+    twice: since they are there twice. degrees: by how much normals were smoothed, in the median and at the 95th percentile, or
+    empty. low_differs: whether the faces of the low mesh itself point to different sides, so that it cannot tell.
     """
 
     turned: tuple[MaybeArray, ...] = ()
     kept: tuple[MaybeArray, ...] = ()
     parts: int = 0
     of_parts: int = 0
-    share: float = 0.0
-    undecided: int = 0
+    of_triangles: int = 0
+    undecided: tuple[int, ...] = ()
+    undecided_share: float = 0.0
+    contradicting: tuple[int, ...] = ()
     hidden: int = 0
     twice: int = 0
     degrees: tuple[float, ...] = ()
     low_differs: bool = False
+
+    @classmethod
+    def nothing(cls, highs: Sequence[Mesh]) -> "Mended":
+        """Nothing that was changed of these meshes."""
+        return cls((None,) * len(highs), of_triangles=sum(len(high.triangles) for high in highs))
+
+    @property
+    def turned_of_kept(self) -> list[MaybeArray]:
+        """`turned` of the triangles that are left of each mesh, (N,) bool."""
+        kept = self.kept or [None] * len(self.turned)
+        return [
+            mask if mask is None or some is None else mask[some] for mask, some in zip(self.turned, kept, strict=True)
+        ]
+
+    def to_dict(self) -> dict[str, float]:
+        """The numbers, as core.report.Report has them."""
+        numbers = {
+            "turned": sum(int(np.count_nonzero(mask)) for mask in self.turned if mask is not None),
+            "of": self.of_triangles,
+            "parts": self.parts,
+            "of_parts": self.of_parts,
+            "undecided": sum(self.undecided),
+            "hidden": self.hidden,
+            "twice": self.twice,
+        }
+        return numbers | dict(zip(("smoothed_median", "smoothed_percentile_95"), self.degrees, strict=False))
 
 
 @dataclass(frozen=True)

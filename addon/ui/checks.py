@@ -52,6 +52,8 @@ class PanelFindings:
         is_exported: as in jobs.checks.is_for_others.
         """
         found = self._flipped_ones(context, low, highs)
+        if not settings.tracing.keep_faces:  # the bake turns them over
+            found = [each for each in found if not each.values["is_high"]]
         if not checks.is_for_others(settings, is_exported=is_exported):
             return found
         return found + checks.unsolved_by_export(

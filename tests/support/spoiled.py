@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spoils a clean mesh as scans, CAD and generated meshes are: faces turned over, doubles behind the surface, crumbs, vertices that
-are not joined, noise, holes. The truth about its maps is the clean mesh.
+"""Spoils a clean mesh as scans, CAD and generated meshes are: faces turned over, doubles behind the surface, crumbs, vertices
+that are not joined, noise, holes. The truth about its maps is the clean mesh.
 
 All of it follows from the generator of random numbers.
 """

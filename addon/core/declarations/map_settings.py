@@ -179,8 +179,9 @@ MAP: dict[str, Setting] = {
     ),
     "keep_faces": Switch(
         label="Keep Faces as They Are",
-        tooltip="Take the faces of the high mesh as they are. Without it, faces that point to the wrong side are turned over for "
-        "the bake, and those that are there twice or hidden behind the surface are left out. The object itself does not change",
+        tooltip="Take the faces of the high mesh as they are. Without it, faces that point to the wrong side are turned over "
+        "for the bake, and those that are there twice or hidden behind the surface are left out. The object itself does not "
+        "change",
     ),
     "smooth_high": WholeNumber(
         label="Smooth High Normals",

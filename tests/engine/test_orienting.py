@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Maps of spoiled high meshes beside those of the clean ones."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core import progress
+from addon.core.settings import Settings
+from addon.jobs import Job
+from addon.jobs.live_session import Session
+from tests.support import angles, maps, oracle, scenes, spoiled, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+WRONG = 30.0
+"""Degrees from the clean map's normal that no rounding makes: the texel shows another place, or the other side."""
+SAME = 1e-4
+"""Of a channel from 0 to 1: sums of normals in another order round differently."""
+
+
+def ball(name="hi", level=4, radius=1.05):
+    """A bumpy closed sphere with UVs by longitude and latitude."""
+    corners = oracle.icosphere(level)
+    points, vertices = np.unique(np.round(corners.reshape(-1, 3), 9), axis=0, return_inverse=True)
+    points = radius * points * (1.0 + 0.02 * np.sin(9.0 * points).prod(axis=1, keepdims=True))
+    return spoiled.Soup(points, vertices.reshape(-1, 3)), name
+
+
+def pair(soup=None):
+    """A low sphere, and the object of a soup."""
+    clean, name = ball()
+    return zoo.sphere("lo", n=16), spoiled.build(name, clean if soup is None else soup)
+
+
+def cast(low, *highs, **settings):
+    return maps.bake(low, *highs, **{"method": "CAST", "space": "OBJECT"} | settings)
+
+
+def wrong(clean, other):
+    """The share of texels whose normal is wrong, or that are covered in one of two maps."""
+    both = (clean[..., 3] > 0) & (other[..., 3] > 0)
+    far = angles.degrees(angles.decode(clean), angles.decode(other)) > WRONG
+    covered = np.count_nonzero(clean[..., 3] > 0)
+    return (np.count_nonzero(both & far) + np.count_nonzero((clean[..., 3] > 0) != (other[..., 3] > 0))) / covered
+
+
+SPOILED = {
+    "flipped at random": lambda soup, rng: spoiled.flipped_at_random(soup, rng, 0.3),
+    "flipped in regions": lambda soup, rng: spoiled.flipped_in_regions(soup, rng, 0.3),
+    "all flipped": lambda soup, _rng: spoiled.flipped(soup, np.ones(len(soup.triangles), bool)),
+    "flipped, and all on vertices of their own": lambda soup, rng: spoiled.unwelded(
+        spoiled.flipped_in_regions(soup, rng, 0.3), rng, 1.0
+    ),
+}
+
+
+@pytest.mark.parametrize("method", ["CAST", "AUTO"])
+@pytest.mark.parametrize("name", SPOILED)
+def test_turned_faces_leave_the_map_as_it_is_seed_7(name, method):
+    low, high = pair()
+    clean = cast(low, high, method=method)
+    soup, _ = ball()
+    mended = cast(low, spoiled.build("spoiled", SPOILED[name](soup, np.random.default_rng(7))), method=method)
+    assert np.abs(clean - mended).max() < SAME
+    kept = cast(low, bpy.data.objects["spoiled"], method=method, keep_faces=True)
+    assert wrong(clean, kept) > 0.01
+
+
+def test_a_mesh_without_conflicts_stays_as_it_was_read():
+    low, high = pair()
+    assert np.array_equal(cast(low, high), cast(low, high, keep_faces=True))
+    assert scenes.bake(low, high, method="CAST").mended == {}
+
+
+def test_the_report_says_what_was_turned_over_seed_2():
+    soup, _ = ball()
+    rng = np.random.default_rng(2)
+    is_flipped = spoiled.regions(soup, rng, 0.15)
+    low, high = pair(spoiled.flipped(soup, is_flipped))
+    beside = spoiled.build("beside", spoiled.replace(soup, points=0.01 * soup.points + (0.0, 0.0, 1.2)))
+    report = scenes.bake(low, high, beside, method="CAST", space="OBJECT")
+    assert report.mended == {
+        "turned": np.count_nonzero(is_flipped),
+        "of": 2 * len(soup.triangles),
+        "parts": 1,
+        "of_parts": 2,
+        "undecided": 0,
+        "hidden": 0,
+        "twice": 0,
+    }
+    share = np.count_nonzero(is_flipped) / (2 * len(soup.triangles))
+    assert f"1 of 2 parts, {share:.1%} of the faces, were turned over" in report.summary()
+    assert report.warnings == []
+    kept = scenes.bake(low, high, beside, method="CAST", space="OBJECT", keep_faces=True)
+    assert kept.mended == {}
+    assert not any("turned over" in line for line in kept.summary())
+
+
+def test_flatten_turns_faces_over_seed_3():
+    low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 48, height=0.15))
+    clean = maps.bake(low, spoiled.build("clean", soup))
+    dirty = spoiled.build("dirty", spoiled.flipped_in_regions(soup, np.random.default_rng(3), 0.3))
+    assert np.abs(clean - maps.bake(low, dirty)).max() < SAME
+    assert wrong(clean, maps.bake(low, dirty, keep_faces=True)) > 0.2
+
+
+def test_other_maps_are_those_of_the_clean_mesh_seed_5():
+    wanted = ("AO", "THICKNESS", "BASE_COLOR", "HEIGHT", "CURVATURE")
+    soup, _ = ball(level=3)
+    low = zoo.sphere("lo", n=16)
+    dirty = spoiled.flipped_in_regions(soup, np.random.default_rng(5), 0.3)
+    found = [
+        maps.bake_all_maps(low, spoiled.build("hi", one, like=soup), maps=wanted, size=32, method="CAST", rays=16)[1]
+        for one in (soup, dirty)
+    ]
+    for name in found[0]:
+        clean, mended = (each[name] for each in found)
+        assert np.abs(clean - mended).mean() < 0.5 / 255.0, name
+
+
+def test_custom_normals_stay_where_they_were_right_seed_4():
+    """A turned face whose own normals already point outward keeps them; those that point inward with it are negated."""
+    high = zoo.sphere("hi", 24)
+    low = zoo.sphere("lo", n=16)
+    clean = cast(low, high)
+    count = len(high.data.polygons)
+    chosen = np.flatnonzero(np.random.default_rng(4).random(count) < 0.3)
+    with_normals = [np.array([corner.vector[:] for corner in high.data.corner_normals])]
+    for number in chosen:
+        high.data.polygons[int(number)].flip()
+    # Blender's flip turns the normals with the faces. The mesh that has right normals has them again.
+    turned = np.array([corner.vector[:] for corner in high.data.corner_normals])
+    assert not np.allclose(turned, with_normals[0])
+    assert np.abs(clean - cast(low, high)).max() < SAME
+    layer = high.data.attributes["custom_normal"]
+    outward = turned * np.where((turned * _centers(high)).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    layer.data.foreach_set("vector", outward.astype(np.float32).ravel())
+    assert np.abs(clean - cast(low, high)).max() < SAME
+
+
+def _centers(obj):
+    points = np.array([vertex.co[:] for vertex in obj.data.vertices])
+    return points[[loop.vertex_index for loop in obj.data.loops]]
+
+
+def test_live_follows_a_spoiled_mesh_seed_8():
+    low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 32, height=0.15))
+    clean = spoiled.build("clean", soup)
+    high = spoiled.build("hi", spoiled.flipped_in_regions(soup, np.random.default_rng(8), 0.3))
+    settings = Settings(method="FLATTEN", width=64, height=64, storage="MEMORY", modifiers="VIEWPORT")
+    sessions = [Session(bpy.context, Job(low, [obj]), settings, progress.Pace()) for obj in (high, clean)]
+    for step in range(2):
+        if step:
+            for obj in (high, clean):
+                points = np.array([vertex.co[:] for vertex in obj.data.vertices], np.float32)
+                points[:, 2] += np.float32(0.1) * np.exp(-20.0 * (points[:, :2] ** 2).sum(axis=1))
+                obj.data.attributes["position"].data.foreach_set("vector", points.ravel())
+                obj.data.update()
+            bpy.context.view_layer.update()
+        for session, obj in zip(sessions, (high, clean), strict=True):
+            session.run(bpy.context, {obj.session_uid} if step else None)
+        assert np.abs(sessions[0].texels - sessions[1].texels).max() < SAME
+    for session in sessions:
+        session.free()
