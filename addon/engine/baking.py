@@ -35,7 +35,7 @@ def bake(meshes: Meshes, run: Run) -> Task[dict[int, dict[str, Map]]]:
         (H, W) uint8, see core.map_types.
     """
     tiles = tiles_to_bake(meshes, run.settings.sampling)
-    meshes = orienting.mended(meshes, run.settings.tracing, run.timings)
+    meshes = orienting.mended(meshes, run.settings, run.timings)
     in_order = stacked_uvs.ordered(meshes, tiles, run.settings.sampling)
     plan = choose_method(in_order, tiles, run.settings.tracing)
     source = yield from part(normal_source(plan, run), 0.0, READY)

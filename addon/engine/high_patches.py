@@ -53,10 +53,11 @@ class Samples:
 
 
 class HighPatches:
-    """The patches of all high meshes of a bake. high meshes beside the low one are compared in its place.
+    """The patches of all high meshes of a bake. High meshes beside the low one are compared in its place.
 
     of (N,): the patches of each mesh. low_triangles (T, 3) int, low_normals (T, 3): of the low mesh, unit normals. samples: of
-    each mesh. is_clean: whether no triangle is against another one that shares an edge.
+    each mesh. is_clean: whether no triangle is against another one that shares an edge. is_aside: whether the high meshes lie
+    beside the low one.
     """
 
     def __init__(self, meshes: Meshes):
@@ -76,8 +77,8 @@ class HighPatches:
         self.low_normals = normals / np.maximum(self.low_areas, 1e-300)[:, None]
         self._surface = Surface(self.low_points, self.low_triangles)
         self._is_two_sided = orientation.copies(self.low_points, self.low_triangles)[1]
-        self._aside = np.zeros(3)
-        if gap(self.low, self.meshes.highs) > 0.0:
+        self._aside, self.is_aside = np.zeros(3), gap(self.low, self.meshes.highs) > 0.0
+        if self.is_aside:
             self._aside = (self.space.origin - local_space_of(self.meshes.highs).origin) / self.space.size
         count = FEW if self.is_clean else MANY
         self.samples = [

@@ -7,15 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..core.declarations.choices import Method
 from ..core.progress import Timings
-from ..core.settings import TracingSettings
+from ..core.settings import Settings
 from ..mesh import corner_normals, orientation
 from ..mesh.inputs import Mended, Meshes
 from ..mesh.triangle_mesh import Mesh
-from . import tree_cache
+from . import tree_cache, uv_agreement
 from .face_openness import openness
 from .high_patches import HighPatches, corners_in, patches_of, places_of
-from .outer_skin import one_skin
+from .method_choice import tiles_to_bake
+from .outer_skin import may_be_hidden, one_skin
 
 SURE = 0.1
 """A patch that agrees with the low mesh by less than this, from -1 to 1, points to no side."""
@@ -33,17 +35,16 @@ MUCH = 1e-3
 """Share of the area of the high meshes. Parts with less are crumbs: not to know their sides is not worth a warning."""
 
 
-def mended(
-    meshes: Meshes, tracing: TracingSettings, timings: Timings, before: tuple[Meshes, Meshes] | None = None
-) -> Meshes:
+def mended(meshes: Meshes, settings: Settings, timings: Timings, before: tuple[Meshes, Meshes] | None = None) -> Meshes:
     """`meshes` with high meshes whose faces point to the sides that the low mesh has there. Clean ones stay the same objects.
 
     before: earlier meshes, as they were read and the result. What has the same triangles is turned over as it was then.
     """
+    tracing = settings.tracing
     with timings.timed("orient"):
         if not (tracing.keep_faces or meshes.is_own_base or not len(meshes.low.triangles)):
             known = None if before is None else _as_before(meshes, *before)
-            meshes = _oriented(meshes, timings) if known is None else known
+            meshes = _oriented(meshes, settings, timings) if known is None else known
         return _smoothed(meshes, tracing.smooth_high) if tracing.smooth_high else meshes
 
 
@@ -115,13 +116,17 @@ def _same_triangles(one: Mesh, other: Mesh) -> bool:
     )
 
 
-def _oriented(meshes: Meshes, timings: Timings) -> Meshes:
+def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
     patches = HighPatches(meshes)
     if not patches.count:
         return meshes
     patches.compare()
     ratios = [some.means(some.cosines) for some in patches.samples]
-    if patches.is_clean and all((ratio > SURE).all() for ratio in ratios):
+    # Beside the low mesh, objects may be rotated, too: then only conflicts tell that something is wrong.
+    if patches.is_clean and (patches.is_aside or all((ratio > SURE).all() for ratio in ratios)):
+        asked = may_be_hidden(patches) if patches.count > 1 else []
+        if any(each.any() for each in asked) and _casts(meshes, settings):
+            return one_skin(_joined(patches), patches, timings, asked)
         return _joined(patches)
     if _low_is_inside_out(patches):
         return meshes
@@ -131,6 +136,14 @@ def _oriented(meshes: Meshes, timings: Timings) -> Meshes:
             replace(meshes, mended=replace(Mended.nothing(meshes.highs), low_differs=True)) if has_conflict else meshes
         )
     return one_skin(_turned(patches, ratios, timings), patches, timings)
+
+
+def _casts(meshes: Meshes, settings: Settings) -> bool:
+    """Whether the bake casts rays from the low mesh."""
+    if settings.tracing.method != Method.AUTO or any(high.uv is None for high in meshes.highs):
+        return settings.tracing.method != Method.FLATTEN
+    tiles = tiles_to_bake(meshes, settings.sampling)
+    return not uv_agreement.measure(meshes.low, meshes.drawn_highs, tiles).is_shared
 
 
 def _joined(patches: HighPatches) -> Meshes:

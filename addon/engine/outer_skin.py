@@ -2,6 +2,7 @@
 """Leaves out triangles of the high meshes that are there twice, and patches that lie behind the surface: they see nothing of
 the outside from either side, and no place of the low mesh shows them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +30,42 @@ CLOSE = 1e-3
 """In local space. Closer hits are the same."""
 
 
-def one_skin(meshes: Meshes, patches: HighPatches, timings: Timings) -> Meshes:
-    """`meshes`, whose high meshes have the triangles of those in `patches`, turned over or not, with the outer skin alone."""
+BESIDE = 1e-3
+"""Share of the size of all meshes by which a hidden patch lies inside their box at least."""
+
+
+def may_be_hidden(patches: HighPatches) -> list[np.ndarray]:
+    """Which patches (count,) bool of each mesh may lie behind the surface, or be there twice. Takes little time."""
+    boxes = [_boxes(patches, number) for number in range(len(patches.of))]
+    lows, highs = (np.concatenate([each[side] for each in boxes]) for side in range(2))
+    low, high = lows.min(axis=0), highs.max(axis=0)
+    room = BESIDE * float(np.linalg.norm(high - low))
+    is_inside = ((lows > low + room) & (highs < high - room)).all(axis=1)
+    _, which, counts = np.unique(np.concatenate([lows, highs], axis=1), axis=0, return_inverse=True, return_counts=True)
+    found = is_inside | (counts > 1)[which.reshape(-1)]
+    return np.split(found, np.cumsum([one.count for one in patches.of])[:-1])
+
+
+def _boxes(patches: HighPatches, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and the highest corners (count, 3) of the boxes around the patches of a mesh."""
+    high, one = patches.meshes.highs[number], patches.of[number]
+    points, vertices = patches.space.points(high), high.vertices[high.triangles]
+    lows, highs = np.full((one.count, 3), np.inf, np.float32), np.full((one.count, 3), -np.inf, np.float32)
+    for corner in vertices.T:
+        for axis in range(3):
+            values = points[corner, axis]
+            np.minimum.at(lows[:, axis], one.labels, values)
+            np.maximum.at(highs[:, axis], one.labels, values)
+    return lows, highs
+
+
+def one_skin(
+    meshes: Meshes, patches: HighPatches, timings: Timings, asked: Sequence[np.ndarray] | None = None
+) -> Meshes:
+    """`meshes`, whose high meshes have the triangles of those in `patches`, turned over or not, with the outer skin alone.
+
+    asked: patches (count,) bool of each mesh that may be hidden; None for all.
+    """
     kept = [np.ones(len(high.triangles), bool) for high in meshes.highs]
     twice = hidden = 0
     for high, mask in zip(meshes.highs, kept, strict=True):
@@ -40,7 +75,11 @@ def one_skin(meshes: Meshes, patches: HighPatches, timings: Timings) -> Meshes:
     if patches.count > 1 and tree_cache.fits(meshes.highs):
         search = _Search(meshes, patches, timings)
         for number, mask in enumerate(kept):
-            left_out = mask & search.hidden(number)[patches.of[number].labels]
+            one = patches.of[number]
+            found = search.hidden(number, np.ones(one.count, bool) if asked is None else asked[number])
+            left_out = mask & found[one.labels]
+            if np.array_equal(left_out, mask):  # a whole object was meant
+                continue
             mask[left_out] = False
             hidden += int(np.count_nonzero(left_out))
     if not (twice or hidden):
@@ -58,22 +97,22 @@ class _Search:
         self._highs, self._patches, self._timings = meshes.highs, patches, timings
         self._scene: RayScene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
 
-    def hidden(self, number: int) -> np.ndarray:
-        """Which patches (count,) bool of a mesh lie behind the surface."""
+    def hidden(self, number: int, asked: np.ndarray) -> np.ndarray:
+        """Which of the patches asked for (count,) bool of a mesh lie behind the surface, (count,) bool."""
         some = self._patches.samples[number]
-        found = ~self._sees_outside(number, some)
+        found = asked & ~self._sees_outside(number, some, ~asked)
         return found & ~self._shown(some, found) if found.any() else found
 
-    def _sees_outside(self, number: int, some: Samples) -> np.ndarray:
-        """Which patches (count,) bool see something of the outside."""
-        is_open, seen = np.zeros(len(some.triangles), bool), np.zeros(some.count, bool)
+    def _sees_outside(self, number: int, some: Samples, seen: np.ndarray) -> np.ndarray:
+        """Which patches (count,) bool see something of the outside. seen: those that are known to."""
+        is_open = np.zeros(len(some.triangles), bool)
         for count in (FIRST_RAYS, ALL_RAYS):  # most see much of it
             left = ~seen[some.patches]
             if left.any():
                 corners = corners_in(self._highs[number], some.triangles[left], self._scene.local_space)
                 both = openness(self._scene.tables, np.concatenate([corners, corners[:, ::-1]]), count)
                 is_open[left] = np.maximum(*np.split(both, 2)) > HIDDEN
-                seen = some.shares(is_open) > PEEPING
+                seen = seen | (some.shares(is_open) > PEEPING)
         return seen
 
     def _shown(self, some: Samples, asked: np.ndarray) -> np.ndarray:

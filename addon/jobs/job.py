@@ -232,7 +232,7 @@ def read_meshes(context: bpy.types.Context, job: Job, settings: Settings, timing
             texture_set=job.texture_set,
             must_be_whole=job.must_be_whole,
         )
-    return orienting.mended(meshes, settings.tracing, timings)
+    return orienting.mended(meshes, settings, timings)
 
 
 def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:

@@ -193,7 +193,7 @@ class Session:
         self._shown_by = object_checks.shown_by(highs)
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
         known = before and (before, self._mended)
-        mended = orienting.mended(meshes, settings.tracing, Timings(), known)
+        mended = orienting.mended(meshes, settings, Timings(), known)
         in_order = stacked_uvs.ordered(mended, [udim.FIRST], settings.sampling, before and (self._mended, self._meshes))
         self._as_read, self._mended, self._meshes = meshes, mended, in_order
         is_same = in_order is mended

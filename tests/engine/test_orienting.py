@@ -163,3 +163,117 @@ def test_live_follows_a_spoiled_mesh_seed_8():
         assert np.abs(sessions[0].texels - sessions[1].texels).max() < SAME
     for session in sessions:
         session.free()
+
+
+# One skin
+
+
+def scaled(soup, factor):
+    return spoiled.replace(soup, points=factor * soup.points)
+
+
+def inner_wall():
+    """A box with a wall in its middle that shares the edges of its faces, and the box alone."""
+    points = np.array([(x, y, z) for z in (-1, 0, 1) for y in (-1, 1) for x in (-1, 1)], float)
+    sides = [(0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6)]
+    quads = [(0, 2, 3, 1), (8, 9, 11, 10), *sides, *[tuple(4 + np.array(side)) for side in sides]]
+    triangles = np.array([half for a, b, c, d in quads for half in ((a, b, c), (a, c, d))])
+    wall = np.array([(4, 5, 7), (4, 7, 6)])
+    clean = spoiled.Soup(points, triangles)
+    return clean, spoiled.joined(clean, spoiled.Soup(points, wall)), len(wall)
+
+
+HIDDEN = {
+    # A clean mesh, one with more behind its surface, and how many triangles are left out.
+    "a shell inside": lambda soup, _rng: (soup, spoiled.joined(soup, scaled(soup, 0.95)), len(soup.triangles)),
+    "a shell inside that points inward": lambda soup, _rng: (
+        soup,
+        spoiled.joined(soup, spoiled.flipped(scaled(soup, 0.95), np.ones(len(soup.triangles), bool))),
+        len(soup.triangles),
+    ),
+    "a part of a shell inside": lambda soup, rng: (
+        soup,
+        spoiled.joined(soup, scaled(soup, 0.95).at(half := spoiled.regions(soup, rng, 0.4, 1))),
+        np.count_nonzero(half),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_what_lies_behind_the_surface_is_left_out_seed_9(name):
+    clean, more, count = HIDDEN[name](ball(level=3)[0], np.random.default_rng(9))
+    low, high = zoo.sphere("lo", n=16), spoiled.build("hi", more)
+    wanted = {"maps": ("AO", "THICKNESS"), "size": 32, "method": "CAST", "rays": 16}
+    _, truth = maps.bake_all_maps(low, spoiled.build("clean", clean), **wanted)
+    report, found = maps.bake_all_maps(low, high, **wanted)
+    assert report.mended["hidden"] == count
+    assert f"Left out: triangles {count:,} behind the surface" in report.summary()
+    for each in truth:
+        assert np.abs(truth[each] - found[each]).max() < 2.0 / 255.0
+    report, kept = maps.bake_all_maps(low, high, keep_faces=True, **wanted)
+    assert report.mended == {}
+    if "points inward" in name:  # rays through the body meet backs alone
+        assert np.abs(truth["thickness"] - kept["thickness"]).mean() > 0.05
+
+
+def test_a_wall_inside_is_left_out():
+    clean, more, count = inner_wall()
+    low = zoo.cube("lo")
+    found = [
+        maps.bake_all_maps(low, spoiled.build("hi", one, smooth=False), maps=["THICKNESS"], size=48, method="CAST")
+        for one in (clean, more)
+    ]
+    assert [report.mended.get("hidden", 0) for report, _ in found] == [0, count]
+    assert np.abs(found[0][1]["thickness"] - found[1][1]["thickness"]).max() < 2.0 / 255.0
+
+
+@pytest.mark.parametrize("is_flipped", [False, True])
+def test_shells_that_the_low_mesh_has_as_well_stay(is_flipped):
+    """Two shells on both sides: the inner one sees nothing of the outside, and is what the inner low shell shows."""
+    outer, inner = zoo.sphere("lo", n=16), zoo.sphere("inner", n=16)
+    scenes.move_uvs(outer, (0.5, 1.0))
+    scenes.move_uvs(inner, (0.5, 1.0), (0.5, 0.0))
+    inner.scale = (0.8, 0.8, 0.8)
+    with bpy.context.temp_override(active_object=outer, selected_editable_objects=[outer, inner]):
+        bpy.ops.object.join()
+    soup, _ = ball(level=3)
+    both = spoiled.joined(soup, scaled(soup, 0.8))
+    clean = cast(outer, spoiled.build("clean", both), keep_faces=True)
+    rng = np.random.default_rng(1)
+    high = spoiled.build("hi", spoiled.flipped_in_regions(both, rng, 0.2) if is_flipped else both)
+    assert np.abs(clean - cast(outer, high)).max() < SAME
+    assert scenes.bake(outer, high, method="CAST").mended.get("hidden", 0) == 0
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_triangles_that_are_there_twice_count_once(is_turned):
+    soup, _ = ball(level=3)
+    again = spoiled.flipped(soup, np.ones(len(soup.triangles), bool)) if is_turned else soup
+    low, high = zoo.sphere("lo", n=16), spoiled.build("hi", spoiled.joined(soup, again))
+    report = scenes.bake(low, high, method="CAST")
+    assert report.mended["twice"] == len(soup.triangles)
+    assert np.abs(cast(low, spoiled.build("clean", soup)) - cast(low, high)).max() < SAME
+
+
+# Noise
+
+
+def test_smooth_normals_come_closer_to_the_surface_without_noise_seed_6():
+    soup, _ = ball(level=5)
+    low = zoo.sphere("lo", n=16)
+    noisy = spoiled.build("noisy", spoiled.noisy(soup, np.random.default_rng(6), 0.1))
+    truth = angles.decode(cast(low, spoiled.build("clean", soup)))
+    errors = []
+    for rounds in (0, 2):
+        texels = cast(low, noisy, smooth_high=rounds)
+        errors.append(np.median(angles.degrees(truth, angles.decode(texels))[texels[..., 3] > 0]))
+    assert errors[1] < 0.6 * errors[0]
+    report = scenes.bake(low, noisy, method="CAST", smooth_high=2)
+    assert 1.0 < report.mended["smoothed_median"] < report.mended["smoothed_percentile_95"] < 40.0
+    assert any(line.startswith("High normals were smoothed by") for line in report.summary())
+
+
+def test_smooth_normals_keep_hard_edges():
+    low = zoo.cube("lo")
+    clean = cast(low, zoo.cube("hi"))
+    assert np.array_equal(clean, cast(low, bpy.data.objects["hi"], smooth_high=5))
