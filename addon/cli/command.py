@@ -40,12 +40,14 @@ FARM = "farm"
 """The first argument for sending a job file to a farm."""
 REPORT = "report"
 """The first argument for putting reports together."""
+CHECK = "check"
+"""The first argument for a look at the high meshes of a bake."""
 VERSION = "--version"
 """An argument of all commands."""
 
 
 def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
-    """Bake according to `words`, the arguments. If the first one is LOD, FARM or REPORT, do that.
+    """Bake according to `words`, the arguments. If the first one is LOD, FARM, REPORT or CHECK, do that.
 
     may_start_processes: whether many bakes are done in processes of their own. Returns the exit code; errors and warnings go to
     stderr, a line each.
@@ -84,7 +86,7 @@ def _work() -> int:
 
 def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, may_start_processes: bool) -> int:
     """Run the command that `words` begin with. Returns the exit code, also of errors, which are printed. call: for reports."""
-    name = words[0] if words[:1] in ([LOD], [FARM], [REPORT]) else ""
+    name = words[0] if words[:1] in ([LOD], [FARM], [REPORT], [CHECK]) else ""
     if name:
         program, words = f"{program} {name}", words[1:]
     try:
@@ -96,6 +98,12 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
             from . import report_command
 
             return report_command.run(words, program, call)
+        if name == CHECK:
+            options = arguments.read_check(words, program)
+            load_blender()
+            from . import baker  # needs Blender
+
+            return baker.look_at(options)
         options, sets = (_read_lod if name == LOD else _read)(words, program, meter)
         return _bake(replace(options, call=call), sets, meter, may_start_processes=may_start_processes)
     except SystemExit as stop:  # argparse has printed the help

@@ -12,6 +12,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.orientation import Patches
 from ..mesh.triangle_mesh import Mesh
+from .method_choice import FAR_APART
 
 FEW, MANY = 64, 4096
 """How many triangles of all high meshes are compared with the low mesh, if they agree with each other, and if not."""
@@ -67,8 +68,8 @@ class HighPatches:
         self.count = sum(patches.count for patches in self.of)
         self.is_clean = all(patches.pairs is None for patches in self.of)
 
-    def compare(self) -> None:
-        """Compare a sample of the triangles with the low mesh."""
+    def compare(self, count: int = 0) -> None:
+        """Compare a sample of about `count` triangles with the low mesh; 0 for as many as it takes to find their sides."""
         self.space = local_space_of([self.low])
         self.low_points = self.space.points(self.low)
         self.low_triangles = self.low.vertices[self.low.front_triangles]
@@ -77,10 +78,11 @@ class HighPatches:
         self.low_normals = normals / np.maximum(self.low_areas, 1e-300)[:, None]
         self._surface = Surface(self.low_points, self.low_triangles)
         self._is_two_sided = orientation.copies(self.low_points, self.low_triangles)[1]
-        self._aside, self.is_aside = np.zeros(3), gap(self.low, self.meshes.highs) > 0.0
+        apart = gap(self.low, self.meshes.highs)
+        self._aside, self.is_aside = np.zeros(3), apart > FAR_APART * self.space.size
         if self.is_aside:
             self._aside = (self.space.origin - local_space_of(self.meshes.highs).origin) / self.space.size
-        count = FEW if self.is_clean else MANY
+        count = count or (FEW if self.is_clean else MANY)
         self.samples = [
             self._samples(high, patches, count) for high, patches in zip(self.meshes.highs, self.of, strict=True)
         ]

@@ -135,7 +135,32 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
         return (
             replace(meshes, mended=replace(Mended.nothing(meshes.highs), low_differs=True)) if has_conflict else meshes
         )
+    # Of two triangles in one place, each goes on as well at its edges: that must not decide where the other one points.
+    twice = [orientation.copies(high.positions, high.vertices[high.triangles])[0] for high in meshes.highs]
+    if any(each.any() for each in twice):
+        once = [high.with_triangles(~same) for high, same in zip(meshes.highs, twice, strict=True)]
+        return _without(_oriented(replace(meshes, highs=once), settings, timings), meshes.highs, twice)
     return one_skin(_turned(patches, ratios, timings), patches, timings)
+
+
+def _without(meshes: Meshes, highs: Sequence[Mesh], twice: Sequence[np.ndarray]) -> Meshes:
+    """`meshes`, mended without triangles of `highs` that are there twice (T,) bool, with what that says of all triangles."""
+    mended = meshes.mended or Mended.nothing(meshes.highs)
+
+    turned, kept = [], []
+    for same, flips, left in zip(twice, mended.turned, mended.kept or (None,) * len(highs), strict=True):
+        of_all = np.zeros((2, len(same)), bool)
+        of_all[0, ~same], of_all[1, ~same] = flips is not None and flips, left is None or left
+        turned.append(None if flips is None else of_all[0])
+        kept.append(of_all[1])
+    mended = replace(
+        mended,
+        turned=tuple(turned),
+        kept=tuple(kept),
+        of_triangles=sum(len(high.triangles) for high in highs),
+        twice=mended.twice + sum(int(np.count_nonzero(same)) for same in twice),
+    )
+    return replace(meshes, mended=mended)
 
 
 def _casts(meshes: Meshes, settings: Settings) -> bool:

@@ -18,8 +18,9 @@ from ..core.errors import BakeError, shorten_list
 from ..core.map_types import NORMAL
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
-from ..engine import baking, gpu_memory, separation, stacked_uvs
+from ..engine import baking, gpu_memory, high_look, separation, stacked_uvs
 from ..engine.bands import Band
+from ..engine.high_look import HighLook
 from ..engine.method_choice import Plan, choose_method
 from ..engine.sampling import maps_of_bake
 from ..engine.sources import Source, normal_source
@@ -30,13 +31,21 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
 from ..scene import evaluation, mesh_elements, mesh_reader
-from .job import Job, PastBake, check_job, read_meshes
+from .job import Job, PastBake, check_job, read_as_is, read_meshes
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
 SOLVED_BY_EXPORT = (POLYGONS, LAYER)
 """The kinds that do not matter for files that Imprint exports."""
 MOST_CORNERS = 400_000
 """The largest low mesh, in corners of faces, that `viewport_findings` looks at: it takes a few tenths of a second."""
+
+
+def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> HighLook:
+    """What the high objects of a job are, and what its bake will change of them. Raises BakeError as the bake does."""
+    settings = settings.without_other_maps().without_file()
+    check_job(context, job, settings)
+    with gpu_memory.trimmed():
+        return high_look.look(read_as_is(context, job, settings), settings)
 
 
 def is_for_others(settings: Settings, *, is_exported: bool) -> bool:

@@ -219,20 +219,25 @@ class PastBake:
 
 
 def read_meshes(context: bpy.types.Context, job: Job, settings: Settings, timings: Timings | None = None) -> Meshes:
-    """Read the objects of a job, with what the high meshes need to be mended. Errors: as scene.reading.read."""
+    """Read the objects of a job, and mend the high meshes. Errors: as scene.reading.read."""
     timings = timings or Timings()
     with timings.timed("extract"):
-        meshes = reading.read(
-            context,
-            job.low,
-            job.highs,
-            job.cage,
-            settings,
-            others=job.others,
-            texture_set=job.texture_set,
-            must_be_whole=job.must_be_whole,
-        )
+        meshes = read_as_is(context, job, settings)
     return orienting.mended(meshes, settings, timings)
+
+
+def read_as_is(context: bpy.types.Context, job: Job, settings: Settings) -> Meshes:
+    """Read the objects of a job as they are. Errors: as scene.reading.read."""
+    return reading.read(
+        context,
+        job.low,
+        job.highs,
+        job.cage,
+        settings,
+        others=job.others,
+        texture_set=job.texture_set,
+        must_be_whole=job.must_be_whole,
+    )
 
 
 def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:
