@@ -144,10 +144,15 @@ def _centers(obj):
     return points[[loop.vertex_index for loop in obj.data.loops]]
 
 
-def test_live_follows_a_spoiled_mesh_seed_8():
+@pytest.mark.parametrize("has_copies", [False, True])
+def test_live_follows_a_spoiled_mesh_seed_8(has_copies):
     low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 32, height=0.15))
     clean = spoiled.build("clean", soup)
-    high = spoiled.build("hi", spoiled.flipped_in_regions(soup, np.random.default_rng(8), 0.3))
+    is_flipped = spoiled.regions(soup, np.random.default_rng(8), 0.3)
+    dirty = spoiled.flipped(soup, is_flipped)
+    if has_copies:
+        dirty = spoiled.joined(dirty, soup.at(np.flatnonzero(~is_flipped)[:90]))
+    high = spoiled.build("hi", dirty)
     settings = Settings(method="FLATTEN", width=64, height=64, storage="MEMORY", modifiers="VIEWPORT")
     sessions = [Session(bpy.context, Job(low, [obj]), settings, progress.Pace()) for obj in (high, clean)]
     for step in range(2):
