@@ -35,7 +35,8 @@ BESIDE = 1e-3
 
 
 def may_be_hidden(patches: HighPatches) -> list[np.ndarray]:
-    """Which patches (count,) bool of each mesh may lie behind the surface, or be there twice. Takes little time."""
+    """Which patches (count,) bool of each mesh may lie behind the surface, or be there twice. For clean meshes; takes little
+    time."""
     boxes = [_boxes(patches, number) for number in range(len(patches.of))]
     lows, highs = (np.concatenate([each[side] for each in boxes]) for side in range(2))
     low, high = lows.min(axis=0), highs.max(axis=0)
@@ -49,13 +50,14 @@ def may_be_hidden(patches: HighPatches) -> list[np.ndarray]:
 def _boxes(patches: HighPatches, number: int) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest corners (count, 3) of the boxes around the patches of a mesh."""
     high, one = patches.meshes.highs[number], patches.of[number]
-    points, vertices = patches.space.points(high), high.vertices[high.triangles]
+    of_vertex = np.full(len(high.positions), -1)  # patches of clean meshes share no vertex
+    of_vertex[np.take(high.vertices, high.triangles, mode="clip")] = one.labels[:, None]
+    is_used = of_vertex >= 0
+    labels, points = of_vertex[is_used], patches.space.points(high)[is_used]
     lows, highs = np.full((one.count, 3), np.inf, np.float32), np.full((one.count, 3), -np.inf, np.float32)
-    for corner in vertices.T:
-        for axis in range(3):
-            values = points[corner, axis]
-            np.minimum.at(lows[:, axis], one.labels, values)
-            np.maximum.at(highs[:, axis], one.labels, values)
+    for axis in range(3):
+        np.minimum.at(lows[:, axis], labels, points[:, axis])
+        np.maximum.at(highs[:, axis], labels, points[:, axis])
     return lows, highs
 
 
