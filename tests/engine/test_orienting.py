@@ -170,6 +170,34 @@ def test_live_follows_a_spoiled_mesh_seed_8(has_copies):
         session.free()
 
 
+def test_what_cannot_be_decided_is_named_seed_3():
+    rng = np.random.default_rng(3)
+    low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 24))
+    high = spoiled.build("hi", spoiled.flipped_in_regions(soup, rng, 0.3))
+    assert scenes.bake(low, high, method="CAST").warnings == []
+    for number in rng.choice(len(low.data.polygons), 20, replace=False):
+        low.data.polygons[int(number)].flip()
+    low.data.update()
+    report = scenes.bake(low, high, method="CAST")
+    assert report.mended["turned"] == 0
+    assert any("The faces of 'lo' point to different sides" in warning for warning in report.warnings)
+
+
+def test_a_moebius_strip_is_named():
+    count = 40
+    angle = 2.0 * np.pi * np.arange(count) / count
+    way = np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+    across = 0.2 * (np.cos(angle / 2.0)[:, None] * way + np.outer(np.sin(angle / 2.0), (0.0, 0.0, 1.0)))
+    here, after = np.arange(count), (np.arange(count) + 1) % count
+    low_rim, high_rim = np.stack([here, after]), np.stack([here, after]) + count
+    low_rim[1, -1], high_rim[1, -1] = high_rim[1, -1], low_rim[1, -1]
+    first = np.stack([low_rim[0], low_rim[1], high_rim[1]], axis=1)
+    second = np.stack([low_rim[0], high_rim[1], high_rim[0]], axis=1)
+    strip = spoiled.Soup(np.concatenate([way - across, way + across]), np.concatenate([first, second]))
+    warnings = scenes.bake(zoo.plane("lo"), spoiled.build("hi", strip), method="CAST").warnings
+    assert any("Möbius strip (1 of 'hi')" in warning for warning in warnings)
+
+
 # One skin
 
 
