@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs Imprint from a checkout: demo, bake, lod, farm, gpu, bench, test and build. Sets up what they need at the first use.
+"""Runs Imprint from a checkout: demo, bake, lod, check, farm, gpu, bench, test and build, and sets up what they need.
 
 This script runs on any Python from 3.9, with only the standard library. It finds a Python 3.13, which Blender's wheel
 needs, creates a virtual environment in .venv, and runs each command there.
@@ -531,6 +531,12 @@ def lod(options):
     return bake(options)
 
 
+def check(options):
+    """Look at the high meshes of a bake with scripts/bake.py."""
+    options.rest.insert(0, "check")
+    return bake(options)
+
+
 def farm(options):
     """Send a job file to a farm with scripts/bake.py, which starts no Blender for it."""
     return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "farm", *options.rest])
@@ -625,6 +631,7 @@ def parse(arguments):
         (demo, "bake the example"),
         (bake, "bake a normal map; see bake --help"),
         (lod, "make levels of detail of a mesh; see lod --help"),
+        (check, "say what the high mesh of a bake is, and what will be changed of it; takes the options of bake"),
         (farm, "send a job file to a farm; see farm --help"),
         (gpu, "test the GPU and its driver; see gpu --help"),
         (report, "put the reports of several machines together; see report --help"),
@@ -635,7 +642,17 @@ def parse(arguments):
     building = commands.add_parser("build", help="make the extension's zip and print its path")
     building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="folder for the zip (default: dist)")
     building.set_defaults(run=build)
-    passes_on = arguments[:1] in (["demo"], ["bake"], ["lod"], ["farm"], ["gpu"], ["report"], ["bench"], ["test"])
+    passes_on = arguments[:1] in (
+        ["demo"],
+        ["bake"],
+        ["lod"],
+        ["check"],
+        ["farm"],
+        ["gpu"],
+        ["report"],
+        ["bench"],
+        ["test"],
+    )
     options = parser.parse_args(arguments[:1] if passes_on else arguments)
     options.rest = arguments[1:] if passes_on else []
     return options

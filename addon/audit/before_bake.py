@@ -43,12 +43,15 @@ class Faces:
         return float(parts.sum() / most) if most > 0.0 else 0.0
 
 
-def faces_of_mesh(mesh: Mesh, most: int) -> Faces:
-    """Some triangles of a mesh, evenly spaced in their order, at most `most`."""
-    kept = mesh.front_triangles[:: max(1, -(-len(mesh.triangles) // most))]
+def faces_of_mesh(mesh: Mesh, most: int, turned: np.ndarray | None = None) -> Faces:
+    """Some triangles of a mesh, evenly spaced in their order, at most `most`. turned (T,) bool: those that were turned over;
+    they count as they were before."""
+    step = max(1, -(-len(mesh.triangles) // most))
+    kept = mesh.front_triangles[::step]
     corners = mesh.positions[mesh.vertices[kept]].astype(np.float64) @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    return Faces((a + b + c) / 3.0, np.cross(b - a, c - a))
+    normals = np.cross(b - a, c - a)
+    return Faces((a + b + c) / 3.0, normals if turned is None else np.where(turned[::step, None], -normals, normals))
 
 
 def joined_faces(faces: Sequence[Faces]) -> Faces:

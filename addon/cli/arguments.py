@@ -329,6 +329,16 @@ def read_lod(words: Sequence[str], program: str) -> argparse.Namespace:
     return options
 
 
+def read_check(words: Sequence[str], program: str) -> argparse.Namespace:
+    """The options of the bake to look at, which need no output. Raises WrongUsage."""
+    options = parse(words, program)
+    if options.jobs or options.convert:
+        raise WrongUsage("check looks at the high meshes of one bake: give a FILE with --low and --high, or mesh files")
+    options.output = options.output or f"{naming.LOW}.png"
+    check(options)
+    return options
+
+
 def _lod_parser(program: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=program,

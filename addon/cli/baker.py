@@ -24,13 +24,14 @@ from ..core.naming import printable
 from ..core.progress import Pace, Task, startup
 from ..core.report import Report
 from ..core.settings import Settings
-from ..jobs import bake_jobs
+from ..jobs import bake_jobs, checks
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_checks
 from ..scene.object_checks import object_by_name
+from ..scene.reading import lengths_of
 from . import (
     arguments,
     blender_process,
@@ -301,6 +302,20 @@ def bake_one(plan: Plan, files: clashes.RunFiles, options: RunOptions, meter: Me
         print(run_report.as_text(report))
     meter.ended(entry)
     return Totals([entry]).exit_code
+
+
+def look_at(options: argparse.Namespace) -> int:
+    """Print what the high meshes of a bake are, and what it will change of them. Returns the exit code. Raises BakeError."""
+    start_gpu()
+    jobs, problems = _jobs(options, SceneLoader())
+    settings = arguments.settings(options)
+    for job in jobs:
+        found = checks.look_at_high(bpy.context, job, settings)
+        lines = found.lines(lengths_of(bpy.context.scene))
+        print("\n".join(map(printable, (f"{job.low.name}:", *(f"  {line}" for line in lines)))))
+    for problem in problems:
+        print(printable(problem), file=sys.stderr)
+    return run_report.DONE
 
 
 MOST_PICTURES = 4

@@ -42,12 +42,14 @@ REPORT = "report"
 """The first argument for putting reports together."""
 GPU = "gpu"
 """The first argument for testing the GPU."""
+CHECK = "check"
+"""The first argument for a look at the high meshes of a bake."""
 VERSION = "--version"
 """An argument of all commands."""
 
 
 def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
-    """Bake according to `words`, the arguments. If the first one is LOD, FARM, REPORT or GPU, do that.
+    """Bake according to `words`, the arguments. If the first one is LOD, FARM, REPORT, GPU or CHECK, do that.
 
     may_start_processes: whether many bakes are done in processes of their own. Returns the exit code; errors and warnings go to
     stderr, a line each.
@@ -86,7 +88,7 @@ def _work() -> int:
 
 def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, may_start_processes: bool) -> int:
     """Run the command that `words` begin with. Returns the exit code, also of errors, which are printed. call: for reports."""
-    name = words[0] if words[:1] in ([LOD], [FARM], [REPORT], [GPU]) else ""
+    name = words[0] if words[:1] in ([LOD], [FARM], [REPORT], [GPU], [CHECK]) else ""
     if name:
         program, words = f"{program} {name}", words[1:]
     try:
@@ -102,6 +104,12 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
             from . import gpu_command
 
             return gpu_command.run(words, program, meter)
+        if name == CHECK:
+            options = arguments.read_check(words, program)
+            load_blender()
+            from . import baker  # needs Blender
+
+            return baker.look_at(options)
         options, sets = (_read_lod if name == LOD else _read)(words, program, meter)
         return _bake(replace(options, call=call), sets, meter, may_start_processes=may_start_processes)
     except SystemExit as stop:  # argparse has printed the help

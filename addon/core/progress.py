@@ -222,7 +222,7 @@ class Redraws:
             self._asked = None
 
 
-STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "textures", "read", "audit", "image")
+STAGES = ("extract", "orient", "method", "tree", "upload", "distances", "draw", "textures", "read", "audit", "image")
 """In the order in which a report lists them."""
 
 STARTUP = ("launcher", "bpy", "imprint", "gpu", "opening", "shaders")

@@ -43,6 +43,11 @@ class Report:
     why: str = ""
     """Why the bake chose this method; empty if the settings name it."""
     triangles: dict[str, int] = field(default_factory=dict)
+    mended: dict[str, float] = field(default_factory=dict)
+    """What was changed of the high meshes for the bake; empty if nothing was. turned: triangles that were turned over, of so
+    many (of). parts: connected parts that have such triangles, of so many (of_parts). undecided: parts whose outer side is
+    not known. hidden, twice: triangles that were left out since they lie behind the surface, or in the place of others.
+    smoothed_median, smoothed_percentile_95: the degrees by which smoothed normals changed."""
     distances: dict[str, float] = field(default_factory=dict)
     """For rays: extrusion and max_distance in scene units, as set or measured."""
     measured: bool = False
@@ -191,6 +196,25 @@ class Report:
         green = targets.BY_NAME[name].green
         return "" if self.settings.get("green") == green else f"; it reads green as {green}"
 
+    def _mended(self) -> list[str]:
+        """What was changed of the high meshes, for the summary."""
+        found, lines = self.mended, []
+        if found.get("turned"):
+            share = found["turned"] / max(1, found["of"])
+            lines.append(
+                f"{found['parts']:,} of {found['of_parts']:,} parts, {share:.1%} of the faces, were turned over"
+            )
+        left_out = (("hidden", "behind the surface"), ("twice", "in the place of others"))
+        counts = [f"{found[key]:,} {where}" for key, where in left_out if found.get(key)]
+        if counts:
+            lines.append(f"Left out: triangles {' and '.join(counts)}")
+        if "smoothed_median" in found:
+            lines.append(
+                f"High normals were smoothed by {found['smoothed_median']:.2g} degrees (median), "
+                f"{found['smoothed_percentile_95']:.2g} (95th percentile)"
+            )
+        return lines
+
     def _shared(self) -> list[str]:
         """That parts of the low mesh show the detail of others, for the summary."""
         overlap = self.checks.get("overlap", {})
@@ -216,6 +240,7 @@ class Report:
             )
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
+        details += self._mended()
         if self.rays:
             details.append(f"Flatten on {1.0 - self.rays:.1%} of the texels, rays on {self.rays:.1%}")
         if self.distances:

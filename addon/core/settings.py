@@ -90,6 +90,8 @@ class TracingSettings:
     straight_group: str = _field("straight_group")
     """As offset_group. A cage decides the directions alone."""
     facing_only: bool = _field("facing_only")
+    keep_faces: bool = _field("keep_faces")
+    smooth_high: int = _field("smooth_high")
     limit: float | None = _field("limit")
     """None for 5 % of the low mesh's radius."""
     rays: int = _field("rays")

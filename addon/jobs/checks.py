@@ -19,8 +19,9 @@ from ..core.map_types import NORMAL
 from ..core.progress import Progress, Task
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
-from ..engine import baking, gpu_memory, separation, stacked_uvs
+from ..engine import baking, gpu_memory, high_look, separation, stacked_uvs
 from ..engine.bands import Band
+from ..engine.high_look import HighLook
 from ..engine.method_choice import Plan, choose_method
 from ..engine.sampling import maps_of_bake
 from ..engine.sources import Source, normal_source
@@ -31,14 +32,22 @@ from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
-from ..scene import evaluation, mesh_elements, mesh_reader, reading
-from .job import Job, PastBake, check_job
+from ..scene import evaluation, mesh_elements, mesh_reader
+from .job import Job, PastBake, check_job, read_as_is, read_meshes
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
 SOLVED_BY_EXPORT = (POLYGONS, LAYER)
 """The kinds that do not matter for files that Imprint exports."""
 MOST_CORNERS = 400_000
 """The largest low mesh, in corners of faces, that `viewport_findings` looks at: it takes a few tenths of a second."""
+
+
+def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> HighLook:
+    """What the high objects of a job are, and what its bake will change of them. Raises BakeError as the bake does."""
+    settings = settings.without_other_maps().without_file()
+    check_job(context, job, settings)
+    with gpu_memory.trimmed():
+        return high_look.look(read_as_is(context, job, settings), settings)
 
 
 def is_for_others(settings: Settings, *, is_exported: bool) -> bool:
@@ -85,14 +94,19 @@ def viewport_findings(
 
 
 def flipped_findings(meshes: Meshes) -> list[Finding]:
-    """A finding if the faces of the meshes of a bake point to opposite sides."""
+    """A finding if the faces of the meshes of a bake pointed to opposite sides when they were read. That of high meshes that
+    were turned over is none."""
     if meshes.is_own_base or not len(meshes.low.triangles):
         return []
     low = before_bake.faces_of_mesh(meshes.low, before_bake.LOW_FACES)
     each = max(1, before_bake.HIGH_FACES // len(meshes.highs))
-    highs = before_bake.joined_faces([before_bake.faces_of_mesh(high, each) for high in meshes.highs])
+    turned = meshes.mended.turned_of_kept if meshes.mended is not None else [None] * len(meshes.highs)
+    faces = (before_bake.faces_of_mesh(high, each, mask) for high, mask in zip(meshes.highs, turned, strict=True))
+    highs = before_bake.joined_faces(list(faces))
     names = shorten_list(repr(high.name) for high in meshes.highs)
-    return before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+    found = before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+    is_mended = any(mask is not None for mask in turned)
+    return [each for each in found if not (is_mended and each.values["is_high"])]
 
 
 def viewport_flipped(
@@ -423,9 +437,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     settings = replace(past.settings.without_other_maps(), method=past.method, space=space, mask=False, material=False)
     settings = replace(settings.without_file(), image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
-    meshes = reading.read(
-        context, past.job.low, past.job.highs, past.job.cage, settings, texture_set=past.job.texture_set
-    )
+    meshes = read_meshes(context, past.job, settings)
     meshes = stacked_uvs.ordered(meshes, past.tiles, settings.sampling)
     return _View(past.job, choose_method(meshes, past.tiles, settings.tracing), settings, past.distances)
 

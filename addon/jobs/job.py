@@ -17,15 +17,17 @@ from ..core import naming, udim
 from ..core.declarations.choices import Method, Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
 from ..core.naming import MATERIAL, Suffixes, match
+from ..core.progress import Timings
 from ..core.report import Report
 from ..core.settings import SamplingSettings, Settings, StorageSettings
+from ..engine import orienting
 from ..engine.bands import bands
 from ..mesh.inputs import Meshes
 from ..output import datablocks, materials, outputs, vertex_attributes
 from ..output.map_names import map_title, planned_files, settings_by_map
 from ..output.path_clashes import Places
 from ..passes.shader import is_software
-from ..scene import dependencies, object_checks
+from ..scene import dependencies, object_checks, reading
 from ..scene.high_materials import MaterialSet, sets_of
 from ..scene.object_checks import ObjectRef
 
@@ -222,6 +224,28 @@ class PastBake:
             job.texture_set = MaterialSet(report.material, tuple(report.slots))
         method = Method.AUTO if report.rays else report.method
         return cls(job, settings, method, report.distances, report.tiles)
+
+
+def read_meshes(context: bpy.types.Context, job: Job, settings: Settings, timings: Timings | None = None) -> Meshes:
+    """Read the objects of a job, and mend the high meshes. Errors: as scene.reading.read."""
+    timings = timings or Timings()
+    with timings.timed("extract"):
+        meshes = read_as_is(context, job, settings)
+    return orienting.mended(meshes, settings, timings)
+
+
+def read_as_is(context: bpy.types.Context, job: Job, settings: Settings) -> Meshes:
+    """Read the objects of a job as they are. Errors: as scene.reading.read."""
+    return reading.read(
+        context,
+        job.low,
+        job.highs,
+        job.cage,
+        settings,
+        others=job.others,
+        texture_set=job.texture_set,
+        must_be_whole=job.must_be_whole,
+    )
 
 
 def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:

@@ -13,9 +13,9 @@ from ..core import progress, udim
 from ..core.declarations.choices import Modifiers, VertexDomain
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Labeled, Map
-from ..core.progress import Pace, Progress, Task, part
+from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.settings import Run, Settings
-from ..engine import baking, live_redraw, margins, sampling, sources, stacked_uvs
+from ..engine import baking, live_redraw, margins, orienting, sampling, sources, stacked_uvs
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method, nothing_drawn
 from ..engine.ray_casting import RayCast
@@ -118,6 +118,7 @@ class Session:
         self.plan: Plan | None = None
         self.meshes: Meshes | None = None
         self._as_read: Meshes | None = None
+        self._mended: Meshes | None = None
         self._meshes: Meshes | None = None
         self._method = settings.tracing.method
         self._post_processes: dict[str, margins.PostProcess] = {}
@@ -206,10 +207,12 @@ class Session:
         changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
         self._shown_by = object_checks.shown_by(highs)
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
-        in_order = stacked_uvs.ordered(meshes, [udim.FIRST], settings.sampling, before and (before, self._meshes))
-        self._as_read, self._meshes = meshes, in_order
-        is_same = in_order is meshes
-        self.meshes = meshes if is_same else replace(meshes, low=in_order.low, basis=in_order.basis)
+        known = before and (before, self._mended)
+        mended = orienting.mended(meshes, settings, Timings(), known)
+        in_order = stacked_uvs.ordered(mended, [udim.FIRST], settings.sampling, before and (self._mended, self._meshes))
+        self._as_read, self._mended, self._meshes = meshes, mended, in_order
+        is_same = in_order is mended
+        self.meshes = mended if is_same else replace(mended, low=in_order.low, basis=in_order.basis)
         if not self._post_processes or before is None or meshes.low is not before.low:
             self._post_processes = margins.for_maps([in_order.low], settings)
         return in_order
@@ -310,7 +313,7 @@ class Session:
 
     def hidden_parts(self) -> StackedParts:
         """The parts of the low mesh that show texels of other parts on the last map."""
-        is_shared = self._meshes is not self._as_read
+        is_shared = self._meshes is not self._mended
         return StackedParts(self.plan, self._true_drawer().source, self.settings, is_shared=is_shared)
 
     def _true_drawer(self) -> sampling.SampledMaps:

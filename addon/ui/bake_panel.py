@@ -295,6 +295,8 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
             draw_hidden(box, context, chosen.hidden(context))
             found = findings.of(context, chosen.low, chosen.highs, chosen.settings, is_exported=bool(settings.export))
             draw_findings(box, context, found)
+            box.operator("imprint.look_at_high", icon="VIEWZOOM")
+            draw_paragraphs(box, context, findings.look_of(chosen.low, chosen.highs), "BLANK1")
         # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
         row.scale_y = 1.6

@@ -161,6 +161,8 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         column.prop(settings, "mips")
         layout.prop(settings, "stacked")
         layout.prop(settings, "modifiers")
+        layout.prop(settings, "keep_faces")
+        layout.prop(settings, "smooth_high")
         column = layout.column(align=True)
         column.prop(settings, "limited")
         if settings.limited:

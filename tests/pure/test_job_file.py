@@ -89,6 +89,8 @@ SAID = {
     "dither": ("--dither", True),
     "stacked": ("--stacked last", "LAST"),
     "modifiers": ("--modifiers viewport", "VIEWPORT"),
+    "keep_faces": ("--keep-faces", True),
+    "smooth_high": ("--smooth-high 3", 3),
     "image": ("--image Map", "Map"),
     "output": ("--output /n.exr", os.path.abspath("/n.exr")),  # on Windows, with the drive
     "alpha": ("--no-alpha", False),
