@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ..core import udim
-from ..core.errors import BakeError
+from ..core.errors import BakeError, NoGpuMemory
 from . import audit, data_texture, high_in_uv, mesh_upload, shader, target
 from . import blender_gpu as gpu
 from .shader import Program
@@ -307,7 +307,10 @@ TABLE_ROWS = 263
 def _tables_arrive() -> Check:
     count = TABLE_ROWS * data_texture.WIDTH - 5
     values = _hashed(count, 7)
-    texture = data_texture.upload(values)
+    try:
+        texture = data_texture.upload(values)
+    except NoGpuMemory as error:  # the upload reads the last texel back
+        raise CheckFailed(f"The end of a table of {values.nbytes / 1e6:.0f} MB did not arrive.") from error
     yield
     found = _read(texture).reshape(-1, 4)
     yield
