@@ -423,7 +423,7 @@ class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
     """The findings of the checks in the last bake."""
 
     bl_idname = "IMPRINT_PT_checks"
-    bl_parent_id = "IMPRINT_PT_bake"
+    bl_parent_id = "IMPRINT_PT_results"
     bl_label = "Checks"
     bl_options = {"DEFAULT_CLOSED"}
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
-from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Method, Pack, Space, Storage
-from ..core.declarations.map_settings import ADAPTIVE_FROM, MAX_SIZE
+from ..core.declarations.map_settings import ADAPTIVE_FROM
 from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, Family
 from ..core.report import Report
 from ..jobs import weights
@@ -20,9 +20,9 @@ from . import bake_panel, declared_properties
 from .bake_results import distances, results
 from .cage_overlay import overlay
 from .modal import QuickOperator
-from .progress_display import display
+from .progress_display import SettingsPanel, display
 from .properties import ImprintSettings
-from .texts import LABEL, SettingsPanel, label, labeled, split_layout, tooltip
+from .texts import LABEL, label, labeled, split_layout, tooltip
 
 FOLDER = "imprint"
 """Below "presets", here and in the user's scripts."""
@@ -78,66 +78,19 @@ class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
     )
 
 
-COMMON_SIZES = (512, 1024, 2048, 4096, 8192)
-
-
-class IMPRINT_OT_resize(bpy.types.Operator):
-    """Change the size of the map; a map that is not square keeps its shape"""
-
-    bl_idname = "imprint.resize"
-    bl_label = "Resize Map"
-    bl_options = {"REGISTER", "UNDO"}
-
-    side: labeled(IntProperty, "Side", "Texels along the longer side; 0 to scale", default=0, min=0, max=MAX_SIZE)
-    factor: labeled(FloatProperty, "Factor", "By how much both sides are scaled", default=1.0, min=0.0, max=64.0)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.imprint
-        factor = self.side / max(settings.width, settings.height) if self.side else self.factor
-        # The properties keep each side within its limits.
-        settings.width, settings.height = (round(side * factor) for side in (settings.width, settings.height))
-        return {"FINISHED"}
-
-
-class IMPRINT_MT_size(bpy.types.Menu):
-    """Common sizes of maps."""
-
-    bl_idname = "IMPRINT_MT_size"
-    bl_label = "Size"
-    bl_translation_context = LABEL
-
-    def draw(self, _context: bpy.types.Context) -> None:
-        for side in COMMON_SIZES:
-            self.layout.operator("imprint.resize", text=str(side), translate=False).side = side
-        self.layout.separator()
-        for text, factor in ((label("Double"), 2.0), (label("Halve"), 0.5)):
-            self.layout.operator("imprint.resize", text=text, translate=False).factor = factor
-
-
-def draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """The size in a panel, with its menu."""
-    is_square = settings.square and settings.width == settings.height
-    column = layout.column(align=True)
-    row = column.row(align=True)
-    row.prop(settings, "size" if is_square else "width")
-    row.prop(settings, "square", text="", icon="LINKED" if is_square else "UNLINKED")
-    row.menu(IMPRINT_MT_size.bl_idname, text="", icon="DOWNARROW_HLT")
-    if not is_square:
-        column.prop(settings, "height")
-
-
 class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
     """Settings of the map."""
 
     bl_idname = "IMPRINT_PT_map"
     bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "Map"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
         IMPRINT_PT_conventions.draw_panel_header(self.layout)
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout = split_layout(layout)
         settings = context.scene.imprint
         chosen = settings.chosen(context)
         low, rays = chosen.low, chosen.rays
@@ -147,8 +100,6 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
             layout.prop(settings, "basis")
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
-        draw_size(layout, settings)
-        layout.prop(settings, "samples")
         row = layout.row()
         row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM
         row.prop(settings, "adaptive")
@@ -175,8 +126,8 @@ class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
     bl_label = "Channels"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout = split_layout(layout)
         column = layout.column(align=True)
         for name in ("red", "green", "blue"):
             column.prop(context.scene.imprint, name)
@@ -190,9 +141,9 @@ class IMPRINT_PT_targets(SettingsPanel, bpy.types.Panel):
     bl_label = "Target Engines"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         settings = context.scene.imprint
-        column = self.layout.column(align=True)
+        column = layout.column(align=True)
         column.active = settings.space == Space.TANGENT
         column.prop(settings, "targets")
 
@@ -216,6 +167,7 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.imprint
+        layout.enabled = display.current is None  # a column could not hold the panels of the groups
         layout.prop(settings, "normal")
         if settings.normal:
             row = layout.row()
@@ -229,7 +181,7 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
         }
         for group, families in GROUPS.items():
             names = [kind.name for kind in OTHERS if kind.family in families]
-            header, body = layout.panel(f"imprint_maps_{group}")
+            header, body = layout.panel(f"imprint_maps_{group}", default_closed=group != "rays")
             header.label(text=_title(titles[group], settings.maps & set(names)), translate=False)
             if body is not None:
                 _draw_group(body, context, names, drawn)
@@ -335,8 +287,8 @@ class IMPRINT_PT_packing(SettingsPanel, bpy.types.Panel):
     bl_label = "Packing and Attributes"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = split_layout(self.layout), context.scene.imprint
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout, settings = split_layout(layout), context.scene.imprint
         column = layout.column(align=True)
         column.prop(settings, "pack")
         if settings.pack == Pack.CUSTOM:
@@ -353,9 +305,10 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
     bl_idname = "IMPRINT_PT_output"
     bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "Output"
+    bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout = split_layout(layout)
         settings = context.scene.imprint
         # A name for a new image is not among those that exist, and a search field would be red.
         layout.prop_search(settings, "image", bpy.data, "images", results_are_suggestions=True)
@@ -441,15 +394,16 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
     """Where rays start and end."""
 
     bl_idname = "IMPRINT_PT_rays"
-    bl_parent_id = "IMPRINT_PT_bake"
+    bl_parent_id = "IMPRINT_PT_map"
     bl_label = "Rays"
+    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.scene.imprint.chosen(context).rays.method != Method.FLATTEN
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout = split_layout(layout)
         settings = context.scene.imprint
         chosen = settings.chosen(context)
         low, rays = chosen.low, chosen.rays
@@ -482,17 +436,15 @@ CLASSES = (
     IMPRINT_PT_conventions,
     IMPRINT_OT_use_preset,
     IMPRINT_OT_convention_add,
-    IMPRINT_OT_resize,
-    IMPRINT_MT_size,
     IMPRINT_OT_freeze_distances,
     IMPRINT_OT_propose_weights,
-    IMPRINT_PT_map,
-    IMPRINT_PT_channels,
-    IMPRINT_PT_targets,
     IMPRINT_PT_maps,
     IMPRINT_PT_packing,
-    IMPRINT_PT_output,
+    IMPRINT_PT_map,
     IMPRINT_PT_rays,
+    IMPRINT_PT_channels,
+    IMPRINT_PT_targets,
+    IMPRINT_PT_output,
 )
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 

@@ -500,8 +500,8 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
     """The view of the map in the 3D viewports."""
 
     bl_idname = "IMPRINT_PT_view"
-    bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "View"
+    bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, view = split_layout(self.layout), context.scene.imprint_view

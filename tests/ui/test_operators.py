@@ -16,7 +16,7 @@ from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
 from scripts.imprint import ROOT
-from tests.support import maps, zoo
+from tests.support import maps, panel_layout, zoo
 from tests.support.manual import blocks
 from tests.support.panel import add, refusal, select, use
 from tests.support.panel_layout import draw
@@ -448,6 +448,72 @@ def test_the_bar_replaces_the_button(pair, monkeypatch):
     assert {name for name, _ in before.buttons} - {name for name, _ in during.buttons} == {"imprint.bake"}
     bar = next(label for label in during.labels if label.startswith("25%"))
     assert [label for label in during.labels if label != bar] == before.labels
+
+
+def test_the_bar_is_where_the_button_is_that_was_pressed(pair, monkeypatch):
+    low, high = pair
+    low.name, high.name = "a_low", "a_high"
+    select(*pair)
+    buttons = {name for name, _ in draw().buttons}
+    monkeypatch.setattr(display, "current", progress.Progress("Drawing", 0.25))
+    for pressed in ("imprint.bake_pairs", "imprint.make_levels", "imprint.convert", "imprint.bake"):
+        monkeypatch.setattr(display, "operator", pressed)
+        assert buttons - {name for name, _ in draw().buttons} == {pressed}
+    monkeypatch.setattr(display, "operator", "imprint.view_show")  # no button of a panel draws a bar for it
+    assert buttons - {name for name, _ in draw().buttons} == {"imprint.bake"}
+
+
+def test_settings_look_off_while_a_bake_runs(pair, monkeypatch):
+    select(*pair)
+    bpy.context.scene.imprint.maps = {"AO"}
+    assert draw().bright
+    monkeypatch.setattr(display, "current", progress.Progress("Drawing", 0.25))
+    of_scene = bpy.context.scene.imprint.bl_rna.properties.keys()
+    assert {*draw().bright}.isdisjoint(of_scene)
+
+
+def test_objects_look_off_while_live_follows_them(pair):
+    select(*pair)
+    assert {"low", "highs"} <= {*draw().bright}
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+    try:
+        assert not {"low", "highs"} & {*draw().bright}
+        assert "samples" in draw().bright
+    finally:
+        live.stop()
+
+
+# Where things are
+
+
+def test_the_tab_has_five_panels_and_the_first_one_the_order_of_work():
+    top = [panel for panel in panel_layout.PANELS if not getattr(panel, "bl_parent_id", "")]
+    assert [panel.bl_label for panel in sorted(top, key=lambda panel: getattr(panel, "bl_order", 0))] == [
+        "Imprint",
+        "Results",
+        "View",
+        "Pairs by Name",
+        "More",
+    ]
+    of_main = [
+        panel.bl_label for panel in panel_layout.PANELS if getattr(panel, "bl_parent_id", "") == "IMPRINT_PT_bake"
+    ]
+    assert of_main == ["Maps", "Map", "Output"]
+
+
+@pytest.mark.parametrize("make", [case[0] for case in MISSING.values()], ids=MISSING)
+def test_the_bake_button_stays_at_its_height(pair, make):
+    """Above it are the same rows, whatever the texts say."""
+
+    def above():
+        drawn = draw(panels=[bpy.types.IMPRINT_PT_bake])
+        of_list = drawn.order.index("imprint.high_add")  # before it, the list has a row for each high object
+        return drawn.order[of_list : drawn.order.index("imprint.bake")]
+
+    select(*pair)
+    before = above()
+    make(*pair)
+    assert above() == before
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 from addon.scene.object_checks import ObjectRef
-from addon.ui import bake_panel, bake_results
+from addon.ui import bake_results, results_panel
 from addon.ui.bake_results import results
 from tests.export.test_glb import bent_pair
 from tests.support import panel_layout, zoo
@@ -39,7 +39,7 @@ def is_known():
 def panel_lines(report):
     """The lines of the panel about a bake."""
     layout = Layout()
-    bake_panel.draw_result(layout, [report])
+    results_panel.draw_result(layout, [report])
     return layout.drawn.labels
 
 
