@@ -278,7 +278,7 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
 
 def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) -> Settings:
     """The settings of the new map alone, with names filled in."""
-    name = settings.storing.image.replace(naming.LOW, low.name)
+    name = naming.fill_low(settings.storing.image, low.name)
     if name in ("", image.name):
         how = bases.of_name(settings.map.basis).name if settings.map.space == Space.TANGENT else settings.map.space
         name = f"{image.name.removesuffix(Path(image.name).suffix)}_{how.lower()}"

@@ -34,8 +34,8 @@ def _make_square(settings: "ImprintSettings", _context: bpy.types.Context) -> No
 
 def _get_names(settings: "ImprintSettings") -> str:
     """How maps are named, for a preset; empty if that fits one object alone."""
-    names = settings.image.replace(naming.of_texture_sets(naming.LOW), naming.LOW)
-    return names if naming.LOW in names and naming.MATERIAL not in names else ""
+    names = naming.of_one_texture(settings.image)
+    return names if naming.has_low(names) and naming.MATERIAL not in names else ""
 
 
 def _set_names(settings: "ImprintSettings", names: str) -> None:

@@ -78,7 +78,7 @@ LEVELS: dict[str, Setting] = {
 OUTPUT: dict[str, Setting] = {
     "image": Text(
         label="Image",
-        tooltip="Name of the image to fill. {low} in it stands for the low object's name",
+        tooltip="Name of the image to fill. {low} in it stands for the low object's name, {name} for that without _low",
         empty="an image named after the low object",
     ),
     "depth": Choice(
@@ -119,7 +119,7 @@ OUTPUT: dict[str, Setting] = {
     "output": FilePath(
         label="File",
         tooltip=f"Image file to write: {file_formats.listed()}. Missing folders are created. "
-        f"{{low}} in the path stands for the low object's name, {TOKEN} for the tile's number",
+        f"{{low}} in the path stands for the low object's name, {{name}} for that without _low, {TOKEN} for the tile's number",
         option=Option(metavar="MAP", note="For mesh files, {low} is the name of the low mesh's file"),
     ),
     "alpha": Switch(
@@ -146,7 +146,8 @@ OUTPUT: dict[str, Setting] = {
     "export": FilePath(
         label="Export",
         tooltip=f"File for an engine: {file_formats.listed_meshes()}. It gets the low mesh in the triangles that were "
-        "baked, with its tangents and its maps. {low} in the path stands for the low object's name",
+        "baked, with its tangents and its maps. {low} in the path stands for the low object's name, {name} for that without "
+        "_low",
         option=Option(
             metavar="MESH",
             note="Imprint reads the file back, and reports by how many degrees normals differ from those that were baked",
