@@ -71,6 +71,7 @@ def modules() -> tuple[ModuleType, ...]:
         cage_overlay,
         checks,
         modal,
+        presets,
         properties,
         results_panel,
         settings_panels,
@@ -81,6 +82,7 @@ def modules() -> tuple[ModuleType, ...]:
     return (
         texts,
         properties,
+        presets,
         bake_panel,
         settings_panels,
         results_panel,

@@ -254,7 +254,7 @@ def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
 def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:
     if options.file:
         yield "--pairs DIR takes the files of that folder: name no others"
-    if options.output and "{low}" not in options.output:
+    if options.output and not naming.has_low(options.output):
         yield "--pairs DIR makes a map for each pair: put {low} into --output"
     if options.save_blend:
         yield "--pairs DIR has a scene for each pair: --save-blend saves one alone"

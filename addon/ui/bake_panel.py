@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import bpy
 from bpy.props import FloatProperty, IntProperty, StringProperty
 
-from ..core.declarations.choices import Method, Space
+from ..core.declarations.choices import Method, Space, Storage
 from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
@@ -191,7 +191,16 @@ def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
     if not reason and low is not None and not highs and (waiting := chosen.hidden(context)):
         reason = describe_hidden(waiting)
     reason = reason or object_checks.problem(context, low, highs, chosen.cage, values.tracing.method)
+    if not reason and _is_unsaved(chosen):
+        reason = message("The files of the bake go beside the .blend file: save it first.")
     return reason or _material_problem(low, values) or weights_problem(low, values.tracing) or _clash(low, chosen.panel)
+
+
+def _is_unsaved(chosen: Chosen) -> bool:
+    """Whether a path needs the folder of a .blend file that was never saved."""
+    panel = chosen.panel
+    paths = panel.export, panel.output if panel.storage == Storage.FILE else ""
+    return not bpy.data.filepath and any(path.startswith("//") for path in paths)
 
 
 def _material_problem(low: bpy.types.Object, values: Settings) -> str:
@@ -323,6 +332,9 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         _draw_slots(column, settings, _sign(problem, found))
         column = split_layout(layout.column())
         column.enabled = display.current is None
+        row = column.row(align=True)
+        row.prop(settings, "engine")
+        row.popover(panel="IMPRINT_PT_presets", icon="PRESET", text="")
         draw_size(column, settings)
         column.prop(settings, "samples")
         row = layout.row()
@@ -381,9 +393,11 @@ def _draw_plan(
 
 
 def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
-    """A button for a high object that is missing, else one for those that are hidden."""
+    """A button for a high object that is missing, else one for a file that was never saved or for objects that are hidden."""
     if chosen.missing:
         layout.operator("imprint.remove_missing", icon="X").high = chosen.missing[0]
+    elif _is_unsaved(chosen):
+        layout.operator("wm.save_mainfile", icon="FILE_TICK")
     elif chosen.hidden(context):
         layout.operator("imprint.show_hidden", icon="HIDE_OFF")
 

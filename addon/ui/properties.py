@@ -6,16 +6,17 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import bpy
-from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core import naming
+from ..core.declarations import targets
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.naming import Suffixes
 from ..core.settings import Settings
 from ..jobs.job import Job
 from ..scene import evaluation, object_checks
-from . import bake_results, object_pairs
+from . import bake_results, engine_choice, object_pairs
 from .bake_results import results
 from .callbacks import Handlers
 from .declared_properties import MapList, Options, declared, passed_on, take_former_values
@@ -81,11 +82,26 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     names: labeled(
         StringProperty,
         "Names of Maps",
-        "Names that a preset gives to images and files. {low} in them stands for the low object's name",
+        "Names that an engine or a preset gives to images and files, with {low} or {name}",
         get=_get_names,
         set=_set_names,
     )
     export: declared("export")
+    engine: labeled(
+        EnumProperty,
+        "Engine",
+        "Program that gets the maps. It sets channels, basis, depth, alpha, packing, names, files and the export at once",
+        items=engine_choice.engine_items,
+        get=engine_choice.get_engine,
+        set=engine_choice.set_engine,
+    )
+    engine_name: labeled(
+        StringProperty,
+        "Engine",
+        "Name of the engine that was chosen last",
+        default=targets.OF_SCENE,
+        options={"HIDDEN"},
+    )
     convert_image: labeled(
         PointerProperty, "Map", "Normal map to convert: an image of Imprint or of another baker", type=bpy.types.Image
     )

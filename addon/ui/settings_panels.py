@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panels of the settings, with their operators and presets: map, channels, maps, packing, output, rays."""
+"""The panels of the settings, with their operators: map, channels, maps, packing, output, rays."""
 
 from collections.abc import Collection, Iterable, Sequence
-from pathlib import Path
 
 import bpy
-from bl_operators.presets import AddPresetBase
-from bl_ui.utils import PresetPanel
-from bpy.props import BoolProperty, StringProperty
 
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Method, Pack, Space, Storage
@@ -22,60 +18,7 @@ from .cage_overlay import overlay
 from .modal import QuickOperator
 from .progress_display import SettingsPanel, display
 from .properties import ImprintSettings
-from .texts import LABEL, label, labeled, split_layout, tooltip
-
-FOLDER = "imprint"
-"""Below "presets", here and in the user's scripts."""
-_PLACE = str(Path(__file__).parents[1])
-
-
-class IMPRINT_PT_conventions(PresetPanel, bpy.types.Panel):
-    """Presets for programs that read the map: channels, basis, depth, alpha and names"""
-
-    bl_label = "Presets"
-    bl_translation_context = LABEL
-    preset_subdir = FOLDER
-    preset_operator = "imprint.use_preset"
-    preset_add_operator = "imprint.convention_add"
-
-
-class IMPRINT_OT_use_preset(bpy.types.Operator):
-    """Set channels, basis, depth, alpha and the names of maps as a program needs them"""
-
-    bl_idname = "imprint.use_preset"
-    bl_label = "Use Preset"
-    bl_options = {
-        "REGISTER",
-        "UNDO",
-    }  # Blender's own operator makes no undo step: undoing the next one would undo the preset
-
-    filepath: labeled(StringProperty, "File", "File of the preset", options={"HIDDEN", "SKIP_SAVE"})
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        try:
-            return bpy.ops.script.execute_preset(filepath=self.filepath, menu_idname=IMPRINT_PT_conventions.__name__)
-        except RuntimeError as error:  # what Blender's operator reports as an error
-            self.report({"ERROR"}, str(error).removeprefix("Error: ").strip())
-            return {"CANCELLED"}
-
-
-class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
-    """Save the channels, the basis, depth, alpha and the names of maps as a preset, or remove a preset"""
-
-    bl_idname = "imprint.convention_add"
-    bl_label = "Add Preset"
-    preset_menu = "IMPRINT_PT_conventions"
-    preset_defines = ["settings = bpy.context.scene.imprint"]
-    preset_values = [f"settings.{name}" for name in ("red", "green", "blue", "basis", "depth", "alpha", "names")]
-    preset_subdir = FOLDER
-
-    # As in Blender's base class, which has no descriptions.
-    remove_name: BoolProperty(
-        description="Remove the preset of this name", default=False, options={"HIDDEN", "SKIP_SAVE"}
-    )
-    remove_active: BoolProperty(
-        description="Remove the preset that is shown", default=False, options={"HIDDEN", "SKIP_SAVE"}
-    )
+from .texts import label, split_layout, tooltip
 
 
 class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
@@ -85,9 +28,6 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
     bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "Map"
     bl_options = {"DEFAULT_CLOSED"}
-
-    def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        IMPRINT_PT_conventions.draw_panel_header(self.layout)
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         layout = split_layout(layout)
@@ -119,7 +59,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
 
 
 class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
-    """The content of each channel. The presets in the header of the Map panel set it."""
+    """The content of each channel. The setting Engine sets it."""
 
     bl_idname = "IMPRINT_PT_channels"
     bl_parent_id = "IMPRINT_PT_map"
@@ -433,9 +373,6 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
 
 # Blender draws them in the order of registration.
 CLASSES = (
-    IMPRINT_PT_conventions,
-    IMPRINT_OT_use_preset,
-    IMPRINT_OT_convention_add,
     IMPRINT_OT_freeze_distances,
     IMPRINT_OT_propose_weights,
     IMPRINT_PT_maps,
@@ -446,14 +383,4 @@ CLASSES = (
     IMPRINT_PT_targets,
     IMPRINT_PT_output,
 )
-_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
-
-
-def register() -> None:
-    bpy.utils.register_preset_path(_PLACE)
-    _register()
-
-
-def unregister() -> None:
-    _unregister()
-    bpy.utils.unregister_preset_path(_PLACE)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

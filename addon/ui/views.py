@@ -493,7 +493,7 @@ class IMPRINT_OT_view_refresh(SlicedOperator, bpy.types.Operator):
         yield from viewer.switching(context, viewer.mode, pace, redrawn=True)
 
 
-GREEN = "{target} reads green as {wanted}, and the map stores {stored}: the preset {preset} of the Map panel sets it."
+GREEN = "{target} reads green as {wanted}, and the map stores {stored}: the setting Engine: {preset} sets it."
 
 
 class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):

@@ -21,9 +21,7 @@ ADDON = ROOT / "addon"
 TESTS_IN_THE_WINDOW = sorted(
     path.relative_to(ROOT) for folder in ("ui", "window") for path in (ROOT / "tests" / folder).glob("*.py")
 )
-MODULES = sorted(
-    path.relative_to(ROOT) for path in ADDON.rglob("*.py") if "presets" not in path.relative_to(ADDON).parts[:-1]
-)
+MODULES = sorted(path.relative_to(ROOT) for path in ADDON.rglob("*.py"))
 
 MAY_IMPORT = {
     "core": set(),

@@ -6,7 +6,6 @@ import pytest
 from addon.core import naming
 from addon.core.declarations.targets import TARGETS
 from addon.core.map_types import BY_NAME
-from addon.core.naming import LOW
 from addon.core.settings import Settings
 from addon.output import map_names
 from addon.output.map_names import settings_by_map
@@ -71,7 +70,7 @@ def test_short_suffixes_are_distinct():
 
 @pytest.mark.parametrize("names", dict.fromkeys(target.names for target in TARGETS))
 def test_the_suffix_takes_the_place_of_the_ending_of_each_preset(names):
-    name = names.replace(LOW, "rock")
+    name = naming.fill_low(names, "rock")
     assert beside("THICKNESS", image=name).storing.image == f"{name.rpartition('_')[0]}_thickness"
 
 

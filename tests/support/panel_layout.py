@@ -70,6 +70,10 @@ class Layout:
         assert icon in self.ICONS
         getattr(bpy.types, name).draw(SimpleNamespace(layout=self), None)
 
+    def popover(self, panel, icon="NONE", **_):
+        assert icon in self.ICONS
+        assert hasattr(bpy.types, panel)
+
     def separator(self, **_):
         pass
 

@@ -11,7 +11,7 @@ import addon
 from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
-from addon.ui import bake_operators, modal, properties, settings_panels, views
+from addon.ui import bake_operators, modal, presets, properties, settings_panels, views
 from addon.ui.callbacks import DrawCallbacks, Handlers, Key, Timer
 from addon.ui.texts import SidebarPanel
 from tests.support import maps, zoo
@@ -22,7 +22,7 @@ PANELS = [
     cls
     for module in MODULES
     for cls in module.CLASSES
-    if issubclass(cls, bpy.types.Panel) and cls is not settings_panels.IMPRINT_PT_conventions
+    if issubclass(cls, bpy.types.Panel) and cls is not presets.IMPRINT_PT_presets
 ]
 
 
