@@ -13,9 +13,12 @@ from .bake_results import high_objects, results
 from .checks import draw_fixable
 from .texts import SidebarPanel, draw_paragraphs, message
 
+MOST = 24
+"""Results that the list shows: those with warnings first, so that none of these is left out before the others."""
+
 
 class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
-    """What was baked."""
+    """What was baked: a row for each low object, with its first warning, and the maps of that of the panel."""
 
     bl_idname = "IMPRINT_PT_results"
     bl_label = "Results"
@@ -26,13 +29,60 @@ class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
         return results.has_any(context)
 
     def draw(self, context: bpy.types.Context) -> None:
+        listed = results.of_scene(context)
+        if len(listed) > 1:
+            _draw_list(self.layout, context, listed)
         reports = results.all_of(context)
         if reports:
             draw_result(self.layout, reports)
 
 
+def _draw_list(
+    layout: bpy.types.UILayout, context: bpy.types.Context, listed: Sequence[tuple[bpy.types.Object, list[Report]]]
+) -> None:
+    """A row for each result: its sign, the low object, the number of its maps, and the time; below it why it is wrong."""
+    box, current = layout.box(), context.scene.imprint.low or context.active_object
+    ordered = sorted(listed, key=lambda result: RANKS.index(sign(result[1])))
+    for low, reports in ordered[:MOST]:
+        row, found = box.row(align=True), sign(reports)
+        button = row.operator(
+            "imprint.select_result", text=low.name, translate=False, icon=ICONS[found], depress=low == current
+        )
+        button.low = low.name
+        maps = len({name for report in reports for name in report.images})
+        number = row.row()
+        number.alignment = "RIGHT"
+        text = (message("1 map") if maps == 1 else message("{} maps")).format(maps) + f", {_seconds(reports)}"
+        number.label(text=text, translate=False)
+        if found == WRONG:
+            draw_fixable(box, context, _warnings(reports)[0], "BLANK1", low.name)
+    if len(ordered) > MOST:
+        box.label(text=message("And {} more without warnings").format(len(ordered) - MOST), translate=False)
+
+
+RIGHT, LOOK, WRONG = "RIGHT", "LOOK", "WRONG"
+"""The signs of a result."""
+RANKS = (WRONG, LOOK, RIGHT)
+ICONS = {RIGHT: "CHECKMARK", LOOK: "INFO", WRONG: "ERROR"}
+_LOOKED_AT = ("uncovered", "unsure", "backwards")
+"""The checks of texels that make a result worth a look."""
+
+
+def sign(reports: Sequence[Report]) -> str:
+    """WRONG with a warning, LOOK if an image is gone or a check of the texels is worth a look, else RIGHT."""
+    if _warnings(reports):
+        return WRONG
+    is_gone = any(name not in bpy.data.images for report in reports for name in report.images)
+    checks = (report.checks.get(kind, {}) for report in reports for kind in _LOOKED_AT)
+    return LOOK if is_gone or any(check.get("severity") == "LOOK" for check in checks) else RIGHT
+
+
+def _seconds(reports: Sequence[Report]) -> str:
+    return f"{sum(report.seconds['total'] for report in reports):.1f} s"
+
+
 def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
-    """The result of the last bake in a line, beside a small picture of the map, and a button for each of several maps.
+    """The result of the last bake in a line, beside a small picture of the map, and a button for each map.
 
     reports: of each texture set.
     """
@@ -53,8 +103,7 @@ def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
     else:
         draw_numbers(column, reports)
     names = list(dict.fromkeys(name for report in reports for name in report.images))
-    if len(names) > 1:
-        draw_maps(box, names)
+    draw_maps(box, names)
     if any(materials.takes_any(report.maps) for report in reports):
         layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
     layout.operator("imprint.export", icon="EXPORT")
@@ -67,8 +116,8 @@ def draw_numbers(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
         line = (message("1 warning") if number == 1 else message("{} warnings")).format(number)
     else:
         line = message("{} covered").format(f"{reports[0].coverage:.0%}")
-    line = f"{line}, {sum(report.seconds['total'] for report in reports):.1f} s"
-    layout.label(text=line, icon="ERROR" if number else "CHECKMARK", translate=False)
+    line += f", {_seconds(reports)}"
+    layout.label(text=line, icon=ICONS[sign(reports)], translate=False)
 
 
 def draw_maps(layout: bpy.types.UILayout, names: Iterable[str]) -> None:

@@ -99,7 +99,7 @@ def test_the_panel_names_all_images(settings):
     bpy.data.images.new("lo_ao", 4, 4)
     drawn = draw()
     assert drawn.icons[drawn.labels.index("lo_ao")] == "FILE_REFRESH"
-    settings.storage, settings.output = "FILE", "//maps/{low}.png"
+    settings.storage, settings.output = "FILE", "maps/{low}.png"
     assert "lo_ao (lo_ao.png)" in draw().labels
 
 
@@ -170,7 +170,7 @@ def buttons(drawn):
 def test_each_image_of_a_bake_has_a_button(settings):
     assert not bpy.ops.imprint.show_map.poll()
     assert bpy.ops.imprint.bake() == {"FINISHED"}
-    assert buttons(draw()) == 0
+    assert buttons(draw()) == 1
     settings.maps, settings.pack, settings.rays = {"AO", "HEIGHT"}, "GLTF", 16
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     assert buttons(draw()) == 4
