@@ -71,6 +71,7 @@ def modules() -> tuple[ModuleType, ...]:
         cage_overlay,
         checks,
         modal,
+        preferences,
         presets,
         properties,
         results_panel,
@@ -82,6 +83,7 @@ def modules() -> tuple[ModuleType, ...]:
     return (
         texts,
         properties,
+        preferences,
         presets,
         bake_panel,
         settings_panels,

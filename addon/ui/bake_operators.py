@@ -31,33 +31,10 @@ from . import bake_results, modal, object_pairs
 from .bake_results import results
 from .live import live
 from .modal import QuickOperator
+from .preferences import flamenco_address
 from .progress_display import SettingsPanel, display
 from .properties import Chosen, Options
 from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, split_layout, tooltip
-
-MODULE = __package__.partition(".addon.")[0]
-"""Blender's name for the extension."""
-
-
-class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
-    """What the extension keeps in Blender's preferences."""
-
-    bl_idname = MODULE
-
-    flamenco: labeled(
-        StringProperty,
-        "Flamenco Manager",
-        "Address of the Flamenco Manager that gets job files, as http://flamenco.local:8080",
-    )
-
-    def draw(self, _context: bpy.types.Context) -> None:
-        self.layout.prop(self, "flamenco")
-
-
-def flamenco_address(context: bpy.types.Context) -> str:
-    """The address of the Flamenco Manager, or "" if none is set, or if this is no installed extension."""
-    own = context.preferences.addons.get(MODULE)
-    return own.preferences.flamenco.strip() if own and own.preferences else ""
 
 
 class _Bake(modal.MapOperator):
@@ -216,7 +193,7 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
 
     bl_idname = "IMPRINT_PT_pairs"
     bl_label = "Pairs by Name"
-    bl_order = 3
+    bl_order = 1
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -385,7 +362,6 @@ class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):
 
 
 CLASSES = (
-    IMPRINT_AP_preferences,
     IMPRINT_OT_bake,
     IMPRINT_OT_bake_sequence,
     IMPRINT_OT_live,

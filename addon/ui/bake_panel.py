@@ -20,11 +20,13 @@ from ..output import datablocks, map_names, materials, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
 from . import object_pairs
+from .bake_results import results
 from .checks import draw_button, draw_fixable, findings
 from .live import live
 from .modal import QuickOperator
 from .progress_display import MAIN, display
 from .properties import Chosen, ImprintSettings
+from .results_panel import draw_numbers
 from .texts import LABEL, SidebarPanel, draw_paragraphs, label, labeled, message, split_layout
 
 
@@ -390,6 +392,8 @@ def _draw_plan(
         draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
         draw_hidden(box, context, chosen.hidden(context))
         draw_findings(box, context, found)
+        if reports := results.all_of(context, chosen.low):
+            draw_numbers(box, reports)
 
 
 def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:

@@ -22,7 +22,7 @@ class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
 
     bl_idname = "IMPRINT_PT_results"
     bl_label = "Results"
-    bl_order = 1
+    bl_order = 2
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

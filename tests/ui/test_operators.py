@@ -491,9 +491,9 @@ def test_the_tab_has_five_panels_and_the_first_one_the_order_of_work():
     top = [panel for panel in panel_layout.PANELS if not getattr(panel, "bl_parent_id", "")]
     assert [panel.bl_label for panel in sorted(top, key=lambda panel: getattr(panel, "bl_order", 0))] == [
         "Imprint",
+        "Pairs by Name",
         "Results",
         "View",
-        "Pairs by Name",
         "More",
     ]
     of_main = [
