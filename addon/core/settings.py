@@ -142,6 +142,8 @@ class StorageSettings:
 
     depth: int = _field("depth")
     dither: bool = _field("dither")
+    value_range: float | None = _field("value_range")
+    """In scene units. None for the largest value of each bake."""
     image: str = _field("image")
     """Name of the image datablock. Empty to name it after the low object."""
     storage: str = _field("storage")

@@ -88,7 +88,7 @@ class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):
     """Bake the detail of the high-poly objects into a normal map for the low-poly object"""
 
     bl_idname = "imprint.bake"
-    bl_label = "Bake Normal Map"
+    bl_label = "Bake Maps"
     bl_options = {"REGISTER", "UNDO"}
 
 

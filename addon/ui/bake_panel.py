@@ -341,8 +341,8 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         column.prop(settings, "samples")
         row = layout.row()
         row.scale_y = 1.6
-        text = {} if is_normal_only(settings) else {"text": label("Bake Maps"), "translate": False}
-        display.draw_operator(row, MAIN, enabled=not problem, icon="RENDER_STILL", **text)
+        text = label("Bake Normal Map") if is_normal_only(settings) else label("Bake Maps")
+        display.draw_operator(row, MAIN, enabled=not problem, text=text, translate=False, icon="RENDER_STILL")
         row = layout.row()
         row.enabled = display.current is None and (live.is_on or not problem)
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)

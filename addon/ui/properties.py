@@ -139,6 +139,8 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         """
         cages = {self.cage, pair and pair.cage}
         found = [obj for obj in context.view_layer.objects.selected if obj != low and obj not in cages]
+        # A light or a camera that is selected too is none of them; alone, it is named as what it is.
+        found = list(filter(object_checks.may_show, found)) or found
         if found and pair is not None and not any(map(evaluation.is_visible, pair.found())):
             return [obj for obj in found if (other := object_pairs.of(obj)) is None or not other.is_kept]
         return found

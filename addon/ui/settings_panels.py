@@ -41,7 +41,8 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
         row = layout.row()
-        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM
+        is_of_all_maps = bool(settings.to_settings().map.drawn_maps)
+        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not is_of_all_maps
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")
@@ -255,6 +256,11 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         layout.prop(settings, "depth", expand=True)
         if settings.depth == "8":
             layout.prop(settings, "dither")
+        row = layout.row(align=True, heading=label("Set Range"), translate=False)
+        row.prop(settings, "range_limited", text="")
+        value = row.row(align=True)
+        value.active = settings.range_limited
+        value.prop(settings, "value_range", text="")
         layout.prop(settings, "udim")
         if settings.udim:
             layout.prop(settings, "tiles")

@@ -266,6 +266,15 @@ def test_the_panel_shows_the_plan(pair):
     assert "ERROR" not in drawn.icons
 
 
+def test_a_light_that_is_selected_too_is_left_out(pair):
+    low, high = pair
+    select(low, high, add("Sun", bpy.data.lights.new("Sun", "SUN")), add("Camera", bpy.data.cameras.new("Camera")))
+    assert bpy.context.scene.imprint.chosen(bpy.context).highs == [high]
+    assert can_bake(draw())
+    select(low, bpy.data.objects["Sun"])
+    assert "'Sun' is of the type light" in draw().text
+
+
 @pytest.mark.parametrize("setting", ["offset_group", "straight_group"])
 def test_the_panel_names_a_group_that_the_low_object_lacks(pair, setting):
     low, high = pair

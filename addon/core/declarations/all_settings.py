@@ -95,6 +95,23 @@ OUTPUT: dict[str, Setting] = {
     "dither": Switch(
         label="Dither", tooltip="Hide the steps of 8 bits in fine noise, instead of rounding to the nearest value"
     ),
+    "range_limited": Switch(
+        label="Set Range",
+        tooltip="Set what black and white stand for in maps of heights, distances and positions, so that those of several "
+        "bakes fit together",
+        empties=False,
+        option=None,
+    ),
+    "value_range": Distance(
+        label="Range",
+        tooltip="In integer formats, the value of white in maps of heights, distances and positions, and below 0 that of "
+        "black. Larger values are cut off",
+        empty="the largest value of each bake",
+        switch="range_limited",
+        shown=0.1,
+        shown_least=1e-6,
+        usual_most=2.0,
+    ),
     "udim": Switch(
         label="UDIM Tiles",
         tooltip="Bake a map for each UDIM tile that the low mesh covers",
