@@ -277,7 +277,8 @@ class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
         settings = context.scene.imprint
         if context.active_object is None:
             raise BakeError("No object is active: select the mesh to make levels of.")
-        limits = levels.limits(settings.level_degrees, settings.level_distance)
+        wanted = settings.level_triangles.strip()
+        limits = levels.counts(wanted) if wanted else levels.limits(settings.level_degrees, settings.level_distance)
         if settings.export:
             engine_files.check_levels(settings.export, len(limits))
         return (yield from lod.work(context, context.active_object, limits, settings.to_settings(), pace))
@@ -307,9 +308,13 @@ class IMPRINT_PT_levels(SettingsPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        column = split_layout(layout.column())
-        for name in ("level_degrees", "level_distance", "export"):
-            column.prop(context.scene.imprint, name)
+        column, settings = split_layout(layout.column()), context.scene.imprint
+        column.prop(settings, "level_triangles")
+        by_deviation = column.column()
+        by_deviation.active = not settings.level_triangles.strip()
+        for name in ("level_degrees", "level_distance"):
+            by_deviation.prop(settings, name)
+        column.prop(settings, "export")
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         display.draw_operator(layout, "imprint.make_levels", icon="MOD_DECIM")

@@ -199,10 +199,9 @@ def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
 
 
 def _is_unsaved(chosen: Chosen) -> bool:
-    """Whether a path needs the folder of a .blend file that was never saved."""
+    """Whether the maps go beside a .blend file that was never saved."""
     panel = chosen.panel
-    paths = panel.export, panel.output if panel.storage == Storage.FILE else ""
-    return not bpy.data.filepath and any(path.startswith("//") for path in paths)
+    return not bpy.data.filepath and panel.storage == Storage.FILE and panel.output.startswith("//")
 
 
 def _material_problem(low: bpy.types.Object, values: Settings) -> str:

@@ -73,6 +73,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     high_suffix: declared("high_suffix")
     cage_suffix: declared("cage_suffix")
     share_image: declared("share_image")
+    level_triangles: declared("level_triangles")
     level_degrees: declared("level_degrees")
     level_distance: declared("level_distance")
     live_every_time: declared("live_every_time")

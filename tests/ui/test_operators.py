@@ -612,6 +612,29 @@ def test_levels_stay_where_their_file_cannot_be_written(settings, tmp_path):
     assert bpy.context.window_manager.imprint_warnings
 
 
+def test_levels_have_the_numbers_of_triangles_that_are_asked_for(settings):
+    settings.level_triangles = "50 %, 60"
+    original = bpy.context.active_object
+    original.data.calc_loop_triangles()
+    count = len(original.data.loop_triangles)
+    assert bpy.ops.imprint.make_levels() == {"FINISHED"}
+    found = []
+    for number in (1, 2):
+        data = bpy.data.objects[f"{original.name}_LOD{number}"].data
+        data.calc_loop_triangles()
+        found.append(len(data.loop_triangles))
+    assert found == [pytest.approx(count / 2, abs=2), pytest.approx(60, abs=2)]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("half", "'half' is no number of triangles"), ("3", "cannot be"), ("150 %", "cannot be"), (",", "0 levels")],
+)
+def test_numbers_of_triangles_that_are_not_possible_are_named(settings, text, reason):
+    settings.level_triangles = text
+    assert reason in refusal(bpy.ops.imprint.make_levels)
+
+
 def test_the_usual_limits_are_valid_and_wrong_ones_are_reported(settings):
     assert (settings.level_degrees, settings.level_distance) == ("1, 2, 4", "1")
     settings.level_degrees = "one"

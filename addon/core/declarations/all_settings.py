@@ -58,6 +58,12 @@ PAIRS: dict[str, Setting] = {
     "share_image": Switch(label="One Image", tooltip="Bake all pairs into one image, an atlas", option=None),
 }
 LEVELS: dict[str, Setting] = {
+    "level_triangles": Text(
+        label="Triangles",
+        tooltip="For each level, its number of triangles, or its share of those of the mesh, as 50 %, 25 %, 500",
+        empty="as few as the degrees and the distance allow",
+        option=None,
+    ),
     "level_degrees": Text(
         label="Degrees",
         tooltip="For each level, the largest angle between the normals that it shows with its map and those of "
