@@ -179,7 +179,7 @@ def part_results() -> Steps:
     addon.register()
     small()
     for number, name in enumerate("abc"):
-        grid(f"{name}_low", 6, x=4.0 * number, height=0.1)
+        grid(f"{name}_low", 6, x=4.0 * number)
         grid(f"{name}_high", 40, x=4.0 * number + 1.5 * (name == "b"), height=0.2)
     window.select_only()
     yield from press("imprint.bake_pairs")
