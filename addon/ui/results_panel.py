@@ -8,7 +8,7 @@ import bpy
 from ..core.report import Report
 from ..output import materials
 from ..scene import reading
-from . import bake_results
+from . import bake_results, object_pairs
 from .bake_results import high_objects, results
 from .checks import draw_fixable
 from .texts import SidebarPanel, draw_paragraphs, message
@@ -102,7 +102,7 @@ def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
         column.label(text=message("The image was undone, renamed or deleted"), icon="INFO", translate=False)
     else:
         draw_numbers(column, reports)
-    names = list(dict.fromkeys(name for report in reports for name in report.images))
+    names = list(dict.fromkeys([*(name for one in reports for name in one.images), *_of_live(report)]))
     draw_maps(box, names)
     if any(materials.takes_any(report.maps) for report in reports):
         layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
@@ -118,6 +118,12 @@ def draw_numbers(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
         line = message("{} covered").format(f"{reports[0].coverage:.0%}")
     line += f", {_seconds(reports)}"
     layout.label(text=line, icon=ICONS[sign(reports)], translate=False)
+
+
+def _of_live(report: Report) -> list[str]:
+    """The images of the low object that no report has, as those of Live."""
+    pair = object_pairs.of(report.refs[0].find())
+    return [] if pair is None else [one.image.name for one in pair.maps if one.image is not None]
 
 
 def draw_maps(layout: bpy.types.UILayout, names: Iterable[str]) -> None:
