@@ -149,38 +149,32 @@ def _draw_group(
 ) -> None:
     """The switches of some maps, with their settings. drawn: all maps that the bake draws, also those that only the packed
     image stores."""
-    if BY_NAME[names[0]].family.casts_rays:
-        _draw_ray_maps(layout, context.scene.imprint, names, drawn)
-        return
     grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
     for name in names:
         grid.prop(context.scene.imprint, declared_properties.map_switch(name))
+    if BY_NAME[names[0]].family.casts_rays:
+        _draw_ray_settings(layout, context.scene.imprint, [name for name in names if name in drawn])
     if ATTRIBUTE.name in names and ATTRIBUTE.name in drawn:
         _draw_attribute(_indented(layout), context)
 
 
-def _draw_ray_maps(
-    layout: bpy.types.UILayout, settings: ImprintSettings, names: Sequence[str], drawn: Collection[str]
-) -> None:
-    """As _draw_group. The settings of a family are below its last map that is drawn, and those of all families at the end."""
+def _draw_ray_settings(layout: bpy.types.UILayout, settings: ImprintSettings, drawn: Sequence[str]) -> None:
+    """The settings of each family of these maps, and at the end that of all families."""
     column = layout.column(align=True)
-    last = {BY_NAME[name].family: name for name in names if name in drawn}
-    for name in names:
-        column.prop(settings, declared_properties.map_switch(name))
-        if name in last.values():
-            _draw_settings(_indented(column), settings, BY_NAME[name].family)
-    if last:
+    for family in dict.fromkeys(BY_NAME[name].family for name in drawn):
+        _draw_settings(_indented(column), settings, family)
+    if drawn:
         _indented(column).prop(settings, "rays")
 
 
 def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family: Family) -> None:
     """What the maps of a family need."""
     if family is Family.THICKNESS:
-        _draw_reach(layout, settings, "thickness_distance", label("Distance"))
+        _draw_reach(layout, settings, "thickness_distance")
     elif family is Family.CURVATURE:
-        _draw_reach(layout, settings, "curvature_radius", label("Radius"))
+        _draw_reach(layout, settings, "curvature_radius")
     else:
-        _draw_reach(layout, settings, "ao_distance", label("Distance"))
+        _draw_reach(layout, settings, "ao_distance")
         if settings.ao_limited:
             layout.prop(settings, "ao_fade")
         layout.prop(settings, "bias_angle")
@@ -190,9 +184,9 @@ def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family
     layout.separator()
 
 
-def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: str, title: str) -> None:
-    """A distance behind its switch, and its unit. title: short, since the map is named above."""
-    limited = DECLARED[reach].switch
+def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: str) -> None:
+    """A distance behind its switch, and its unit."""
+    limited, title = DECLARED[reach].switch, label(DECLARED[reach].label)
     column = layout.column(align=True)
     row = column.row(align=True, heading=title, translate=False)
     row.prop(settings, limited, text="")
