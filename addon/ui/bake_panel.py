@@ -392,7 +392,10 @@ def _draw_plan(
         draw_hidden(box, context, chosen.hidden(context))
         draw_findings(box, context, found)
         if reports := results.all_of(context, chosen.low):
-            draw_numbers(box, reports)
+            row = box.row(align=True)
+            draw_numbers(row, reports)
+            row.operator("imprint.show_map", text="", icon="IMAGE_DATA")
+            row.operator("imprint.export", text="", icon="EXPORT")
 
 
 def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:

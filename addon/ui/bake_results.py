@@ -239,7 +239,7 @@ class IMPRINT_OT_show_map(QuickOperator, bpy.types.Operator):
     bl_idname = "imprint.show_map"
     bl_label = "Show Map"
 
-    image: labeled(StringProperty, "Image", "Name of the image; empty for the first one")
+    image: labeled(StringProperty, "Image", "Name of the image; empty for the first one", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

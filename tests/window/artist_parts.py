@@ -177,7 +177,7 @@ def part_results() -> Steps:
     addon.unregister()
     window.open_alone("IMPRINT_PT_bake", "IMPRINT_PT_pairs", "IMPRINT_PT_results")
     addon.register()
-    small()
+    small(method="CAST")
     for number, name in enumerate("abc"):
         grid(f"{name}_low", 6, x=4.0 * number)
         grid(f"{name}_high", 40, x=4.0 * number + 1.5 * (name == "b"), height=0.2)
