@@ -154,7 +154,7 @@ class Baker:
         settings = arguments.settings(options)
         # Opening a file can take long, so check first that the results can be written.
         for path in (settings.storing.output, options.export, options.save_blend, report_path(options.report)):
-            if path and naming.LOW not in str(path):
+            if path and not naming.has_low(str(path)):
                 check_writable(Path(path).absolute())
         if self._meter.is_on:
             self._meter.show(name, progress.Progress("Opening", 0.0))
@@ -437,7 +437,7 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
 
 def _share_image(options: argparse.Namespace) -> bool:
     """Whether all pairs share one map, whose path has no low object's name."""
-    return bool(options.pairs) and naming.LOW not in options.output
+    return bool(options.pairs) and not naming.has_low(options.output)
 
 
 def start_gpu() -> None:
@@ -508,7 +508,7 @@ def _export(
     for report in reports:
         by_low.setdefault(report.refs[0].uid, []).append(report)
     lows = list(by_low.values())
-    together = [[low] for low in lows] if naming.LOW in output else [lows]
+    together = [[low] for low in lows] if naming.has_low(output) else [lows]
     found = {}
     for bakes in together:
         path = Path(naming.fill(output, bakes[0][0].low)).absolute()

@@ -15,6 +15,8 @@ from .progress import STAGES, Timings
 
 VERSION = 1
 """The version of the report's keys in JSON. It increases when a key is removed or changes its meaning, not for new keys."""
+EXACT = 5e-4
+"""Degrees below which stored normals are exact, for the summary: nobody sees a thousandth of a degree."""
 VISIBLE = 1.0
 """Degrees at the 99th percentile from which a file for an engine is worth a word. 8 bits alone cost 0.3."""
 _NORMALS = {name.lower() for name, map_type in BY_NAME.items() if map_type.kind is Kind.NORMAL}
@@ -224,10 +226,26 @@ class Report:
         how = f", which differs from theirs on {differing:.1%} of their texels" if differing else ""
         return [f"Shared UVs: {overlap['hidden']:,} triangles show the detail of other parts{how}"]
 
+    def _ranges(self, length: Length) -> list[str]:
+        """What black and white stand for in maps of lengths, for the summary: maps fit together if it is the same."""
+        found = [
+            (name, how["midlevel"], how["scale"])
+            for name, how in self.maps.items()
+            if name in _LENGTHS and "scale" in how
+        ]
+        return [
+            f"{BY_NAME[name.upper()].label}: black is {_signed(-middle * scale, length)}, "
+            f"white is {_signed((1.0 - middle) * scale, length)}"
+            for name, middle, scale in found
+            if scale != 1.0  # floats are stored as they are
+        ]
+
     def summary(self, length: Length = plain_length) -> list[str]:
         """Lines for the user: what was baked, and how long it took. length: a length in scene units as text."""
         width, height = self.size
-        stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])
+        parts = {stage: self.seconds[stage] for stage in STAGES if self.seconds[stage]}
+        parts["other"] = max(0.0, self.seconds["total"] - sum(parts.values()))
+        stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in parts.items())
         details = []
         has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
@@ -259,9 +277,9 @@ class Report:
                 f"High and low are {length(far['offset'])} apart as a whole; this offset was not counted as a distance"
             )
         if self.loss:
-            details.append(
-                f"Stored: normals off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
-            )
+            off = f"off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
+            details.append(f"Stored: normals {'exact' if self.loss['maximum'] < EXACT else off}")
+        details += self._ranges(length)
         details += [f"Packed in {how['image']}: {_channels(how)}" for how in self.maps.values() if "channels" in how]
         if count := sum(map(len, self.mip_files.values())):
             details.append(f"Mip levels: {count} files beside those of the maps, as name_mip1 and so on")
@@ -275,6 +293,15 @@ class Report:
             *details,
             f"{self.seconds['total']:.2f} s ({stages})",
         ]
+
+
+_LENGTHS = ("height", "distance")
+"""The maps in scene units whose range is in the summary."""
+
+
+def _signed(value: float, length: Length) -> str:
+    """A length that may be below 0, in words."""
+    return f"{'-' if value < 0.0 else ''}{length(abs(value))}" if value else "0"
 
 
 def _channels(packed: dict) -> str:

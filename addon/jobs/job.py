@@ -312,6 +312,6 @@ def _check_images(bakes: Sequence[Settings], objects: Sequence[str], advice: str
 
 def _advice(name: str) -> str:
     """How to avoid two maps with the same `name`, the one in the settings."""
-    if not name or naming.LOW in name:  # without a name, an image is named after the low object
+    if not name or naming.has_low(name):  # without a name, an image is named after the low object
         return "rename one of the objects"
     return f"put {naming.LOW} into the name, or let them share it"

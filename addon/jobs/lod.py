@@ -176,6 +176,20 @@ class LevelSearch:
         level = Level("", limit, within.triangles, found.degrees, found.bare_degrees, found.distance, *of_beyond)
         return within.source.data, level
 
+    def of_size(self, limit: Limit) -> Task[tuple[bpy.types.Mesh, Level]]:
+        """The mesh with the triangles that a limit names, made from the coarsest known one that has more. Raises BakeError."""
+        known = [Candidate(*found, limit) for found in self._found]
+        wanted, made = limit.wanted(self.original.triangles), []
+        finer = [each for each in known if each.triangles > wanted]
+        if not finer:
+            return self.original.data, Level("", limit, self.original.triangles, 0.0, 0.0, 0.0)
+        base = min(finer, key=lambda each: each.triangles)
+        level = yield from self._coarser(base, wanted, np.zeros_like(base.is_beyond), limit, made)
+        self._keep(level, made)
+        self._found.append((level.source, level.deviations))
+        found = level.deviations
+        return level.source.data, Level("", limit, level.triangles, found.degrees, found.bare_degrees, found.distance)
+
     def _attempts(self, limit: Limit, made: list[Candidate]) -> Callable[[Candidate, int, bool], Task[list[Candidate]]]:
         """Makes the candidates of a step, as levels.search takes it. made: those that exist; the others are removed.
 
@@ -323,7 +337,8 @@ def _search_all(
     found: dict[int, tuple[bpy.types.Mesh, Level]] = {}
     left_out, original = [], search.original
     for number, limit in enumerate(limits):
-        data, level = yield from part(search.coarsest(limit), number / len(limits), (number + 1) / len(limits))
+        making = search.of_size(limit) if limit.triangles else search.coarsest(limit)
+        data, level = yield from part(making, number / len(limits), (number + 1) / len(limits))
         if level.triangles == original.triangles:
             left_out.append(f"No coarser mesh of {original.surface.name!r} is within {limit}: it has no level.")
         elif level.triangles in found:

@@ -234,18 +234,20 @@ class IMPRINT_OT_cure(QuickOperator, bpy.types.Operator):
         return f"{owner.bl_rna.properties[change.setting].name}: {FIXES[self.kind][0]}"
 
 
-def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
-    """A sentence of a report or an error, without what fixes it in a shell, and the button that fixes it."""
+def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str, low: str = "") -> None:
+    """A sentence of a report or an error, without what fixes it in a shell, and the button that fixes it. low: the name of the
+    low object; empty for that of the panel."""
     shown, kind = in_window(text)
     draw_paragraphs(layout, context, [shown], icon)
     if kind:
-        draw_button(layout, kind)
+        draw_button(layout, kind, low)
 
 
-def draw_button(layout: bpy.types.UILayout, kind: str) -> None:
+def draw_button(layout: bpy.types.UILayout, kind: str, low: str = "") -> None:
     """The button of a kind of FIXES."""
     name, _, icon = FIXES[kind]
-    layout.operator("imprint.cure", text=label(name), translate=False, icon=icon).kind = kind
+    button = layout.operator("imprint.cure", text=label(name), translate=False, icon=icon)
+    button.kind, button.low = kind, low
 
 
 CHECKS = {
@@ -418,7 +420,7 @@ class IMPRINT_OT_show_mask(_LastBakeOperator, bpy.types.Operator):
     def apply(self, context: bpy.types.Context) -> str:
         image = checks.draw_mask(context, self.last_bake(context), self.kind.lower())
         is_pressed = self.options.is_invoke and context.window is not None
-        show = bake_results.show_image_in_window if is_pressed else bake_results.show_image
+        show = bake_results.show_image_beside if is_pressed else bake_results.show_image
         show(context, image)
         return f"The mask is in the image {image.name!r}"
 
@@ -461,7 +463,7 @@ class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
     """The findings of the checks in the last bake."""
 
     bl_idname = "IMPRINT_PT_checks"
-    bl_parent_id = "IMPRINT_PT_bake"
+    bl_parent_id = "IMPRINT_PT_results"
     bl_label = "Checks"
     bl_options = {"DEFAULT_CLOSED"}
 

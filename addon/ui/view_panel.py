@@ -260,15 +260,15 @@ class IMPRINT_OT_view_refresh(SlicedOperator, bpy.types.Operator):
         yield from viewer.switching(context, viewer.mode, pace, redrawn=True)
 
 
-GREEN = "{target} reads green as {wanted}, and the map stores {stored}: the preset {preset} of the Map panel sets it."
+GREEN = "{target} reads green as {wanted}, and the map stores {stored}: the setting Engine: {preset} sets it."
 
 
 class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
     """The view of the map in the 3D viewports."""
 
     bl_idname = "IMPRINT_PT_view"
-    bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "View"
+    bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, view = split_layout(self.layout), context.scene.imprint_view

@@ -16,6 +16,7 @@ from addon.cli.gpu_command import GPU_OPTIONS
 from addon.cli.options import OPTIONS, RUN_OPTIONS
 from addon.cli.report_command import REPORT_OPTIONS
 from addon.core import map_types
+from addon.core.declarations import targets
 from addon.core.report import STAGES, Report
 from scripts import imprint
 from scripts.imprint import ROOT
@@ -289,20 +290,16 @@ def test_the_table_of_exit_codes_has_those_of_the_command():
     assert {int(word) for word in cells[-1].split(", ")} == {128 + number for number in (1, 2, 15)}
 
 
-def test_the_options_of_each_preset_do_the_same_as_the_preset():
+def test_the_options_of_each_engine_do_the_same_as_the_setting():
     said = {}
-    for cells in rows(section(ROOT / "docs" / "engines.md", "## Presets")):
+    for cells in rows(section(ROOT / "docs" / "engines.md", "## Engines")):
         if len(cells) == 2:
             (options,) = names(cells[1])
             parsed = arguments.parse(["x.blend", "--low", "low", "--output", "map.png", *shlex.split(options)])
-            values = (parsed.red, parsed.green, parsed.blue, parsed.basis, str(parsed.depth), parsed.alpha)
+            values = {name: str(getattr(parsed, name)) for name in targets.CHOICES[targets.OF_SCENE].values}
             said |= dict.fromkeys(cells[0].split(", "), values)
-    presets = {}
-    for path in (ROOT / "addon" / "presets").rglob("*.py"):
-        lines = re.findall(r"^settings\.(\w+) = (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
-        values = {name: ast.literal_eval(value) for name, value in lines}
-        presets[path.stem] = tuple(values[name] for name in ("red", "green", "blue", "basis", "depth", "alpha"))
-    assert said == presets
+    wanted = {name: {key: str(value) for key, value in one.values.items()} for name, one in targets.CHOICES.items()}
+    assert said == wanted
 
 
 def test_each_picture_is_shown():

@@ -87,6 +87,7 @@ SAID = {
     "limit": ("--limit 0.25", 0.25),
     "depth": ("--depth 8", 8),
     "dither": ("--dither", True),
+    "value_range": ("--value-range 0.25", 0.25),
     "stacked": ("--stacked last", "LAST"),
     "modifiers": ("--modifiers viewport", "VIEWPORT"),
     "keep_faces": ("--keep-faces", True),

@@ -13,7 +13,6 @@ from addon.core.gpu_report import GpuReport, Outcome, Verdict
 from addon.core.progress import Progress
 from addon.jobs import gpu_test as job
 from addon.ui import gpu_test
-from addon.ui.bake_operators import IMPRINT_AP_preferences
 from addon.ui.gpu_test import last
 from addon.ui.live import live
 from addon.ui.progress_display import display
@@ -51,18 +50,16 @@ def found(monkeypatch):
 
 
 def drawn():
-    """What the preferences show."""
+    """What the preferences show of the test."""
     layout = Layout()
     system = SimpleNamespace(ui_scale=1.0)
     context = SimpleNamespace(region=SimpleNamespace(width=600), preferences=SimpleNamespace(system=system))
-    owner = SimpleNamespace(layout=layout, bl_rna=IMPRINT_AP_preferences.bl_rna)
-    IMPRINT_AP_preferences.draw(owner, context)
+    gpu_test.draw(layout, context)
     return layout.drawn
 
 
 def test_the_preferences_have_the_button():
     assert drawn().buttons == [("imprint.test_gpu", True)]
-    assert drawn().properties == ["flamenco"]
 
 
 def test_the_verdict_is_shown(found):

@@ -126,7 +126,7 @@ def test_the_panel_says_that_a_program_reads_green_upside_down(pair):
     view().mode = "DEVIATION"
     view().target = "unreal"
     assert (
-        "Unreal Engine reads green as -Y, and the map stores +Y: the preset Unreal"
+        "Unreal Engine reads green as -Y, and the map stores +Y: the setting Engine: Unreal Engine sets it."
         in panel_layout.draw(width=2000).text
     )
     view().target = "unity"
