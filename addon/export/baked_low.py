@@ -2,6 +2,7 @@
 """The low mesh of a finished bake, as the bake read it, and what a file holds of one object, as an engine reads it."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 
 import bpy
@@ -15,6 +16,8 @@ from ..core.report import Report
 from ..mesh import triangle_mesh
 from ..mesh.triangle_mesh import Mesh
 from ..scene import evaluation, mesh_reader
+from . import deformation
+from .deformation import Deformation
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,8 @@ class BakedLow:
     the UVs of each layer by name, that of the maps first. slots (T,) int32: the material slot. name, materials: of the
     object, and of the material in each slot, "" without one; staged copies borrow the names of datablocks. matrix (4, 4)
     float64: from the positions to the scene. has_applied_scale: whether the scale of the object is in the positions and not in
-    the matrix, as of a mirrored or unevenly scaled one: engines differ in how they transform its tangents.
+    the matrix, as of a mirrored or unevenly scaled one: engines differ in how they transform its tangents. deformation: what
+    moves the mesh, which is in its rest pose; with an armature, positions are in the scene's space.
     """
 
     low: bpy.types.Object
@@ -58,6 +62,7 @@ class BakedLow:
     slots: np.ndarray
     matrix: np.ndarray
     has_applied_scale: bool
+    deformation: Deformation
 
     @property
     def positions(self) -> np.ndarray:
@@ -95,22 +100,29 @@ def read(context: bpy.types.Context, reports: Sequence[Report]) -> BakedLow:
         )
     is_own_base = report.refs[0].uid in {ref.uid for ref in report.refs[1 : 1 + len(report.high)]}
     with (
-        evaluation.prepared(
-            context, low, [low] if is_own_base else [], None, report.settings["modifiers"]
-        ) as depsgraph,
-        mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data,
+        evaluation.prepared(context, low, [low] if is_own_base else [], None, report.settings["modifiers"]),
+        ExitStack() as rest,
     ):
-        if report.uv_layer not in data.uv_layers:
-            raise BakeError(f"{low.name!r} no longer has the UV map {report.uv_layer!r} of its maps: bake again.")
-        layers = {layer.name: mesh_reader.uvs(data, layer.name) for layer in data.uv_layers}
-        drawn = mesh_reader.triangles(data)
-        mesh = mesh_reader.with_tangents(data, report.uv_layer, low.name, mesh_reader.matrix(low))
-    mesh, has_applied_scale = _with_scale(mesh, report)
-    slots = mesh.labels[:, 0].astype(np.int32).clip(0, max(0, len(low.material_slots) - 1))
-    order = np.argsort(slots, kind="stable")  # as files have them
+        armature = deformation.armature_of(low)
+        depsgraph, notes = rest.enter_context(deformation.at_rest(context, low, only_base=is_own_base))
+        with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
+            if report.uv_layer not in data.uv_layers:
+                raise BakeError(f"{low.name!r} no longer has the UV map {report.uv_layer!r} of its maps: bake again.")
+            layers = {layer.name: mesh_reader.uvs(data, layer.name) for layer in data.uv_layers}
+            drawn = mesh_reader.triangles(data)
+            mesh = mesh_reader.with_tangents(data, report.uv_layer, low.name, mesh_reader.matrix(low))
+        slots = mesh.labels[:, 0].astype(np.int32).clip(0, max(0, len(low.material_slots) - 1))
+        order = np.argsort(slots, kind="stable")  # as files have them
+        # With n-gons, the corners are those of the drawn triangles, else those of the faces.
+        has_ngons = len(mesh.vertices) != len(layers[report.uv_layer])
+        own = (drawn.reshape(-1)[mesh.triangles] if has_ngons else mesh.triangles)[order]
+        deformed = deformation.read(context, low, armature, mesh.positions, own)
+    deformed = replace(deformed, notes=notes + deformed.notes)
+    if np.linalg.det(mesh.to_world[:3, :3]) < 0.0:
+        own = own[:, ::-1]  # as the triangles become
+    mesh, deformed, has_applied_scale = _with_scale(mesh, deformed, report)
+    mesh, deformed = _in_scene(mesh, deformed)
     triangles = mesh.triangles[order]
-    # With n-gons, the corners are those of the drawn triangles, else those of the faces.
-    own = triangles if len(mesh.vertices) == len(layers[report.uv_layer]) else drawn.reshape(-1)[triangles]
     names = [report.uv_layer, *(name for name in layers if name != report.uv_layer)]
     return BakedLow(
         low,
@@ -125,17 +137,42 @@ def read(context: bpy.types.Context, reports: Sequence[Report]) -> BakedLow:
         slots[order],
         mesh.to_world,
         has_applied_scale,
+        deformed,
     )
 
 
-def _with_scale(mesh: Mesh, report: Report) -> tuple[Mesh, bool]:
-    """`mesh` with the scale of its object applied if engines would differ in showing it, and whether it was.
+def _in_scene(mesh: Mesh, deformed: Deformation) -> tuple[Mesh, Deformation]:
+    """`mesh` in the scene's space if it has an armature, as files have skinned meshes. One scaled unevenly is left out."""
+    if deformed.armature is None:
+        return mesh, deformed
+    of_armature = np.array(deformed.armature.matrix_world, np.float64)
+    if triangle_mesh.is_uneven(of_armature) or np.linalg.det(of_armature[:3, :3]) <= 0.0:
+        note = (
+            f"The armature {deformed.armature.name!r} is mirrored, or scaled more along one axis than along another: the file "
+            "is without it. Apply its scale (Object > Apply > Scale), and export again."
+        )
+        return mesh, replace(deformed, armature=None, notes=[*deformed.notes, note])
+    matrix = mesh.to_world
+    turn = matrix[:3, :3] / np.cbrt(np.linalg.det(matrix[:3, :3]))
+    tangents = np.concatenate([mesh.tangents[:, :3] @ turn.T, mesh.tangents[:, 3:]], axis=1)
+    moved = replace(
+        mesh,
+        positions=(mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32),
+        normals=(mesh.normals @ turn.T).astype(np.float32),
+        tangents=tangents.astype(np.float32),
+        to_world=np.eye(4),
+    )
+    return moved, deformed.moved(matrix)
+
+
+def _with_scale(mesh: Mesh, deformed: Deformation, report: Report) -> tuple[Mesh, Deformation, bool]:
+    """Apply the scale of the object of `mesh` if engines would differ in showing it. Returns both, and whether it was.
 
     Raises BakeError for a normal map that fits only the mesh without it.
     """
     is_uneven, is_mirrored = triangle_mesh.is_uneven(mesh.to_world), np.linalg.det(mesh.to_world[:3, :3]) < 0.0
     if not (is_uneven or is_mirrored):
-        return mesh, False
+        return mesh, deformed, False
     basis = bases.of_name(report.settings["basis"])
     if is_uneven and basis.in_object_space and report.settings["normal"]:
         raise BakeError(
@@ -148,5 +185,8 @@ def _with_scale(mesh: Mesh, report: Report) -> tuple[Mesh, bool]:
     to_world[:3, :3] = mesh.to_world[:3, :3] @ np.linalg.inv(scale)
     positions = (mesh.positions @ scale.T).astype(np.float32)
     applied = replace(mesh, positions=positions, normals=normals, tangents=tangents, to_world=to_world)
-    # Mirrored triangles are seen from behind until their winding is turned.
-    return replace(applied, triangles=mesh.triangles[:, ::-1]) if is_mirrored else applied, True
+    if is_mirrored:  # its triangles are seen from behind until their winding is turned
+        applied = replace(applied, triangles=mesh.triangles[:, ::-1])
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale
+    return applied, deformed.moved(matrix), True

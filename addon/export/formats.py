@@ -24,7 +24,7 @@ from ..core.errors import BakeError
 from ..output import atomic_file
 from ..scene import mesh_reader
 from .baked_low import FileMesh
-from .staging import TANGENTS, Stage, Staged
+from .staging import SHAPE_NORMALS, TANGENTS, Stage, Staged
 
 
 @dataclass(frozen=True)
@@ -130,8 +130,11 @@ def _write_glb(stage: Stage, path: Path, *, are_levels: bool) -> list[Path]:
         export_apply=False,
         export_animations=False,
         export_current_frame=True,
-        export_skins=False,
-        export_morph=False,
+        export_skins=True,
+        export_def_bones=True,
+        export_rest_position_armature=True,
+        export_morph=True,
+        export_morph_normal=False,  # those of keys that the file gets are of the bake's own mesh, with its custom normals
         export_extras=False,
         export_cameras=False,
         export_lights=False,
@@ -147,6 +150,8 @@ def _write_glb(stage: Stage, path: Path, *, are_levels: bool) -> list[Path]:
         for primitive in mesh["primitives"]:
             attributes = primitive["attributes"]
             attributes["TANGENT"] = attributes.pop(TANGENTS)
+            for number, target in enumerate(primitive.get("targets", ())):
+                target["NORMAL"] = attributes.pop(f"{SHAPE_NORMALS}{number}")
     if are_levels:
         _link_levels(glb.tree, [one.name for one in stage.objects])
     path.write_bytes(glb.packed())
@@ -158,8 +163,12 @@ def _link_levels(tree: dict[str, Any], names: Sequence[str]) -> None:
     first, *others = (_node(tree, name) for name in names)
     tree["nodes"][first].setdefault("extensions", {})[LEVELS] = {"ids": others}
     tree.setdefault("extensionsUsed", []).append(LEVELS)
-    for scene in tree["scenes"]:
-        scene["nodes"] = [number for number in scene["nodes"] if number not in others]
+    for owner, key in [
+        *((scene, "nodes") for scene in tree["scenes"]),
+        *((node, "children") for node in tree["nodes"]),
+    ]:
+        if key in owner:
+            owner[key] = [number for number in owner[key] if number not in others]
 
 
 def _node(tree: dict[str, Any], name: str) -> int:
@@ -312,6 +321,9 @@ def _write_usd(stage: Stage, path: Path, *, are_levels: bool) -> list[Path]:
         check_existing=False,
         collection=stage.collection.name,
         export_animation=False,
+        export_armatures=True,
+        only_deform_bones=True,
+        export_shapekeys=True,
         export_uvmaps=True,
         rename_uvmaps=True,
         export_mesh_colors=False,
@@ -357,7 +369,9 @@ def _write_fbx(stage: Stage, path: Path, *, are_levels: bool) -> list[Path]:
         filepath=str(path),
         check_existing=False,
         collection=stage.collection.name,
-        object_types={"MESH"},
+        object_types={"MESH", "ARMATURE"},
+        use_armature_deform_only=True,
+        add_leaf_bones=False,
         use_mesh_modifiers=False,
         mesh_smooth_type="OFF",  # the normals say it all
         colors_type="NONE",

@@ -21,6 +21,8 @@ from .map_pictures import PictureFiles
 
 TANGENTS = "_IMPRINT_TANGENTS"
 """The attribute of staged meshes with the tangents of the bake. glTF's exporter writes attributes with such names."""
+SHAPE_NORMALS = "_IMPRINT_NORMALS_"
+"""What names of attributes begin with that have by how much a shape key moves normals; its number follows."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,8 @@ def staged(
     """Stage low objects until the block ends. Then nothing of it is left in the file.
 
     folder: for the files of the maps. channels: the axes that the format's normal maps store, or None for those of the bake.
-    with_tangents: whether meshes have the attribute TANGENTS, in glTF's axes. names_files: whether the format tells textures
-    apart by the names of their files. before_names: what those names begin with. Raises BakeError.
+    with_tangents: whether meshes have the attributes TANGENTS and SHAPE_NORMALS, in glTF's axes. names_files: whether the
+    format tells textures apart by the names of their files. before_names: what those names begin with. Raises BakeError.
     """
     made: list[bpy.types.ID] = []
     groups = set(bpy.data.node_groups)
@@ -79,9 +81,11 @@ def staged(
             context.scene.collection.children.link(collection)
             pictures = PictureFiles(folder, made, before_names)
             objects = []
+            armatures: dict[bpy.types.Object, bpy.types.Object] = {}
             for low in lows:
                 objects.append(_object(low, made, names, with_tangents=with_tangents))
                 collection.objects.link(objects[-1].object)
+                _deform(objects[-1], collection, armatures, made, names)
                 objects[-1].notes.extend(_with_maps(objects[-1], pictures, channels))
                 if names_files:
                     _name_textures(objects[-1], pictures)
@@ -123,12 +127,60 @@ def _object(low: BakedLow, made: list[bpy.types.ID], names: ExitStack, *, with_t
     _fill(mesh, low, order, uvs, faces[order], with_tangents=with_tangents)
     obj = bpy.data.objects.new("Imprint export", mesh)
     made.append(obj)
-    obj.matrix_world = Matrix(low.matrix) if low.has_applied_scale else low.low.matrix_world
+    obj.matrix_world = Matrix(low.matrix)
     _take_name(obj, low.name, bpy.data.objects, made, names)
     _take_name(mesh, low.low.data.name, bpy.data.meshes, made, names)
     for slot, tile in textures:
         mesh.materials.append(_material(low, slot, tile, made, names))
-    return Staged(low, obj, obj.name, next(iter(uvs.values())), textures, faces[order], order)
+    notes = list(low.deformation.notes)
+    return Staged(low, obj, obj.name, next(iter(uvs.values())), textures, faces[order], order, notes)
+
+
+def _deform(
+    one: Staged,
+    collection: bpy.types.Collection,
+    armatures: dict[bpy.types.Object, bpy.types.Object],
+    made: list[bpy.types.ID],
+    names: ExitStack,
+) -> None:
+    """Give a staged object its shape keys and weights, and a copy of its armature. armatures: the copies, for all objects."""
+    obj, deformation = one.object, one.baked.deformation
+    for number, shape in enumerate(deformation.shapes):
+        if number == 0:
+            obj.shape_key_add(name="Basis", from_mix=False)
+        key = obj.shape_key_add(name=shape.name, from_mix=False)
+        key.value = 0.0
+        key.points.foreach_set("co", np.ascontiguousarray(shape.points, np.float32).reshape(-1))
+    source = deformation.armature
+    if source is None:
+        return
+    if source not in armatures:
+        armatures[source] = _at_rest(source, made, names)
+        collection.objects.link(armatures[source])
+    groups = [obj.vertex_groups.new(name=name) for name in deformation.groups]
+    values = zip(deformation.numbers.tolist(), deformation.vertices.tolist(), deformation.weights.tolist(), strict=True)
+    for group, vertex, weight in values:
+        groups[group].add((vertex,), weight, "REPLACE")
+    obj.modifiers.new("Armature", "ARMATURE").object = armatures[source]
+    obj.parent = armatures[source]
+    obj.matrix_parent_inverse = source.matrix_world.inverted()
+
+
+def _at_rest(source: bpy.types.Object, made: list[bpy.types.ID], names: ExitStack) -> bpy.types.Object:
+    """A copy of an armature that nothing moves, with its name."""
+    copy, data = source.copy(), source.data.copy()
+    made += [copy, data]
+    copy.data = data
+    copy.animation_data_clear()
+    data.animation_data_clear()
+    for constraint in list(copy.constraints):
+        copy.constraints.remove(constraint)
+    copy.parent = None
+    copy.matrix_world = source.matrix_world
+    data.pose_position = "REST"
+    _take_name(copy, source.name, bpy.data.objects, made, names)
+    _take_name(data, source.data.name, bpy.data.armatures, made, names)
+    return copy
 
 
 def _tiles(low: BakedLow) -> tuple[np.ndarray, np.ndarray]:
@@ -178,6 +230,10 @@ def _fill(
         tangents = low.tangents[order].reshape(-1, 4)
         turned = np.stack([tangents[:, 0], tangents[:, 2], -tangents[:, 1], tangents[:, 3]], axis=1)
         mesh.attributes.new(TANGENTS, "QUATERNION", "CORNER").data.foreach_set("value", turned.reshape(-1))
+        for number, shape in enumerate(low.deformation.shapes):
+            x, y, z = (shape.normals - low.normals)[order].reshape(-1, 3).T
+            moved = mesh.attributes.new(f"{SHAPE_NORMALS}{number}", "FLOAT_VECTOR", "CORNER")
+            moved.data.foreach_set("vector", np.stack([x, z, -y], axis=1).reshape(-1))
 
 
 def _material(low: BakedLow, slot: int, tile: int, made: list[bpy.types.ID], names: ExitStack) -> bpy.types.Material:

@@ -255,12 +255,13 @@ def stretched(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Normals (..., 3) and tangents (..., 4), w the sign of the bitangent, after a scale (3, 3): unit vectors, float32."""
     of_normals = np.linalg.inv(matrix)
-    turned = _unit(normals @ of_normals)
-    along = _unit(tangents[..., :3] @ (of_normals if basis.tangents_as_normals else matrix.T))
+    turned = unit(normals @ of_normals)
+    along = unit(tangents[..., :3] @ (of_normals if basis.tangents_as_normals else matrix.T))
     signs = tangents[..., 3:] * np.sign(np.linalg.det(matrix))
     return turned.astype(np.float32), np.concatenate([along, signs], axis=-1).astype(np.float32)
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """`vectors` (..., 3) at length one; those without length stay."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(lengths > 0.0, lengths, 1.0)

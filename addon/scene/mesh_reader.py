@@ -91,6 +91,11 @@ def uvs(data: bpy.types.Mesh, uv_layer: str) -> np.ndarray:
     return _read(data.uv_layers[uv_layer].uv, "vector", len(data.loops), 2)
 
 
+def corner_normals(data: bpy.types.Mesh) -> np.ndarray:
+    """The normals of the corners, (C, 3) float32."""
+    return _read(data.corner_normals, "vector", len(data.loops), 3)
+
+
 def corner_vertices(data: bpy.types.Mesh) -> np.ndarray:
     """The vertex of each corner, (C,) int32."""
     indices = np.empty(len(data.loops), np.int32)
