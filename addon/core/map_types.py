@@ -101,6 +101,11 @@ class MapType:
         return self.kind is Kind.VALUE and not self.is_color and not self.is_vector
 
     @property
+    def is_gray(self) -> bool:
+        """Whether the red, green and blue of its texels are the same."""
+        return self.is_scalar or self.kind is Kind.STATE
+
+    @property
     def is_unbounded(self) -> bool:
         """Whether the numbers can be of any size: lengths in scene units, and attributes. 16-bit floats may not hold them."""
         return self.kind is Kind.VALUE and not self.socket and (self.range is not Range.UNIT or self.is_color)

@@ -51,18 +51,24 @@ _ENCODINGS: Mapping[FileFormat, _Encoding] = MappingProxyType(
 )
 
 
-def content(texels: np.ndarray, path: Path, depth: int, *, has_alpha: bool = True, is_color: bool = False) -> Content:
+def content(
+    texels: np.ndarray, path: Path, depth: int, *, has_alpha: bool = True, is_color: bool = False, is_gray: bool = False
+) -> Content:
     """The file of `texels` in the format that the ending of `path` names. The texels may change afterwards.
 
     Args:
         texels: (height, width, 4) float32, row 0 at v = 0. Values are stored as they are, whatever alpha is.
         depth: Bits per channel.
         is_color: Whether values are sRGB, which only PNG files declare.
+        is_gray: Whether red stands for all colors. Then a file has one channel, if its format has that: beside alpha in PNG
+            alone.
     """
     file_format = file_formats.of(path)
     if file_format is file_formats.PNG:
-        return png_writer.content(texels, depth, has_alpha=has_alpha, is_color=is_color)
-    numbers = _numbers(top_first(texels, has_alpha), depth, is_float=file_format.is_float)
+        return png_writer.content(texels, depth, has_alpha=has_alpha, is_color=is_color, is_gray=is_gray)
+    is_single = is_gray and not has_alpha and file_format is file_formats.TIFF
+    texels = top_first(texels, has_alpha, is_gray=is_single)
+    numbers = _numbers(texels, depth, is_float=file_format.is_float)
 
     def write(path: Path, _results: Iterator) -> None:
         path.open("wb").close()  # raises the error of the system, which OpenImageIO does not name

@@ -85,8 +85,8 @@ class MapWriter:
     number, and threads write them while the caller goes on. Use it in a `with` block, or call `discard` at the end.
 
     is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
-    color_spaces.assign. is_packed: whether alpha holds a map. queue: what writes the files. Without one, it
-    has its own. has_image: whether an image datablock shows the files.
+    color_spaces.assign. is_packed: whether alpha holds a map. is_gray: whether all colors of a texel are the same. queue:
+    what writes the files. Without one, it has its own. has_image: whether an image datablock shows the files.
     """
 
     def __init__(
@@ -97,6 +97,7 @@ class MapWriter:
         is_normal: bool = False,
         color_space: str = "",
         is_packed: bool = False,
+        is_gray: bool = False,
         queue: WriteQueue | None = None,
         has_image: bool = True,
     ):
@@ -106,6 +107,7 @@ class MapWriter:
             is_normal,
         )
         self.color_space, self.is_packed, self.has_image = color_space, is_packed, has_image
+        self.is_gray = is_gray
         self._texels: np.ndarray | None = None
         self._partials: dict[int, Partial] = {}
         self._queue, self._is_own_queue = queue or WriteQueue(), queue is None
@@ -148,10 +150,11 @@ class MapWriter:
             with partial.writing():
                 partial.temporary.touch()
             has_alpha, is_color = settings.storing.alpha or bool(self._folder), self.color_space == SRGB
+            is_gray = self.is_gray and not self._folder
             self._written.append(
                 self._queue.add(
                     lambda: image_file.content(
-                        stored, partial.temporary, depth, has_alpha=has_alpha, is_color=is_color
+                        stored, partial.temporary, depth, has_alpha=has_alpha, is_color=is_color, is_gray=is_gray
                     ),
                     partial,
                 )
@@ -308,6 +311,7 @@ class Outputs:
                 is_normal=types[name] is NORMAL,
                 color_space=value_encoding.color_space(types[name], of_map.storing),
                 is_packed=name == self._packed,
+                is_gray=types[name].is_gray and name != self._packed,
                 queue=self._queue,
             )
             for name, of_map in settings_by_map(settings).items()
@@ -317,6 +321,7 @@ class Outputs:
                 "",
                 map_names.of_level(writer.settings, level),
                 is_packed=name == self._packed,
+                is_gray=types[name].is_gray and name != self._packed,
                 queue=self._queue,
                 has_image=False,
             )

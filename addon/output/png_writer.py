@@ -15,6 +15,8 @@ from .value_encoding import steps
 from .write_queue import Content, for_rows, top_first
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
+COLOR_TYPES = {1: 0, 2: 4, 3: 2, 4: 6}
+"""The numbers of gray, gray with alpha, colors, and colors with alpha, by channels."""
 SUB = 1
 """The filter of small pictures: the byte to the left."""
 PAETH = 4
@@ -77,14 +79,16 @@ class _Piece(NamedTuple):
     checksum: int
 
 
-def content(texels: np.ndarray, depth: int, *, has_alpha: bool, is_color: bool = False) -> Content:
+def content(
+    texels: np.ndarray, depth: int, *, has_alpha: bool, is_color: bool = False, is_gray: bool = False
+) -> Content:
     """The file of `texels` (height, width, 4) float32 with row 0 at v = 0, as `depth` bits per channel. is_color: whether they
-    are sRGB, which the file says."""
-    texels = top_first(texels, has_alpha)
+    are sRGB, which the file says. is_gray: whether red stands for all colors, as a single channel."""
+    texels = top_first(texels, has_alpha, is_gray=is_gray)
     height, width, channels = texels.shape
     filtered = _filtered(texels, depth)
     slices = pieces(height, filtered.shape[1])
-    head = struct.pack(">2I5B", width, height, depth, 6 if has_alpha else 2, 0, 0, 0)
+    head = struct.pack(">2I5B", width, height, depth, COLOR_TYPES[channels], 0, 0, 0)
 
     def part(where: slice) -> _Piece:
         rows = filtered[where]

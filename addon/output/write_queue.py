@@ -86,6 +86,11 @@ def for_rows(height: int, row_bytes: int, work: Callable[[Iterator[slice]], None
     threads.for_shares(height, max(1, BLOCK // row_bytes), work)
 
 
-def top_first(texels: np.ndarray, has_alpha: bool) -> np.ndarray:
-    """`texels` (height, width, 4) with the highest row first, as files have them, with or without alpha. No copy."""
+def top_first(texels: np.ndarray, has_alpha: bool, *, is_gray: bool = False) -> np.ndarray:
+    """`texels` (height, width, 4) with the highest row first, as files have them, with or without alpha. No copy.
+
+    is_gray: whether red stands for all colors, as a single channel.
+    """
+    if is_gray:
+        return texels[::-1, :, ::3] if has_alpha else texels[::-1, :, :1]
     return texels[::-1, :, : 4 if has_alpha else 3]

@@ -70,7 +70,7 @@ def png_numbers(data):
     chunks = png_chunks(data)
     width, height, depth, kind, *rest = struct.unpack(">2I5B", chunks[0][1])
     assert rest == [0, 0, 0]
-    channels = {6: 4, 2: 3}[kind]
+    channels = {6: 4, 2: 3, 4: 2, 0: 1}[kind]
     texel = channels * depth // 8
     # decompress compares the checksum of the stream
     rows = np.frombuffer(zlib.decompress(b"".join(body for name, body in chunks if name == b"IDAT")), np.uint8)
@@ -94,6 +94,16 @@ def test_a_png_has_the_numbers_seed_4(size, depth, has_alpha):
     texels = texels_of(*size, seed=4)
     data = file_of(png_writer.content(texels, depth, has_alpha=has_alpha))
     np.testing.assert_array_equal(png_numbers(data), stored(texels, depth, has_alpha))
+
+
+@pytest.mark.parametrize("has_alpha", [True, False], ids=["gray with alpha", "gray"])
+@pytest.mark.parametrize("depth", [8, 16])
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_a_gray_png_has_the_numbers_of_red_seed_4(size, depth, has_alpha):
+    texels = texels_of(*size, seed=4)
+    data = file_of(png_writer.content(texels, depth, has_alpha=has_alpha, is_gray=True))
+    wanted = stored(texels, depth, True)[..., [0, 3] if has_alpha else [0]]
+    np.testing.assert_array_equal(png_numbers(data), wanted)
 
 
 @pytest.mark.parametrize("depth", [8, 16])

@@ -21,18 +21,19 @@ def _openimageio():
 
 
 def read(path) -> np.ndarray:
-    """The stored values (H, W, 4) of a file, in its own type, row 0 at v = 0."""
+    """The stored values (H, W, 4) of a file, in its own type, row 0 at v = 0; (H, W, 1) of a gray one without alpha."""
     oiio = _openimageio()
     as_it_is = oiio.ImageSpec()
     as_it_is.attribute("oiio:UnassociatedAlpha", 1)  # otherwise OpenImageIO multiplies colors with alpha
     picture = oiio.ImageInput.open(str(path), as_it_is)
     assert picture, oiio.geterror()
     spec = picture.spec()
-    assert spec.channelnames == ("R", "G", "B", "A")
+    assert spec.channelnames in (("R", "G", "B", "A"), ("Y", "A"), ("Y",))
     values = picture.read_image(spec.format)
     assert values is not None, picture.geterror()
     picture.close()
-    return np.asarray(values)[::-1]
+    values = np.asarray(values).reshape(spec.height, spec.width, -1)[::-1]
+    return values[..., [0, 0, 0, 1]] if values.shape[-1] == 2 else values
 
 
 def read_passes(path) -> dict[str, np.ndarray]:
@@ -51,5 +52,5 @@ def read_passes(path) -> dict[str, np.ndarray]:
 def pillow(path) -> np.ndarray:
     """The bytes (H, W, 4) of a file as Pillow reads it, row 0 at v = 0. Raises OSError for a truncated file."""
     with Image.open(path) as picture:
-        assert picture.mode == "RGBA"
-        return np.asarray(picture)[::-1]
+        assert picture.mode in ("RGBA", "LA")
+        return np.asarray(picture.convert("RGBA"))[::-1]
