@@ -285,11 +285,17 @@ def _rays() -> Task[list[Timed]]:
         cast(side)()
         hits, sums = source.hits(band), target.get("sums of the test", side, side, "RGBA32F")
 
+        covered = np.full(-(-side // progress.STEP), float(progress.STEP * side))
+
+        def draw(rows: range, some: range, is_first: bool) -> None:
+            rays = hemisphere.Rays(hits.texture, source.surface.tables, lattice, some, rows, is_first)
+            hemisphere.add_openness(sums, rays, hemisphere.Occluders())
+            sums.finish()
+
         def act() -> None:
-            for rows, some, is_first in hemisphere.slices(pace, side, range(RAYS), "test"):
-                rays = hemisphere.Rays(hits.texture, source.surface.tables, lattice, some, rows, is_first)
-                hemisphere.add_openness(sums, rays, hemisphere.Occluders())
-                sums.finish()
+            program = hemisphere.ADD_OPENNESS
+            for _ in hemisphere.slices(pace, program, (side, side), covered, range(RAYS), draw=draw):
+                pass
 
         return act
 
