@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.material_feeds import LUMINANCE, AttributeFeed, BumpFeed, Extension, ImageFeed, NormalMapFeed
 from . import blender_gpu as gpu
-from . import cast, samples, shader, surface_tables, target
+from . import cast, shader, surface_tables, target
 from .shader import Program
 from .surface_tables import Blocks, CornerValues, ImageLevels, MaterialTable
 
@@ -61,10 +61,6 @@ ADD_ATTRIBUTE = Program(
     ),
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(*LEVELS, ("INT", "first_row"), ("INT", "feed")),
-)
-ADD_IMAGE_NUMBER, ADD_CONSTANTS_NUMBER, ADD_ATTRIBUTE_NUMBER = (
-    replace(program, compute=program.compute.replace("_comp", "_number_comp"), images=samples.IMAGES_OF_NUMBERS)
-    for program in (ADD_IMAGE, ADD_CONSTANTS, ADD_ATTRIBUTE)
 )
 NORMAL_MAP = Program(
     compute="surface/normal_map_comp.glsl",
@@ -150,21 +146,21 @@ def add_constants(
     is_first: bool,
     rows: range | None = None,
 ) -> None:
-    """Add the constants of `materials` to `sums` (RGBA32F or samples.NUMBERS), and count misses: once for each sample of a map.
+    """Add the constants of `materials` to `sums` (RGBA32F), and count misses: once for each sample of a map.
 
     is_first: replace what the sums held. normals: alpha is -1 for a miss. labels: a data texture with the object and
     material number of each triangle, in the order of the hits' numbers. materials: from surface_tables.upload_materials.
     """
     target.dispatch(
-        ADD_CONSTANTS_NUMBER if sums.formats == samples.NUMBERS else ADD_CONSTANTS,
+        ADD_CONSTANTS,
         sums.width,
         rows or range(sums.height),
+        sums=sums.texture,
         hits=hits.texture,
         normals=normals,
         labels=labels,
         materials=materials.texture,
         is_first=int(is_first),
-        **samples.bindings_of_sums(sums),
     )
 
 
@@ -184,9 +180,10 @@ def add_attribute(
     Other arguments as in `add_constants`.
     """
     target.dispatch(
-        ADD_ATTRIBUTE_NUMBER if sums.formats == samples.NUMBERS else ADD_ATTRIBUTE,
+        ADD_ATTRIBUTE,
         sums.width,
         rows or range(sums.height),
+        sums=sums.texture,
         hits=hits.texture,
         labels=labels,
         value_triangles=values.triangles,
@@ -194,14 +191,12 @@ def add_attribute(
         materials=materials.texture,
         feed=number,
         **_levels(feed),
-        **samples.bindings_of_sums(sums),
     )
 
 
 def add_image(sums: target.Target, at_hits: ImageAtHits) -> None:
-    """Add what an image shows to `sums`, and 1 to their alpha, where the hit's material has it."""
-    program = ADD_IMAGE_NUMBER if sums.formats == samples.NUMBERS else ADD_IMAGE
-    at_hits.dispatch(program, **_levels(at_hits.feed), **samples.bindings_of_sums(sums))
+    """Add what an image shows to `sums` (RGBA32F), and 1 to their alpha, where the hit's material has it."""
+    at_hits.dispatch(ADD_IMAGE, sums=sums.texture, **_levels(at_hits.feed))
 
 
 def apply_normal_map(

@@ -49,9 +49,10 @@ def unit_or(vectors):
 class Texels:
     """The triangle (SIZE, SIZE) of a mesh at the centers of texels, -1 for none, and the weights of its corners."""
 
-    def __init__(self, mesh, tile=(0, 0)):
+    def __init__(self, mesh, shift=(0, 0)):
+        """shift: of the texels from the first tile, as UVs."""
         self.mesh = mesh
-        corners = mesh.uv[mesh.triangles].astype(np.float64) - tile
+        corners = mesh.uv[mesh.triangles].astype(np.float64) - shift
         place = np.stack(np.meshgrid(CENTERS, CENTERS), axis=-1).reshape(-1, 2)
         self.owner, self.weights = np.full(len(place), -1), np.zeros((len(place), 3))
         for number, (a, b, c) in enumerate(corners):
@@ -161,9 +162,10 @@ def of_blocks():
     return {"NORMAL": answer(stored(np.broadcast_to((0.0, 0.0, 1.0), (SIZE, SIZE, 3)), covered), covered)}
 
 
-def of_points():
+def of_points(offset=(0.0, 0.0)):
+    """offset: from the centers, in texels."""
     meshes = gpu_pairs.tilted()
-    low = Texels(meshes.low)
+    low = Texels(meshes.low, np.array(offset) / SIZE)
     points, covered = low.points, low.covered
     triangle, weights, found = hits(
         points[covered] + (0, 0, 2), np.broadcast_to((0.0, 0.0, -1.0), (covered.sum(), 3)), joined(meshes.highs), 4.0
@@ -180,6 +182,19 @@ def of_points():
     maps["NORMAL"] = stored(normals, covered)
     made = {name: answer(values, covered) for name, values in maps.items()}
     return made | {"COVERAGE": answer(covered.astype(float), np.ones_like(covered))}
+
+
+def of_means():
+    """Of all samples of a texel that the low mesh covers."""
+    found = [of_points(offset) for offset in samples.offsets(4)]
+    count = np.sum([each["HEIGHT"].states == WRITTEN for each in found], axis=0)
+    covered = count > 0
+    total = {name: np.sum([each[name].values for each in found], axis=0) for name in ("POSITION", "HEIGHT")}
+    maps = {name: values / np.maximum(count, 1)[..., None] for name, values in total.items()}
+    normals = np.sum([(2.0 * each["NORMAL"].values - 1.0) * each["COVERAGE"].values for each in found], axis=0)
+    maps["NORMAL"] = stored(normals, covered)
+    made = {name: answer(values, covered) for name, values in maps.items()}
+    return made | {"COVERAGE": answer(count / len(found), np.ones_like(covered))}
 
 
 def joined(meshes):
@@ -397,6 +412,7 @@ COMPUTED = {
     "Own hits under a roof": own_hits,
     "Rays from hits": of_blocks,
     "Points and labels": of_points,
+    "Means of points": of_means,
     "Materials": of_materials,
     "Own normal and bump maps": of_own_normals,
     "Margin of the nearest": extended,
