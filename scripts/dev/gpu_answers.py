@@ -162,10 +162,9 @@ def of_blocks():
     return {"NORMAL": answer(stored(np.broadcast_to((0.0, 0.0, 1.0), (SIZE, SIZE, 3)), covered), covered)}
 
 
-def of_points(offset=(0.0, 0.0)):
-    """offset: from the centers, in texels."""
+def of_points():
     meshes = gpu_pairs.tilted()
-    low = Texels(meshes.low, np.array(offset) / SIZE)
+    low = Texels(meshes.low)
     points, covered = low.points, low.covered
     triangle, weights, found = hits(
         points[covered] + (0, 0, 2), np.broadcast_to((0.0, 0.0, -1.0), (covered.sum(), 3)), joined(meshes.highs), 4.0
@@ -185,15 +184,15 @@ def of_points(offset=(0.0, 0.0)):
 
 
 def of_means():
-    """Of all samples of a texel that the low mesh covers."""
-    found = [of_points(offset) for offset in samples.offsets(4)]
-    count = np.sum([each["HEIGHT"].states == WRITTEN for each in found], axis=0)
+    """The means of the samples of a texel that the low mesh covers. The high one is level above it."""
+    meshes = gpu_pairs.bumpy()
+    height = float(meshes.highs[0].positions[0, 2])
+    found = [Texels(meshes.low, np.array(offset) / SIZE) for offset in samples.offsets(4)]
+    count = np.sum([each.covered for each in found], axis=0)
     covered = count > 0
-    total = {name: np.sum([each[name].values for each in found], axis=0) for name in ("POSITION", "HEIGHT")}
-    maps = {name: values / np.maximum(count, 1)[..., None] for name, values in total.items()}
-    normals = np.sum([(2.0 * each["NORMAL"].values - 1.0) * each["COVERAGE"].values for each in found], axis=0)
-    maps["NORMAL"] = stored(normals, covered)
-    made = {name: answer(values, covered) for name, values in maps.items()}
+    points = np.sum([each.points for each in found], axis=0) / np.maximum(count, 1)[..., None]
+    points[..., 2] = np.where(covered, height, 0.0)
+    made = {"POSITION": answer(points, covered), "HEIGHT": answer(points[..., 2], covered)}
     return made | {"COVERAGE": answer(count / len(found), np.ones_like(covered))}
 
 
