@@ -29,7 +29,8 @@ LEVELS = (("VEC4", "scale"), ("VEC4", "offset"), ("VEC4", "low"), ("VEC4", "high
 _ROWS = ("VEC4", "row_u"), ("VEC4", "row_v")
 _IMAGE_NUMBERS = ("INT", "feed"), ("INT", "tile"), ("INT", "image_flags"), ("INT", "top_level")
 """The constants of all programs that look up images."""
-_LIMITS = ("FLOAT", "lowest"), ("FLOAT", "highest"), ("INT", "channel")
+_OF_NORMALS = ("MAT4", "to_space"), *_ROWS, ("INT", "channel"), *_IMAGE_NUMBERS, ("VEC2", "limits")
+"""The constants of programs that turn normals, in an order by which Blender counts 128 bytes: it prints a line for more."""
 _NORMALS = (("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),)
 ADD_IMAGE = Program(
     compute="surface/add_image_comp.glsl",
@@ -67,7 +68,7 @@ NORMAL_MAP = Program(
     texels=TEXELS,
     samplers=(*IMAGE, ("FLOAT_2D", "tangent_triangles"), ("FLOAT_2D", "tangents")),
     images=_NORMALS,
-    constants=(("MAT4", "to_space"), *_ROWS, *_LIMITS, *_IMAGE_NUMBERS),
+    constants=_OF_NORMALS,
     cost=0.5,
 )
 BUMP = Program(
@@ -75,7 +76,7 @@ BUMP = Program(
     texels=TEXELS,
     samplers=IMAGE,
     images=_NORMALS,
-    constants=(("MAT4", "to_space"), *_ROWS, ("FLOAT", "rise"), *_LIMITS, *_IMAGE_NUMBERS),
+    constants=_OF_NORMALS,
     cost=2.0,
 )
 COLOR = 4
@@ -217,7 +218,7 @@ def apply_normal_map(
         tangents=tangents.values,
         to_space=shader.mat4(matrix),
         channel=_channel_number(feed.image.channel),
-        **_limits(feed.image),
+        limits=_limits(feed.image),
     )
 
 
@@ -226,14 +227,15 @@ def apply_bump(normals: target.Target, at_hits: ImageAtHits, feed: BumpFeed, to_
 
     unit: how many scene units one unit of the points is: the size of their local space.
     """
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[0, 3] = to_space, feed.distance * feed.image.scale[0] / unit
     at_hits.dispatch(
         BUMP,
         other=max(feed.strength, 0.0),
         normals=normals.texture,
-        to_space=shader.mat4(to_space),
-        rise=feed.distance * feed.image.scale[0] / unit,
+        to_space=shader.mat4(matrix),
         channel=_channel_number(LUMINANCE if feed.image.channel is None else feed.image.channel),
-        **_limits(feed.image),
+        limits=_limits(feed.image),
     )
 
 
@@ -249,12 +251,9 @@ def _levels(feed: ImageFeed | AttributeFeed) -> dict:
     }
 
 
-def _limits(image: ImageFeed) -> dict:
+def _limits(image: ImageFeed) -> tuple[float, float]:
     """The limits that all channels have."""
-    return {
-        "lowest": _shader_number(image.limits.low[0]),
-        "highest": _shader_number(image.limits.high[0]),
-    }
+    return _shader_number(image.limits.low[0]), _shader_number(image.limits.high[0])
 
 
 def _shader_number(value: float) -> float:
