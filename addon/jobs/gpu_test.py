@@ -284,8 +284,7 @@ def _rays() -> Task[list[Timed]]:
         band = Band(0, side, (side, side), 0)
         cast(side)()
         hits, sums = source.hits(band), target.get("sums of the test", side, side, "RGBA32F")
-
-        covered = np.full(-(-side // progress.STEP), float(progress.STEP * side))
+        covered = np.full(side // progress.STEP, side * progress.STEP)
 
         def draw(rows: range, some: range, is_first: bool) -> None:
             rays = hemisphere.Rays(hits.texture, source.surface.tables, lattice, some, rows, is_first)
@@ -293,8 +292,8 @@ def _rays() -> Task[list[Timed]]:
             sums.finish()
 
         def act() -> None:
-            program = hemisphere.ADD_OPENNESS
-            for _ in hemisphere.slices(pace, program, (side, side), covered, range(RAYS), draw=draw):
+            slices = hemisphere.slices(pace, hemisphere.ADD_OPENNESS, (side, side), covered, range(RAYS), draw=draw)
+            for _ in slices:
                 pass
 
         return act
