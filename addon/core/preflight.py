@@ -87,8 +87,8 @@ class Need:
         return max(self.program + self.meshes + self.tree, self.peak - self.on_gpu)
 
 
-_FLOATS, _NUMBERS = 16, 8
-"""Bytes for each texel of a texture of four floats, and of the sums of a map of numbers."""
+_FLOATS = 16
+"""Bytes for each texel of a texture of four floats."""
 _HIT = 2 * _FLOATS
 _MARGIN = _FLOATS + 1 + 2 + 4
 """What is stored, its state, and the offset and the row of the nearest written texel."""
@@ -131,8 +131,7 @@ def _bytes_of_maps(settings: Settings, *, is_tangent: bool, has_sums: bool) -> i
     families = {each.family for each in maps}
     found = _FLOATS * bool(maps)
     for each in maps:
-        if each.family.shows_materials or (each.family is Family.POINTS and has_sums):
-            found += _NUMBERS if each.is_scalar or each.kind is Kind.LABEL else _FLOATS
+        found += _FLOATS * (each.family.shows_materials or (each.family is Family.POINTS and has_sums))
         found += _FLOATS * (each.kind is Kind.NORMAL and is_tangent)
     found += _FLOATS * sum(family.casts_rays for family in families)
     found += 2 * _FLOATS * (Family.POINTS in families or (Family.SLOPES in families and not is_tangent))

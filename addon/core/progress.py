@@ -6,7 +6,7 @@ import itertools
 import math
 import os
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
@@ -154,7 +154,9 @@ class Pace:
         self._next_picture = time.perf_counter() + self.PICTURES
         return True
 
-    def slices(self, work: str, costs: Sequence[float], height: int, draw: Callable[[range], None]) -> Iterator[range]:
+    def slices(
+        self, work: str, costs: Collection[float], height: int, draw: Callable[[range], None]
+    ) -> Iterator[range]:
         """Draw rows in slices. Yields the rows of each slice after it was drawn.
 
         Args:

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from ..core import udim
-from ..core.progress import Pace
+from ..core.progress import STEP, Pace
 from ..mesh import bvh
 from ..passes import cast, hemisphere, high_in_uv, target
 from .ray_casting import TEXEL
@@ -30,15 +30,21 @@ def openness(tables: cast.Tables, corners: np.ndarray, rays: int) -> np.ndarray:
     centers = np.stack(np.divmod(np.arange(count), side)[::-1], axis=1) + 0.5
     uv = ((centers[:, None] + TEXEL) / side).reshape(-1, 2).astype(np.float32)
     hits = target.Target(side, side, ("RGBA32UI",))
-    high_in_uv.draw_hits(hits, high_in_uv.upload_for_hits(uv, np.arange(count)), udim.uv_to_clip())
+    high_in_uv.draw_hits(hits, high_in_uv.upload_for_hits(uv, np.arange(count)), count, udim.uv_to_clip())
     sums = target.Target(side, side, ("RGBA32F",))
     target.clear(sums)
     lattice, occluders = hemisphere.lattice_of(rays), hemisphere.Occluders(tables, two_sided=True)
-    height = min(side, 8 * -(-count // (8 * side)))
-    for rows, numbers, is_first in hemisphere.slices(Pace(), height, range(rays), "openness"):
-        cast_now = hemisphere.Rays(hits.texture, surface, lattice, numbers, rows, is_first)
-        hemisphere.add_openness(sums, cast_now, occluders)
+    height = min(side, STEP * -(-count // (STEP * side)))
+    covered = np.full(-(-height // STEP), float(STEP * side))
+
+    def cast_rays(rows: range, numbers: range, is_first: bool) -> None:
+        hemisphere.add_openness(
+            sums, hemisphere.Rays(hits.texture, surface, lattice, numbers, rows, is_first), occluders
+        )
         sums.finish()
+
+    for _ in hemisphere.slices(Pace(), hemisphere.ADD_OPENNESS, (side, height), covered, range(rays), draw=cast_rays):
+        pass
     texels = np.empty((side, side, 4), np.float32)
     target.read(sums.texture, texels)
     return texels.reshape(-1, 4)[:count, 3] / rays

@@ -78,7 +78,7 @@ def look(meshes: Meshes, settings: Settings) -> HighLook:
         closed=sum(int(np.count_nonzero(one.is_closed)) for one in patches.of),
         mended=mended.mended.to_dict() if mended.mended is not None else {},
         noise=float(np.median(np.concatenate(smooth))),
-        distances=(*distances, 2.0 * patches.space.size),
+        distances=(distances[0], distances[1], 2.0 * patches.space.size),
         notes=tuple(orienting.notes(mended)),
     )
 

@@ -72,11 +72,10 @@ class Mean:
 
     def __init__(self, name: str):
         self.name, self.is_label = name, BY_NAME[name].kind is Kind.LABEL
-        self._formats = samples.NUMBERS if self.is_label or BY_NAME[name].is_scalar else ("RGBA32F",)
 
     def sums(self, band: Band) -> target.Target:
         """The sums, to which passes may add themselves."""
-        return target.get(f"sums of {self.name}", band.width, band.height, *self._formats)
+        return target.get(f"sums of {self.name}", band.width, band.height, "RGBA32F")
 
     def add(self, sample: Sample, draw: Draw) -> None:
         """Add a sample."""

@@ -527,6 +527,8 @@ PAIRS = (
     Pair("Adaptive samples", tents, {**CAST, "samples": 64}, {"NORMAL": Limit(0.05, 0.01, 2.0)}),
     Pair("Rays from hits", blocks, {**CAST, "samples": 4, "rays": RAYS}, {"NORMAL": Limit(0.05), **_OF_RAYS}),
     Pair("Points and labels", tilted, CAST, {"NORMAL": SNAPPED, **_OF_POINTS}),
+    # Sums of several maps are made in turn, maps are drawn in between, and own normals are turned by a compute shader.
+    Pair("Means of points", bumpy, {**CAST, "samples": 4}, dict.fromkeys(("POSITION", "HEIGHT", "COVERAGE"), EXACT)),
     Pair("Materials", colored, FLATTEN, {**_OF_COLORS, "packed": _LOOKED_UP}, _packed),
     Pair("Own normal and bump maps", bumpy, FLATTEN, {"NORMAL": Limit(0.05)}),
     Pair(

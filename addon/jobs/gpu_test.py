@@ -284,12 +284,17 @@ def _rays() -> Task[list[Timed]]:
         band = Band(0, side, (side, side), 0)
         cast(side)()
         hits, sums = source.hits(band), target.get("sums of the test", side, side, "RGBA32F")
+        covered = np.full(side // progress.STEP, side * progress.STEP)
+
+        def draw(rows: range, some: range, is_first: bool) -> None:
+            rays = hemisphere.Rays(hits.texture, source.surface.tables, lattice, some, rows, is_first)
+            hemisphere.add_openness(sums, rays, hemisphere.Occluders())
+            sums.finish()
 
         def act() -> None:
-            for rows, some, is_first in hemisphere.slices(pace, side, range(RAYS), "test"):
-                rays = hemisphere.Rays(hits.texture, source.surface.tables, lattice, some, rows, is_first)
-                hemisphere.add_openness(sums, rays, hemisphere.Occluders())
-                sums.finish()
+            slices = hemisphere.slices(pace, hemisphere.ADD_OPENNESS, (side, side), covered, range(RAYS), draw=draw)
+            for _ in slices:
+                pass
 
         return act
 

@@ -15,6 +15,9 @@ BEAM = 4
 GRID = 32767.0
 """Steps of the grid along the longest axis on which triangles are sorted."""
 
+FAR = np.float32(1e9)
+"""Coordinates beyond this are taken to be here, so that products of four of them stay finite."""
+
 
 class Surface:
     """Triangles in a tree of four children a node, whose boxes are floats.
@@ -25,6 +28,7 @@ class Surface:
     """
 
     def __init__(self, points: np.ndarray, triangles: np.ndarray):
+        points = np.clip(points, -FAR, FAR)
         boxes = bvh.boxes_of(points, triangles)
         origin = boxes[0].min(axis=1, keepdims=True)
         scale = GRID / max(float((boxes[1] - origin).max()), 1e-30)
@@ -48,6 +52,7 @@ class Surface:
         """
         triangles, points = np.empty(len(places), np.int64), np.empty((len(places), 3), np.float32)
         squares = np.empty(len(places), np.float32)
+        places = np.clip(places, -FAR, FAR)
         threads.for_blocks(len(places), partial(self._search, places, triangles, points, squares), ROUND)
         return triangles, points, squares
 

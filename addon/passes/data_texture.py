@@ -125,5 +125,6 @@ def upload_padded(padded: np.ndarray, count: int) -> gpu.types.GPUTexture:
     """Upload an array that `empty` made for `count` texels. Raises NoGpuMemory if the last one of many does not arrive."""
     texture = image(padded.reshape(-1, WIDTH, 4))
     if padded.nbytes >= CHECKED:
-        allocation.check_arrived(texture, divmod(count - 1, WIDTH)[::-1], padded[count - 1])
+        row, column = divmod(count - 1, WIDTH)
+        allocation.check_arrived(texture, (column, row), padded[count - 1])
     return texture

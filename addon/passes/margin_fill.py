@@ -63,8 +63,8 @@ def find_nearest(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
     """
     width, height = values.width, values.height
     most = max(width, height)
-    reach = most if reach is None else min(reach, most)
-    farthest = min(farthest_texel(reach), most)
+    limit = most if reach is None else min(reach, most)
+    farthest = min(farthest_texel(limit), most)
     words = -(-width // WORD)
     written = target.get("margin's bits", words, height, "R32I").texture
     offsets = target.get("margin's offsets", width, height, "R16I").texture
@@ -78,7 +78,7 @@ def find_nearest(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
             -(-height // (4 * step if number else step)),
             offsets=offsets,
             source_rows=rows,
-            reach=reach,
+            reach=limit,
             farthest=farthest,
             step=step,
             is_first=int(number == 0),

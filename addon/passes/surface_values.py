@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.material_feeds import LUMINANCE, AttributeFeed, BumpFeed, Extension, ImageFeed, NormalMapFeed
 from . import blender_gpu as gpu
-from . import cast, samples, shader, surface_tables, target
+from . import cast, shader, surface_tables, target
 from .shader import Program
 from .surface_tables import Blocks, CornerValues, ImageLevels, MaterialTable
 
@@ -29,7 +29,8 @@ LEVELS = (("VEC4", "scale"), ("VEC4", "offset"), ("VEC4", "low"), ("VEC4", "high
 _ROWS = ("VEC4", "row_u"), ("VEC4", "row_v")
 _IMAGE_NUMBERS = ("INT", "feed"), ("INT", "tile"), ("INT", "image_flags"), ("INT", "top_level")
 """The constants of all programs that look up images."""
-_LIMITS = ("FLOAT", "lowest"), ("FLOAT", "highest"), ("INT", "channel")
+_OF_NORMALS = ("MAT4", "to_space"), *_ROWS, ("INT", "channel"), *_IMAGE_NUMBERS, ("VEC2", "limits")
+"""The constants of programs that turn normals, in an order by which Blender counts 128 bytes: it prints a line for more."""
 _NORMALS = (("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),)
 ADD_IMAGE = Program(
     compute="surface/add_image_comp.glsl",
@@ -62,16 +63,12 @@ ADD_ATTRIBUTE = Program(
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(*LEVELS, ("INT", "first_row"), ("INT", "feed")),
 )
-ADD_IMAGE_NUMBER, ADD_CONSTANTS_NUMBER, ADD_ATTRIBUTE_NUMBER = (
-    replace(program, compute=program.compute.replace("_comp", "_number_comp"), images=samples.IMAGES_OF_NUMBERS)
-    for program in (ADD_IMAGE, ADD_CONSTANTS, ADD_ATTRIBUTE)
-)
 NORMAL_MAP = Program(
     compute="surface/normal_map_comp.glsl",
     texels=TEXELS,
     samplers=(*IMAGE, ("FLOAT_2D", "tangent_triangles"), ("FLOAT_2D", "tangents")),
     images=_NORMALS,
-    constants=(("MAT4", "to_space"), *_ROWS, *_LIMITS, *_IMAGE_NUMBERS),
+    constants=_OF_NORMALS,
     cost=0.5,
 )
 BUMP = Program(
@@ -79,7 +76,7 @@ BUMP = Program(
     texels=TEXELS,
     samplers=IMAGE,
     images=_NORMALS,
-    constants=(("MAT4", "to_space"), *_ROWS, ("FLOAT", "rise"), *_LIMITS, *_IMAGE_NUMBERS),
+    constants=_OF_NORMALS,
     cost=2.0,
 )
 COLOR = 4
@@ -150,21 +147,21 @@ def add_constants(
     is_first: bool,
     rows: range | None = None,
 ) -> None:
-    """Add the constants of `materials` to `sums` (RGBA32F or samples.NUMBERS), and count misses: once for each sample of a map.
+    """Add the constants of `materials` to `sums` (RGBA32F), and count misses: once for each sample of a map.
 
     is_first: replace what the sums held. normals: alpha is -1 for a miss. labels: a data texture with the object and
     material number of each triangle, in the order of the hits' numbers. materials: from surface_tables.upload_materials.
     """
     target.dispatch(
-        ADD_CONSTANTS_NUMBER if sums.formats == samples.NUMBERS else ADD_CONSTANTS,
+        ADD_CONSTANTS,
         sums.width,
         rows or range(sums.height),
+        sums=sums.texture,
         hits=hits.texture,
         normals=normals,
         labels=labels,
         materials=materials.texture,
         is_first=int(is_first),
-        **samples.bindings_of_sums(sums),
     )
 
 
@@ -184,9 +181,10 @@ def add_attribute(
     Other arguments as in `add_constants`.
     """
     target.dispatch(
-        ADD_ATTRIBUTE_NUMBER if sums.formats == samples.NUMBERS else ADD_ATTRIBUTE,
+        ADD_ATTRIBUTE,
         sums.width,
         rows or range(sums.height),
+        sums=sums.texture,
         hits=hits.texture,
         labels=labels,
         value_triangles=values.triangles,
@@ -194,14 +192,12 @@ def add_attribute(
         materials=materials.texture,
         feed=number,
         **_levels(feed),
-        **samples.bindings_of_sums(sums),
     )
 
 
 def add_image(sums: target.Target, at_hits: ImageAtHits) -> None:
-    """Add what an image shows to `sums`, and 1 to their alpha, where the hit's material has it."""
-    program = ADD_IMAGE_NUMBER if sums.formats == samples.NUMBERS else ADD_IMAGE
-    at_hits.dispatch(program, **_levels(at_hits.feed), **samples.bindings_of_sums(sums))
+    """Add what an image shows to `sums` (RGBA32F), and 1 to their alpha, where the hit's material has it."""
+    at_hits.dispatch(ADD_IMAGE, sums=sums.texture, **_levels(at_hits.feed))
 
 
 def apply_normal_map(
@@ -222,7 +218,7 @@ def apply_normal_map(
         tangents=tangents.values,
         to_space=shader.mat4(matrix),
         channel=_channel_number(feed.image.channel),
-        **_limits(feed.image),
+        limits=_limits(feed.image),
     )
 
 
@@ -231,14 +227,15 @@ def apply_bump(normals: target.Target, at_hits: ImageAtHits, feed: BumpFeed, to_
 
     unit: how many scene units one unit of the points is: the size of their local space.
     """
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[0, 3] = to_space, feed.distance * feed.image.scale[0] / unit
     at_hits.dispatch(
         BUMP,
         other=max(feed.strength, 0.0),
         normals=normals.texture,
-        to_space=shader.mat4(to_space),
-        rise=feed.distance * feed.image.scale[0] / unit,
+        to_space=shader.mat4(matrix),
         channel=_channel_number(LUMINANCE if feed.image.channel is None else feed.image.channel),
-        **_limits(feed.image),
+        limits=_limits(feed.image),
     )
 
 
@@ -254,12 +251,9 @@ def _levels(feed: ImageFeed | AttributeFeed) -> dict:
     }
 
 
-def _limits(image: ImageFeed) -> dict:
+def _limits(image: ImageFeed) -> tuple[float, float]:
     """The limits that all channels have."""
-    return {
-        "lowest": _shader_number(image.limits.low[0]),
-        "highest": _shader_number(image.limits.high[0]),
-    }
+    return _shader_number(image.limits.low[0]), _shader_number(image.limits.high[0])
 
 
 def _shader_number(value: float) -> float:

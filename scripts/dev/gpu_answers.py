@@ -49,9 +49,10 @@ def unit_or(vectors):
 class Texels:
     """The triangle (SIZE, SIZE) of a mesh at the centers of texels, -1 for none, and the weights of its corners."""
 
-    def __init__(self, mesh, tile=(0, 0)):
+    def __init__(self, mesh, shift=(0, 0)):
+        """shift: of the texels from the first tile, as UVs."""
         self.mesh = mesh
-        corners = mesh.uv[mesh.triangles].astype(np.float64) - tile
+        corners = mesh.uv[mesh.triangles].astype(np.float64) - shift
         place = np.stack(np.meshgrid(CENTERS, CENTERS), axis=-1).reshape(-1, 2)
         self.owner, self.weights = np.full(len(place), -1), np.zeros((len(place), 3))
         for number, (a, b, c) in enumerate(corners):
@@ -180,6 +181,19 @@ def of_points():
     maps["NORMAL"] = stored(normals, covered)
     made = {name: answer(values, covered) for name, values in maps.items()}
     return made | {"COVERAGE": answer(covered.astype(float), np.ones_like(covered))}
+
+
+def of_means():
+    """The means of the samples of a texel that the low mesh covers. The high one is level above it."""
+    meshes = gpu_pairs.bumpy()
+    height = float(meshes.highs[0].positions[0, 2])
+    found = [Texels(meshes.low, np.array(offset) / SIZE) for offset in samples.offsets(4)]
+    count = np.sum([each.covered for each in found], axis=0)
+    covered = count > 0
+    points = np.sum([each.points for each in found], axis=0) / np.maximum(count, 1)[..., None]
+    points[..., 2] = np.where(covered, height, 0.0)
+    made = {"POSITION": answer(points, covered), "HEIGHT": answer(points[..., 2], covered)}
+    return made | {"COVERAGE": answer(count / len(found), np.ones_like(covered))}
 
 
 def joined(meshes):
@@ -397,6 +411,7 @@ COMPUTED = {
     "Own hits under a roof": own_hits,
     "Rays from hits": of_blocks,
     "Points and labels": of_points,
+    "Means of points": of_means,
     "Materials": of_materials,
     "Own normal and bump maps": of_own_normals,
     "Margin of the nearest": extended,

@@ -69,9 +69,7 @@ class Lane:
 VALIDATION = {"VK_INSTANCE_LAYERS": "VK_LAYER_KHRONOS_validation", "VK_KHRONOS_VALIDATION_VALIDATE_SYNC": "1"}
 VALIDATION["VK_KHRONOS_VALIDATION_SYNCVAL_SHADER_ACCESSES_HEURISTIC"] = "1"
 GPU_VALIDATION = {**VALIDATION, "VK_KHRONOS_VALIDATION_GPUAV_ENABLE": "1"}
-ZINK = {"GALLIUM_DRIVER": "zink", "LIBGL_ALWAYS_SOFTWARE": "1", "ZINK_DESCRIPTORS": "lazy"}
-"""In Mesa 26.2 zink mixes up images of dispatches that follow each other, unless its descriptors are lazy. More barriers change
-nothing."""
+ZINK = {"GALLIUM_DRIVER": "zink", "LIBGL_ALWAYS_SOFTWARE": "1"}
 SWIFTSHADER = "/usr/lib/chromium/vk_swiftshader_icd.json"
 """Of Debian's package chromium-common."""
 LANES = {

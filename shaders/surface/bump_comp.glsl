@@ -1,6 +1,6 @@
 // Turns the normals at hits as a bump map of the high mesh says, as Cycles' Bump node does. row_u.w: the width of a sample, in
-// texels; row_v.w: the strength. rise: how far the value 1 is out, in the units of the corners. lowest, highest: limits of the
-// value.
+// texels; row_v.w: the strength. limits: of the value. The last column of to_space has how far the value 1 is out, in the units
+// of the corners.
 #include "lib/footprint_lib.glsl"
 #include "lib/served_lib.glsl"
 #include "lib/image_lib.glsl"
@@ -31,7 +31,7 @@ void main()
     for (int side = 0; side < 4; side++) {
       vec2 along = vec2(1 - side / 2, side / 2) * (side % 2 == 0 ? -1.0 : 1.0);
       vec4 color = image_mean(place + along * 0.5 * width / vec2(size), axes);
-      slope += along * clamp(channel_of(color, channel).r, lowest, highest) / width;
+      slope += along * clamp(channel_of(color, channel).r, limits.x, limits.y) / width;
     }
     // J. Blinn, "Simulation of wrinkled surfaces" (1978), by the gradient along two edges of the triangle.
     ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(triangle)));
@@ -44,6 +44,7 @@ void main()
     vec3 across1 = cross(edge2, normal);
     vec3 across2 = cross(normal, edge1);
     float determinant = dot(edge1, across1);
+    float rise = to_space[3].x;
     vec3 gradient = (rises.x * across1 + rises.y * across2) * scale;
     vec3 turned = normal_space_unit(abs(determinant) * normal - sign(determinant) * rise * gradient);
     float strength = row_v.w;

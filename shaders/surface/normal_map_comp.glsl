@@ -1,6 +1,6 @@
 // Turns the normals at hits as a tangent-space normal map of the high mesh says, as Cycles' Normal Map node does. row_u.w: the
-// width of a sample, in texels; row_v.w: the strength. lowest, highest: limits of the stored values. The last row of to_space is
-// their scale, its last column their offset.
+// width of a sample, in texels; row_v.w: the strength. limits: of the stored values. The last row of to_space is their
+// scale, its last column their offset.
 #include "lib/footprint_lib.glsl"
 #include "lib/served_lib.glsl"
 #include "lib/image_lib.glsl"
@@ -34,7 +34,7 @@ void main()
                                  hit_weights(hit))
                       .xyz;
     mat2 footprint = footprint_of(texel, hit, uv, corners, footprint_to_pixels(textureSize(image_pixels, 0))) * row_u.w;
-    vec3 stored = clamp(channel_of(image_mean(place, image_axes(footprint)), channel), vec3(lowest), vec3(highest));
+    vec3 stored = clamp(channel_of(image_mean(place, image_axes(footprint)), channel), vec3(limits.x), vec3(limits.y));
     vec3 scale = vec3(to_space[0].w, to_space[1].w, to_space[2].w);
     vec3 mapped = (stored * scale + to_space[3].xyz) * 2.0 - 1.0;
     mapped.y *= (image_flags & GREEN_DOWN) != 0 ? -1.0 : 1.0;

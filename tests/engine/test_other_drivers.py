@@ -61,7 +61,7 @@ def test_new_memory_is_not_zero(monkeypatch, texel):
     assert (into.texels()[..., 0] != 0.0).all()
 
 
-ZINK = {"GALLIUM_DRIVER": "zink", "LIBGL_ALWAYS_SOFTWARE": "1", "ZINK_DESCRIPTORS": "lazy"}
+ZINK = {"GALLIUM_DRIVER": "zink", "LIBGL_ALWAYS_SOFTWARE": "1"}
 """The environment in which Mesa's OpenGL draws by Vulkan: later than it is called, as drivers of GPUs do."""
 ON_ZINK = ["passes/test_target.py"]
 

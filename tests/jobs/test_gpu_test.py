@@ -247,6 +247,13 @@ def test_samplers_give_the_same_maps(monkeypatch):
     assert {each.verdict for each in report.maps} == {Verdict.EQUAL}
 
 
+def test_rays_are_measured(monkeypatch):
+    monkeypatch.setattr(gpu_test, "SIDES", (128,))
+    found = finish(gpu_test.MEASURES["Rays"]())
+    assert [each.name for each in found] == ["Own hits", "Occlusion"]
+    assert all(each.value > 0.0 for each in found)
+
+
 def test_a_measurement_that_fails_is_wrong(monkeypatch):
     def refused():
         yield gpu_test.STEP

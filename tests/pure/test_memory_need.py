@@ -47,14 +47,13 @@ def test_bytes_of_a_texel():
         assert texel_bytes(Settings(margin_type="EXTEND", **values), method, has_detail=False) == expected
 
 
-def test_sums_have_the_channels_of_their_map():
-    """Maps of numbers take half as much as colors, and maps of points nothing but for several samples."""
+def test_maps_of_materials_have_sums_and_those_of_points_only_with_several_samples():
     bytes_of = partial(texel_bytes, method="CAST", has_detail=False)
-    one, two = bytes_of(Settings(maps=("ROUGHNESS",))), bytes_of(Settings(maps=("ROUGHNESS", "METALLIC")))
-    assert two - one == 8
-    assert bytes_of(Settings(maps=("ROUGHNESS", "BASE_COLOR"))) - one == 16
-    points = [bytes_of(Settings(maps=maps)) for maps in (("HEIGHT",), ("HEIGHT", "POSITION"))]
-    assert points[0] == points[1]
+    roughness, both = (bytes_of(Settings(maps=maps)) for maps in (("ROUGHNESS",), ("ROUGHNESS", "BASE_COLOR")))
+    assert both - roughness == 16
+    for samples, sums in ((1, 0), (4, 16)):
+        one, two = (bytes_of(Settings(samples=samples, maps=maps)) for maps in (("HEIGHT",), ("HEIGHT", "POSITION")))
+        assert two - one == sums
 
 
 @pytest.mark.parametrize("amounts", MEASURED, ids=str)

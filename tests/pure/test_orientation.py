@@ -184,3 +184,12 @@ def test_closest_points_are_those_of_a_search_through_all_seed_6(triangles, plac
     assert (distances >= apart - 0.05).all()
     own = [np.linalg.norm(on[number] - point, axis=-1).min() for number, point in zip(found, points, strict=True)]
     assert max(own) < 0.05
+
+
+@pytest.mark.filterwarnings("error")
+def test_places_far_beyond_what_floats_can_square_have_a_closest_triangle():
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1e25, 0, 0), (1e25, 1, 0), (1e25, 0, 1)], np.float32)
+    asked = np.array([(-1e30, 0.2, 0.2), (2e38, 0.0, 0.0)], np.float32)
+    found, _, squares = Surface(points, np.arange(6).reshape(2, 3)).closest(asked)
+    assert found.tolist() == [0, 1]
+    assert np.isfinite(squares).all()
