@@ -53,6 +53,10 @@ Maps: TypeAlias = dict[str, Map]
 """Texels and states by name; those of UDIM tiles have the tile's number after the name."""
 
 
+SHARES = {"curvature_radius": 0.02}
+"""Lengths with which the stored answers were made, as shares of the diagonal."""
+
+
 @dataclass(frozen=True)
 class Limit:
     """How far a map may be from its answer.
@@ -89,7 +93,7 @@ class Pair:
     def bake(self, pace: Pace | None = None) -> Task[Maps]:
         """Bake the pair. pace: of the slices."""
         maps = tuple(name for name in self.limits if name in BY_NAME and name != "NORMAL")
-        usual = {"width": SIZE, "height": SIZE, "margin": 0, "space": Space.WORLD, "maps": maps}
+        usual = {"width": SIZE, "height": SIZE, "margin": 0, "space": Space.WORLD, "maps": maps} | SHARES
         run = Run(Settings(**{**usual, **self.settings}), pace or Pace())
         return (yield from self.make(self.meshes(), run))
 

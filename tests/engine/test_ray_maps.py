@@ -274,13 +274,43 @@ def test_the_maps_of_a_ball(samples):
 
 
 def test_distances_without_a_setting_are_shares_of_the_diagonal():
-    """10 % for thickness and 2 % for curvature."""
+    """10 % for thickness and 0.5 % for curvature."""
     report, maps = bake_all_maps(*ball(), maps=["THICKNESS", "CURVATURE"], size=SIZE, method="CAST")
     diagonal = 2.0 * np.sqrt(3.0) * RADIUS
     assert report.maps["thickness"]["scale"] == pytest.approx(0.1 * diagonal, rel=1e-3)
     inner = slice(2, -2), slice(2, -2)
     check(maps["thickness"][inner][..., 0], 1.0 - (0.1 * diagonal / RADIUS) ** 2 / 12.0)
-    check(maps["curvature"][inner][..., 0], 0.5 + 3.0 * 0.02 * diagonal / (8.0 * RADIUS))
+    check(maps["curvature"][inner][..., 0], 0.5 + 3.0 * 0.005 * diagonal / (8.0 * RADIUS))
+
+
+def test_bolts_are_not_white_all_over():
+    """Of hexagonal bolts as wide as 1 % of the diagonal, half of the top is gray at least, and nearly all of those of 2 %."""
+    low = zoo.plane("low")
+    points, faces = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], []
+    reach = np.ptp([vertex.co for vertex in low.data.vertices], axis=0)[0]
+    diagonal, middle = np.sqrt(2.0) * reach, np.mean([vertex.co for vertex in low.data.vertices], axis=0)
+    around = np.arange(6) * np.pi / 3.0
+    widths, bolts = (0.01, 0.02), []
+    size = 512
+    rows, columns = (np.mgrid[:size, :size] + 0.5) / size
+    for width, place in zip(widths, (0.3, 0.7), strict=True):
+        radius = width * diagonal / 2.0
+        ring = (
+            np.stack([radius * np.cos(around), radius * np.sin(around)], axis=1)
+            + (np.array([place, 0.5]) - 0.5) * reach
+        )
+        bolts.append(np.hypot(columns - place, rows - 0.5) * reach < 0.85 * radius)
+        first = len(points)
+        points += [(*point, height) for height in (-0.1 * radius, 0.8 * radius) for point in ring]
+        faces += [(first + i, first + (i + 1) % 6, first + 6 + (i + 1) % 6, first + 6 + i) for i in range(6)]
+        faces += [(first + 6, first + 7, first + 8, first + 9), (first + 6, first + 9, first + 10, first + 11)]
+    points = np.array(points, float)
+    points[:4, :2] *= reach / 2.0
+    high = zoo.build("high", points + middle, [(0, 1, 2, 3), *faces], smooth=False)
+    _, maps = bake_all_maps(low, high, maps=["CURVATURE"], size=size, method="CAST", rays=64)
+    white = [(maps["curvature"][bolt][..., 0] > 0.95).mean() for bolt in bolts]
+    assert white[0] < 0.5
+    assert white[1] < 0.1
 
 
 def test_the_floor_is_below_the_lowest_of_all_high_meshes():

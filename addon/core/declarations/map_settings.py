@@ -277,8 +277,9 @@ CONVERT: dict[str, Setting] = {
 LEAST_RAYS, MOST_RAYS = 16, 1024
 THICKNESS_SHARE = 0.1
 """The thickness distance as a share of the diagonal, unless it is set."""
-CURVATURE_SHARE = 0.02
-"""The curvature radius as a share of the diagonal, unless it is set."""
+CURVATURE_SHARE = 0.005
+"""The curvature radius as a share of the diagonal, unless it is set: half as long as bolts are wide, which would be white
+all over."""
 PACKABLE = tuple(kind for kind in map_types.OTHERS if kind.kind is Kind.VALUE and kind.is_scalar)
 """The maps that a channel can store."""
 
@@ -387,7 +388,7 @@ MAPS: dict[str, Setting] = {
     "curvature_radius": Reach(
         label="Curvature Radius",
         tooltip="Radius of the ball in which curvature is measured. Small radii find fine edges, large ones find shapes",
-        empty=f"{CURVATURE_SHARE:.0%} of the diagonal",
+        empty=f"{CURVATURE_SHARE:.1%} of the diagonal",
         switch="curvature_limited",
         shown=CURVATURE_SHARE,
         usual_most=0.2,
