@@ -314,8 +314,10 @@ def read_lod(words: Sequence[str], program: str) -> argparse.Namespace:
     wrong = next((name for name in _NOT_OF_LOD if getattr(options, name) != defaults[name]), None)
     if wrong:
         raise WrongUsage(f"--{wrong.replace('_', '-')} is not for lod, which makes coarser meshes of one mesh")
+    if own.triangles is not None and (own.degrees, own.distance) != (None, None):
+        raise WrongUsage("--triangles sets how many triangles levels have: give it without --degrees and --distance")
     degrees = own.degrees if own.degrees is not None else "" if own.distance else levels.DEGREES
-    options.levels = degrees, levels.PERCENT if own.distance is None else own.distance
+    options.levels = degrees, levels.PERCENT if own.distance is None else own.distance, own.triangles or ""
     check(options)
     try:
         count = len(levels.limits(*options.levels))
@@ -343,7 +345,8 @@ def _lod_parser(program: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=program,
         usage="%(prog)s [FILE ...] --low NAME --output MAP [--degrees 1,2,4] [--distance 1] [option ...]\n"
-        "       %(prog)s --low-file FILE --output MAP [--degrees 1,2,4] [--distance 1] [option ...]",
+        "       %(prog)s --low-file FILE --output MAP [--degrees 1,2,4] [--distance 1] [option ...]\n"
+        "       %(prog)s ... --output MAP --triangles 50%%,25%%,500 [option ...]",
         description="Make levels of detail of one mesh: for each limit the coarsest mesh with the same UV layout that, with "
         "its map, stays within the limit on 99 % of the map's texels.",
         epilog="Other options are those of a bake, as --size, --basis, --save-blend, --report and --untrusted: see `bake "
@@ -363,5 +366,11 @@ def _lod_parser(program: str) -> argparse.ArgumentParser:
         metavar="0.5,1,2",
         help="The largest distances of each level from the mesh, in percent of the longest side of its box; one for all "
         "levels, or one for each (default: 1)",
+    )
+    parser.add_argument(
+        "--triangles",
+        default=None,
+        metavar="50%%,25%%,500",
+        help="In place of limits, how many triangles each level has, or its share of those of the mesh",
     )
     return parser

@@ -43,11 +43,14 @@ class Limit:
         return ", ".join(parts + [f"{100.0 * self.distance:g} % of the size"] * (self.distance < math.inf))
 
 
-def limits(degrees: str, percent: str = "") -> list[Limit]:
+def limits(degrees: str, percent: str = "", triangles: str = "") -> list[Limit]:
     """The limits in two lists of numbers, separated by commas: in degrees, and in percent of the size.
 
-    One list may be empty. A single number counts with each of the other list. Raises BakeError.
+    One list may be empty. A single number counts with each of the other list. With `triangles`, both do not count, and the
+    limits are its `counts`. Raises BakeError.
     """
+    if triangles.strip():
+        return counts(triangles)
     angles, distances = _numbers(degrees, "degrees", 180.0), _numbers(percent, "percent of the size", 100.0)
     count = max(len(angles), len(distances))
     if not count:

@@ -14,6 +14,7 @@ from functools import partial
 import bpy
 import gpu
 import numpy as np
+from mathutils import Matrix, Vector
 
 from .. import older_blender
 from ..core import levels, udim
@@ -50,6 +51,8 @@ SEARCHED = 0.85
 """The share of the work that is done before maps are baked."""
 ENDING, COLLECTION = "_LOD", "_LODs"
 """What is added to the object's name in the names of levels, before their number, and of their collection."""
+GAP = 0.2
+"""The gap between levels that stand side by side, as a share of the width of the mesh."""
 TEMPORARY = "Imprint level"
 """Of temporary datablocks, which exist only within one step of a task, except for meshes."""
 LAYERS = 4
@@ -303,6 +306,17 @@ def work(
     warnings = [*left_out, *dict.fromkeys(warning for bake in bakes for warning in bake.warnings)]
     seconds = time.perf_counter() - start
     return ChainReport(ref.resolve().name, original.triangles, collection.name, levels, search.count, seconds, warnings)
+
+
+def put_beside(context: bpy.types.Context, chain: ChainReport) -> None:
+    """Move the levels of a finished chain into a row beside their original, along the X axis of the scene."""
+    reports = [level.bake for level in chain.levels]
+    original, objects = reports[0].refs[1].resolve(), [report.refs[0].resolve() for report in reports]
+    corners = np.array([original.matrix_world @ Vector(corner) for corner in original.bound_box])
+    step = (1.0 + GAP) * float(np.ptp(corners[:, 0]))
+    for number, obj in enumerate(objects, start=1):
+        obj.matrix_world = Matrix.Translation((number * step, 0.0, 0.0)) @ original.matrix_world
+    context.view_layer.update()
 
 
 def names(obj: bpy.types.Object, count: int) -> list[str]:

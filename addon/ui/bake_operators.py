@@ -277,8 +277,7 @@ class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
         settings = context.scene.imprint
         if context.active_object is None:
             raise BakeError("No object is active: select the mesh to make levels of.")
-        wanted = settings.level_triangles.strip()
-        limits = levels.counts(wanted) if wanted else levels.limits(settings.level_degrees, settings.level_distance)
+        limits = levels.limits(settings.level_degrees, settings.level_distance, settings.level_triangles)
         if settings.export:
             engine_files.check_levels(settings.export, len(limits))
         return (yield from lod.work(context, context.active_object, limits, settings.to_settings(), pace))
@@ -296,6 +295,8 @@ class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
                 warnings += dict.fromkeys(text for each in done for text in each.warnings)
                 paths = dict.fromkeys(path for each in done for path in each.paths)
                 lines.append(f"Wrote {', '.join(paths)}")
+        if context.scene.imprint.level_beside:  # after the export, where all levels have one place
+            lod.put_beside(context, result)
         self.show(context, lines, warnings)
 
 
@@ -314,6 +315,7 @@ class IMPRINT_PT_levels(SettingsPanel, bpy.types.Panel):
         by_deviation.active = not settings.level_triangles.strip()
         for name in ("level_degrees", "level_distance"):
             by_deviation.prop(settings, name)
+        column.prop(settings, "level_beside")
         column.prop(settings, "export")
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

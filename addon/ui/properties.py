@@ -76,6 +76,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     level_triangles: declared("level_triangles")
     level_degrees: declared("level_degrees")
     level_distance: declared("level_distance")
+    level_beside: declared("level_beside")
     live_every_time: declared("live_every_time")
     size: declared("size", get=lambda self: self.width, set=_set_size)
     square: declared("square", update=_make_square)

@@ -70,6 +70,7 @@ def test_maps_a_scene_a_report_and_a_table(folder, capfd):
         (["--shard", "1/2"], "--shard is for many bakes"),
         (["--strict", "deviation.p99<1deg"], "lod keeps deviation.p99 within --degrees"),
         (["--degrees", "a"], "are not degrees"),
+        (["--triangles", "50%"], "give it without --degrees and --distance"),
         (["--degrees", "1,2,3"], "make no pairs"),
         (["--distance", "-1"], "cannot be a limit"),
         (["--output", "maps/one.png"], "put {low} into --output"),
@@ -96,6 +97,18 @@ def test_errors_leave_no_file(folder, capfd, more, text):
     assert command.run([*CHAIN, *more]) == 1
     assert text in capfd.readouterr().err.splitlines()[-1]
     assert files(folder) == ["hill.blend"]
+
+
+def test_levels_have_so_many_triangles(folder, capfd):
+    words = [word for word in CHAIN if word not in ("--distance", "2,4")]
+    assert command.run([*words, "--triangles", "50%,60", "--report", "report.json"]) == 0
+    whole = json.loads((folder / "report.json").read_text())
+    assert list(json_schema.faults(whole, SCHEMA)) == []
+    found = whole["bakes"][0]["chain"]["levels"]
+    assert [level["limit"] for level in found] == [{"triangles": 0.5}, {"triangles": 60}]
+    assert [level["triangles"] for level in found] == [pytest.approx(144, abs=2), pytest.approx(60, abs=2)]
+    assert command.run([*words, "--triangles", "half"]) == 2
+    assert "'half' is no number of triangles" in capfd.readouterr().err
 
 
 def entry_of(folder, code, *words, **more):

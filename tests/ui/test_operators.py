@@ -16,7 +16,7 @@ from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
 from scripts.imprint import ROOT
-from tests.support import maps, panel_layout, zoo
+from tests.support import glb, maps, panel_layout, zoo
 from tests.support.manual import blocks
 from tests.support.panel import add, refusal, select, use
 from tests.support.panel_layout import draw
@@ -569,7 +569,7 @@ def settings():
 
 def test_the_panel_shows_the_limits_and_the_button(settings):
     drawn = draw()
-    assert {"level_degrees", "level_distance", "export"} <= set(drawn.properties)
+    assert {"level_degrees", "level_distance", "level_beside", "export"} <= set(drawn.properties)
     assert ("imprint.make_levels", True) in drawn.buttons
 
 
@@ -624,6 +624,21 @@ def test_levels_have_the_numbers_of_triangles_that_are_asked_for(settings):
         data.calc_loop_triangles()
         found.append(len(data.loop_triangles))
     assert found == [pytest.approx(count / 2, abs=2), pytest.approx(60, abs=2)]
+
+
+def test_levels_stand_side_by_side_and_their_file_has_them_in_one_place(settings, tmp_path):
+    settings.level_triangles, settings.level_beside = "50 %, 60", True
+    settings.export = str(tmp_path / "hill.glb")
+    original = bpy.context.active_object
+    original.location.x = 3.0
+    bpy.context.view_layer.update()
+    assert bpy.ops.imprint.make_levels() == {"FINISHED"}
+    levels = [bpy.data.objects[f"{original.name}_LOD{number}"] for number in (1, 2)]
+    places = [obj.matrix_world.translation.x for obj in (original, *levels)]
+    assert np.diff(places) == pytest.approx([1.2 * original.dimensions.x] * 2)
+    assert [obj.matrix_world.translation.yz[:] for obj in levels] == [(0.0, 0.0)] * 2
+    tree, _ = glb.parse(tmp_path / "hill.glb")
+    assert [node["translation"] for node in tree["nodes"] if "mesh" in node] == [[3.0, 0.0, 0.0]] * 2
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,11 @@ LEVELS: dict[str, Setting] = {
         default=levels.PERCENT,
         option=None,
     ),
+    "level_beside": Switch(
+        label="Side by Side",
+        tooltip="Put the levels in a row beside the mesh, and not into it. A file of the export has all of them in one place",
+        option=None,
+    ),
 }
 
 

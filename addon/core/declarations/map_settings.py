@@ -390,7 +390,7 @@ MAPS: dict[str, Setting] = {
         tooltip="Radius of the ball in which curvature is measured. Small radii find fine edges, large ones find shapes",
         empty=f"{CURVATURE_SHARE:.1%} of the diagonal",
         switch="curvature_limited",
-        shown=CURVATURE_SHARE,
+        shown=0.02,  # files do not hold a value that was not changed: those that set the radius keep it
         usual_most=0.2,
     ),
     "attribute": Text(
