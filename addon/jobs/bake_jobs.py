@@ -176,7 +176,7 @@ def work(
             raise BakeError("Texture sets and one image for all low objects exclude each other: choose one of them.")
         jobs = by_material(jobs, settings.storing)
     filled = [
-        for_low(own, ATLAS if share_image else job.low.name, job.material)
+        for_low(own if share_image else _of_size(own, job.size), ATLAS if share_image else job.low.name, job.material)
         for job, own in zip(jobs, weights.settings_by_job(jobs, settings), strict=True)
     ]
     _find_occluders(jobs, settings.tracing)
@@ -194,6 +194,10 @@ def work(
         steps = part(bake_job(context, job, job_settings, pace), number / len(jobs), (number + 1) / len(jobs))
         reports.append((yield from relay(steps, partial(replace, finished=number))))
     return reports
+
+
+def _of_size(settings: Settings, size: int) -> Settings:
+    return replace(settings, width=size, height=size) if size else settings
 
 
 def _find_occluders(jobs: Sequence[Job], tracing: TracingSettings) -> None:

@@ -41,6 +41,7 @@ class Job:
     is_measured: whether the report says how far the low mesh with its map deviates from the high mesh. is_pictured: whether the
     report has a picture, and that. must_be_whole: whether it is an error if objects lack files, or what their modifiers need.
     hints: why low and high meshes may not fit, in sentences, if rays are cast.
+    size: of its square maps in texels; 0 for that of the settings.
     The attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
     """
 
@@ -49,6 +50,7 @@ class Job:
         self.other_refs: list[ObjectRef] = []
         self.texture_set: MaterialSet | None = None
         self.is_exported = self.is_for_others = self.is_measured = self.is_pictured = self.must_be_whole = False
+        self.size = 0
         self.hints: list[str] = []
 
     def of_set(self, texture_set: MaterialSet) -> "Job":

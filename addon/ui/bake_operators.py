@@ -138,7 +138,12 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         settings = context.scene.imprint
-        jobs, problems = jobs_by_name(context, settings.suffixes())
+        found, problems = jobs_by_name(context, settings.suffixes())
+        jobs = [job for job in found if job.low.imprint_is_baked]
+        if not jobs:
+            raise BakeError("No pair is checked: check those to bake in the list of pairs.")
+        for job in jobs:
+            job.size = int(job.low.imprint_size)
         for problem in problems:
             self.report({"WARNING"}, problem)
         steps = bake_jobs.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)
@@ -188,6 +193,18 @@ class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
         return f"Sent: {flamenco.submit(flamenco_address(context), job)}"
 
 
+def _draw_pair(layout: bpy.types.UILayout, context: bpy.types.Context, pair: naming.Pair) -> None:
+    low = context.view_layer.objects[pair.low]
+    row = layout.row()
+    row.prop(low, "imprint_is_baked", text=pair.low, translate=False)
+    size = row.row()
+    size.active = low.imprint_is_baked and not context.scene.imprint.share_image
+    size.prop(low, "imprint_size", text="")
+    highs = layout.column()
+    highs.active = low.imprint_is_baked
+    draw_paragraphs(highs, context, [", ".join(pair.highs)], "BLANK1")
+
+
 class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
     """Bakes many low objects at once: pairs of objects by name."""
 
@@ -206,7 +223,8 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
         except BakeError as error:
             found, problems = [], [str(error)]
         box = layout.box()
-        draw_paragraphs(box, context, [f"{pair.low}: {', '.join(pair.highs)}" for pair in found], "CHECKMARK")
+        for pair in found:
+            _draw_pair(box, context, pair)
         draw_paragraphs(box, context, problems, "ERROR")
         if not found and not problems:
             draw_paragraphs(box, context, [message("No object name ends with one of these suffixes.")], "INFO")

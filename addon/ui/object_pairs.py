@@ -24,7 +24,7 @@ from datetime import UTC, datetime
 from functools import lru_cache
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, PointerProperty, StringProperty
 
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
@@ -35,9 +35,28 @@ from .texts import labeled
 
 CHOSEN = ("method", "measure", "extrusion", "max_distance")
 """The settings that a pair has, and the scene for low objects that have no pair."""
+_OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
+SIZES = (256, 512, 1024, 2048, 4096, 8192)
+"""Those that a low object can have in a bake of pairs by name."""
+OF_BATCHES = {
+    "imprint_is_baked": lambda: labeled(
+        BoolProperty,
+        "Bake",
+        "Whether Bake Pairs by Name bakes this low object",
+        default=True,
+        override=_OVERRIDABLE,
+    ),
+    "imprint_size": lambda: labeled(
+        EnumProperty,
+        "Size",
+        "Width and height of the maps that Bake Pairs by Name bakes for this low object. One image for all has the panel's",
+        items=[("0", "–", "The size of the panel"), *((str(size), str(size), "") for size in SIZES)],
+        override=_OVERRIDABLE,
+    ),
+}
+"""Properties of a low object that bakes of pairs by name use. They are no part of its pair, which only a bake makes."""
 MISSING = "{} was deleted: bring it back, or remove it."
 """A sentence about a high object. The panel translates it."""
-_OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 
 
 def is_mesh(_owner, obj: bpy.types.Object) -> bool:
@@ -303,10 +322,14 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 def register() -> None:
     _register()
     bpy.types.Object.imprint = PointerProperty(type=ImprintPair, override=_OVERRIDABLE)
+    for name, make in OF_BATCHES.items():
+        setattr(bpy.types.Object, name, make())
     bpy.app.handlers.save_pre.append(_before_saving)
 
 
 def unregister() -> None:
     bpy.app.handlers.save_pre.remove(_before_saving)
+    for name in OF_BATCHES:
+        delattr(bpy.types.Object, name)
     del bpy.types.Object.imprint
     _unregister()

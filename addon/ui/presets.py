@@ -28,6 +28,8 @@ from .texts import LABEL, label, labeled
 
 FOLDER = "imprint"
 """Below "presets" in the user's scripts."""
+FINAL_SAMPLES = "4"
+"""The samples of new files in a window. Shells, scripts and files that are there have the declared ones."""
 DEFAULTS = "My Defaults"
 """The name of the preset with which new files begin."""
 
@@ -66,12 +68,16 @@ def folder() -> Path:
     return Path(bpy.utils.user_resource("SCRIPTS", path=f"presets/{FOLDER}", create=True))
 
 
-def use_defaults(scene: bpy.types.Scene) -> None:
-    """Set what the preset DEFAULTS says, if there is one, in a scene in which nothing is set."""
+def use_defaults(scene: bpy.types.Scene, *, has_window: bool) -> None:
+    """Set what the preset DEFAULTS says in a scene in which nothing is set; without one, FINAL_SAMPLES, in a window alone."""
     path = folder() / f"{AddPresetBase.as_filename(DEFAULTS)}.py"
     settings = scene.imprint
-    if path.is_file() and not any(map(settings.is_property_set, PART_OF)):
+    if any(map(settings.is_property_set, PART_OF)):
+        return
+    if path.is_file():
         apply_preset(settings, read_preset(path))
+    elif has_window:
+        settings.samples = FINAL_SAMPLES
 
 
 class IMPRINT_PT_presets(PresetPanel, bpy.types.Panel):
@@ -194,7 +200,7 @@ def _after_loading(*_) -> None:
 def _use_in_new_file() -> None:
     if not bpy.data.filepath:
         for scene in bpy.data.scenes:
-            use_defaults(scene)
+            use_defaults(scene, has_window=not bpy.app.background)
 
 
 _handlers = Handlers(("load_post", _after_loading))

@@ -196,6 +196,34 @@ def test_pairs_by_name_are_remembered():
         assert chosen() == [f"{name}_high"]
 
 
+def test_a_pair_by_name_can_be_left_out_or_have_a_size_of_its_own(tmp_path):
+    for name in ("a", "b", "c"):
+        zoo.plane(f"{name}_low")
+        zoo.plane(f"{name}_high")
+    use(size=16, method="CAST")
+    bpy.data.objects["a_low"].imprint_is_baked = False
+    bpy.data.objects["b_low"].imprint_size = "256"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "pairs.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "pairs.blend"))
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    sizes = {image.name: tuple(image.size) for image in bpy.data.images if image.name.endswith("_normal")}
+    assert sizes == {"b_low_normal": (256, 256), "c_low_normal": (16, 16)}
+    for name in ("b", "c"):
+        bpy.data.objects[f"{name}_low"].imprint_is_baked = False
+    with pytest.raises(RuntimeError, match="No pair is checked"):
+        bpy.ops.imprint.bake_pairs()
+
+
+def test_one_image_for_all_pairs_has_one_size():
+    for name in ("a", "b"):
+        zoo.plane(f"{name}_low")
+        zoo.plane(f"{name}_high")
+    use(size=16, method="CAST", share_image=True)
+    bpy.data.objects["b_low"].imprint_size = "256"
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    assert {tuple(image.size) for image in bpy.data.images if image.users and image.size[0]} == {(16, 16)}
+
+
 def test_live_leaves_a_pair(tmp_path):
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
     use(size=16, method="CAST", material=False)

@@ -308,6 +308,27 @@ def test_new_files_begin_with_my_defaults(tmp_path):
     assert bpy.context.scene.imprint.width == 2048
 
 
+def test_new_files_in_a_window_begin_with_four_samples():
+    scene = bpy.context.scene
+    scene.property_unset("imprint")
+    presets.use_defaults(scene, has_window=False)
+    assert scene.imprint.to_settings().sampling.samples == 1
+    presets.use_defaults(scene, has_window=True)
+    assert scene.imprint.to_settings().sampling.samples == 4
+    scene.imprint.samples = "2"
+    presets.use_defaults(scene, has_window=True)
+    assert scene.imprint.to_settings().sampling.samples == 2
+
+
+def test_my_defaults_come_before_four_samples():
+    scene = bpy.context.scene
+    scene.imprint.samples = "1"
+    assert bpy.ops.imprint.preset_add(name=presets.DEFAULTS) == {"FINISHED"}
+    scene.property_unset("imprint")
+    presets.use_defaults(scene, has_window=True)
+    assert scene.imprint.to_settings().sampling.samples == 1
+
+
 @pytest.mark.parametrize("image", ["", "helmet_normal"])
 def test_a_saved_preset_leaves_names_alone_that_fit_one_object(image):
     settings = bpy.context.scene.imprint
