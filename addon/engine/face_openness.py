@@ -30,7 +30,7 @@ def openness(tables: cast.Tables, corners: np.ndarray, rays: int) -> np.ndarray:
     centers = np.stack(np.divmod(np.arange(count), side)[::-1], axis=1) + 0.5
     uv = ((centers[:, None] + TEXEL) / side).reshape(-1, 2).astype(np.float32)
     hits = target.Target(side, side, ("RGBA32UI",))
-    high_in_uv.draw_hits(hits, high_in_uv.upload_for_hits(uv, np.arange(count)), udim.uv_to_clip())
+    high_in_uv.draw_hits(hits, high_in_uv.upload_for_hits(uv, np.arange(count)), count, udim.uv_to_clip())
     sums = target.Target(side, side, ("RGBA32F",))
     target.clear(sums)
     lattice, occluders = hemisphere.lattice_of(rays), hemisphere.Occluders(tables, two_sided=True)
