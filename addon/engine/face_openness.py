@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from ..core import udim
-from ..core.progress import Pace
+from ..core.progress import STEP, Pace
 from ..mesh import bvh
 from ..passes import cast, hemisphere, high_in_uv, target
 from .ray_casting import TEXEL
@@ -34,11 +34,16 @@ def openness(tables: cast.Tables, corners: np.ndarray, rays: int) -> np.ndarray:
     sums = target.Target(side, side, ("RGBA32F",))
     target.clear(sums)
     lattice, occluders = hemisphere.lattice_of(rays), hemisphere.Occluders(tables, two_sided=True)
-    height = min(side, 8 * -(-count // (8 * side)))
-    for rows, numbers, is_first in hemisphere.slices(Pace(), height, range(rays), "openness"):
+    height = min(side, STEP * -(-count // (STEP * side)))
+
+    def draw(rows: range, numbers: range, is_first: bool) -> None:
         cast_now = hemisphere.Rays(hits.texture, surface, lattice, numbers, rows, is_first)
         hemisphere.add_openness(sums, cast_now, occluders)
         sums.finish()
+
+    covered = np.full(height // STEP, float(STEP * side))
+    for _ in hemisphere.slices(Pace(), hemisphere.ADD_OPENNESS, (side, height), covered, range(rays), draw=draw):
+        pass
     texels = np.empty((side, side, 4), np.float32)
     target.read(sums.texture, texels)
     return texels.reshape(-1, 4)[:count, 3] / rays
