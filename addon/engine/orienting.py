@@ -13,7 +13,7 @@ from ..core.settings import Settings
 from ..mesh import corner_normals, orientation
 from ..mesh.inputs import Mended, Meshes
 from ..mesh.triangle_mesh import Mesh
-from . import tree_cache, uv_agreement
+from . import stacked_uvs, tree_cache, uv_agreement
 from .face_openness import openness
 from .high_patches import HighPatches, corners_in, patches_of, places_of
 from .method_choice import tiles_to_bake
@@ -124,7 +124,8 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
     ratios = [some.means(some.cosines) for some in patches.samples]
     # Beside the low mesh, objects may be rotated, too: then only conflicts tell that something is wrong.
     if patches.is_clean and (patches.is_aside or all((ratio > SURE).all() for ratio in ratios)):
-        asked = may_be_hidden(patches) if patches.count > 1 else []
+        may_cast = patches.count > 1 and settings.tracing.method != Method.FLATTEN
+        asked = may_be_hidden(patches) if may_cast else []
         if any(each.any() for each in asked) and _casts(meshes, settings):
             return one_skin(_joined(patches), patches, timings, asked)
         return _joined(patches)
@@ -168,7 +169,8 @@ def _casts(meshes: Meshes, settings: Settings) -> bool:
     if settings.tracing.method != Method.AUTO or any(high.uv is None for high in meshes.highs):
         return settings.tracing.method != Method.FLATTEN
     tiles = tiles_to_bake(meshes, settings.sampling)
-    return not uv_agreement.measure(meshes.low, meshes.drawn_highs, tiles).is_shared
+    in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)  # as choose_method compares them once more
+    return not uv_agreement.measure(in_order.low, in_order.drawn_highs, tiles).is_shared
 
 
 def _joined(patches: HighPatches) -> Meshes:
@@ -232,7 +234,7 @@ def _by_openness(
 ) -> list[np.ndarray]:
     """Turn over the unclear patches whose backs are more open than their fronts. Returns those (count,) bool of each mesh
     whose sides are about as open."""
-    scene = tree_cache.trees.ray_scene_of(patches.meshes.highs, timings)
+    scene = patches.scene(timings)
     undecided = []
     for number, (some, asked) in enumerate(zip(patches.samples, unclear, strict=True)):
         chosen = asked[some.patches]
