@@ -17,7 +17,6 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..passes import audit, low_in_uv, mesh_upload, target
-from . import ray_casting
 from .bands import Band, bands
 from .method_choice import Plan
 from .sampling import SampledMaps, maps_of_bake
@@ -250,8 +249,7 @@ class StackedParts:
                 is_drawn=self._is_of(number),
                 is_changed_later=meshes.has_detail,
             )
-        ray_mesh = ray_casting.upload_ray_mesh(meshes, ray_cast.low, ray_cast.ray_scene.local_space)
-        ray_cast = replace(ray_cast, ray_mesh=ray_mesh)
+        ray_cast = ray_cast.of(meshes)
         if self._plan.has_rays:
             flat = replace(meshes, whole=self._plan.meshes.whole)
             return FlatAndRays(flat, ray_cast, run)
