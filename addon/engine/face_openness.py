@@ -35,15 +35,14 @@ def openness(tables: cast.Tables, corners: np.ndarray, rays: int) -> np.ndarray:
     target.clear(sums)
     lattice, occluders = hemisphere.lattice_of(rays), hemisphere.Occluders(tables, two_sided=True)
     height = min(side, STEP * -(-count // (STEP * side)))
-    covered = np.full(-(-height // STEP), float(STEP * side))
 
-    def cast_rays(rows: range, numbers: range, is_first: bool) -> None:
-        hemisphere.add_openness(
-            sums, hemisphere.Rays(hits.texture, surface, lattice, numbers, rows, is_first), occluders
-        )
+    def draw(rows: range, numbers: range, is_first: bool) -> None:
+        cast_now = hemisphere.Rays(hits.texture, surface, lattice, numbers, rows, is_first)
+        hemisphere.add_openness(sums, cast_now, occluders)
         sums.finish()
 
-    for _ in hemisphere.slices(Pace(), hemisphere.ADD_OPENNESS, (side, height), covered, range(rays), draw=cast_rays):
+    covered = np.full(height // STEP, float(STEP * side))
+    for _ in hemisphere.slices(Pace(), hemisphere.ADD_OPENNESS, (side, height), covered, range(rays), draw=draw):
         pass
     texels = np.empty((side, side, 4), np.float32)
     target.read(sums.texture, texels)

@@ -6,13 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.progress import Timings
 from ..mesh import orientation
 from ..mesh.closest import Surface
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.orientation import Patches
 from ..mesh.triangle_mesh import Mesh
+from . import tree_cache
 from .method_choice import FAR_APART
+from .tree_cache import RayScene
 
 FEW, MANY = 64, 4096
 """How many triangles of all high meshes are compared with the low mesh, if they agree with each other, and if not."""
@@ -67,6 +70,7 @@ class HighPatches:
         self.of = [patches_of(high) for high in meshes.highs]
         self.count = sum(patches.count for patches in self.of)
         self.is_clean = all(patches.pairs is None for patches in self.of)
+        self._scene: RayScene | None = None
 
     def compare(self, count: int = 0) -> None:
         """Compare a sample of about `count` triangles with the low mesh; 0 for as many as it takes to find their sides."""
@@ -86,6 +90,12 @@ class HighPatches:
         self.samples = [
             self._samples(high, patches, count) for high, patches in zip(self.meshes.highs, self.of, strict=True)
         ]
+
+    def scene(self, timings: Timings) -> RayScene:
+        """What rays can hit: the meshes as they were read. Built once, and cached."""
+        if self._scene is None:
+            self._scene = tree_cache.trees.ray_scene_of(self.meshes.highs, timings)
+        return self._scene
 
     def corners(self, number: int, chosen: np.ndarray | slice) -> np.ndarray:
         """The corners (N, 3, 3) float64 of some triangles of a high mesh, counter-clockwise from the front, in the place of the

@@ -13,7 +13,7 @@ from ..core.settings import Settings
 from ..mesh import corner_normals, orientation
 from ..mesh.inputs import Mended, Meshes
 from ..mesh.triangle_mesh import Mesh
-from . import tree_cache, uv_agreement
+from . import stacked_uvs, tree_cache, uv_agreement
 from .face_openness import openness
 from .high_patches import HighPatches, corners_in, patches_of, places_of
 from .method_choice import tiles_to_bake
@@ -60,6 +60,11 @@ def notes(meshes: Meshes) -> list[str]:
             "were not turned over: recalculate the normals of both."
         )
     names = [repr(high.name) for high in meshes.highs]
+    if mended.low_is_inside_out:
+        found.append(
+            f"{meshes.low.name!r} is inside out, and the high mesh is not: the map will be wrong. Recalculate its normals, or "
+            "enlarge it if it was shrunk through itself."
+        )
     if mended.undecided_share > MUCH:
         parts = [f"{count:,} of {name}" for count, name in zip(mended.undecided, names, strict=True) if count]
         found.append(
@@ -124,12 +129,15 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
     ratios = [some.means(some.cosines) for some in patches.samples]
     # Beside the low mesh, objects may be rotated, too: then only conflicts tell that something is wrong.
     if patches.is_clean and (patches.is_aside or all((ratio > SURE).all() for ratio in ratios)):
-        asked = may_be_hidden(patches) if patches.count > 1 else []
+        may_cast = patches.count > 1 and settings.tracing.method != Method.FLATTEN
+        asked = may_be_hidden(patches) if may_cast else []
         if any(each.any() for each in asked) and _casts(meshes, settings):
             return one_skin(_joined(patches), patches, timings, asked)
         return _joined(patches)
     if _low_is_inside_out(patches):
         return meshes
+    if _low_points_inward(patches):
+        return replace(meshes, mended=replace(Mended.nothing(meshes.highs), low_is_inside_out=True))
     if _low_differs(patches):
         has_conflict = any(each.conflicts for each in patches.of)
         return (
@@ -168,7 +176,8 @@ def _casts(meshes: Meshes, settings: Settings) -> bool:
     if settings.tracing.method != Method.AUTO or any(high.uv is None for high in meshes.highs):
         return settings.tracing.method != Method.FLATTEN
     tiles = tiles_to_bake(meshes, settings.sampling)
-    return not uv_agreement.measure(meshes.low, meshes.drawn_highs, tiles).is_shared
+    in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)  # as choose_method compares them once more
+    return not uv_agreement.measure(in_order.low, in_order.drawn_highs, tiles).is_shared
 
 
 def _joined(patches: HighPatches) -> Meshes:
@@ -182,13 +191,32 @@ def _joined(patches: HighPatches) -> Meshes:
 
 def _low_is_inside_out(patches: HighPatches) -> bool:
     """Whether the low mesh is the one that points inward, while the high ones do not."""
-    agreeing = sum(float((each.weights * each.cosines).sum()) for each in patches.samples)
-    if agreeing > -0.5 * sum(float((each.weights * np.abs(each.cosines)).sum()) for each in patches.samples):
+    if _agreement(patches) > -0.5:
         return False
     centers = patches.low_points[patches.low_triangles].astype(np.float64).mean(axis=1)
     away, normals = centers - centers.mean(axis=0), patches.low_normals * patches.low_areas[:, None]
     most = (np.linalg.norm(away, axis=1) * patches.low_areas).sum()
     return float((away * normals).sum()) < INWARD * float(most)
+
+
+def _low_points_inward(patches: HighPatches) -> bool:
+    """Whether the low mesh is closed and points inward, while the high ones are closed, clean and point outward: also parts of
+    any shape, as rings, whose faces point away from the middle as often as towards it."""
+    if not patches.is_clean or _agreement(patches) > -0.5 or not patches_of(patches.low).is_closed.all():
+        return False
+    a, b, c = patches.low_points[patches.low_triangles].astype(np.float64).transpose(1, 0, 2)
+    if float((a * np.cross(b, c)).sum()) >= 0.0:
+        return False
+    numbers = range(len(patches.of))
+    return all(
+        one.is_closed.all() and (_volumes(patches, n) > 0.0).all() for n, one in zip(numbers, patches.of, strict=True)
+    )
+
+
+def _agreement(patches: HighPatches) -> float:
+    """How much the high meshes agree with the low one, from -1 to 1."""
+    most = sum(float((each.weights * np.abs(each.cosines)).sum()) for each in patches.samples)
+    return sum(float((each.weights * each.cosines).sum()) for each in patches.samples) / max(most, 1e-300)
 
 
 def _low_differs(patches: HighPatches) -> bool:
@@ -232,7 +260,7 @@ def _by_openness(
 ) -> list[np.ndarray]:
     """Turn over the unclear patches whose backs are more open than their fronts. Returns those (count,) bool of each mesh
     whose sides are about as open."""
-    scene = tree_cache.trees.ray_scene_of(patches.meshes.highs, timings)
+    scene = patches.scene(timings)
     undecided = []
     for number, (some, asked) in enumerate(zip(patches.samples, unclear, strict=True)):
         chosen = asked[some.patches]

@@ -16,7 +16,6 @@ from ..passes import cast, rays, target
 from . import tree_cache
 from .face_openness import openness
 from .high_patches import HighPatches, Samples, corners_in
-from .tree_cache import RayScene
 
 FIRST_RAYS, ALL_RAYS = 8, 64
 """From each side of a triangle, to see the outside: first for all, then for those that seem to be hidden."""
@@ -97,7 +96,7 @@ class _Search:
 
     def __init__(self, meshes: Meshes, patches: HighPatches, timings: Timings):
         self._highs, self._patches, self._timings = meshes.highs, patches, timings
-        self._scene: RayScene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
+        self._scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, like=patches.scene(timings))
 
     def hidden(self, number: int, asked: np.ndarray) -> np.ndarray:
         """Which of the patches asked for (count,) bool of a mesh lie behind the surface, (count,) bool."""

@@ -2,7 +2,7 @@
 """The rays of a bake, from the low mesh or its cage to the high meshes, on a map and at points."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gpu
@@ -17,6 +17,7 @@ from ..mesh.local_space import FARTHEST, LocalSpace
 from ..mesh.subdividing import Pieces
 from ..passes import cast, rays, samples, target
 from ..passes.samples import Active
+from . import low_offset
 from .tree_cache import LowSurface, RayScene
 
 TOUCHING = 1e-6
@@ -29,6 +30,8 @@ class RayCast:
 
     ray_mesh: from `upload_ray_mesh`. extrusion, max_distance: in scene units; with a cage, rays start on it and extrusion is 0.
     hit: which hit counts. is_measured: whether at least one of the two distances was measured, not set.
+    offset: in local space. The high meshes lie so far outside the low one everywhere, which was moved to them. Rays, heights
+    and `low` are those of the moved mesh, the two distances are not.
     """
 
     ray_scene: RayScene
@@ -41,6 +44,15 @@ class RayCast:
     facing_only: bool
     has_cage: bool
     is_measured: bool = False
+    offset: float = 0.0
+
+    def moved(self, meshes: Meshes) -> Meshes:
+        """`meshes` with their low mesh where the rays start from."""
+        return low_offset.moved(meshes, self.offset * self.ray_scene.local_space.size) if self.offset else meshes
+
+    def of(self, meshes: Meshes) -> "RayCast":
+        """The same rays from other meshes, which are not moved yet."""
+        return replace(self, ray_mesh=upload_ray_mesh(self.moved(meshes), self.low, self.ray_scene.local_space))
 
     @property
     def blend_width(self) -> float:
@@ -64,7 +76,7 @@ class RayCast:
             self.ray_mesh,
             uv_to_clip,
             self.directions,
-            start_offset=self.extrusion / unit,
+            start_offset=self.extrusion / unit - self.offset,
             start_on_cage=self.has_cage,
             clear=not some,
             stopped=some and some.stopped,
@@ -90,7 +102,7 @@ class RayCast:
         unit = self.ray_scene.local_space.size
         search = cast.Search(
             self.hit,
-            inside=FARTHEST if self.has_cage else (self.max_distance - self.extrusion) / unit,
+            inside=FARTHEST if self.has_cage else (self.max_distance - self.extrusion) / unit + self.offset,
             # Painting moves where rays start, not where they end. From a cage, they have a length instead.
             max_t=self.max_distance / unit if self.has_cage else FARTHEST,
             facing_only=self.facing_only,

@@ -12,10 +12,10 @@ from ..core.declarations.choices import Directions, Hit
 from ..core.progress import Pace, Progress, Task, Timings
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes
-from ..mesh.local_space import FARTHEST
+from ..mesh.local_space import FARTHEST, local_space_of
 from ..passes import cast, rays, target
 from ..passes.cast import Owners
-from . import ray_casting, tree_cache
+from . import low_offset, ray_casting, tree_cache
 from .tree_cache import LowSurface, SharpPoints
 
 PROBE_SIZE = 256
@@ -26,6 +26,8 @@ QUANTILE = 0.999
 """Distances beyond this quantile are outliers: rays that pass an edge and hit a surface behind it."""
 RESERVE = 1.5
 """Factor on the measured distances: the surface between two measured texels may lie farther away."""
+SMALLEST = 1e-4
+"""Rays must start a little away from surfaces that coincide."""
 WHOLE_WORLD = 8.0
 """Longer than any distance in the local space of the high meshes, if the low mesh touches them."""
 FARTHEST_PART = 4.0
@@ -55,6 +57,7 @@ def measured_rays(
         directions = choose_directions(settings.tracing.directions, meshes, low_surface, ray_scene.tables)
     # With a cage, rays start exactly on it.
     extrusion, max_distance = 0.0 if has_cage else settings.tracing.extrusion, settings.tracing.max_distance
+    off, space = 0.0, ray_scene.local_space
     is_measured = extrusion is None or max_distance is None
     if extrusion is None or max_distance is None:
         with timings.timed("distances"):
@@ -64,10 +67,23 @@ def measured_rays(
                 unpainted = replace(meshes, offset=None)
                 probed = ray_casting.upload_ray_mesh(unpainted, low_surface, ray_scene.local_space)
             probe = Probe(ray_scene.tables, probed, directions, settings.sampling.size, tiles)
-            outside, inside = measure_distances(probe, has_cage=has_cage, facing_only=settings.tracing.facing_only)
+            heights = measured_heights(probe, has_cage=has_cage, facing_only=settings.tracing.facing_only)
+            if settings.tracing.hit == Hit.OWN and not has_cage:
+                off = low_offset.offset(heights, 2.0 * local_space_of([meshes.low]).size / unit)
+            if off:
+                off = rounded(off)
+                meshes = low_offset.moved(meshes, off * unit)
+                low_surface = tree_cache.trees.low_surface_of(meshes.whole_low, space, timings)
+                ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, space)
+                directions = choose_directions(settings.tracing.directions, meshes, low_surface, ray_scene.tables)
+                unpainted = ray_casting.upload_ray_mesh(replace(meshes, offset=None), low_surface, space)
+                probe = replace(probe, ray_mesh=unpainted, directions=directions)
+                heights = measured_heights(probe, has_cage=False, facing_only=settings.tracing.facing_only)
+            outside, inside = distances(heights, has_cage=has_cage)
             if settings.tracing.hit == Hit.OWN and not has_cage:
                 length = None if max_distance is None else max_distance / unit
                 outside, inside = with_room((outside, inside), length, probe, low_surface.owners)
+            outside, inside = max(outside + off, SMALLEST), max(inside - off, SMALLEST)
         extrusion = outside * unit if extrusion is None else extrusion
         # Measured from the low surface; rays start `extrusion` outside it.
         max_distance = extrusion + inside * unit if max_distance is None else max_distance
@@ -82,6 +98,7 @@ def measured_rays(
         settings.tracing.facing_only,
         has_cage,
         is_measured,
+        off,
     )
 
 
@@ -116,18 +133,25 @@ class Probe:
             yield into
 
 
-def measure_distances(probe: Probe, *, has_cage: bool, facing_only: bool) -> tuple[float, float]:
-    """How far the high surface lies outside and inside the low one, with some reserve, in units of the rays' local space.
+def measured_heights(probe: Probe, *, has_cage: bool, facing_only: bool) -> np.ndarray:
+    """How far the high surface lies outside the low one, (N,) float32 in units of the rays' local space.
 
-    With a cage, rays start on it, and only the distance inside is measured.
+    With a cage, rays start on it.
     """
     rule = Hit.OUTERMOST if has_cage else Hit.NEAREST
-    heights = np.concatenate(
+    return np.concatenate(
         [
             _heights(probe.tables, drawn, rule, facing_only)
             for drawn in probe.drawn(start_offset=WHOLE_WORLD, start_on_cage=has_cage)
         ]
     )
+
+
+def distances(heights: np.ndarray, *, has_cage: bool) -> tuple[float, float]:
+    """How far the high surface lies outside and inside the low one, with some reserve. heights (N,): measured ones.
+
+    With a cage, only the distance inside counts.
+    """
     if has_cage:
         return 0.0, _with_reserve(-heights) if heights.size else WHOLE_WORLD
     return _with_reserve(heights[heights > 0.0]), _with_reserve(-heights[heights <= 0.0])
@@ -136,7 +160,7 @@ def measure_distances(probe: Probe, *, has_cage: bool, facing_only: bool) -> tup
 def with_room(
     measured: tuple[float, float], max_distance: float | None, probe: Probe, owners: Owners
 ) -> tuple[float, float]:
-    """The two distances that `measure` found, with room for all parts of the high meshes that belong to the low mesh.
+    """The two distances that were measured, with room for all parts of the high meshes that belong to the low mesh.
 
     max_distance: the length of the rays in units of their local space, if the settings have one.
     """
@@ -191,8 +215,7 @@ def hit_heights(tables: cast.Tables, owners: Owners | None, drawn: target.Target
 
 def _with_reserve(distances: np.ndarray) -> float:
     """A distance that includes all of `distances` but the outliers, with some reserve."""
-    smallest = 1e-4  # rays must start a little away from surfaces that coincide
-    return max(smallest, RESERVE * float(np.quantile(distances, QUANTILE))) if distances.size else smallest
+    return max(SMALLEST, RESERVE * float(np.quantile(distances, QUANTILE))) if distances.size else SMALLEST
 
 
 BEVELS = 2.0

@@ -143,7 +143,7 @@ def _ray_probe(ray_cast: ray_casting.RayCast) -> Probe:
         ray_cast.trace(hits, rays)
         cast.heights(found, hits, rays)
         heights, away = found.texels(), rays.texels(1)
-        away[..., :3] *= heights[..., :1] * unit
+        away[..., :3] *= (heights[..., :1] + np.float32(ray_cast.offset)) * unit
         away[..., 3] = heights[..., 3]
         return away
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parts of a low mesh that share texels: which of them the map is made for, and which are hidden and show its detail."""
 
+import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -16,7 +17,6 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..passes import audit, low_in_uv, mesh_upload, target
-from . import ray_casting
 from .bands import Band, bands
 from .method_choice import Plan
 from .sampling import SampledMaps, maps_of_bake
@@ -39,6 +39,45 @@ def ordered(
     comes before the copies that its modifiers make, which the base mesh does not have. before: earlier meshes, as they were
     read and the result; what was not read again stays the same.
     """
+    if before is not None:
+        return _ordered(meshes, tiles, sampling, before)
+    key = (*tiles,), sampling.size, sampling.stacked
+    return _last.of(meshes, key) or _last.keep(meshes, key, _ordered(meshes, tiles, sampling))
+
+
+class _Last:
+    """The last result of `ordered`, as long as its meshes are there. A bake asks twice: before its high meshes are mended, and
+    after that."""
+
+    def __init__(self):
+        self._meshes: weakref.ref[Meshes] | None = None
+        self._key: tuple | None = None
+        self._changed: Meshes | None = None
+        """None if the meshes stayed as they were: they would never be freed."""
+
+    def of(self, meshes: Meshes, key: tuple) -> Meshes | None:
+        """The result for these very meshes, or None."""
+        if self._meshes is None or self._meshes() is not meshes or key != self._key:
+            return None
+        return self._changed or meshes
+
+    def keep(self, meshes: Meshes, key: tuple, result: Meshes) -> Meshes:
+        """Remember a result, and return it."""
+        self._meshes, self._key = weakref.ref(meshes, self._forget), key
+        self._changed = None if result is meshes else result
+        return result
+
+    def _forget(self, gone: weakref.ref) -> None:
+        if gone is self._meshes:
+            self._meshes = self._changed = None
+
+
+_last = _Last()
+
+
+def _ordered(
+    meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings, before: tuple[Meshes, Meshes] | None = None
+) -> Meshes:
     low, is_first = meshes.low, meshes.is_own_base or sampling.stacked == Stacked.FIRST
     if before is not None and before[0].low is low:
         is_same, (low, basis, kept) = before[1] is before[0], (before[1].low, before[1].basis, before[1].kept)
@@ -210,8 +249,7 @@ class StackedParts:
                 is_drawn=self._is_of(number),
                 is_changed_later=meshes.has_detail,
             )
-        ray_mesh = ray_casting.upload_ray_mesh(meshes, ray_cast.low, ray_cast.ray_scene.local_space)
-        ray_cast = replace(ray_cast, ray_mesh=ray_mesh)
+        ray_cast = ray_cast.of(meshes)
         if self._plan.has_rays:
             flat = replace(meshes, whole=self._plan.meshes.whole)
             return FlatAndRays(flat, ray_cast, run)

@@ -158,8 +158,10 @@ class TreeCache:
         scenes, lows = self._scenes.values(), self._lows.values()
         return sum(scene.tables.bytes for scene in scenes) + sum(low.bytes for low in lows)
 
-    def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings) -> RayScene:
+    def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings, like: RayScene | None = None) -> RayScene:
         """The tree over `highs`, built and uploaded unless it is cached.
+
+        like: of the same triangles, whichever of them were turned over: their boxes, and so the tree, are the same.
 
         The key is the content, not the name: Blender does not report every change of a mesh. Raises BakeError for more
         triangles than the tables take.
@@ -177,8 +179,8 @@ class TreeCache:
             )
             found = self._scenes.pop(key, None)
             if found is None:
-                found = _uploaded(highs, timings, has_tree=True)
-                self.built += 1
+                found = _uploaded(highs, timings, has_tree=True, like=like)
+                self.built += like is None
             self._scenes[key] = found
             while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
                 self._scenes.popitem(last=False)
@@ -249,8 +251,13 @@ def _most(who: str) -> str:
     return f"{who} takes at most {most_triangles():,} triangles, and as many vertices, on this GPU"
 
 
-def _uploaded(highs: Sequence[Mesh], timings: Timings, *, has_tree: bool) -> RayScene:
+def _uploaded(highs: Sequence[Mesh], timings: Timings, *, has_tree: bool, like: RayScene | None = None) -> RayScene:
     local_space, points, vertices, normals, own_normals = _arrays(highs)
+    if like is not None:
+        with timings.timed("upload"):
+            vertices, own_normals = threads.take(vertices, like.order), own_normals[like.order]
+            tables = cast.upload(like.tables.tree, points, vertices, normals, own_normals)
+            return RayScene(local_space, tables, like.order)
     if has_tree:
         tree = bvh.build(points, vertices)
     else:

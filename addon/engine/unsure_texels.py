@@ -12,6 +12,7 @@ from ..core.udim import UvToClip
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..passes import cast, data_texture, rays, target
+from . import low_offset
 from .ray_casting import RayCast
 
 GAP = 2e-4
@@ -84,7 +85,9 @@ class Explorer:
         self._ray_cast = ray_cast
         self._unit = ray_cast.ray_scene.local_space.size
         self._gap = GAP * local_space_of([low]).size / self._unit
-        owners, points = ray_cast.low.owners, data_texture.upload(ray_cast.ray_scene.local_space.points(low))
+        owners = ray_cast.low.owners
+        from_low = low_offset.moved_low(low, ray_cast.offset * self._unit)
+        points = data_texture.upload(ray_cast.ray_scene.local_space.points(from_low))
         tables = cast.Tables(owners.tree, _triangles(ray_cast, low), points, points)
         self._at_low = replace(
             ray_cast,
@@ -120,7 +123,8 @@ class Explorer:
             steps = np.linalg.norm(points[:, :3] - neighbors[0][:, :3], axis=-1)
             found = _cast(self._ray_cast, *neighbors)
             doubts.jumps[may_jump] = _jumps(first.at(may_jump), found, steps, self._gap)
-        return doubts, np.abs(first.heights[first.is_hit]) * np.float32(self._unit)
+        heights = first.heights[first.is_hit] + np.float32(self._ray_cast.offset)
+        return doubts, np.abs(heights) * np.float32(self._unit)
 
     def _bake(self, size: tuple[int, int], uv_to_clip: UvToClip) -> tuple[target.Target, _Hits]:
         """The rays of a bake, and what they hit."""

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import bpy
-import gpu
 import numpy as np
 
 from ..core import progress, udim
@@ -17,7 +16,7 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.settings import Run, Settings
-from ..engine import gpu_memory, ray_casting, unsure_texels
+from ..engine import gpu_memory, unsure_texels
 from ..engine.method_choice import choose_method
 from ..engine.sources import normal_source
 from ..mesh.inputs import Meshes
@@ -98,9 +97,7 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
         def trace(painted: Meshes, most: int) -> unsure_texels.Traced:
             most = max(TEXELS, int(most / len(views) ** 0.5))  # as much memory for many tiles as for one
             size = min(settings.sampling.width, most), min(settings.sampling.height, most)
-            return unsure_texels.trace_doubts(
-                replace(ray_cast, ray_mesh=_ray_mesh(ray_cast, painted)), meshes.low, size, views
-            )
+            return unsure_texels.trace_doubts(ray_cast.of(painted), meshes.low, size, views)
 
         return best(meshes, trace)
 
@@ -161,10 +158,6 @@ def _painted(meshes: Meshes, weights: dict[str, np.ndarray]) -> Meshes:
     """`meshes` with these weights, by setting and by vertex."""
     offset, straight = (weights[setting][meshes.low.vertices] for setting in ("offset_group", "straight_group"))
     return replace(meshes, offset=2.0 * offset, straight=2.0 * straight - 1.0)
-
-
-def _ray_mesh(ray_cast: ray_casting.RayCast, meshes: Meshes) -> gpu.types.GPUBatch:
-    return ray_casting.upload_ray_mesh(meshes, ray_cast.low, ray_cast.ray_scene.local_space)
 
 
 def _around_vertices(meshes: Meshes, by_triangle: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ class Mended:
     cannot point to one side, as a Möbius strip. hidden: the number of triangles left out since they lie behind the surface,
     twice: since they are there twice. degrees: by how much normals were smoothed, in the median and at the 95th percentile, or
     empty. low_differs: whether the faces of the low mesh itself point to different sides, so that it cannot tell.
+    low_is_inside_out: whether the low mesh is closed, and all of it points inward.
     """
 
     turned: tuple[MaybeArray, ...] = ()
@@ -41,6 +42,7 @@ class Mended:
     twice: int = 0
     degrees: tuple[float, ...] = ()
     low_differs: bool = False
+    low_is_inside_out: bool = False
 
     @classmethod
     def nothing(cls, highs: Sequence[Mesh]) -> "Mended":

@@ -211,13 +211,13 @@ class Search:
 
 
 def upload(
-    tree: data_texture.BuiltTree,
+    tree: data_texture.BuiltTree | data_texture.Tree,
     points: np.ndarray,
     vertices: np.ndarray,
     normals: np.ndarray,
     own_normals: np.ndarray,
 ) -> Tables:
-    """Upload a tree (bvh.Tree) and its triangles.
+    """Upload a tree (bvh.Tree), unless it is on the GPU already, and its triangles.
 
     Args:
         vertices: (T, 3) int, indices into points (P, 3) float32, in the tree's order.
@@ -225,7 +225,7 @@ def upload(
         own_normals: (T,) int, where the normals of each triangle are, in the tree's order: as shared_values.joined has it.
     """
     return Tables(
-        data_texture.upload_tree(tree),
+        tree if isinstance(tree, data_texture.Tree) else data_texture.upload_tree(tree),
         data_texture.upload_numbers(vertices, own_normals),
         data_texture.upload(points),
         data_texture.upload(normals),

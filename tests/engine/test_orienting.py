@@ -7,6 +7,7 @@ import pytest
 
 from addon.core import progress
 from addon.core.settings import Settings
+from addon.engine import tree_cache, uv_agreement
 from addon.jobs import Job
 from addon.jobs.live_session import Session
 from tests.support import angles, maps, oracle, scenes, spoiled, zoo
@@ -286,6 +287,50 @@ def test_triangles_that_are_there_twice_count_once(is_turned):
     report = scenes.bake(low, high, method="CAST")
     assert report.mended["twice"] == len(soup.triangles)
     assert np.abs(cast(low, spoiled.build("clean", soup)) - cast(low, high)).max() < SAME
+
+
+# Cost
+
+
+def test_uv_layouts_with_shared_texels_are_compared_once(monkeypatch):
+    """Before the mending, where parts may be hidden, and by the choice of the method."""
+    low, high, inner = zoo.sphere("lo", n=16), zoo.sphere("hi", n=32), zoo.sphere("inner", n=8)
+    inner.scale = (0.5, 0.5, 0.5)
+    with bpy.context.temp_override(active_object=high, selected_editable_objects=[high, inner]):
+        bpy.ops.object.join()
+    for each in (low, high):  # both halves lie on the same texels
+        loops = np.arange(len(each.data.loops))
+        is_second = np.repeat(
+            [
+                np.mean([each.data.uv_layers[0].uv[i].vector.x for i in face.loop_indices]) > 0.5
+                for face in each.data.polygons
+            ],
+            4,
+        )
+        scenes.move_uvs(each, (2.0, 1.0))
+        scenes.move_uvs(each, offset=(-1.0, 0.0), loops=loops[is_second])
+    meant, asked = uv_agreement._measure, []
+    monkeypatch.setattr(uv_agreement, "_measure", lambda *args: asked.append(args) or meant(*args))
+    report = scenes.bake(low, high, method="AUTO")
+    assert report.mended == {}
+    assert len(asked) == 1
+
+
+def test_a_mesh_that_rays_turn_over_takes_one_tree_seed_7():
+    """Only rays see the outer side of the small ball, which has about as much of each side towards the low mesh."""
+    soup, _ = ball(level=3)
+    small = spoiled.replace(soup, points=0.1 * soup.points + (0.0, 0.0, 1.3))
+    dirty = spoiled.joined(
+        spoiled.flipped_in_regions(soup, np.random.default_rng(7), 0.3),
+        spoiled.flipped(small, np.ones(len(small.triangles), bool)),
+    )
+    low, high = zoo.sphere("lo", n=16), spoiled.build("hi", dirty)
+    tree_cache.trees.free()
+    before = tree_cache.trees.built
+    report = scenes.bake(low, high, method="CAST")
+    assert report.mended["parts"] == 2
+    assert report.mended["hidden"] == 0
+    assert tree_cache.trees.built == before + 1
 
 
 # Noise

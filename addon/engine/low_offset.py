@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A low mesh that lies at one distance from the high meshes everywhere: its rays start from where it was before that."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..mesh.inputs import Meshes
+from ..mesh.orientation import face_normals, welded
+from ..mesh.triangle_mesh import Mesh, normal_matrix
+
+LEAST, ALIKE = 0.0045, 0.6
+"""A low mesh is off if the median of its distances is at least this share of its diagonal, and this share of them is within
+half of the median."""
+STEPS = 10
+"""The mesh is moved in so many steps, each along the normals that it has after the step before."""
+
+
+def offset(heights: np.ndarray, diagonal: float) -> float:
+    """The distance at which the high surface lies outside the low one everywhere; 0 if there is no such distance.
+
+    heights (N,): of points of the high surface. diagonal: of the low mesh.
+    """
+    median = float(np.median(heights)) if heights.size else 0.0
+    if abs(median) < LEAST * diagonal or np.mean(np.abs(heights - median) < 0.5 * abs(median)) < ALIKE:
+        return 0.0
+    return median
+
+
+def moved(meshes: Meshes, distance: float) -> Meshes:
+    """`meshes` whose low mesh lies `distance` farther outside, in scene units, with the normals that it has there."""
+    move = _Move(meshes.whole_low, distance)
+    return replace(
+        meshes,
+        low=move.of(meshes.low),
+        whole=None if meshes.whole is None else move.of(meshes.whole),
+        smooth_normals=move.normals(meshes.smooth_normals),
+    )
+
+
+def moved_low(low: Mesh, distance: float) -> Mesh:
+    """The whole low mesh of `moved`."""
+    return _Move(low, distance).of(low) if distance else low
+
+
+class _Move:
+    """Moves a low mesh by a distance along its normals, as it was moved before along normals that it has no more."""
+
+    def __init__(self, low: Mesh, distance: float):
+        triangles = np.take(low.vertices, low.front_triangles, mode="clip")
+        matrix, place = low.to_world[:3, :3], low.to_world[:3, 3]
+        start = low.positions @ matrix.T + place
+        # Vertices that are at one place, but not joined, stay together.
+        same = welded(start, np.ones(len(start), bool), float(np.linalg.norm(np.ptp(start, axis=0))))
+        triangles, places = same[triangles], start[same]
+        after = before = _vertex_normals(places, triangles)[same]
+        for _ in range(STEPS):
+            places = places + distance / STEPS * after
+            after = _vertex_normals(places, triangles)[same]
+        self._low, self._before, self._after = low, before[low.vertices], after[low.vertices]
+        self._positions = ((places - place) @ np.linalg.inv(matrix).T).astype(np.float32)
+
+    def of(self, low: Mesh) -> Mesh:
+        """The same mesh, or one with some of its triangles, moved."""
+        return replace(low, positions=self._positions, normals=self.normals(low.normals))
+
+    def normals(self, normals: np.ndarray) -> np.ndarray:
+        """Normals (C, 3) of its corners, turned the shortest way as the smooth normals were."""
+        before, after = self._before, self._after
+        world = self._low.to_world_normals(normals).astype(np.float64)
+        length = 1.0 + (before * after).sum(axis=1, keepdims=True)
+        middle = before + after
+        turned = world - (middle * world).sum(axis=1, keepdims=True) / np.maximum(length, 1e-6) * middle
+        turned += 2.0 * (before * world).sum(axis=1, keepdims=True) * after
+        world = np.where(length > 1e-3, turned, world)
+        return (world @ np.linalg.inv(normal_matrix(self._low.to_world)).T).astype(np.float32)
+
+
+def _vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The unit normals (V, 3) of vertices: the mean of the faces around, by their angles there."""
+    faces = face_normals(points, triangles)
+    faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-300)
+    sums = np.zeros((len(points), 3))
+    for corner in range(3):
+        here, ahead, behind = (points[triangles[:, (corner + turn) % 3]] for turn in range(3))
+        u, v = ahead - here, behind - here
+        angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(axis=1))
+        for axis in range(3):
+            sums[:, axis] += np.bincount(triangles[:, corner], angles * faces[:, axis], len(points))
+    return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
