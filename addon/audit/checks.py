@@ -25,6 +25,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..passes import audit as audit_module
 from ..passes import mesh_upload, target
 from . import mip_gaps, severity
+from .appearance import Appearance
 from .severity import MUCH_OVERLAP, Check, Warned
 from .tally import Tally, at_most, sampled
 
@@ -61,9 +62,10 @@ def audit(
     *,
     length: Length,
     stacked: Check,
+    seen: Appearance | None = None,
 ) -> Findings:
     """Check a map. ray_cast: the rays that were cast, or None. length: a length in scene units as text. stacked: from
-    check_stacked."""
+    check_stacked. seen: the appearance of the map, if it was measured."""
     meshes, low = plan.meshes, plan.meshes.low
     uv_checks, uv_warnings = _uv_layout(plan, settings.sampling)
     texel_checks = _texels(plan, tally, settings.sampling)
@@ -75,6 +77,8 @@ def audit(
     distance_checks, placement = _distances(plan, settings, distances if ray_cast else None)
     checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
     checks["overlap"] |= stacked
+    if seen is not None:
+        checks["appearance"] = _share(*seen.wrong) | {"percentile_99": seen.percentile_99, "mean": seen.mean}
     checks["behind"]["backwards"] = checks["backwards"]["share"]
     with_method = replace(settings, method=Method.CAST) if plan.casts_rays else settings
     for kind, check in checks.items():

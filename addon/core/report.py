@@ -79,7 +79,7 @@ class Report:
     far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that
     own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
     contested, jumps, other_layer) of engine.rays.unsure_texels.Doubts; a texel can have several. uneven: whether the low mesh
-    is the base of its own high one."""
+    is the base of its own high one. appearance: only if it was asked for; counts squares of texels, see the other key."""
     targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
     normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
@@ -87,6 +87,12 @@ class Report:
     deviation: dict[str, float | int] = field(default_factory=dict)
     """What the low mesh shows with its map, by the map's own basis: median, percentile_95, percentile_99 and maximum of the
     degrees to the normals of the high meshes, on so many texels. Empty unless it was asked for."""
+    appearance: dict[str, Any] = field(default_factory=dict)
+    """What a viewer sees of the low mesh with its map, and of the high meshes, from 40 sides: mean, median, percentile_95,
+    percentile_99 and maximum of the degrees between both normals, on so many pixels; silhouette: the share of the pixels that
+    one of both covers alone; distance: between both along the view, at the 99th percentile, as a share of the diagonal; wrong:
+    the share of the texels, by squares of the map, whose mean is more than 20 degrees; worst_view: the direction towards the
+    viewer who sees the largest mean. Empty unless it was asked for."""
     tiles: list[int] = field(default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)
@@ -200,6 +206,14 @@ class Report:
         how = f", which differs from theirs on {differing:.1%} of their texels" if differing else ""
         return [f"Shared UVs: {overlap['hidden']:,} triangles show the detail of other parts{how}"]
 
+    def _seen(self) -> list[str]:
+        """The shading error, for the summary."""
+        if not self.appearance:
+            return []
+        mean, most, silhouette = (self.appearance[name] for name in ("mean", "percentile_99", "silhouette"))
+        how = f"{mean:.2f} degrees (mean), {most:.1f} (99th percentile)"
+        return [f"Shading error: {how}; outlines differ on {silhouette:.2%} of the pixels"]
+
     def summary(self, length: Length = plain_length) -> list[str]:
         """Lines for the user: what was baked, and how long it took. length: a length in scene units as text."""
         width, height = self.size
@@ -223,7 +237,7 @@ class Report:
                 f"{name.replace('_', ' ')} {length(value)}" for name, value in self.distances.items()
             )
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
-        details += self._shared()
+        details += [*self._shared(), *self._seen()]
         if self.stopped_early:
             details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:

@@ -193,6 +193,11 @@ MAP: dict[str, Setting] = {
         shown_least=1e-6,
         usual_most=2.0,
     ),
+    "appearance": Switch(
+        label="Shading Error",
+        tooltip="Also measure the shading error: the angle between the normals that a viewer sees of the high meshes and of "
+        "the low mesh with its normal map, from 40 sides",
+    ),
 }
 
 _AXES = {
