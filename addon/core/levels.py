@@ -187,14 +187,15 @@ Candidate = TypeVar("Candidate", bound=Measured)
 
 
 def search(
-    start: Candidate, attempt: Callable[[Candidate, int, bool], Task[Sequence[Candidate]]]
+    start: Candidate, attempt: Callable[[Candidate, int, bool], Task[Sequence[Candidate]]], share: float = STRIDE
 ) -> Task[tuple[Candidate, Candidate | None]]:
     """The coarsest mesh within the limit, and the mesh with FEWER of its triangles that is beyond it; None if there is none.
 
     start: a mesh within the limit. attempt: makes coarser meshes of one of about as many triangles as it is given, in one or
-    several ways, or with more if it cannot; it is also told whether the step is the last one.
+    several ways, or with more if it cannot; it is also told whether the step is the last one. share: of triangles, that the
+    first step leaves.
     """
-    within, share = start, STRIDE
+    within = start
     while True:
         wanted = max(min(int(share * within.triangles), within.triangles - ODD), LEAST)
         made = yield from attempt(within, wanted, share >= FEWER)

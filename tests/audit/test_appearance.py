@@ -2,25 +2,19 @@
 """The shading error: what a viewer sees of high meshes, and of a low mesh with its map, against rays in float64 and known
 angles; and what raises it."""
 
-from dataclasses import replace
 
 import bpy
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from addon.audit import appearance
-from addon.audit.appearance import Detail, SeenHighs, ShownMap, measure
+from addon.audit.appearance import Detail, ShownMap, measure
 from addon.core.map_types import NORMAL
 from addon.core.progress import finish
 from addon.core.settings import Run, Settings
 from addon.engine import baking, normal_space
-from addon.jobs import Job, bake_jobs
-from addon.mesh.triangle_mesh import Mesh
-from addon.passes import lit
 from addon.scene import reading
-from tests.audit.test_deviations import plates
-from tests.support import scenes, seen_from_sides, zoo
+from tests.support import seen_from_sides, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -34,7 +28,7 @@ MIRRORED = Matrix.LocRotScale((1.0, 0.0, 0.0), Euler((0.0, 0.0, 0.5)), (-1.2, 0.
 
 
 def settings(**values):
-    usual = {"method": "CAST", "margin": 4, "depth": 32, "storage": "MEMORY", "material": False}
+    usual = {"method": "CAST", "basis": "MIKKTSPACE", "margin": 4, "depth": 32, "storage": "MEMORY", "material": False}
     return Settings(**{**usual, "width": 128, "height": 128, **values})
 
 
