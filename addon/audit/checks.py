@@ -17,7 +17,7 @@ from ..engine.bands import Band
 from ..engine.method_choice import Plan
 from ..engine.ray_casting import RayCast
 from ..engine.sampling import SampledMaps
-from ..engine.shared_uvs import HiddenParts
+from ..engine.stacked_uvs import StackedParts
 from ..engine.unsure_texels import REASONS, Explorer
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
@@ -373,7 +373,7 @@ DIFFERENT = 2.0
 
 
 def check_stacked(
-    plan: Plan, hidden: HiddenParts, drawn: SampledMaps, settings: Settings, materials: np.ndarray | None = None
+    plan: Plan, hidden: StackedParts, drawn: SampledMaps, settings: Settings, materials: np.ndarray | None = None
 ) -> Check:
     """What Report.checks has of hidden parts, for the check "overlap". drawn: the maps of the bake. materials (T,) int: the
     number of each low triangle's material; None to leave them out."""

@@ -15,7 +15,7 @@ from ..engine import bands, normal_space, uv_agreement
 from ..engine.bands import Band
 from ..engine.method_choice import Plan
 from ..engine.sampling import SampledMaps
-from ..engine.shared_uvs import HiddenParts, Layer
+from ..engine.stacked_uvs import Layer, StackedParts
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -54,7 +54,7 @@ class Deviations:
         *,
         kept: Callable[[np.ndarray], np.ndarray],
         is_wanted: bool,
-        hidden: HiddenParts,
+        hidden: StackedParts,
     ):
         self._kept = kept
         self._plan, self._settings, self._pictures = plan, settings, pictures

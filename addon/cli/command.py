@@ -134,9 +134,9 @@ def _bake(options: RunOptions, sets: Sequence[argparse.Namespace], meter: Meter,
         return many_bakes.run(options, chosen, head, files, meter, may_start_processes=may_start_processes)
     load_blender()
     with startup.spent("imprint"):
-        from . import batch  # needs Blender
+        from . import baker  # needs Blender
 
-    return batch.bake_one(planned[0], files, options, meter)
+    return baker.bake_one(planned[0], files, options, meter)
 
 
 def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:

@@ -113,9 +113,9 @@ def _queue(
 def _bake_here(queue: WorkQueue, files: clashes.RunFiles, meter: Meter, options: RunOptions) -> Iterator[Entry]:
     load_blender()
     with startup.spent("imprint"):
-        from . import batch  # needs Blender
+        from . import baker  # needs Blender
 
-    yield from batch.bake_all(queue, files, meter, options)
+    yield from baker.bake_all(queue, files, meter, options)
 
 
 class _Results:

@@ -18,8 +18,8 @@ from typing import Any
 from ..core.errors import WrongPlace
 from ..core.progress import Progress
 from ..output.atomic_file import make_folder, reason
-from . import batch, clashes, interruption, scene_files, standard_streams
-from .batch import Baker
+from . import clashes, interruption, scene_files, standard_streams
+from .baker import Baker, start_gpu
 from .plans import Plan
 from .worker_process import CONNECTION, Answer, Begun, FilesFound, Line, Percent, Ready, log_path, packed
 
@@ -64,7 +64,7 @@ def run_worker() -> int:
     _end_with_parent()
     standard_streams.ignore_errors()
     prints = _Prints()
-    batch.start_gpu()
+    start_gpu()
     with suppress(_Gone):
         parent.send(Ready())
         baker = None

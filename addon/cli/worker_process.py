@@ -38,7 +38,7 @@ class Setup:
 
     options: RunOptions
     needs_all: bool
-    """As batch.need_all returns it for all plans."""
+    """As baker.need_all returns it for all plans."""
     is_shown: bool
     """Whether the parent shows how far bakes are."""
     folders: tuple[str, ...] = ()

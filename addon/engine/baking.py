@@ -12,7 +12,7 @@ from ..core.progress import Task, part
 from ..core.settings import Run
 from ..mesh.inputs import Meshes
 from ..passes import target
-from . import margins, shared_uvs
+from . import margins, stacked_uvs
 from .bands import Band, BandMaps, bands
 from .margins import PostProcess
 from .method_choice import choose_method, nothing_drawn, tiles_to_bake
@@ -35,7 +35,7 @@ def bake(meshes: Meshes, run: Run) -> Task[dict[int, dict[str, Map]]]:
         (H, W) uint8, see core.map_types.
     """
     tiles = tiles_to_bake(meshes, run.settings.sampling)
-    in_order = shared_uvs.ordered(meshes, tiles, run.settings.sampling)
+    in_order = stacked_uvs.ordered(meshes, tiles, run.settings.sampling)
     plan = choose_method(in_order, tiles, run.settings.tracing)
     source = yield from part(normal_source(plan, run), 0.0, READY)
     renderer = Renderer(maps_of_bake(in_order, source, run), run)

@@ -23,13 +23,13 @@ from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, Settings
-from ..engine import gpu_memory, margins, mip_levels, ray_maps, shared_uvs, sources
+from ..engine import gpu_memory, margins, mip_levels, ray_maps, sources, stacked_uvs
 from ..engine.baking import Renderer
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
 from ..engine.ray_casting import RayCast
 from ..engine.sampling import SampledMaps, maps_of_bake
-from ..engine.shared_uvs import HiddenParts
 from ..engine.sources import Source, normal_source
+from ..engine.stacked_uvs import StackedParts
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
@@ -122,7 +122,7 @@ class _Ready:
     renderer: Renderer
     others: OtherEngines
     truth: SampledMaps
-    hidden: HiddenParts
+    hidden: StackedParts
     deviations: Deviations
     seen: SeenBake
     pictures: BakePictures
@@ -154,7 +154,7 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     tiles = tiles_to_bake(meshes, settings.sampling)
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     with timings.timed("method"):
-        in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)
+        in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
         plan = choose_method(in_order, tiles, settings.tracing, length)
     source = yield from part(normal_source(plan, run), 0.5, 1.0)
     drawn, others = maps_of_bake(in_order, source, run), OtherEngines(in_order.basis, settings)
@@ -165,7 +165,7 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     if is_wanted and sources.hits_are_chosen(plan, settings.tracing):
         source_of_truth = yield from part(sources.own_source(plan, run), 1.0, 1.0)
         truth = maps_of_bake(in_order, source_of_truth, replace(run, settings=settings.without_other_maps()))
-    hidden = HiddenParts(plan, truth.source, settings, is_shared=in_order is not meshes)
+    hidden = StackedParts(plan, truth.source, settings, is_shared=in_order is not meshes)
     deviations = Deviations(
         plan, truth, settings, pictures, kept=partial(kept, settings=settings), is_wanted=is_wanted, hidden=hidden
     )
@@ -253,7 +253,7 @@ def measure_rays(
     meshes = reading.read(context, low, highs, cage, settings)
     with gpu_memory.trimmed():
         tiles = tiles_to_bake(meshes, settings.sampling)
-        in_order = shared_uvs.ordered(meshes, tiles, settings.sampling)
+        in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
         plan = choose_method(in_order, tiles, settings.tracing, reading.lengths_of(context.scene))
         return progress.finish(normal_source(plan, Run(settings))).ray_cast
 

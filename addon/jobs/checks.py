@@ -18,7 +18,7 @@ from ..core.errors import BakeError, shorten_list
 from ..core.map_types import NORMAL
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
-from ..engine import baking, gpu_memory, separation, shared_uvs
+from ..engine import baking, gpu_memory, separation, stacked_uvs
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method
 from ..engine.sampling import maps_of_bake
@@ -404,7 +404,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     meshes = reading.read(
         context, past.job.low, past.job.highs, past.job.cage, settings, texture_set=past.job.texture_set
     )
-    meshes = shared_uvs.ordered(meshes, past.tiles, settings.sampling)
+    meshes = stacked_uvs.ordered(meshes, past.tiles, settings.sampling)
     return _View(past.job, choose_method(meshes, past.tiles, settings.tracing), settings, past.distances)
 
 

@@ -15,13 +15,13 @@ from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Labeled, Map
 from ..core.progress import Pace, Progress, Task, part
 from ..core.settings import Run, Settings
-from ..engine import baking, margins, redrawing, sampling, shared_uvs, sources
+from ..engine import baking, live_redraw, margins, sampling, sources, stacked_uvs
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method, nothing_drawn
 from ..engine.ray_casting import RayCast
 from ..engine.sampling import maps_of_bake
-from ..engine.shared_uvs import HiddenParts
 from ..engine.sources import Source
+from ..engine.stacked_uvs import StackedParts
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, materials, outputs
@@ -127,7 +127,7 @@ class Session:
         self._pool = target.TargetPool()
         self._coarse_pool = target.TargetPool()
         self._coarse: gpu.types.GPUTexture | None = None
-        self._kept = redrawing.kept_map(self.settings)
+        self._kept = live_redraw.kept_map(self.settings)
         self._is_stored = False
         self._shown_by: dict[int, set[int]] = {}
 
@@ -191,7 +191,7 @@ class Session:
         changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
         self._shown_by = object_checks.shown_by(highs)
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
-        in_order = shared_uvs.ordered(meshes, [udim.FIRST], settings.sampling, before and (before, self._meshes))
+        in_order = stacked_uvs.ordered(meshes, [udim.FIRST], settings.sampling, before and (before, self._meshes))
         self._as_read, self._meshes = meshes, in_order
         is_same = in_order is meshes
         self.meshes = meshes if is_same else replace(meshes, low=in_order.low, basis=in_order.basis)
@@ -295,10 +295,10 @@ class Session:
         size = self.settings.sampling.width, self.settings.sampling.height
         return self._true_drawer().high_normals(Band(0, size[1], size, 0))
 
-    def hidden_parts(self) -> HiddenParts:
+    def hidden_parts(self) -> StackedParts:
         """The parts of the low mesh that show texels of other parts on the last map."""
         is_shared = self._meshes is not self._as_read
-        return HiddenParts(self.plan, self._true_drawer().source, self.settings, is_shared=is_shared)
+        return StackedParts(self.plan, self._true_drawer().source, self.settings, is_shared=is_shared)
 
     def _true_drawer(self) -> sampling.SampledMaps:
         """What draws a whole map, with the hits that belong to the texels; for the last map, it is made once."""

@@ -21,8 +21,8 @@ from . import progress_display, view_shading
 from .callbacks import DrawCallbacks, Key, Timer, redraw
 from .declared_properties import passed_on
 from .live import live
+from .local_view import hiding
 from .modal import SlicedOperator
-from .object_hiding import hiding
 from .progress_display import display
 from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, split_layout
 from .view_shading import ITEMS, OWN, TARGETS, Mode

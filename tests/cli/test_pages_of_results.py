@@ -15,7 +15,7 @@ from PIL import Image
 
 from addon.audit.pictures import SIDE
 from addon.cli import command
-from addon.cli.batch import MOST_PICTURES
+from addon.cli.baker import MOST_PICTURES
 from addon.cli.sheet import SheetFile
 from addon.core.errors import BakeError
 from tests.support import reports, zoo

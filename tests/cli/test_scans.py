@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import batch, command, importers, input_checks, run_report, scan_files
+from addon.cli import baker, command, importers, input_checks, run_report, scan_files
 from addon.cli.importers import PLAIN, Space, import_file
 from addon.cli.scan_files import Texture
 from addon.cli.scene_files import SceneLoader
@@ -213,7 +213,7 @@ def incomplete(folder):
 
 
 def test_missing_pages_are_an_error_if_a_map_shows_materials(incomplete, run, monkeypatch):
-    monkeypatch.setattr("addon.cli.batch._baked", lambda *_: pytest.fail("it was baked"))
+    monkeypatch.setattr("addon.cli.baker._baked", lambda *_: pytest.fail("it was baked"))
     code, err = run(*PAIR, "--maps", "ao,base-color")
     assert code == run_report.FAILED
     paths = ", ".join(repr(str(incomplete / f"page{number}.png")) for number in (2, 3))
@@ -455,7 +455,7 @@ def test_the_report_has_the_memory_that_was_estimated(incomplete, run):
 def test_a_lack_of_memory_is_said_before_the_bake(incomplete, run, monkeypatch, capsys):
     monkeypatch.setattr(input_checks, "free_bytes", lambda: 10**8)
     said = []
-    monkeypatch.setattr("addon.cli.batch._baked", lambda *_: said.append(capsys.readouterr().err) or batch._Baked([]))
+    monkeypatch.setattr("addon.cli.baker._baked", lambda *_: said.append(capsys.readouterr().err) or baker._Baked([]))
     run(*PAIR)
     assert said == ["imprint: low: The bake needs about 0.5 GB of memory, and 0.1 GB are free: close other programs.\n"]
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from addon.engine import redrawing
+from addon.engine import live_redraw
 from addon.engine.bands import Band
-from addon.engine.redrawing import DrawnMesh, Part, parts_of
+from addon.engine.live_redraw import DrawnMesh, Part, parts_of
 from addon.mesh.triangle_mesh import Mesh
 
 COUNT = 3 * DrawnMesh.BLOCK + 17
@@ -86,7 +86,7 @@ def test_random_triangles_with_other_corners_change_where_they_were_and_where_th
 
 def test_too_many_changes_are_no_changes_seed_3():
     mesh = random_mesh(3)
-    drawn, most = DrawnMesh(mesh), int(redrawing.MOST_CHANGED * COUNT)
+    drawn, most = DrawnMesh(mesh), int(live_redraw.MOST_CHANGED * COUNT)
     assert len(drawn.changed(with_other_normals(mesh, range(most)))) == most
     assert drawn.changed(with_other_normals(mesh, range(most + 1))) is None
     assert drawn.changed(with_other_normals(mesh, range(COUNT))) is None
@@ -121,7 +121,7 @@ def test_boxes_of_the_mesh_before_are_kept_only_where_they_are_the_same_seed_5(w
 
 
 def test_parts_hold_a_texel_more_on_all_sides():
-    side, size = redrawing.TILE, (64, 64)
+    side, size = live_redraw.TILE, (64, 64)
     box = np.array([[side, side, 2 * side, 2 * side]]) / 64
     inner = box + np.array([1.5, 1.5, -1.5, -1.5]) / 64
     assert parts_of(inner, size) == [Part(range(side, 2 * side), range(side, 2 * side))]
@@ -129,13 +129,13 @@ def test_parts_hold_a_texel_more_on_all_sides():
     assert parts_of(outer, size) == [Part(range(3 * side), range(3 * side))]
 
 
-@pytest.mark.parametrize("count", [2, redrawing.MOST_PARTS, redrawing.MOST_PARTS + 1])
+@pytest.mark.parametrize("count", [2, live_redraw.MOST_PARTS, live_redraw.MOST_PARTS + 1])
 def test_parts_divide_where_they_are_empty_and_all_become_one_if_they_are_many(count):
-    side, size = redrawing.TILE, (redrawing.TILE * 2 * count,) * 2
+    side, size = live_redraw.TILE, (live_redraw.TILE * 2 * count,) * 2
     corners = np.arange(0, 2 * count, 2)[:, None] + np.array([0.3, 0.3, 0.6, 0.6])
     found = parts_of(corners * side / size[0], size)
     single = [range(2 * side * k, 2 * side * k + side) for k in range(count)]
-    if count > redrawing.MOST_PARTS:
+    if count > live_redraw.MOST_PARTS:
         single = [range(single[0].start, single[-1].stop)]
     assert sorted(found, key=lambda part: part.x.start) == [Part(x, x) for x in single]
 

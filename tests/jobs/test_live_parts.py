@@ -7,8 +7,8 @@ import pytest
 
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.engine import redrawing
-from addon.engine.redrawing import KeptMap
+from addon.engine import live_redraw
+from addon.engine.live_redraw import KeptMap
 from addon.jobs import Job
 from addon.jobs.live_session import Session
 from addon.passes import high_in_uv
@@ -107,9 +107,9 @@ def test_parts_equal_a_new_bake(drawn, name):
 def test_few_triangles_are_drawn(monkeypatch):
     low, high = pair()
     session = begin(low, high)
-    counted, within = [], redrawing.DrawnMesh.within
+    counted, within = [], live_redraw.DrawnMesh.within
     monkeypatch.setattr(
-        redrawing.DrawnMesh,
+        live_redraw.DrawnMesh,
         "within",
         lambda *arguments: (found := within(*arguments), counted.append(len(found.triangles)))[0],
     )
@@ -243,11 +243,11 @@ def test_parts_contain_all_boxes_and_do_not_overlap(seed):
     lowest = rng.uniform(-0.2, 1.1, (rng.integers(1, 60), 2))
     boxes = np.concatenate([lowest, lowest + rng.exponential(0.03, lowest.shape)], axis=1).astype(np.float32)
     covered = np.zeros((size[1], size[0]), int)
-    found = redrawing.parts_of(boxes, size)
+    found = live_redraw.parts_of(boxes, size)
     for part in found:
         covered[part.y.start : part.y.stop, part.x.start : part.x.stop] += 1
     assert covered.max() <= 1
-    assert len(found) <= redrawing.MOST_PARTS
+    assert len(found) <= live_redraw.MOST_PARTS
     for u0, v0, u1, v1 in boxes:
         inside = covered[
             max(0, int(np.floor(v0 * size[1]))) : max(0, int(np.ceil(v1 * size[1]))),
@@ -258,7 +258,7 @@ def test_parts_contain_all_boxes_and_do_not_overlap(seed):
 
 def test_parts_that_are_far_apart_are_not_joined():
     boxes = np.array([[0.1, 0.1, 0.12, 0.12], [0.8, 0.8, 0.82, 0.82]], np.float32)
-    found = redrawing.parts_of(boxes, (512, 512))
+    found = live_redraw.parts_of(boxes, (512, 512))
     assert len(found) == 2
     assert sum(len(part.x) * len(part.y) for part in found) < 5000
-    assert redrawing.parts_of(boxes + 2.0, (512, 512)) == []
+    assert live_redraw.parts_of(boxes + 2.0, (512, 512)) == []

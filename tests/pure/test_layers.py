@@ -55,7 +55,7 @@ WITHOUT = {
 WITHOUT_BLENDER = "addon/cli", "addon/output/atomic_file", "addon/output/path_clashes"
 """Folders and modules that need no Blender, although others of their package do. They import only what needs none."""
 WITH_BLENDER = {
-    *("addon/cli/batch.py", "addon/cli/importers.py", "addon/cli/input_checks.py", "addon/cli/scene_files.py"),
+    *("addon/cli/baker.py", "addon/cli/importers.py", "addon/cli/input_checks.py", "addon/cli/scene_files.py"),
     "addon/cli/worker.py",
 }
 """The modules in these folders that do."""
@@ -194,8 +194,8 @@ def test_blenders_entry_point_imports_nothing_until_it_is_called():
 
 CALLS = {
     ("jobs/job.py", "start_gpu"): 1,
-    ("cli/batch.py", "start_gpu"): 1,
-    ("cli/batch.py", "with_gpu"): 1,
+    ("cli/baker.py", "start_gpu"): 1,
+    ("cli/baker.py", "with_gpu"): 1,
     ("jobs/bake_jobs.py", "with_gpu"): 1,
     ("jobs/convert.py", "with_gpu"): 1,
     ("ui/modal.py", "with_gpu"): 1,

@@ -20,8 +20,8 @@ from addon.engine import tree_cache  # noqa: E402
 from addon.passes import target  # noqa: E402
 from addon.ui.cage_overlay import overlay  # noqa: E402
 from addon.ui.live import LiveState, live  # noqa: E402
+from addon.ui.local_view import hiding  # noqa: E402
 from addon.ui.modal import runner  # noqa: E402
-from addon.ui.object_hiding import hiding  # noqa: E402
 from addon.ui.progress_display import display  # noqa: E402
 from addon.ui.view_shading import Mode  # noqa: E402
 from addon.ui.views import viewer  # noqa: E402

@@ -16,7 +16,7 @@ from multiprocessing import connection
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-TARGET, HASHES = "addon.cli.batch", "addon.cli.records"
+TARGET, HASHES = "addon.cli.baker", "addon.cli.records"
 IS_WORKER = "IMPRINT_WORKER" in os.environ
 
 

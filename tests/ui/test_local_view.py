@@ -8,7 +8,7 @@ import addon
 from addon.scene import evaluation
 from addon.ui import view_shading
 from addon.ui.live import live
-from addon.ui.object_hiding import hiding
+from addon.ui.local_view import hiding
 from addon.ui.views import viewer
 from tests.support import zoo
 from tests.ui.test_view_mode import drawn_pixels, view, viewport

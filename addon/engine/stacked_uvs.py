@@ -125,7 +125,7 @@ class Layer:
                 yield replace(band.without_halo, start=max(band.start, start), stop=min(band.stop, stop))
 
 
-class HiddenParts:
+class StackedParts:
     """The hidden parts of the low mesh of `plan`, in layers. source: of the bake. is_shared: whether triangles share texels.
 
     share: of the covered texels, those that hide a part. Parts that were moved by whole tiles are hidden as well. Parts that
