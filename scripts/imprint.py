@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs Imprint from a checkout: demo, bake, lod, farm, bench, test and build. Sets up what they need at the first use.
+"""Runs Imprint from a checkout: demo, bake, lod, check, farm, gpu, bench, test and build, and sets up what they need.
 
 This script runs on any Python from 3.9, with only the standard library. It finds a Python 3.13, which Blender's wheel
 needs, creates a virtual environment in .venv, and runs each command there.
@@ -69,12 +69,15 @@ PACKAGES = {  # the system libraries that Blender's wheel needs, and their packa
     "libxkbcommon.so.0": ("libxkbcommon0", "libxkbcommon"),
     DRIVER: ("libgl1-mesa-dri", "mesa-dri-drivers"),
 }
-FOR_TESTS = {  # the programs that tests start, and their packages
+LAVAPIPE = "lavapipe"  # Mesa's Vulkan in software, on which its OpenGL draws later than it is called
+VULKAN_DRIVERS = Path("/usr/share/vulkan/icd.d")
+FOR_TESTS = {  # the programs that tests start, a driver, and their packages
     "bwrap": ("bubblewrap", "bubblewrap"),
     "clang": ("clang", "clang"),
     "glslangValidator": ("glslang-tools", "glslang"),
     "spirv-cross": ("spirv-cross", ""),
     "spirv-val": ("spirv-tools", "spirv-tools"),
+    LAVAPIPE: ("mesa-vulkan-drivers", "mesa-vulkan-drivers"),
 }
 
 
@@ -352,14 +355,20 @@ def require_gpu(python, may_install):
             raise NoGpu(explain(absent, command, code, output))
 
 
+def missing_for_tests():
+    """Return what tests need and do not find."""
+    absent = [name for name in FOR_TESTS if name != LAVAPIPE and not shutil.which(name)]
+    return absent if any(VULKAN_DRIVERS.glob("lvp_icd*.json")) else [*absent, LAVAPIPE]
+
+
 def require_test_programs():
     """Make sure that tests find the programs that they start, on Linux. Without them, say what to install."""
-    absent = [name for name in FOR_TESTS if not shutil.which(name)]
+    absent = missing_for_tests()
     if sys.platform != "linux" or not absent:
         return
     command = remedy(absent, installer())
     if install(command, f"tests need {', '.join(absent)}", may_install=True):
-        absent = [name for name in absent if not shutil.which(name)]
+        absent = missing_for_tests()
     if absent:
         print_message(f"tests need {', '.join(absent)}, missing here; {how_to_fix(command)}")
 
@@ -522,6 +531,12 @@ def lod(options):
     return bake(options)
 
 
+def check(options):
+    """Look at the high meshes of a bake with scripts/bake.py."""
+    options.rest.insert(0, "check")
+    return bake(options)
+
+
 def farm(options):
     """Send a job file to a farm with scripts/bake.py, which starts no Blender for it."""
     return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "farm", *options.rest])
@@ -530,6 +545,12 @@ def farm(options):
 def report(options):
     """Put reports together with scripts/bake.py, which starts no Blender for it."""
     return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "report", *options.rest])
+
+
+def gpu(options):
+    """Test the GPU with scripts/bake.py."""
+    options.rest.insert(0, "gpu")
+    return bake(options)
 
 
 def cores():
@@ -602,7 +623,7 @@ def version():
 
 
 def parse(arguments):
-    """Return the options. The scripts behind demo, bake, lod, farm, bench and test parse their own options, --help included."""
+    """Return the options. The scripts behind most commands parse their own options, --help included."""
     parser = argparse.ArgumentParser(prog="imprint.py", description=DESCRIPTION)
     parser.add_argument("--version", action="store_true", help="print the versions of Imprint and of Blender")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -610,7 +631,9 @@ def parse(arguments):
         (demo, "bake the example"),
         (bake, "bake a normal map; see bake --help"),
         (lod, "make levels of detail of a mesh; see lod --help"),
+        (check, "say what the high mesh of a bake is, and what will be changed of it; takes the options of bake"),
         (farm, "send a job file to a farm; see farm --help"),
+        (gpu, "test the GPU and its driver; see gpu --help"),
         (report, "put the reports of several machines together; see report --help"),
         (bench, "compare Imprint with other bakers, and write a report; see bench --help"),
         (test, "run ruff and the tests; see test --help"),
@@ -619,7 +642,17 @@ def parse(arguments):
     building = commands.add_parser("build", help="make the extension's zip and print its path")
     building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="folder for the zip (default: dist)")
     building.set_defaults(run=build)
-    passes_on = arguments[:1] in (["demo"], ["bake"], ["lod"], ["farm"], ["report"], ["bench"], ["test"])
+    passes_on = arguments[:1] in (
+        ["demo"],
+        ["bake"],
+        ["lod"],
+        ["check"],
+        ["farm"],
+        ["gpu"],
+        ["report"],
+        ["bench"],
+        ["test"],
+    )
     options = parser.parse_args(arguments[:1] if passes_on else arguments)
     options.rest = arguments[1:] if passes_on else []
     return options

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core import threads
 from ..core.declarations import bases, targets
 from ..core.declarations.choices import Space, Storage
 from ..core.settings import MapSettings, SamplingSettings, Settings
@@ -17,6 +18,8 @@ from . import severity
 
 LOW_FACES, HIGH_FACES = 256, 2048
 """The most faces of the low mesh, and of all high ones, that are compared."""
+BLOCK = 64
+"""The low faces that are compared at once: larger products of matrices start threads of their own, which take longer."""
 AGAINST = 0.8
 """The share of the low faces that point against the high ones near them, above which one of the two meshes is flipped. Thin
 parts reach half of it, because the nearest face can be on their other side."""
@@ -40,12 +43,15 @@ class Faces:
         return float(parts.sum() / most) if most > 0.0 else 0.0
 
 
-def faces_of_mesh(mesh: Mesh, most: int) -> Faces:
-    """Some triangles of a mesh, evenly spaced in their order, at most `most`."""
-    kept = mesh.front_triangles[:: max(1, -(-len(mesh.triangles) // most))]
+def faces_of_mesh(mesh: Mesh, most: int, turned: np.ndarray | None = None) -> Faces:
+    """Some triangles of a mesh, evenly spaced in their order, at most `most`. turned (T,) bool: those that were turned over;
+    they count as they were before."""
+    step = max(1, -(-len(mesh.triangles) // most))
+    kept = mesh.front_triangles[::step]
     corners = mesh.positions[mesh.vertices[kept]].astype(np.float64) @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    return Faces((a + b + c) / 3.0, np.cross(b - a, c - a))
+    normals = np.cross(b - a, c - a)
+    return Faces((a + b + c) / 3.0, normals if turned is None else np.where(turned[::step, None], -normals, normals))
 
 
 def joined_faces(faces: Sequence[Faces]) -> Faces:
@@ -63,9 +69,13 @@ def is_against(low: Faces, high: Faces) -> bool:
     boxes = _box(below), _box(above)
     if gap_of_boxes(*boxes) > 0.0:
         above = above + (sum(boxes[0]) - sum(boxes[1])) / 2.0
-    squares = (above * above).sum(axis=1) - 2.0 * below @ above.T
-    nearest = high.normals[squares.argmin(axis=1)]
-    return bool(((low.normals * nearest).sum(axis=1) < 0.0).mean() > AGAINST)
+    squares, nearest = (above * above).sum(axis=1), np.empty(len(below), np.intp)
+
+    def find(part: slice) -> None:
+        nearest[part] = (squares - 2.0 * below[part] @ above.T).argmin(axis=1)
+
+    threads.for_blocks(len(below), find, BLOCK)
+    return bool(((low.normals * high.normals[nearest]).sum(axis=1) < 0.0).mean() > AGAINST)
 
 
 def flipped_one(low: Faces, high: Faces) -> str:

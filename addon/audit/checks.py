@@ -25,7 +25,6 @@ from ..mesh.triangle_mesh import Mesh
 from ..passes import audit as audit_module
 from ..passes import mesh_upload, target
 from . import mip_gaps, severity
-from .appearance import Appearance
 from .severity import MUCH_OVERLAP, Check, Warned
 from .tally import Tally, at_most, sampled
 
@@ -62,10 +61,9 @@ def audit(
     *,
     length: Length,
     stacked: Check,
-    seen: Appearance | None = None,
 ) -> Findings:
     """Check a map. ray_cast: the rays that were cast, or None. length: a length in scene units as text. stacked: from
-    check_stacked. seen: the appearance of the map, if it was measured."""
+    check_stacked."""
     meshes, low = plan.meshes, plan.meshes.low
     uv_checks, uv_warnings = _uv_layout(plan, settings.sampling)
     texel_checks = _texels(plan, tally, settings.sampling)
@@ -77,8 +75,6 @@ def audit(
     distance_checks, placement = _distances(plan, settings, distances if ray_cast else None)
     checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
     checks["overlap"] |= stacked
-    if seen is not None:
-        checks["appearance"] = _share(*seen.wrong) | {"percentile_99": seen.percentile_99, "mean": seen.mean}
     checks["behind"]["backwards"] = checks["backwards"]["share"]
     with_method = replace(settings, method=Method.CAST) if plan.casts_rays else settings
     for kind, check in checks.items():
@@ -167,7 +163,8 @@ def _texels(plan: Plan, tally: Tally, sampling: SamplingSettings) -> Checks:
     for counts, state in zip(covering(low, size, tiles), tally.states, strict=True):
         covered += int(np.count_nonzero(counts))
         shared += int(np.count_nonzero(counts > 1.0))
-        uncovered += int(np.count_nonzero((counts > 0.0) & (state != WRITTEN)))
+        if not plan.casts_rays:
+            uncovered += int(np.count_nonzero((counts > 0.0) & (state != WRITTEN)))
     overlap_check = _overlap(low, size, tiles, covered, shared)
     missed = _share(tally.missed, tally.missed + tally.written)
     return {

@@ -30,6 +30,12 @@ class _Drawn:
         self.meshes, self.highs, self.layer = meshes, highs, layer
         self.low = meshes.basis or meshes.low
 
+    def bands(self, size: tuple[int, int], tile: int) -> Iterable[Band]:
+        """The bands in which a map of this size is measured."""
+        if self.layer is not None:
+            return self.layer.bands(size, tile)
+        return bands.bands(*size, 0, tile, texel_bytes=self.highs.texel_bytes)
+
     @cached_property
     def uploaded(self) -> gpu.types.GPUBatch:
         """The low mesh as viewport.measure_deviation takes it."""
@@ -67,10 +73,10 @@ class Deviations:
         if not self._is_wanted:
             return
         height, width = stored[1].shape
-        self._add(tile, stored, bands.bands(width, height, 0, tile), self._whole)
+        self._add(tile, stored, self._whole.bands((width, height), tile), self._whole)
         with target.using(self._pool):
-            for layer, drawn in zip(self._hidden.layers, self._layers, strict=True):
-                self._add(tile, stored, layer.bands((width, height), tile), drawn)
+            for drawn in self._layers:
+                self._add(tile, stored, drawn.bands((width, height), tile), drawn)
         self._pool.free()
 
     @cached_property

@@ -231,7 +231,7 @@ def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
         yield "--export is for one map, --frames for many"
     if options.normal and options.space != Space.TANGENT:
         yield "--export needs a normal map in tangent space, which engines read: leave out --space"
-    if is_folder(options) and naming.LOW not in options.export:
+    if is_folder(options) and not naming.has_low(options.export):
         yield f"--export needs {naming.LOW} in its name, as the meshes of a folder are baked one by one"
 
 
@@ -256,7 +256,7 @@ def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
 def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:
     if options.file:
         yield "--pairs DIR takes the files of that folder: name no others"
-    if options.output and "{low}" not in options.output:
+    if options.output and not naming.has_low(options.output):
         yield "--pairs DIR makes a map for each pair: put {low} into --output"
     if options.save_blend:
         yield "--pairs DIR has a scene for each pair: --save-blend saves one alone"
@@ -323,11 +323,21 @@ def read_lod(words: Sequence[str], program: str) -> argparse.Namespace:
         count = len(levels.limits(*options.levels))
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
-    if count > 1 and naming.LOW not in options.output:
+    if count > 1 and not naming.has_low(options.output):
         raise WrongUsage(f"each level has a map: put {naming.LOW} into --output")
-    is_one_file = bool(options.export) and naming.LOW not in options.export
+    is_one_file = bool(options.export) and not naming.has_low(options.export)
     if count > 1 and is_one_file and Path(options.export).suffix.lower() != ".glb":
         raise WrongUsage(f"only .glb has levels in one file: put {naming.LOW} into --export")
+    return options
+
+
+def read_check(words: Sequence[str], program: str) -> argparse.Namespace:
+    """The options of the bake to look at, which need no output. Raises WrongUsage."""
+    options = parse(words, program)
+    if options.jobs or options.convert:
+        raise WrongUsage("check looks at the high meshes of one bake: give a FILE with --low and --high, or mesh files")
+    options.output = options.output or f"{naming.LOW}.png"
+    check(options)
     return options
 
 

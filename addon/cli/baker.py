@@ -24,13 +24,14 @@ from ..core.naming import printable
 from ..core.progress import Pace, Task, startup
 from ..core.report import Report
 from ..core.settings import Settings
-from ..jobs import bake_jobs
+from ..jobs import bake_jobs, checks
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_checks
 from ..scene.object_checks import object_by_name
+from ..scene.reading import lengths_of
 from . import (
     arguments,
     blender_process,
@@ -153,7 +154,7 @@ class Baker:
         settings = arguments.settings(options)
         # Opening a file can take long, so check first that the results can be written.
         for path in (settings.storing.output, options.export, options.save_blend, report_path(options.report)):
-            if path and naming.LOW not in str(path):
+            if path and not naming.has_low(str(path)):
                 check_writable(Path(path).absolute())
         if self._meter.is_on:
             self._meter.show(name, progress.Progress("Opening", 0.0))
@@ -304,6 +305,20 @@ def bake_one(plan: Plan, files: clashes.RunFiles, options: RunOptions, meter: Me
     return Totals([entry]).exit_code
 
 
+def look_at(options: argparse.Namespace) -> int:
+    """Print what the high meshes of a bake are, and what it will change of them. Returns the exit code. Raises BakeError."""
+    start_gpu()
+    jobs, problems = _jobs(options, SceneLoader())
+    settings = arguments.settings(options)
+    for job in jobs:
+        found = checks.look_at_high(bpy.context, job, settings)
+        lines = found.lines(lengths_of(bpy.context.scene))
+        print("\n".join(map(printable, (f"{job.low.name}:", *(f"  {line}" for line in lines)))))
+    for problem in problems:
+        print(printable(problem), file=sys.stderr)
+    return run_report.DONE
+
+
 MOST_PICTURES = 4
 """Pairs or frames of a bake that have pictures."""
 
@@ -423,7 +438,7 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
 
 def _share_image(options: argparse.Namespace) -> bool:
     """Whether all pairs share one map, whose path has no low object's name."""
-    return bool(options.pairs) and naming.LOW not in options.output
+    return bool(options.pairs) and not naming.has_low(options.output)
 
 
 def start_gpu() -> None:
@@ -494,7 +509,7 @@ def _export(
     for report in reports:
         by_low.setdefault(report.refs[0].uid, []).append(report)
     lows = list(by_low.values())
-    together = [[low] for low in lows] if naming.LOW in output else [lows]
+    together = [[low] for low in lows] if naming.has_low(output) else [lows]
     found = {}
     for bakes in together:
         path = Path(naming.fill(output, bakes[0][0].low)).absolute()

@@ -71,7 +71,7 @@ def map_files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = 
         yield from map_names.planned_files(map_names.of_frame(map_names.with_low_name(settings, low), frame))
 
 
-_UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (naming.LOW, naming.MATERIAL, udim.TOKEN)))})")
+_UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (naming.LOW, naming.NAME, naming.MATERIAL, udim.TOKEN)))})")
 """What stands for a name or number in a planned path. A group, so that splitting keeps it."""
 
 
@@ -271,10 +271,10 @@ class RunFiles:
 
 def low_of(options: argparse.Namespace) -> str:
     """The name that replaces LOW in the names of files; "" if it is only known once the files are open, as those of levels."""
-    if options.levels and naming.LOW in f"{options.output}{options.export}":
+    if options.levels and naming.has_low(f"{options.output}{options.export}"):
         return ""
     low = options.low or (plans.stem(options.low_file) if options.low_file else "")
-    return low or ("" if naming.LOW in options.output else ATLAS)
+    return low or ("" if naming.has_low(options.output) else ATLAS)
 
 
 def _pattern(path: str) -> re.Pattern:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..core import versions
-from ..core.errors import BakeError, NoGpu, WrongPlace, sentence
+from ..core.errors import BakeError, NoGpu, NoGpuMemory, WrongPlace, sentence
 from ..core.progress import Progress, startup
 from . import (
     arguments,
@@ -40,12 +40,16 @@ FARM = "farm"
 """The first argument for sending a job file to a farm."""
 REPORT = "report"
 """The first argument for putting reports together."""
+GPU = "gpu"
+"""The first argument for testing the GPU."""
+CHECK = "check"
+"""The first argument for a look at the high meshes of a bake."""
 VERSION = "--version"
 """An argument of all commands."""
 
 
 def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
-    """Bake according to `words`, the arguments. If the first one is LOD, FARM or REPORT, do that.
+    """Bake according to `words`, the arguments. If the first one is LOD, FARM, REPORT, GPU or CHECK, do that.
 
     may_start_processes: whether many bakes are done in processes of their own. Returns the exit code; errors and warnings go to
     stderr, a line each.
@@ -84,7 +88,7 @@ def _work() -> int:
 
 def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, may_start_processes: bool) -> int:
     """Run the command that `words` begin with. Returns the exit code, also of errors, which are printed. call: for reports."""
-    name = words[0] if words[:1] in ([LOD], [FARM], [REPORT]) else ""
+    name = words[0] if words[:1] in ([LOD], [FARM], [REPORT], [GPU], [CHECK]) else ""
     if name:
         program, words = f"{program} {name}", words[1:]
     try:
@@ -96,6 +100,16 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
             from . import report_command
 
             return report_command.run(words, program, call)
+        if name == GPU:
+            from . import gpu_command
+
+            return gpu_command.run(words, program, meter)
+        if name == CHECK:
+            options = arguments.read_check(words, program)
+            load_blender()
+            from . import baker  # needs Blender
+
+            return baker.look_at(options)
         options, sets = (_read_lod if name == LOD else _read)(words, program, meter)
         return _bake(replace(options, call=call), sets, meter, may_start_processes=may_start_processes)
     except SystemExit as stop:  # argparse has printed the help
@@ -108,7 +122,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
     except (BakeError, MemoryError) as error:
         meter.clear()
         print(f"{program}: {sentence(error)}", file=sys.stderr)
-        return NO_MACHINE if isinstance(error, NoGpu | MemoryError) else FAILED
+        return NO_MACHINE if isinstance(error, NoGpu | NoGpuMemory | MemoryError) else FAILED
 
 
 def _bake(options: RunOptions, sets: Sequence[argparse.Namespace], meter: Meter, *, may_start_processes: bool) -> int:

@@ -18,7 +18,7 @@ from ..core.file_formats import BY_ENDING
 from ..core.file_structure import usd_layers
 from ..core.file_structure.whole_files import MISSING
 from ..core.map_types import BY_NAME
-from ..core.preflight import Amounts, Need, memory_sentence, placement_hint, rounding_hint
+from ..core.preflight import Amounts, Need, memory_sentence, placement_hint, rounding_hint, texel_bytes
 from ..core.settings import MapSettings, Settings
 from ..jobs.job import Job, band_texels, draws_in_software
 from ..scene import complaints, dependencies, object_checks
@@ -175,17 +175,16 @@ def need_of(job: Job, settings: Settings) -> Need | None:
         return None
     shows_images = any(BY_NAME[name].family.shows_materials for name in settings.map.drawn_maps)
     textures = importers.images_of(job.highs)
+    method, has_detail = settings.tracing.method, bool(settings.map.detail_maps and textures)
+    on_gpu = texel_bytes(settings, method, has_detail=has_detail)
     return Need.of(
         Amounts(
             triangles=sum(len(obj.data.loops) - 2 * len(obj.data.polygons) for obj in objects),
             texels=settings.sampling.width * settings.sampling.height * max(1, len(settings.sampling.tiles)),
-            band_texels=band_texels(settings.sampling),
-            samples=settings.sampling.samples,
+            band_texels=band_texels(settings.sampling, on_gpu),
+            texel_bytes=on_gpu,
             other_maps=len(settings.map.drawn_maps),
-            is_adaptive=settings.sampling.are_adaptive(settings.tracing.method) and not settings.map.drawn_maps,
-            is_flat=settings.tracing.method == Method.FLATTEN
-            and not settings.map.drawn_maps
-            and not (settings.map.detail_maps and textures),
+            is_flat=method == Method.FLATTEN and not settings.map.drawn_maps and not has_detail,
             texture_pixels=max(map(_pixels, textures), default=0) if shows_images else 0,
         )
     )

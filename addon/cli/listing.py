@@ -90,7 +90,7 @@ class InputProblems:
     def _of_folder(self, path: str) -> str:
         """Why no file can be written to `path`. Where one can be written to a folder, others can."""
         folder = os.path.dirname(path)
-        if naming.LOW not in folder and folder not in self._writable:
+        if not naming.has_low(folder) and folder not in self._writable:
             try:
                 check_writable(Path(path).absolute())
             except BakeError as error:

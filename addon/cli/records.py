@@ -279,7 +279,7 @@ def record_path(options: argparse.Namespace, records: str | None = None) -> Path
     if is_long:
         plain = os.fsencode(plain)[:LONGEST].decode(errors="ignore")
     place = os.path.abspath(records) if records else folder
-    if records or is_long or options.frames or naming.LOW in name or naming.MATERIAL in name:
+    if records or is_long or options.frames or naming.has_low(name) or naming.MATERIAL in name:
         plain = f"{plain}.{_identity(options, place)}"
     return Path(place, plain + ENDING)
 

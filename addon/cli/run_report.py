@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ..core import versions
-from ..core.errors import BakeError, NoGpu, WrongPlace, sentence
+from ..core.errors import BakeError, NoGpu, NoGpuMemory, WrongPlace, sentence
 from ..output.atomic_file import check_writable, make_folder, reason, replacing
 
 VERSION = 2
@@ -57,7 +57,7 @@ class Cause(StrEnum):
     @classmethod
     def of(cls, error: BakeError | MemoryError) -> "Cause":
         """The cause that an exception stands for."""
-        if isinstance(error, MemoryError):
+        if isinstance(error, MemoryError | NoGpuMemory):
             return cls.MEMORY
         return cls.GPU if isinstance(error, NoGpu) else cls.INPUT
 

@@ -33,7 +33,7 @@ MOST_READ = 32 << 30
 """Bytes of a file, which may have holes that take no place on the disk."""
 MOST_FILES = 1_000_000
 """Maps that a run may name: bakes times frames."""
-_PLACEHOLDER = re.compile("|".join(map(re.escape, (naming.LOW, naming.MATERIAL, udim.TOKEN))) + "|#+")
+_PLACEHOLDER = re.compile("|".join(map(re.escape, (naming.LOW, naming.NAME, naming.MATERIAL, udim.TOKEN))) + "|#+")
 
 
 @dataclass(frozen=True)

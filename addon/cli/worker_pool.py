@@ -208,7 +208,7 @@ class WorkerPool:
             case Gone():
                 yield from self._handle_exit(worker, message.why)
             case Ready() if not worker.is_ready:
-                worker.is_ready = True
+                worker.is_ready, worker.bakes_left = True, message.most_bakes or -1
                 return  # a bake is the answer
             case Begun():
                 worker.has_begun = worker.is_well = True
@@ -228,12 +228,15 @@ class WorkerPool:
         worker.answer(answer)
 
     def _finish(self, worker: Worker, entry: Entry, files: clashes.RunFiles) -> Iterator[Entry]:
-        """A bake has ended. Its worker goes on unless it has grown too large."""
+        """A bake has ended. Its worker goes on unless it has grown too large, or has done all that it may do."""
         assigned, log = worker.assigned, worker.log
         worker.assigned = None
+        worker.bakes_left -= 1
         is_large = self._options.max_memory and worker.memory > self._options.max_memory
         if is_large or entry.cause == Cause.MEMORY:
             self._has_crashed = True
+            self._remove(worker)
+        elif worker.bakes_left == 0:
             self._remove(worker)
         plan = assigned.plan
         if self._sandbox is None:

@@ -54,7 +54,10 @@ class Answer:
 
 @dataclass(frozen=True)
 class Ready:
-    """To the parent: Blender and its GPU have started."""
+    """To the parent: Blender and its GPU have started. most_bakes: after so many, another worker takes its place; 0 for any
+    number."""
+
+    most_bakes: int = 0
 
 
 @dataclass(frozen=True)
@@ -329,6 +332,8 @@ class Worker:
         self.started = time.monotonic()
         self.is_ready = False
         """Whether Blender has started."""
+        self.bakes_left = 0
+        """How many bakes it may begin; below 0 for any number."""
         self.assigned: Assignment | None = None
         """Its bake."""
         self.has_begun = False

@@ -25,6 +25,17 @@ class NoGpu(BakeError):
     """Blender's gpu module does not start on this machine."""
 
 
+class NoGpuMemory(BakeError):
+    """The GPU refused memory."""
+
+    def __init__(self, needed: int):
+        """needed: the bytes on the GPU that the bake holds, with those that were refused."""
+        super().__init__(
+            f"This bake needs about {max(needed / 2**30, 0.1):.1f} GiB of the GPU's memory, which it does not get: bake fewer "
+            "maps at once or a smaller map, close other programs, or simplify the high mesh."
+        )
+
+
 def sentence(error: BakeError | MemoryError) -> str:
     """The message for the user."""
     if isinstance(error, BakeError):

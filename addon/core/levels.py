@@ -18,16 +18,27 @@ DEGREES, PERCENT = "1, 2, 4", "1"
 
 @dataclass(frozen=True)
 class Limit:
-    """What a level may deviate, infinite for no limit. degrees: of normals. distance: a share of the longest side."""
+    """What a level may deviate, infinite for no limit. degrees: of normals. distance: a share of the longest side.
+
+    triangles: how many it has, whatever it deviates; up to 1 a share of those of the mesh, and 0 for as few as possible.
+    """
 
     degrees: float = math.inf
     distance: float = math.inf
+    triangles: float = 0.0
+
+    def wanted(self, triangles: int) -> int:
+        """How many triangles a level of a mesh of so many has."""
+        return max(LEAST, round(self.triangles * triangles if self.triangles <= 1.0 else self.triangles))
 
     def excess(self, degrees: float, distance: float) -> float:
         """How much of the limit these deviations take: more than 1 if they are beyond it."""
         return max(degrees / self.degrees, distance / self.distance)
 
     def __str__(self) -> str:
+        if self.triangles:
+            is_share = self.triangles <= 1.0
+            return f"{100.0 * self.triangles:g} % of the triangles" if is_share else f"{self.triangles:,.0f} triangles"
         parts = [f"{self.degrees:g} degrees"] * (self.degrees < math.inf)
         return ", ".join(parts + [f"{100.0 * self.distance:g} % of the size"] * (self.distance < math.inf))
 
@@ -51,6 +62,26 @@ def limits(degrees: str, percent: str = "") -> list[Limit]:
         values * count if len(values) == 1 else values or [math.inf] * count for values in (angles, distances)
     )
     return [Limit(angle, distance / 100.0) for angle, distance in zip(angles, distances, strict=True)]
+
+
+def counts(text: str) -> list[Limit]:
+    """Limits from numbers of triangles, separated by commas: each a number, or a share with %. Raises BakeError."""
+    found = []
+    for word in filter(None, (part.strip() for part in text.split(","))):
+        try:
+            number = float(word.removesuffix("%")) / (100.0 if word.endswith("%") else 1.0)
+        except ValueError as error:
+            raise BakeError(
+                f"{word!r} is no number of triangles: give numbers or shares, as 50 %, 25 %, 500."
+            ) from error
+        if not (0.0 < number < 1.0 if word.endswith("%") else LEAST <= number < math.inf):
+            raise BakeError(
+                f"{word} cannot be a number of triangles: give {LEAST} or more, or a share between 0 and 100 %."
+            )
+        found.append(Limit(triangles=number))
+    if not 0 < len(found) <= MOST:
+        raise BakeError(f"{len(found)} levels are not possible: give 1 to {MOST} numbers of triangles.")
+    return found
 
 
 def _numbers(text: str, what: str, most: float) -> list[float]:
@@ -88,7 +119,7 @@ class Level:
         """Plain data for json.dump, without the report of the map."""
         values = asdict(replace(self, bake=None))
         del values["bake"]
-        values["limit"] = {name: amount for name, amount in values["limit"].items() if amount < math.inf}
+        values["limit"] = {name: amount for name, amount in values["limit"].items() if 0.0 < amount < math.inf}
         return values
 
 
@@ -153,6 +184,8 @@ class ChainReport:
 
     @staticmethod
     def _beyond(level: Level) -> str:
+        if level.limit.triangles:
+            return ""
         if not level.beyond:
             return "borders"
         if level.beyond_degrees > level.limit.degrees:
@@ -187,15 +220,14 @@ Candidate = TypeVar("Candidate", bound=Measured)
 
 
 def search(
-    start: Candidate, attempt: Callable[[Candidate, int, bool], Task[Sequence[Candidate]]], share: float = STRIDE
+    start: Candidate, attempt: Callable[[Candidate, int, bool], Task[Sequence[Candidate]]]
 ) -> Task[tuple[Candidate, Candidate | None]]:
     """The coarsest mesh within the limit, and the mesh with FEWER of its triangles that is beyond it; None if there is none.
 
     start: a mesh within the limit. attempt: makes coarser meshes of one of about as many triangles as it is given, in one or
-    several ways, or with more if it cannot; it is also told whether the step is the last one. share: of triangles, that the
-    first step leaves.
+    several ways, or with more if it cannot; it is also told whether the step is the last one.
     """
-    within = start
+    within, share = start, STRIDE
     while True:
         wanted = max(min(int(share * within.triangles), within.triangles - ODD), LEAST)
         made = yield from attempt(within, wanted, share >= FEWER)

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field, replace
 from .errors import BakeError, shorten_list
 from .udim import TOKEN
 
-LOW, MATERIAL = "{low}", "{material}"
-"""The placeholders for the names of the low object and, in texture sets, of its material."""
+LOW, NAME, MATERIAL = "{low}", "{name}", "{material}"
+"""The placeholders for the name of the low object, for that name without its suffix and, in texture sets, for that of its
+material."""
 
 ATLAS = "atlas"
 """Replaces the low object's name in the name of a map that several low objects share."""
@@ -34,9 +35,25 @@ def file_name(name: str) -> str:
 
 
 def fill(path: str, low_name: str, material: str = "") -> str:
-    """`path` with the low object's name in place of LOW and, for a texture set, the material's in place of MATERIAL."""
+    """`path` with the low object's name in its placeholders and, for a texture set, the material's in place of MATERIAL."""
     filled = path.replace(MATERIAL, file_name(material)) if material else path
-    return filled.replace(LOW, file_name(low_name)) if LOW in filled else filled
+    return fill_low(filled, file_name(low_name)) if has_low(filled) else filled
+
+
+def fill_low(text: str, low_name: str) -> str:
+    """`text` with the low object's name in place of LOW, and without its suffix in place of NAME."""
+    return text.replace(LOW, low_name).replace(NAME, without_suffix(low_name))
+
+
+def has_low(text: str) -> bool:
+    """Whether low objects of other names have other texts."""
+    return LOW in text or NAME in text
+
+
+def without_suffix(low_name: str) -> str:
+    """The name of a low object without its usual ending: "crate" for "crate_low", "crate_2" for "crate_low_2"."""
+    role, key = _role(low_name, Suffixes())
+    return key.name() if role == "low" and key is not None else low_name
 
 
 def renamed(path: str, name: str) -> str:
@@ -46,7 +63,12 @@ def renamed(path: str, name: str) -> str:
 
 def of_texture_sets(names: str) -> str:
     """`names` with the material's name after that of the low object."""
-    return names.replace(LOW, f"{LOW}_{MATERIAL}")
+    return names.replace(LOW, f"{LOW}_{MATERIAL}").replace(NAME, f"{NAME}_{MATERIAL}")
+
+
+def of_one_texture(names: str) -> str:
+    """What `of_texture_sets` was made of."""
+    return names.replace(f"{LOW}_{MATERIAL}", LOW).replace(f"{NAME}_{MATERIAL}", NAME)
 
 
 _COPY_NUMBER = re.compile(r"\.(\d{3,})$")

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-PROGRAM = 530 * 10**6
+from .declarations.choices import MarginType, Method, Space
+from .map_types import BY_NAME, Family, Kind
+from .settings import Settings
+
+PROGRAM = 560 * 10**6
 """Bytes that Blender and its graphics driver take without a scene."""
 TRIANGLE, TRIANGLE_ON_GPU, TRIANGLE_IN_TREE = 250, 112, 190
 """Bytes for each triangle: of Blender's mesh and the arrays that are read from it, of the tables on the GPU, and while the tree
@@ -16,15 +20,11 @@ LARGE, TRIANGLE_OF_LARGE = 2**24, 120
 """From so many triangles on, meshes are read array by array, and take so many bytes for each triangle, with Blender's mesh."""
 FLAT_TRIANGLE_ON_GPU, FLAT_PART = 60, 250 * 10**6
 """Bytes for each triangle that Flatten uploads for a normal map alone, and for a part of a mesh that is as LARGE."""
-TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS, TEXEL_STORED = 17, 108, 16, 17
-"""Bytes for each texel of the normal map: read from the GPU, drawn there (as large as a band), with several samples, and while
-one map is stored: the file is written in parts, so that this is little more than its texels."""
-FLAT_TEXEL_ON_GPU = 70
-"""As TEXEL_ON_GPU, where Flatten draws a normal map alone."""
-TEXEL_OF_ADAPTIVE = 70
-"""As TEXEL_OF_SUMS, with adaptive samples: the first two stay beside those that are added to the sums."""
-OTHER_TEXEL, OTHER_TEXEL_ON_GPU = 36, 32
-"""The same for each other map."""
+TEXEL, TEXEL_STORED = 17, 17
+"""Bytes for each texel of the normal map: read from the GPU, and while one map is stored: the file is written in parts, so that
+this is little more than its texels."""
+OTHER_TEXEL = 36
+"""Those of each other map that are read from the GPU."""
 TEXTURE_PIXEL, TEXTURE_PIXEL_ON_GPU = 25, 10
 """Bytes for each pixel of the largest image of the high meshes: one is in memory at a time."""
 GIGABYTE = 10**9
@@ -32,18 +32,17 @@ GIGABYTE = 10**9
 
 @dataclass(frozen=True)
 class Amounts:
-    """The sizes of a bake. triangles: of all meshes. texels: of one map. band_texels: that are drawn at once. other_maps:
-    beside the normal map. texture_pixels: of the largest image that the maps show. is_flat: whether Flatten draws the normal
-    map alone, without a tree. is_adaptive: whether later samples are taken only in some texels."""
+    """The sizes of a bake. triangles: of all meshes. texels: of one map. band_texels: that are drawn at once. texel_bytes: of
+    each of these, see the function. other_maps: beside the normal map. texture_pixels: of the largest image that the maps show.
+    is_flat: whether Flatten draws the normal map alone, without a tree."""
 
     triangles: int
     texels: int
     band_texels: int
-    samples: int = 1
+    texel_bytes: int
     other_maps: int = 0
     texture_pixels: int = 0
     is_flat: bool = False
-    is_adaptive: bool = False
 
 
 @dataclass(frozen=True)
@@ -64,13 +63,7 @@ class Need:
     @classmethod
     def of(cls, amounts: Amounts) -> "Need":
         """The memory for these amounts."""
-        sums = TEXEL_OF_SUMS if amounts.samples > 1 else 0
-        drawn = (
-            (FLAT_TEXEL_ON_GPU if amounts.is_flat else TEXEL_ON_GPU)
-            + (TEXEL_OF_ADAPTIVE if amounts.is_adaptive else sums)
-            + amounts.other_maps * (OTHER_TEXEL_ON_GPU + sums)
-        )
-        maps_on_gpu = amounts.band_texels * drawn
+        maps_on_gpu = amounts.band_texels * amounts.texel_bytes
         meshes_on_gpu, texture_on_gpu = _meshes_on_gpu(amounts), amounts.texture_pixels * TEXTURE_PIXEL_ON_GPU
         return cls(
             program=PROGRAM,
@@ -92,6 +85,58 @@ class Need:
         if is_software:
             return self.peak
         return max(self.program + self.meshes + self.tree, self.peak - self.on_gpu)
+
+
+_FLOATS, _NUMBERS = 16, 8
+"""Bytes for each texel of a texture of four floats, and of the sums of a map of numbers."""
+_HIT = 2 * _FLOATS
+_MARGIN = _FLOATS + 1 + 2 + 4
+"""What is stored, its state, and the offset and the row of the nearest written texel."""
+_ACROSS_SEAMS, _BESIDE, _SOME = 8, 5, 5
+"""Depths with the border of a seam, with the texels beside the low mesh, and with those that take no more samples."""
+_DEPTH = 8
+"""What Blender adds to an offscreen, see passes.target."""
+_PACKETS = 2
+
+
+def texel_bytes(settings: Settings, method: str, *, has_detail: bool) -> int:
+    """The bytes on the GPU that the targets of a bake take for each texel that is drawn at once.
+
+    Args:
+        method: FLATTEN, CAST, or AUTO for one that may draw both.
+        has_detail: whether high meshes have normal or bump maps of their own.
+    """
+    sampling, maps = settings.sampling, [BY_NAME[name] for name in settings.map.drawn_maps]
+    families = {each.family for each in maps}
+    is_tangent, has_sums = settings.map.space == Space.TANGENT, sampling.samples > 1
+    has_hits = method != Method.FLATTEN or bool(maps) or has_detail
+    found = _FLOATS + _MARGIN + (_HIT - _FLOATS) * has_hits
+    if method == Method.FLATTEN:
+        found += _DEPTH * (not has_detail) + 2 * _FLOATS * (Family.POINTS in families)
+        found += _FLOATS * has_sums * (1 + bool(maps))
+    else:
+        found += 2 * _FLOATS + _PACKETS + 3 * _FLOATS * (method == Method.AUTO)
+        if sampling.are_adaptive(method) and not (maps or has_detail):
+            found += (_FLOATS + 1) + _HIT + _FLOATS + _SOME
+        else:
+            found += _FLOATS * has_sums * (2 if method == Method.AUTO and maps else 1)
+    found += _ACROSS_SEAMS * (sampling.margin_type == MarginType.ADJACENT_FACES and sampling.margin != 0)
+    found += (_FLOATS + _BESIDE) * is_tangent
+    return found + _bytes_of_maps(settings, is_tangent=is_tangent, has_sums=has_sums)
+
+
+def _bytes_of_maps(settings: Settings, *, is_tangent: bool, has_sums: bool) -> int:
+    """The part of `texel_bytes` that maps other than the normal map take."""
+    maps = [BY_NAME[name] for name in settings.map.drawn_maps]
+    families = {each.family for each in maps}
+    found = _FLOATS * bool(maps)
+    for each in maps:
+        if each.family.shows_materials or (each.family is Family.POINTS and has_sums):
+            found += _NUMBERS if each.is_scalar or each.kind is Kind.LABEL else _FLOATS
+        found += _FLOATS * (each.kind is Kind.NORMAL and is_tangent)
+    found += _FLOATS * sum(family.casts_rays for family in families)
+    found += 2 * _FLOATS * (Family.POINTS in families or (Family.SLOPES in families and not is_tangent))
+    return found + (2 + 1 + is_tangent) * _FLOATS * (Family.SLOPES in families)
 
 
 def _meshes(amounts: Amounts) -> int:

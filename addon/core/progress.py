@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs work in short slices, with progress and a picture between them, and measures the seconds of its stages."""
 
+import bisect
+import itertools
 import math
 import os
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 if TYPE_CHECKING:
     import gpu
+    import numpy as np
 
 
 @dataclass(frozen=True)
@@ -84,26 +87,64 @@ def run_for(work: Task[Result], seconds: float) -> Progress:
             return step
 
 
+# Slices of what the GPU draws. Work is counted in rays: in the time that a GPU takes for one ray of a bake. A pass declares
+# how many of them a texel takes.
+
+SLOWEST = 10e6
+"""The rays that the slowest GPU casts in a second."""
+LONGEST = 0.1
+"""Seconds of a slice. Windows resets a GPU that is busy for 2 seconds, other systems for 1 to 10; desktops stutter sooner."""
+STEP = 8
+"""The rows of a slice are a multiple of this, the height of the workgroups of compute shaders."""
+EMPTY = 1.0 / 64.0
+"""The rays of a texel in which nothing is to be drawn."""
+
+
+def pieces(count: int, cost: float, step: int = 1) -> list[range]:
+    """Divide `count` things into pieces that the slowest GPU draws in LONGEST each. Where it draws them in that time, there is
+    one piece.
+
+    Args:
+        cost: the rays of one of them, at most.
+        step: the size of a piece is a multiple of this.
+    """
+    most = max(step, int(SLOWEST * LONGEST / max(cost, 1e-9)) // step * step)
+    return [range(start, min(start + most, count)) for start in range(0, count, most)]
+
+
+def costs_of_rows(covered: "np.ndarray", width: int, cost: float) -> "np.ndarray":
+    """The rays of each STEP rows of a map, as Pace.slices takes them.
+
+    Args:
+        covered: (N,), how many texels of each STEP rows have something to draw.
+        cost: the rays of such a texel.
+    """
+    return covered * cost + STEP * width * EMPTY
+
+
 class Pace:
-    """Divides rows of texels into slices that take about `seconds` each; None if no listener waits for the steps.
+    """Divides rows of texels into slices of about `seconds`; None if no listener waits for the steps.
 
     has_picture: whether steps have pictures, a coarse one first.
     """
 
     PICTURES = 0.25
     """Seconds between two pictures: the screen shows no more."""
-
-    LONGEST = 0.5
-    """Seconds of a slice without a listener. Drivers reset a GPU that is busy for too long; on Windows, for 2 seconds."""
-    FIRST = 64
-    """The rows of the first slice without a listener."""
-    STEP = 8
-    """The rows of a slice are a multiple of this, the height of the workgroups of compute shaders."""
+    EARLY = 1.0 / 8.0
+    """How much smaller the first slice for a listener is: software draws slower than the slowest GPU."""
+    GROWTH, BEYOND_SURE = 2.0, 4.0
+    """How many times as much as the slice before a slice may have, and as the last one that took SURE seconds."""
+    SURE = 0.005
+    """A shorter time tells little: it is that of starting and waiting, or of rays that end at once."""
 
     def __init__(self, seconds: float | None = None, *, has_picture: bool = True):
         self.has_listener, self.has_picture = seconds is not None, has_picture
-        self.seconds = self.LONGEST if seconds is None else seconds
-        self._rows: dict[str, int] = {}
+        self.seconds = LONGEST if seconds is None else seconds
+        self._first = SLOWEST * self.seconds * (self.EARLY if self.has_listener else 1.0)
+        self._next: dict[str, float] = {}
+        """The rays of the next slice, by the name of the work."""
+        self._sure: dict[str, float] = {}
+        """Those of the last slice that took SURE seconds."""
         self._next_picture = -math.inf
 
     def takes_picture(self) -> bool:
@@ -113,22 +154,39 @@ class Pace:
         self._next_picture = time.perf_counter() + self.PICTURES
         return True
 
-    def slices(self, height: int, work: str = "") -> Iterator[range]:
-        """Yield the rows of each slice. The time of a slice is that until the caller asks for the next one.
+    def slices(self, work: str, costs: Sequence[float], height: int, draw: Callable[[range], None]) -> Iterator[range]:
+        """Draw rows in slices. Yields the rows of each slice after it was drawn.
 
-        The caller must wait for the GPU, as target.Target.finish does: drivers draw later than they are called. work: its
-        name; the first slice has as many rows as suited the same work before.
+        Args:
+            work: the name of what is drawn. The first slice has as many rays as suited it before.
+            costs: the rays of each STEP rows.
+            height: the number of rows.
+            draw: draws the rows that it gets, of which the first is a multiple of STEP, and waits for the GPU, as
+                target.Target.finish does: drivers draw later than they are called.
         """
-        start, rows = 0, self._rows.get(work, self.STEP if self.has_listener else self.FIRST)
-        while start < height:
-            stop = min(height, start + rows)
-            before = time.perf_counter()
-            yield range(start, stop)
-            # At most twice as many: a slice of empty texels takes less time than the next one.
-            rate = (stop - start) / max(time.perf_counter() - before, 1e-4)
-            rows = max(self.STEP, int(min(rate * self.seconds, 2 * rows)) // self.STEP * self.STEP)
-            self._rows[work] = rows
-            start = stop
+        sums = list(itertools.accumulate(costs))
+        start, before = 0, 0.0
+        while start < len(costs):
+            wanted = self._next.get(work, self._first)
+            stop = max(start + 1, bisect.bisect_right(sums, before + wanted))
+            rows = range(start * STEP, min(stop * STEP, height))
+            began = time.perf_counter()
+            draw(rows)
+            stop = min(stop, len(costs))
+            self._learn(work, sums[stop - 1] - before, time.perf_counter() - began, is_whole=stop < len(costs))
+            yield rows
+            start, before = stop, sums[stop - 1]
+
+    def _learn(self, work: str, cost: float, seconds: float, *, is_whole: bool) -> None:
+        """Note how long a slice took. is_whole: whether it was not cut off by the end of the map."""
+        if seconds >= self.SURE:
+            self._sure[work] = cost
+        fits = self.seconds * cost / max(seconds, 1e-4)
+        if is_whole:
+            sure = self._sure.get(work, SLOWEST * LONGEST)
+            self._next[work] = min(fits, self.GROWTH * cost, self.BEYOND_SURE * sure)
+        elif seconds >= self.SURE:
+            self._next[work] = min(fits, self._next.get(work, self._first))
 
 
 class Redraws:
@@ -164,7 +222,7 @@ class Redraws:
             self._asked = None
 
 
-STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "textures", "read", "audit", "image")
+STAGES = ("extract", "orient", "method", "tree", "upload", "distances", "draw", "textures", "read", "audit", "image")
 """In the order in which a report lists them."""
 
 STARTUP = ("launcher", "bpy", "imprint", "gpu", "opening", "shaders")

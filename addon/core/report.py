@@ -15,6 +15,8 @@ from .progress import STAGES, Timings
 
 VERSION = 1
 """The version of the report's keys in JSON. It increases when a key is removed or changes its meaning, not for new keys."""
+EXACT = 5e-4
+"""Degrees below which stored normals are exact, for the summary: nobody sees a thousandth of a degree."""
 VISIBLE = 1.0
 """Degrees at the 99th percentile from which a file for an engine is worth a word. 8 bits alone cost 0.3."""
 _NORMALS = {name.lower() for name, map_type in BY_NAME.items() if map_type.kind is Kind.NORMAL}
@@ -43,6 +45,11 @@ class Report:
     why: str = ""
     """Why the bake chose this method; empty if the settings name it."""
     triangles: dict[str, int] = field(default_factory=dict)
+    mended: dict[str, float] = field(default_factory=dict)
+    """What was changed of the high meshes for the bake; empty if nothing was. turned: triangles that were turned over, of so
+    many (of). parts: connected parts that have such triangles, of so many (of_parts). undecided: parts whose outer side is
+    not known. hidden, twice: triangles that were left out since they lie behind the surface, or in the place of others.
+    smoothed_median, smoothed_percentile_95: the degrees by which smoothed normals changed."""
     distances: dict[str, float] = field(default_factory=dict)
     """For rays: extrusion and max_distance in scene units, as set or measured."""
     measured: bool = False
@@ -79,7 +86,7 @@ class Report:
     far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that
     own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
     contested, jumps, other_layer) of engine.rays.unsure_texels.Doubts; a texel can have several. uneven: whether the low mesh
-    is the base of its own high one. appearance: only if it was asked for; counts squares of texels, see the other key."""
+    is the base of its own high one."""
     targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
     normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
@@ -197,6 +204,25 @@ class Report:
         green = targets.BY_NAME[name].green
         return "" if self.settings.get("green") == green else f"; it reads green as {green}"
 
+    def _mended(self) -> list[str]:
+        """What was changed of the high meshes, for the summary."""
+        found, lines = self.mended, []
+        if found.get("turned"):
+            share = found["turned"] / max(1, found["of"])
+            lines.append(
+                f"{found['parts']:,} of {found['of_parts']:,} parts, {share:.1%} of the faces, were turned over"
+            )
+        left_out = (("hidden", "behind the surface"), ("twice", "in the place of others"))
+        counts = [f"{found[key]:,} {where}" for key, where in left_out if found.get(key)]
+        if counts:
+            lines.append(f"Left out: triangles {' and '.join(counts)}")
+        if "smoothed_median" in found:
+            lines.append(
+                f"High normals were smoothed by {found['smoothed_median']:.2g} degrees (median), "
+                f"{found['smoothed_percentile_95']:.2g} (95th percentile)"
+            )
+        return lines
+
     def _shared(self) -> list[str]:
         """That parts of the low mesh show the detail of others, for the summary."""
         overlap = self.checks.get("overlap", {})
@@ -214,10 +240,26 @@ class Report:
         how = f"{mean:.2f} degrees (mean), {most:.1f} (99th percentile)"
         return [f"Shading error: {how}; outlines differ on {silhouette:.2%} of the pixels"]
 
+    def _ranges(self, length: Length) -> list[str]:
+        """What black and white stand for in maps of lengths, for the summary: maps fit together if it is the same."""
+        found = [
+            (name, how["midlevel"], how["scale"])
+            for name, how in self.maps.items()
+            if name in _LENGTHS and "scale" in how
+        ]
+        return [
+            f"{BY_NAME[name.upper()].label}: black is {_signed(-middle * scale, length)}, "
+            f"white is {_signed((1.0 - middle) * scale, length)}"
+            for name, middle, scale in found
+            if scale != 1.0  # floats are stored as they are
+        ]
+
     def summary(self, length: Length = plain_length) -> list[str]:
         """Lines for the user: what was baked, and how long it took. length: a length in scene units as text."""
         width, height = self.size
-        stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])
+        parts = {stage: self.seconds[stage] for stage in STAGES if self.seconds[stage]}
+        parts["other"] = max(0.0, self.seconds["total"] - sum(parts.values()))
+        stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in parts.items())
         details = []
         has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
@@ -230,6 +272,7 @@ class Report:
             )
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
+        details += self._mended()
         if self.rays:
             details.append(f"Flatten on {1.0 - self.rays:.1%} of the texels, rays on {self.rays:.1%}")
         if self.distances:
@@ -248,9 +291,9 @@ class Report:
                 f"High and low are {length(far['offset'])} apart as a whole; this offset was not counted as a distance"
             )
         if self.loss:
-            details.append(
-                f"Stored: normals off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
-            )
+            off = f"off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
+            details.append(f"Stored: normals {'exact' if self.loss['maximum'] < EXACT else off}")
+        details += self._ranges(length)
         details += [f"Packed in {how['image']}: {_channels(how)}" for how in self.maps.values() if "channels" in how]
         if count := sum(map(len, self.mip_files.values())):
             details.append(f"Mip levels: {count} files beside those of the maps, as name_mip1 and so on")
@@ -264,6 +307,15 @@ class Report:
             *details,
             f"{self.seconds['total']:.2f} s ({stages})",
         ]
+
+
+_LENGTHS = ("height", "distance")
+"""The maps in scene units whose range is in the summary."""
+
+
+def _signed(value: float, length: Length) -> str:
+    """A length that may be below 0, in words."""
+    return f"{'-' if value < 0.0 else ''}{length(abs(value))}" if value else "0"
 
 
 def _channels(packed: dict) -> str:

@@ -15,7 +15,7 @@ from .declarations.choices import Method, Pack, Storage
 from .declarations.map_settings import ADAPTIVE_FROM
 from .errors import BakeError, warn_of_former
 from .map_types import BY_NAME, CUSTOM_SUFFIX, NAMES, PACKINGS, WHITE, WIDENED_ROUGHNESS, Packing
-from .naming import LOW, MATERIAL
+from .naming import LOW, MATERIAL, NAME
 from .progress import Pace, Timings
 from .udim import TOKEN
 
@@ -92,6 +92,8 @@ class TracingSettings:
     straight_group: str = _field("straight_group")
     """As offset_group. A cage decides the directions alone."""
     facing_only: bool = _field("facing_only")
+    keep_faces: bool = _field("keep_faces")
+    smooth_high: int = _field("smooth_high")
     limit: float | None = _field("limit")
     """None for 5 % of the low mesh's radius."""
     rays: int = _field("rays")
@@ -144,6 +146,8 @@ class StorageSettings:
 
     depth: int = _field("depth")
     dither: bool = _field("dither")
+    value_range: float | None = _field("value_range")
+    """In scene units. None for the largest value of each bake."""
     image: str = _field("image")
     """Name of the image datablock. Empty to name it after the low object."""
     storage: str = _field("storage")
@@ -245,7 +249,7 @@ class Settings:
             for placeholder in re.findall(r"\{\w*\}", text):
                 if placeholder == MATERIAL and not self.map.texture_sets:
                     raise BakeError(f"{text!r} contains {MATERIAL} but Texture Sets is off: enable it.")
-                if placeholder not in (LOW, MATERIAL):
+                if placeholder not in (LOW, NAME, MATERIAL):
                     raise BakeError(f"Unknown placeholder {placeholder} in {text!r}: use {LOW}, the low object's name.")
         if self.storing.storage == Storage.FILE:
             self._check_output()

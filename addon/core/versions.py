@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MANIFEST = ROOT / "blender_manifest.toml"
 CODE = ("addon", "shaders")
 """The folders with what decides how a map looks."""
-WINDOW = ("addon/ui/", "addon/presets/")
+WINDOW = ("addon/ui/",)
 """The folders below them with what only a window uses."""
 
 

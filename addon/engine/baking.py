@@ -6,19 +6,21 @@ from collections.abc import Callable
 import gpu
 import numpy as np
 
-from ..core.errors import BakeError
+from ..core.errors import BakeError, NoGpuMemory
 from ..core.map_types import NORMAL, WRITTEN, Map
 from ..core.progress import Task, part
 from ..core.settings import Run
 from ..mesh.inputs import Meshes
 from ..passes import target
-from . import margins, stacked_uvs
-from .bands import Band, BandMaps, bands
+from . import margins, orienting, stacked_uvs
+from .bands import LEAST_ROWS, Band, BandMaps, bands
 from .margins import PostProcess
 from .method_choice import choose_method, nothing_drawn, tiles_to_bake
 from .sampling import maps_of_bake
 from .sources import normal_source
 
+Keep = Callable[[str, Band, gpu.types.GPUTexture], None]
+"""Takes the name of a map, a band of it, and its texture."""
 READY = 0.2
 """The share of a bake that is done when drawing begins."""
 
@@ -35,6 +37,7 @@ def bake(meshes: Meshes, run: Run) -> Task[dict[int, dict[str, Map]]]:
         (H, W) uint8, see core.map_types.
     """
     tiles = tiles_to_bake(meshes, run.settings.sampling)
+    meshes = orienting.mended(meshes, run.settings, run.timings)
     in_order = stacked_uvs.ordered(meshes, tiles, run.settings.sampling)
     plan = choose_method(in_order, tiles, run.settings.tracing)
     source = yield from part(normal_source(plan, run), 0.0, READY)
@@ -57,6 +60,8 @@ class Renderer:
 
     def __init__(self, maps: BandMaps, run: Run):
         self.maps, self.stopped = maps, 0
+        self._most_rows: int | None = None
+        """Of a band, once the GPU has refused memory for more."""
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
 
     def texels(self, tile: int, post_processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
@@ -83,7 +88,8 @@ class Renderer:
     def values(self, tile: int) -> Task[gpu.types.GPUTexture]:
         """The values of a bake of one map that is one band, without encoding and margin. The texture is in the current pool."""
         found = []
-        yield from self._banded(tile, self.settings.sampling.margin, lambda _name, _band, drawn: found.append(drawn))
+        (band,) = self._bands(tile, self.settings.sampling.margin)
+        yield from self._draw(band, lambda _name, _band, drawn: found.append(drawn))
         (drawn,) = found
         return drawn
 
@@ -109,14 +115,34 @@ class Renderer:
         if name == NORMAL.name and self.maps.stopped is not None:
             self.stopped += int(np.count_nonzero((known == written) & self.maps.stopped))
 
-    def _banded(
-        self, tile: int, margin: int | None, keep: Callable[[str, Band, gpu.types.GPUTexture], None]
-    ) -> Task[None]:
-        settings = self.settings
-        parts = list(bands(settings.sampling.width, settings.sampling.height, margin, tile))
+    def _banded(self, tile: int, margin: int | None, keep: Keep) -> Task[None]:
+        """Draw the bands of a tile, once more in bands of half as many rows if the GPU refuses memory."""
         if self.pace.has_listener and self.pace.has_picture and self.maps.takes_time:
             yield from part(self.maps.coarse(tile), 0.0, 0.0)
+        before, parts = self.stopped, self._bands(tile, margin)
+        try:
+            yield from self._draw_all(parts, keep)
+        except NoGpuMemory:
+            rows = parts[0].stop - parts[0].start
+            if self._most_rows is not None or rows <= LEAST_ROWS:
+                raise
+            self._most_rows = -(-rows // 2)
+        else:
+            return
+        target.free_current()
+        self.stopped = before
+        yield from self._draw_all(self._bands(tile, margin), keep)
+
+    def _bands(self, tile: int, margin: int | None) -> list[Band]:
+        size = self.settings.sampling.size
+        return list(bands(*size, margin, tile, texel_bytes=self.maps.texel_bytes, most_rows=self._most_rows))
+
+    def _draw_all(self, parts: list[Band], keep: Keep) -> Task[None]:
         for number, band in enumerate(parts):
-            maps = yield from part(self.maps.of(band), number / len(parts), (number + 1) / len(parts))
-            for name, drawn in maps:
-                keep(name, band, drawn)
+            yield from part(self._draw(band, keep), number / len(parts), (number + 1) / len(parts))
+
+    def _draw(self, band: Band, keep: Keep) -> Task[None]:
+        """Draw a band, and give its maps to `keep`."""
+        maps = yield from self.maps.of(band)
+        for name, drawn in maps:
+            keep(name, band, drawn)

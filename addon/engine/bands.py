@@ -12,10 +12,12 @@ import numpy as np
 from ..core import udim
 from ..core.progress import Task
 from ..core.udim import UvToClip
-from ..passes import data_texture
+from ..passes import allocation, data_texture
 
 BAND_TEXELS = 4096 * 4096
 """A larger map is drawn in bands of rows, so that no texture on the GPU has more texels than this."""
+LEAST_ROWS = 64
+"""Of a band, however little memory there is."""
 REACH = 64
 """Texels. A margin up to this width is drawn band by band. A wider one is completed from the whole map."""
 
@@ -59,14 +61,29 @@ class Band:
         return udim.uv_to_clip(self.tile, self.size, (x, self.start - self.halo + y), (self.width, self.height))
 
 
-def bands(width: int, height: int, margin_texels: int | None, tile: int = udim.FIRST) -> Iterator[Band]:
-    """Cut a map into bands that are contiguous in memory: whole rows, at most BAND_TEXELS without the halo."""
-    rows = max(1, BAND_TEXELS // width)
-    if rows >= height:
+def bands(
+    width: int,
+    height: int,
+    margin_texels: int | None,
+    tile: int = udim.FIRST,
+    *,
+    texel_bytes: int = 1,
+    most_rows: int | None = None,
+) -> Iterator[Band]:
+    """Cut a map into bands that are contiguous in memory: whole rows, at most BAND_TEXELS without the halo.
+
+    Args:
+        texel_bytes: as core.preflight.texel_bytes returns them. With the halo, bands fit the budget of passes.allocation.
+        most_rows: without the halo; None for no such limit.
+    """
+    within = allocation.budget() // (width * texel_bytes)
+    rows = max(1, min(BAND_TEXELS // width, most_rows or height))
+    if min(rows, within) >= height:
         yield Band(0, height, (width, height), 0, tile)
         return
     # The search covers a square: the nearest texel may be in its corner, sqrt(2) times as far as its side.
     halo = math.ceil(math.sqrt(2.0) * min(REACH if margin_texels is None else margin_texels, REACH))
+    rows = min(rows, max(within - 2 * halo, LEAST_ROWS))
     for start in range(0, height, rows):
         yield Band(start, min(start + rows, height), (width, height), halo, tile)
 
@@ -76,6 +93,8 @@ class BandMaps(ABC):
 
     takes_time = False
     """Whether a coarse picture is worth its time."""
+    texel_bytes = 6 * 16
+    """As core.preflight.texel_bytes returns them; of maps that are read from images."""
     stopped: np.ndarray | None = None
     """Which texels (rows, width) bool of the last band, without its halo, took fewer samples than the settings say; None if
     none did."""

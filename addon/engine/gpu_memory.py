@@ -4,15 +4,19 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from ..core.errors import NoGpuMemory
 from ..passes import target
 from . import tree_cache
 
 
 @contextmanager
 def trimmed() -> Iterator[None]:
-    """At the end of the block, free trees or targets that hold more than their bounds."""
+    """At the end of the block, free trees or targets that hold more than their bounds; all, if the GPU refused memory."""
     try:
         yield
+    except NoGpuMemory:
+        free()
+        raise
     finally:
         target.common.trim()
         tree_cache.trees.trim()

@@ -128,7 +128,7 @@ def _draw_batch(
     band: Band,
 ) -> None:
     """Draw a mesh of `count` triangles over what is in `into`."""
-    if shader.in_software() and count > high_in_uv.STEP:
+    if len(high_in_uv.steps_of(count)) > 1:
         high_in_uv.draw_normals_in_steps(into, mesh, count, band.uv_to_clip)
     else:
         high_in_uv.draw_normals(into, [mesh], band.uv_to_clip, clear=False)

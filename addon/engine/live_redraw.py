@@ -9,7 +9,9 @@ import gpu
 import numpy as np
 
 from ..core import udim
+from ..core.declarations.choices import Method
 from ..core.map_types import NORMAL, WRITTEN, Map
+from ..core.preflight import texel_bytes
 from ..core.progress import Task, finish
 from ..core.settings import Run, Settings
 from ..mesh import triangle_mesh
@@ -222,7 +224,8 @@ MOST_DRAWN = 0.5
 
 def kept_map(settings: Settings) -> "KeptMap | MapInBands":
     """What draws the normal map of `settings`, which have no other maps, again and again."""
-    is_whole = next(bands(settings.sampling.width, settings.sampling.height, settings.sampling.margin)).is_whole
+    sampling, size = settings.sampling, texel_bytes(settings, Method.AUTO, has_detail=settings.map.detail_maps)
+    is_whole = next(bands(*sampling.size, sampling.margin, texel_bytes=size)).is_whole
     return KeptMap(settings) if is_whole else MapInBands()
 
 

@@ -4,6 +4,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import gpu
 import numpy as np
@@ -24,7 +25,7 @@ class Sample:
     """One sample of each texel of a band, whose hits are known.
 
     number: from 0, among all samples of the band. is_central: whether it is the one nearest to the texel's center. normals,
-    hits: as sources.Source has them. blocks: where in the band its materials are, if images are looked up.
+    hits, covered: as sources.Source has them. blocks: where in the band its materials are, if images are looked up.
     """
 
     band: Band
@@ -32,6 +33,7 @@ class Sample:
     is_central: bool
     normals: target.Target
     hits: target.Target
+    covered: np.ndarray
     blocks: Blocks | None = None
 
 
@@ -60,62 +62,46 @@ Draw = Callable[[target.Target], None]
 """Draws one sample of a map into a target (RGBA32F; alpha 1 known, 0 empty, -1 missed)."""
 
 
+def value_of(band: Band) -> target.Target:
+    """Where one map at a time is drawn: a sample of it, or its mean."""
+    return target.get("value", band.width, band.height, "RGBA32F")
+
+
 class Mean:
-    """The mean of the samples of one map.
+    """The mean of the samples of one map. Of labels, which have no mean, the sample nearest to the center of each texel."""
 
-    is_summed: whether passes add to `sums` themselves; otherwise a single sample is drawn straight into the texture of the map.
-    """
-
-    def __init__(self, name: str, count: int, *, is_summed: bool = False):
-        self.name = name
-        self.is_summed = is_summed or count > 1
+    def __init__(self, name: str):
+        self.name, self.is_label = name, BY_NAME[name].kind is Kind.LABEL
+        self._formats = samples.NUMBERS if self.is_label or BY_NAME[name].is_scalar else ("RGBA32F",)
 
     def sums(self, band: Band) -> target.Target:
-        """The sums, or the only sample."""
-        return target.get(f"sums of {self.name}" if self.is_summed else self.name, band.width, band.height, "RGBA32F")
+        """The sums, to which passes may add themselves."""
+        return target.get(f"sums of {self.name}", band.width, band.height, *self._formats)
 
     def add(self, sample: Sample, draw: Draw) -> None:
         """Add a sample."""
-        band = sample.band
-        if not self.is_summed:
-            draw(self.sums(band))
+        if self.is_label and not sample.is_central:
             return
-        drawn = target.get("sample", band.width, band.height, "RGBA32F")
+        drawn, is_first = value_of(sample.band), self.is_label or sample.number == 0
         draw(drawn)
-        samples.add(self.sums(band), drawn.texture, range(band.height), is_first=sample.number == 0)
+        samples.add(self.sums(sample.band), drawn.texture, range(drawn.height), is_first=is_first)
 
     def texture(self, band: Band) -> gpu.types.GPUTexture:
         """The mean. Valid until the next mean is asked for."""
-        if not self.is_summed:
-            return self.sums(band).texture
-        into = target.get("mean", band.width, band.height, "RGBA32F")
+        into = value_of(band)
         samples.average(into, self.sums(band), is_direction=False)
         return into.texture
 
 
-class Central(Mean):
-    """The sample nearest to the center of each texel, for labels, which have no mean."""
-
-    def __init__(self, name: str):
-        super().__init__(name, 1)
-
-    def add(self, sample: Sample, draw: Draw) -> None:
-        """As Mean has it; samples that are not central are drawn for other maps only."""
-        if sample.is_central:
-            super().add(sample, draw)
-
-
 class PointMaps(MapFamily):
-    """Draws the maps of Family.POINTS with these names."""
+    """Draws the maps of Family.POINTS with these names. Of a single sample, each is drawn when it is asked for."""
 
     effort = 0.2
 
     def __init__(self, names: Sequence[str], low: Mesh, surface: HighSurface, run: Run):
-        self.surface, self.timings = surface, run.timings
-        self.means = [
-            Central(name) if BY_NAME[name].kind is Kind.LABEL else Mean(name, run.settings.sampling.samples)
-            for name in names
-        ]
+        self.names, self.surface, self.timings = names, surface, run.timings
+        self.means = [Mean(name) for name in names] if run.settings.sampling.samples > 1 else []
+        self._single: Sample | None = None
         local_space = surface.local_space
         self.low = mesh_upload.upload(
             low.triangles,
@@ -129,33 +115,47 @@ class PointMaps(MapFamily):
         self.origin = from_world[:3, :3] @ local_space.origin + from_world[:3, 3]
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
-        for sample in drawn:
+        self._single = drawn[0]
+        for sample in drawn if self.means else ():
             with self.timings.timed("draw"):
-                self._add(sample)
+                draw = self._drawing(sample)
+                for mean in self.means:
+                    mean.add(sample, partial(draw, mean.name))
         yield from ()
 
-    def _add(self, sample: Sample) -> None:
+    def _drawing(self, sample: Sample) -> Callable[[str, target.Target], None]:
+        """A function that draws a map of a sample, by its name."""
         band = sample.band
-        points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
+        # Its rays were cast, and those of the next sample are drawn anew.
+        points = target.get("rays", band.width, band.height, "RGBA32F", "RGBA32F")
         cast.points(points, sample.hits, self.surface.tables, self.surface.labels)
         low_points = target.get("low points", band.width, band.height, "RGBA32F", "RGBA32F")
         low_in_uv.draw_points(low_points, self.low, band.uv_to_clip)
-        for mean in self.means:
 
-            def draw(into: target.Target, name: str = mean.name) -> None:
-                low_in_uv.draw_point_map(
-                    into,
-                    BY_NAME[name],
-                    sample.normals.texture,
-                    points,
-                    low_points,
-                    to_space=self.to_space,
-                    origin=self.origin,
-                    scale=self.surface.local_space.size,
-                )
+        def draw(name: str, into: target.Target) -> None:
+            low_in_uv.draw_point_map(
+                into,
+                BY_NAME[name],
+                sample.normals.texture,
+                points,
+                low_points,
+                to_space=self.to_space,
+                origin=self.origin,
+                scale=self.surface.local_space.size,
+            )
 
-            mean.add(sample, draw)
+        return draw
 
     def finished(self, band: Band, _known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         for mean in self.means:
-            yield mean.name, mean.texture(band)
+            with self.timings.timed("draw"):
+                drawn = mean.texture(band)
+            yield mean.name, drawn
+        if self.means or self._single is None:
+            return
+        with self.timings.timed("draw"):
+            draw, into = self._drawing(self._single), value_of(band)
+        for name in self.names:
+            with self.timings.timed("draw"):
+                draw(name, into)
+            yield name, into.texture

@@ -12,7 +12,7 @@ from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
 from ..passes import data_texture, margin_fill, target
-from .bands import REACH, Band, bands
+from .bands import REACH, Band
 from .normal_space import channels
 
 ROWS = 256
@@ -48,6 +48,8 @@ class PostProcess:
 
     def __init__(self, settings: Settings, kind: int, borders: Borders | None = None):
         self.settings, self.kind, self.borders = settings, kind, borders
+        self._bands: list[Band] = []
+        """Those of the map that is drawn."""
         self.encode = np.eye(4)
         if kind in (margin_fill.NORMAL, margin_fill.TANGENT):
             self.encode[:3, :3], self.encode[:3, 3] = channels(settings.map) * 0.5, 0.5
@@ -65,6 +67,7 @@ class PostProcess:
 
     def fill(self, band: Band, values: gpu.types.GPUTexture, nearest: margin_fill.Nearest) -> target.Target:
         """As `draw`. nearest: what `search` of this object returned for values that are written on the same texels."""
+        self._bands = [*(self._bands if band.start else []), band]
         stored = target.get("map", band.width, band.stop - band.start, "RGBA32F", "R8")
         margin_fill.fill_from_nearest(
             stored,
@@ -102,11 +105,10 @@ class PostProcess:
             texels: (height, width, 4) float32, as `draw` stored them.
             state: (height, width) uint8.
         """
-        height, width = state.shape
-        if next(bands(width, height, None)).is_whole:
+        if self._bands[0].is_whole:
             return
         if self.borders:
-            for band in bands(width, height, None):
+            for band in self._bands:
                 self._complete_across(self.borders.on(tile), band, texels, state)
             _take_nearest(texels, state)
         if self.settings.sampling.margin is None or self.settings.sampling.margin > REACH:

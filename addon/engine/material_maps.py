@@ -158,8 +158,7 @@ def _map_of(map_type: MapType, materials: Sequence[HighMaterial], settings: Sett
             numbers[label], colors[label] = surface_tables.CONSTANT, feed.color[:3]
         elif feed is not None:
             numbers[label] = feeds.setdefault(feed, len(feeds) + 1)
-    mean = Mean(map_type.name, settings.sampling.samples, is_summed=True)
-    return _Map(mean, surface_tables.upload_materials(numbers, colors), feeds)
+    return _Map(Mean(map_type.name), surface_tables.upload_materials(numbers, colors), feeds)
 
 
 class SlopeMaps(MapFamily):

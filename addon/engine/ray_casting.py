@@ -79,7 +79,12 @@ class RayCast:
             pass
 
     def traced(
-        self, hits: target.Target, drawn: target.Target, pace: Pace, some: Active | None = None
+        self,
+        hits: target.Target,
+        drawn: target.Target,
+        pace: Pace,
+        some: Active | None = None,
+        covered: np.ndarray | None = None,
     ) -> Iterator[range]:
         """As `trace`, in slices, as cast.trace_in_slices has them."""
         unit = self.ray_scene.local_space.size
@@ -90,9 +95,8 @@ class RayCast:
             max_t=self.max_distance / unit if self.has_cage else FARTHEST,
             facing_only=self.facing_only,
         )
-        yield from cast.trace_in_slices(
-            hits, drawn, self.ray_scene.tables, self.low.owners, search, pace=pace, some=some
-        )
+        tables, owners = self.ray_scene.tables, self.low.owners
+        yield from cast.trace_in_slices(hits, drawn, tables, owners, search, pace=pace, some=some, covered=covered)
 
 
 def upload_ray_mesh(meshes: Meshes, low_surface: LowSurface, local_space: LocalSpace) -> gpu.types.GPUBatch:

@@ -17,10 +17,11 @@ from ..core.settings import Run, Settings, TracingSettings
 from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import Mesh
 from ..passes import hemisphere, target, viewport
+from ..passes.shader import Program
 from . import tree_cache
 from .bands import Band
 from .high_meshes import HighSurface
-from .map_families import MapFamily, Sample
+from .map_families import MapFamily, Sample, value_of
 from .normal_space import NormalSpace
 
 
@@ -29,6 +30,8 @@ class RayMaps(MapFamily):
 
     family: ClassVar[Family]
     title: ClassVar[str]
+    program: ClassVar[Program]
+    """That casts the rays."""
     values: ClassVar[tuple[hemisphere.Value, ...]]
     """By the index of the map."""
 
@@ -55,13 +58,20 @@ class RayMaps(MapFamily):
         band, count = sample.band, self.run.settings.sampling.samples
         sums = self._sums(band)
         rays = hemisphere.rays_of_sample(self.lattice, sample.number, count)
-        done = 0
-        for rows, some, is_first in hemisphere.slices(self.run.pace, band.height, rays, self.title):
+        tables, done = self.surface.tables, 0
+
+        def cast(rows: range, some: range, is_first: bool) -> None:
             with self.run.timings.timed("draw"):
                 is_start = is_first and sample.number == 0
-                tables = self.surface.tables
-                self._cast(sums, hemisphere.Rays(sample.hits.texture, tables, self.lattice, some, rows, is_start))
+                first_row = band.start - band.halo
+                shared = sample.hits.texture, tables, self.lattice
+                self._cast(sums, hemisphere.Rays(*shared, some, rows, is_start, first_row))
                 sums.finish()
+
+        size = band.width, band.height
+        for rows, some, is_first in hemisphere.slices(
+            self.run.pace, self.program, size, sample.covered, rays, draw=cast
+        ):
             done += len(some) * len(rows)
             # All rows of the picture have as many rays, or none yet.
             if is_first and sample.number == 0:
@@ -75,7 +85,7 @@ class RayMaps(MapFamily):
         """Draw the picture of the rays so far."""
         if not (self.run.pace.has_listener and self.run.pace.has_picture and sample.band.is_whole):
             return
-        into = target.get("mean", sums.width, sums.height, "RGBA32F")
+        into = value_of(sample.band)
         self._values(self.names[0], into, sums, sample.normals.texture, rays)
         size = self.run.settings.sampling.width, self.run.settings.sampling.height
         is_first = self._picture is None  # the picture may still show the normal map
@@ -93,7 +103,7 @@ class RayMaps(MapFamily):
         return target.get(f"sums of {self.title}", band.width, band.height, "RGBA32F")
 
     def _draw(self, name: str, band: Band, known: gpu.types.GPUTexture, rays: float) -> gpu.types.GPUTexture:
-        into = target.get("mean", band.width, band.height, "RGBA32F")
+        into = value_of(band)
         self._values(name, into, self._sums(band), known, rays)
         return into.texture
 
@@ -113,6 +123,7 @@ class OpennessMaps(RayMaps):
 
     family = Family.OPENNESS
     title = "Casting rays for occlusion"
+    program = hemisphere.ADD_OPENNESS
     values = (hemisphere.OCCLUSION,)
 
     def __init__(
@@ -148,6 +159,7 @@ class ThicknessMaps(RayMaps):
 
     family = Family.THICKNESS
     title = "Casting rays for thickness"
+    program = hemisphere.ADD_THICKNESS
     values = (hemisphere.THICKNESS,)
 
     def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:
@@ -160,6 +172,7 @@ class CurvatureMaps(RayMaps):
 
     family = Family.CURVATURE
     title = "Casting rays for curvature"
+    program = hemisphere.ADD_CURVATURE
     values = (hemisphere.CURVATURE, hemisphere.CONVEXITY, hemisphere.CAVITY)
 
     def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:

@@ -8,22 +8,24 @@ from functools import partial
 import gpu
 import numpy as np
 
+from ..core.declarations.choices import Method
 from ..core.map_types import BY_NAME, NORMAL, Family
+from ..core.preflight import texel_bytes
 from ..core.progress import Progress, Task, finish, part, relay
 from ..core.settings import Run
 from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
-from ..passes import high_in_uv, mesh_upload, samples, surface_tables, target, viewport
+from ..passes import allocation, high_in_uv, mesh_upload, samples, surface_tables, target, viewport
 from .bands import Band, BandMaps
 from .high_meshes import HighSurface
 from .map_families import MapFamily, PointMaps, Sample
 from .material_maps import MaterialMaps, OwnNormals, SlopeMaps
 from .normal_space import NormalSpace, channels
 from .ray_maps import CurvatureMaps, OpennessMaps, ThicknessMaps
-from .sources import Rays, Slices, Source, world_to_space
+from .sources import FlatAndRays, Rays, Slices, Source, world_to_space
 
 KEPT_BYTES = 512 * 2**20
-"""The most GPU memory for the hits and normals of samples that are drawn together."""
+"""The most GPU memory for the hits and normals of samples that are drawn together, where the budget has room for them."""
 HIT_BYTES = 32
 """The GPU memory of the hit and the normal of one texel."""
 COARSE = 8
@@ -54,6 +56,8 @@ class SampledMaps(BandMaps):
         if isinstance(source, Rays) and is_alone and run.settings.sampling.are_adaptive(source.method):
             self.adaptive = AdaptiveNormals(source, run)
         self._picture: gpu.types.GPUTexture | None = None
+        self._most_texels = 0
+        """Of a band so far."""
 
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
         """The maps by name, each valid until the next one is asked for. Normals and values are the mean of all samples."""
@@ -91,7 +95,8 @@ class SampledMaps(BandMaps):
         for _ in self.source.normals(band):
             pass
         if self.detail is not None:
-            finish(self.detail.apply([Sample(band, 0, True, self.source.drawn(), self.source.hits(band))]))
+            hits, covered = self.source.hits(band), self.source.covered(band)
+            finish(self.detail.apply([Sample(band, 0, True, self.source.drawn(), hits, covered)]))
         return self.source.drawn().texture
 
     def coarse(self, tile: int) -> Task[None]:
@@ -101,6 +106,11 @@ class SampledMaps(BandMaps):
         band = Band(0, size[1], size, 0, tile)
         for normals, _ in self._normals(band):
             yield self._step(normals, 0.0, band, clear=True)
+
+    @property
+    def texel_bytes(self) -> int:
+        method = Method.AUTO if isinstance(self.source, FlatAndRays) else self.source.method
+        return texel_bytes(self.settings, method, has_detail=self.detail is not None)
 
     @property
     def takes_time(self) -> bool:
@@ -117,10 +127,12 @@ class SampledMaps(BandMaps):
 
     def _group_size(self, band: Band) -> int:
         """How many samples are drawn together: as many as fit, if images have to be loaded for them."""
-        texels = band.width * band.height
-        return (
-            max(1, min(self.settings.sampling.samples, KEPT_BYTES // (HIT_BYTES * texels))) if self._has_images else 1
-        )
+        if not self._has_images:
+            return 1
+        # A last band of fewer rows takes no larger group: targets of the band before it are still there.
+        self._most_texels = texels = max(self._most_texels, band.width * band.height)
+        left = allocation.budget() - texels * (self.texel_bytes - HIT_BYTES)
+        return max(1, min(self.settings.sampling.samples, min(KEPT_BYTES, left) // (HIT_BYTES * texels)))
 
     def _group(
         self, band: Band, group: Sequence[tuple[int, tuple[float, float], bool]], sums: target.Target | None
@@ -146,7 +158,8 @@ class SampledMaps(BandMaps):
                 if self._has_images and self.source.surface is not None:
                     with self.timings.timed("draw"):
                         blocks = surface_tables.find_blocks(hits, self.source.surface.labels)
-                drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits, blocks))
+                covered = self.source.covered(sample_band)
+                drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits, covered, blocks))
         if self.detail is not None:
             yield from part(self._with_detail(self.detail, drawn, sums), efforts[0] / whole, efforts[0] / whole)
         if self.families and sums is not None and not self.source.is_within_low:
@@ -185,7 +198,7 @@ class SampledMaps(BandMaps):
             turned = self.space.of_texels(mean.texture, band)
         yield NORMAL.name, turned
         known = turned
-        if sums is not None:
+        if sums is not None and self.families:
             known = sums.texture if self.source.is_within_low else self._on_low(band).texture
         for family in self.families:
             yield from family.finished(band, known)
@@ -198,6 +211,7 @@ class SampledMaps(BandMaps):
         size = self.settings.sampling.width, self.settings.sampling.height
         # Of a map in bands, only the coarse picture is shown.
         if band.is_whole and (clear or self.pace.takes_picture()):
+            clear = clear or self._picture is None  # it may show another bake, and new memory shows anything
             shown = self.space.of_sample(normals, band)
             self._picture = viewport.draw_preview(shown, size, channels(self.settings.map), clear=clear)
         return Progress("Drawing", done, self._picture)

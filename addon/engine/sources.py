@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.map_types import BY_NAME
-from ..core.progress import Progress, Task, Timings
+from ..core.progress import STEP, Progress, Task, Timings, costs_of_rows
 from ..core.settings import MapSettings, Run, TracingSettings
 from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
@@ -53,6 +53,10 @@ class Source(ABC):
 
         In slices: yields the texture and the rows that are ready. An empty range stops at the share of rows that is done.
         """
+
+    @abstractmethod
+    def covered(self, band: Band) -> np.ndarray:
+        """How many texels (N,) of each STEP rows of a band have hits, about."""
 
     def drawn(self, slot: int = 0) -> target.Target:
         """The target of the last `normals` with this slot."""
@@ -130,7 +134,12 @@ class Flat(Source):
         self.is_changed_later = is_changed_later
         to_world = None if map_settings.space == Space.WORLD else low.to_world
         self.batches = HighBatches(highs, to_world, timings, uploads)
-        self._in_uv: gpu.types.GPUBatch | None = None
+        self._in_uv: tuple[gpu.types.GPUBatch, int] | None = None
+        """For hits, and the number of its triangles."""
+        self._covered = CoveredRows(highs)
+
+    def covered(self, band: Band) -> np.ndarray:
+        return self._covered.of(band)
 
     def normals(self, band: Band, slot: int = 0) -> Slices:
         """All rows at once; before, no rows while parts of the meshes are drawn."""
@@ -152,9 +161,9 @@ class Flat(Source):
                 raise ValueError("hits need the surface of the high meshes")
             numbers = surface.numbers if self.is_drawn is None else surface.numbers[self.is_drawn]
             with self.timings.timed("upload"):
-                self._in_uv = high_in_uv.upload_for_hits(surface.uv, numbers)
+                self._in_uv = high_in_uv.upload_for_hits(surface.uv, numbers), len(numbers)
         with self.timings.timed("draw"):
-            high_in_uv.draw_hits(into, self._in_uv, band.uv_to_clip)
+            high_in_uv.draw_hits(into, *self._in_uv, band.uv_to_clip)
         return into
 
 
@@ -173,6 +182,10 @@ class Rays(Source):
         self.surface = HighSurface(highs, ray_cast.ray_scene)
         self.to_space = world_to_space(low, run.settings.map)
         self.low, self._near = low, NearTriangles(low)
+        self._covered = CoveredRows([low])
+
+    def covered(self, band: Band) -> np.ndarray:
+        return self._covered.of(band)
 
     def normals(self, band: Band, slot: int = 0) -> Slices:
         self._size = size = band.width, band.height
@@ -182,13 +195,15 @@ class Rays(Source):
         if self.pace.has_listener:
             target.clear(normals)  # the picture must not show an earlier map
         left = self._left(rays, band)
+        covered = self.covered(band)
         if not self.pace.has_listener:
-            self.ray_cast.trace(hits, left, self.pace)
+            for _ in self.ray_cast.traced(hits, left, self.pace, covered=covered):
+                pass
             self._join(hits, rays, left, range(band.height))
             self._look_up(normals, hits, rays, range(band.height))
             yield normals.texture, range(band.height)
             return
-        for rows in self.ray_cast.traced(hits, left, self.pace):
+        for rows in self.ray_cast.traced(hits, left, self.pace, covered=covered):
             if rows:
                 self._join(hits, rays, left, rows)
                 self._look_up(normals, hits, rays, rows)
@@ -247,9 +262,9 @@ class FlatAndRays(Rays):
         super().__init__(meshes.low, ray_cast, meshes.highs, run)
         numbers = self.surface.numbers if meshes.is_drawn is None else self.surface.numbers[meshes.is_drawn]
         uv = self.surface.uv
-        is_finite = np.isfinite(uv).reshape(-1, 6).all(axis=1)
+        numbers = numbers[np.isfinite(uv).reshape(-1, 6).all(axis=1)[numbers]]
         with run.timings.timed("upload"):
-            self._in_uv = high_in_uv.upload_for_hits(uv, numbers[is_finite[numbers]])
+            self._in_uv = high_in_uv.upload_for_hits(uv, numbers), len(numbers)
         self._counts: dict[tuple[int, int], np.ndarray] = {}
 
     @property
@@ -264,24 +279,22 @@ class FlatAndRays(Rays):
     def _left(self, rays: target.Target, band: Band, some: Active | None = None) -> target.Target:
         size = band.width, band.height
         hits = target.get("flat hits", *size, "RGBA32UI")
-        high_in_uv.draw_hits(hits, self._in_uv, band.uv_to_clip)
+        high_in_uv.draw_hits(hits, *self._in_uv, band.uv_to_clip)
         normals, points = target.get("flat normals", *size, "RGBA32F"), target.get("rays left", *size, "RGBA32F")
         tables = self.ray_cast.ray_scene.tables
         cast.look_up(normals, hits, rays, tables, np.eye(3))
-        # All rows at once with `some`, which are few texels.
-        for rows in [None] if some else self.pace.slices(band.height, "rays left"):
-            high_in_uv.draw_left(
-                points,
-                rays,
-                hits,
-                normals,
-                tables=tables,
-                owners=self.ray_cast.low.owners,
-                rows=rows,
-                some=some,
-            )
+        owners = self.ray_cast.low.owners
+
+        def draw_left(rows: range | None) -> None:
+            high_in_uv.draw_left(points, rays, hits, normals, tables=tables, owners=owners, rows=rows, some=some)
             points.finish()
-        if not some:
+
+        if some:
+            draw_left(None)
+        else:
+            costs = costs_of_rows(self.covered(band), band.width, high_in_uv.LEFT.cost)
+            for _ in self.pace.slices("rays left", costs, band.height, draw_left):
+                pass
             self._count(points, rays, band)
         left = target.Target.of(*size, "RGBA32F", points.texture)
         left.textures = [points.texture, rays.textures[1]]
@@ -311,6 +324,23 @@ def world_to_space(low: Mesh, map_settings: MapSettings) -> np.ndarray:
     """The matrix (3, 3) from world normals to the space in which sources draw normals."""
     matrix = low.to_world[:3, :3]
     return np.eye(3) if map_settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
+
+
+class CoveredRows:
+    """How many texels of each STEP rows some meshes cover, for the band that was asked for last."""
+
+    def __init__(self, meshes: Sequence[Mesh]):
+        self._meshes = meshes
+        self._band: Band | None = None
+        self._found = np.empty(0)
+
+    def of(self, band: Band) -> np.ndarray:
+        """As Source.covered has it."""
+        band = replace(band, offset=(0.0, 0.0))
+        if band != self._band:
+            size = band.width, band.height
+            self._band, self._found = band, uv_layout.covered_rows(self._meshes, band.uv_to_clip, size, STEP)
+        return self._found
 
 
 MOST_RANGES = 256

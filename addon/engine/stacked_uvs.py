@@ -120,7 +120,7 @@ class Layer:
         v = low.uv[low.triangles, 1] - udim.place(tile)[1]
         start = int(np.clip(np.floor(v.min() * size[1]) - ROOM, 0, size[1]))
         stop = int(np.clip(np.ceil(v.max() * size[1]) + ROOM, 0, size[1]))
-        for band in bands(*size, 0, tile):
+        for band in bands(*size, 0, tile, texel_bytes=self.maps.texel_bytes):
             if max(band.start, start) < min(band.stop, stop):
                 yield replace(band.without_halo, start=max(band.start, start), stop=min(band.stop, stop))
 

@@ -14,7 +14,7 @@ from ..core.progress import Timings
 from ..mesh import bvh, edges, shared_values
 from ..mesh.local_space import LocalSpace, local_space_of
 from ..mesh.triangle_mesh import Mesh
-from ..passes import cast, data_texture, rays
+from ..passes import allocation, cast, data_texture, rays
 
 BEND = np.cos(np.radians(30.0))
 """The cosine of the angle between two faces from which a hard edge is a feature of the shape. With flat shading, all edges are
@@ -220,6 +220,7 @@ class TreeCache:
 
 trees = TreeCache()
 """The cache that bakes share."""
+allocation.held.append(lambda: trees.bytes)
 
 
 def without_tree(highs: Sequence[Mesh], timings: Timings) -> RayScene:

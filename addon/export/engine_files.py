@@ -258,7 +258,7 @@ def check_levels(path: str, count: int) -> None:
         raise BakeError(f"{path!r} is relative to a .blend file that was never saved: save it first.")
     check_export(path)
     one_file = file_formats.MESHES[0]
-    if count > 1 and naming.LOW not in path and Path(path).suffix.lower() != one_file:
+    if count > 1 and not naming.has_low(path) and Path(path).suffix.lower() != one_file:
         raise BakeError(f"Only {one_file} has levels in one file: put {naming.LOW} into the path of the export.")
 
 
@@ -267,7 +267,7 @@ def export_levels(context: bpy.types.Context, reports: Sequence[Report], path: s
 
     Raises BakeError, and then no file has changed.
     """
-    groups = [[report] for report in reports] if naming.LOW in path else [list(reports)]
+    groups = [[report] for report in reports] if naming.has_low(path) else [list(reports)]
     done = []
     with all_or_none():
         for group in groups:

@@ -23,7 +23,7 @@ from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, Settings
-from ..engine import gpu_memory, margins, mip_levels, ray_maps, sources, stacked_uvs
+from ..engine import gpu_memory, margins, mip_levels, orienting, ray_maps, sources, stacked_uvs
 from ..engine.baking import Renderer
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
 from ..engine.ray_casting import RayCast
@@ -38,7 +38,7 @@ from ..output.outputs import HIDDEN_MISSES, Outputs, Stored, kept
 from ..passes import surface_tables
 from ..scene import object_checks, reading
 from . import checks
-from .job import Job, check_job, set_numbers
+from .job import Job, check_job, read_meshes, set_numbers
 
 READY = 0.2
 """The share of a bake that is done when drawing begins."""
@@ -133,18 +133,10 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     settings, timings = run.settings, run.timings
     name, length = job.low.name, reading.lengths_of(context.scene)
     yield Progress(f"Reading {name}", 0.0)
+    meshes = read_meshes(context, job, settings, timings)
     with timings.timed("extract"):
-        meshes = reading.read(
-            context,
-            job.low,
-            job.highs,
-            job.cage,
-            settings,
-            others=job.others,
-            texture_set=job.texture_set,
-            must_be_whole=job.must_be_whole,
-        )
         warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
+        warnings += map(Warned, orienting.notes(meshes))
     with timings.timed("audit"):
         found = checks.flipped_findings(meshes)
         if job.is_for_others:
@@ -190,7 +182,7 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
     with timings.timed("audit"):
         materials = set_numbers(job.low, ready.plan.meshes) if not settings.map.texture_sets else None
         stacked = check_stacked(ready.plan, ready.hidden, ready.truth, settings, materials)
-        findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked, seen=seen)
+        findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
     stopped = ready.renderer.stopped / tally.written
     read = ready.others.results(tally.backwards)
     with timings.timed("audit"):
@@ -250,7 +242,7 @@ def measure_rays(
     settings.check()
     job = Job(low, highs, cage)
     check_job(context, job, settings)
-    meshes = reading.read(context, low, highs, cage, settings)
+    meshes = read_meshes(context, job, settings)
     with gpu_memory.trimmed():
         tiles = tiles_to_bake(meshes, settings.sampling)
         in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
@@ -276,6 +268,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         uv_layer=drawn.meshes.uv_layer,
         why=plan.why,
         triangles=findings.triangles,
+        mended=drawn.meshes.mended.to_dict() if drawn.meshes.mended is not None else {},
         distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
         measured=ray_cast is not None and ray_cast.is_measured,
         blend_width=ray_cast.blend_width if ray_cast else 0.0,

@@ -16,27 +16,38 @@ from ..core import progress
 from ..core.declarations.choices import Method, Modifiers, Space
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import NORMAL
+from ..core.progress import Progress, Task
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
-from ..engine import baking, gpu_memory, separation, stacked_uvs
+from ..engine import baking, gpu_memory, high_look, separation, stacked_uvs
 from ..engine.bands import Band
+from ..engine.high_look import HighLook
 from ..engine.method_choice import Plan, choose_method
 from ..engine.sampling import maps_of_bake
 from ..engine.sources import Source, normal_source
 from ..engine.unsure_texels import Explorer
 from ..mesh import edges, face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
+from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
-from ..scene import evaluation, mesh_elements, mesh_reader, reading
-from .job import Job, PastBake, check_job
+from ..scene import evaluation, mesh_elements, mesh_reader
+from .job import Job, PastBake, check_job, read_as_is, read_meshes
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
 SOLVED_BY_EXPORT = (POLYGONS, LAYER)
 """The kinds that do not matter for files that Imprint exports."""
 MOST_CORNERS = 400_000
 """The largest low mesh, in corners of faces, that `viewport_findings` looks at: it takes a few tenths of a second."""
+
+
+def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> HighLook:
+    """What the high objects of a job are, and what its bake will change of them. Raises BakeError as the bake does."""
+    settings = settings.without_other_maps().without_file()
+    check_job(context, job, settings)
+    with gpu_memory.trimmed():
+        return high_look.look(read_as_is(context, job, settings), settings)
 
 
 def is_for_others(settings: Settings, *, is_exported: bool) -> bool:
@@ -83,14 +94,19 @@ def viewport_findings(
 
 
 def flipped_findings(meshes: Meshes) -> list[Finding]:
-    """A finding if the faces of the meshes of a bake point to opposite sides."""
+    """A finding if the faces of the meshes of a bake pointed to opposite sides when they were read. That of high meshes that
+    were turned over is none."""
     if meshes.is_own_base or not len(meshes.low.triangles):
         return []
     low = before_bake.faces_of_mesh(meshes.low, before_bake.LOW_FACES)
     each = max(1, before_bake.HIGH_FACES // len(meshes.highs))
-    highs = before_bake.joined_faces([before_bake.faces_of_mesh(high, each) for high in meshes.highs])
+    turned = meshes.mended.turned_of_kept if meshes.mended is not None else [None] * len(meshes.highs)
+    faces = (before_bake.faces_of_mesh(high, each, mask) for high, mask in zip(meshes.highs, turned, strict=True))
+    highs = before_bake.joined_faces(list(faces))
     names = shorten_list(repr(high.name) for high in meshes.highs)
-    return before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+    found = before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+    is_mended = any(mask is not None for mask in turned)
+    return [each for each in found if not (is_mended and each.values["is_high"])]
 
 
 def viewport_flipped(
@@ -324,6 +340,10 @@ _FIXES: dict[str, Callable[[bpy.types.Object, Settings], str]] = {
 
 
 ON_TEXELS = ("overlap", "uncovered", "far", "unsure", "gaps", "backwards")
+SKEWED = "skewed"
+"""The kind of texels whose rays lean: they show detail from beside them. No check counts them, because that can be wanted."""
+LEAN = 30.0
+"""Degrees between a ray and the normal of its triangle from which a texel is skewed: shifted by half of the detail's height."""
 ON_TRIANGLES = ("mirrored", "outside", "no_area", "behind")
 ON_EDGES = ("hard_edges",)
 ON_FACES = ("polygons", "uneven")
@@ -362,13 +382,29 @@ def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.type
     report and errors: as in `find`.
     """
     view = _view(context, report, kind)
-    mask = np.empty((view.settings.sampling.height, view.settings.sampling.width), bool)
     with outputs.MapWriter("", view.settings) as writer:
-        for band, rows, _ in _masks(view, kind):
-            mask[band.start : band.stop] = rows
-            if band.stop == len(mask):
-                writer.add(band.tile, outputs.black_and_white(mask))
+        for tile, mask in progress.finish(_whole_masks(view, kind)).items():
+            writer.add(tile, outputs.black_and_white(mask))
         return writer.commit()
+
+
+def mask_work(context: bpy.types.Context, report: Report, kind: str) -> Task[dict[int, np.ndarray]]:
+    """Find the texels (height, width) bool with issues of a kind ON_TEXELS, or SKEWED, for each UDIM tile.
+
+    report and errors: as in `find`.
+    """
+    yield Progress("Reading the objects", 0.0)
+    return (yield from _whole_masks(_view(context, report, kind), kind))
+
+
+def _whole_masks(view: "_View", kind: str) -> Task[dict[int, np.ndarray]]:
+    size = view.size[::-1]
+    found: dict[int, np.ndarray] = {}
+    for band, rows, _ in _masks(view, kind):
+        mask = found.setdefault(band.tile, np.zeros(size, bool))
+        mask[band.start : band.stop] = rows
+        yield Progress("Checking the texels", (len(found) - 1 + band.stop / size[0]) / len(view.plan.tiles))
+    return found
 
 
 @dataclass(frozen=True)
@@ -401,9 +437,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     settings = replace(past.settings.without_other_maps(), method=past.method, space=space, mask=False, material=False)
     settings = replace(settings.without_file(), image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
-    meshes = reading.read(
-        context, past.job.low, past.job.highs, past.job.cage, settings, texture_set=past.job.texture_set
-    )
+    meshes = read_meshes(context, past.job, settings)
     meshes = stacked_uvs.ordered(meshes, past.tiles, settings.sampling)
     return _View(past.job, choose_method(meshes, past.tiles, settings.tracing), settings, past.distances)
 
@@ -437,6 +471,8 @@ def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
             yield from _shared(view, bands)
         elif kind == "unsure":
             yield from _unsure(view, bands)
+        elif kind == SKEWED:
+            yield from _skewed(view, bands)
         elif kind in {"gaps", "backwards"}:
             whole = dict(zip(tiles, (_close if kind == "gaps" else _backwards)(view), strict=False))
             for band in bands:
@@ -487,6 +523,24 @@ def _unsure(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
     for band in bands:
         size = band.width, band.height
         yield band, explorer.doubts(size, band.uv_to_clip).unsure if explorer else np.zeros(size[::-1], bool), 1
+
+
+def _skewed(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
+    """The texels whose rays lean, as `_masks` has them; none without rays."""
+    ray_cast, low = view.source().ray_cast, view.meshes.whole_low
+    corners = local_space_of([low]).points(low)[low.vertices[low.front_triangles]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    for band in bands:
+        skewed = np.zeros((band.height, band.width), bool)
+        if ray_cast:
+            drawn = target.get("audit rays", band.width, band.height, "RGBA32F", "RGBA32F")
+            ray_cast.draw(drawn, band.uv_to_clip)
+            places, away = drawn.texels(), drawn.texels(1)
+            on_low = places[..., 3] > 0.0
+            of_triangles = normals[places[on_low][:, 3].astype(np.int64) - 1]
+            skewed[on_low] = (away[on_low][:, :3] * of_triangles).sum(axis=1) < np.cos(np.radians(LEAN))
+        yield band, skewed, 1
 
 
 def _close(view: _View) -> Iterator[np.ndarray]:

@@ -240,7 +240,8 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     context.view_layer.update()  # a script may have moved the object
     engine = context.scene.render.engine
     conversion.before.check()
-    before, settings = conversion.before.read_by(engine), _for_map(wanted.read_by(engine), low, image)
+    before = conversion.before.read_by(engine)
+    settings = _for_map(wanted.read_by(engine), low, image, before)
     settings.check()
     if reason := object_checks.low_problem(context, low, is_own_base=is_own_base):
         raise BakeError(reason)
@@ -276,12 +277,22 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     )
 
 
-def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) -> Settings:
-    """The settings of the new map alone, with names filled in."""
-    name = settings.storing.image.replace(naming.LOW, low.name)
+def _ending(settings: Settings, before: StoredNormals) -> str:
+    """What is new about a map, for its name: its space, its basis, or else its green."""
+    if settings.map.space != Space.TANGENT:
+        return settings.map.space.lower()
+    basis = bases.of_name(settings.map.basis).name
+    is_same_basis = before.from_space == Space.TANGENT and bases.of_name(before.from_basis).name == basis
+    greens = {"+Y": "opengl", "-Y": "directx"}
+    is_of_green = is_same_basis and before.from_green != settings.map.green
+    return greens.get(settings.map.green, basis.lower()) if is_of_green else basis.lower()
+
+
+def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image, before: StoredNormals) -> Settings:
+    """The settings of the new map alone, with names filled in. before: of the map that is converted."""
+    name = naming.fill_low(settings.storing.image, low.name)
     if name in ("", image.name):
-        how = bases.of_name(settings.map.basis).name if settings.map.space == Space.TANGENT else settings.map.space
-        name = f"{image.name.removesuffix(Path(image.name).suffix)}_{how.lower()}"
+        name = f"{image.name.removesuffix(Path(image.name).suffix)}_{_ending(settings, before)}"
     output = naming.fill(settings.storing.output, low.name)
     if settings.storing.storage == Storage.FILE and output and image.filepath:
         old, new = (os.path.realpath(bpy.path.abspath(path)) for path in (image.filepath, output))

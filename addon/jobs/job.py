@@ -17,15 +17,17 @@ from ..core import naming, udim
 from ..core.declarations.choices import Method, Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
 from ..core.naming import MATERIAL, Suffixes, match
+from ..core.progress import Timings
 from ..core.report import Report
 from ..core.settings import SamplingSettings, Settings, StorageSettings
+from ..engine import orienting
 from ..engine.bands import bands
 from ..mesh.inputs import Meshes
 from ..output import datablocks, materials, outputs, vertex_attributes
 from ..output.map_names import map_title, planned_files, settings_by_map
 from ..output.path_clashes import Places
 from ..passes.shader import is_software
-from ..scene import dependencies, object_checks
+from ..scene import dependencies, object_checks, reading
 from ..scene.high_materials import MaterialSet, sets_of
 from ..scene.object_checks import ObjectRef
 
@@ -156,9 +158,9 @@ def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
         )
 
 
-def band_texels(sampling: SamplingSettings) -> int:
-    """The most texels of a map that are drawn at once."""
-    return sampling.width * _tallest_band(sampling)
+def band_texels(sampling: SamplingSettings, texel_bytes: int) -> int:
+    """The most texels of a map that are drawn at once. texel_bytes: as core.preflight.texel_bytes returns them."""
+    return sampling.width * _tallest_band(sampling, texel_bytes)
 
 
 def draws_in_software() -> bool:
@@ -166,8 +168,16 @@ def draws_in_software() -> bool:
     return is_software(gpu.platform.renderer_get())
 
 
-def _tallest_band(sampling: SamplingSettings) -> int:
-    return max(band.height for band in bands(sampling.width, sampling.height, sampling.margin))
+def uses_vulkan() -> bool:
+    """Whether Blender draws with Vulkan; False if no GPU has started."""
+    try:
+        return gpu.platform.backend_type_get() == "VULKAN"
+    except SystemError:
+        return False
+
+
+def _tallest_band(sampling: SamplingSettings, texel_bytes: int = 1) -> int:
+    return max(band.height for band in bands(*sampling.size, sampling.margin, texel_bytes=texel_bytes))
 
 
 def files_read_by(jobs: Sequence[Job], *, has_maps: bool = True) -> list[tuple[str, str]]:
@@ -216,6 +226,28 @@ class PastBake:
             job.texture_set = MaterialSet(report.material, tuple(report.slots))
         method = Method.AUTO if report.rays else report.method
         return cls(job, settings, method, report.distances, report.tiles)
+
+
+def read_meshes(context: bpy.types.Context, job: Job, settings: Settings, timings: Timings | None = None) -> Meshes:
+    """Read the objects of a job, and mend the high meshes. Errors: as scene.reading.read."""
+    timings = timings or Timings()
+    with timings.timed("extract"):
+        meshes = read_as_is(context, job, settings)
+    return orienting.mended(meshes, settings, timings)
+
+
+def read_as_is(context: bpy.types.Context, job: Job, settings: Settings) -> Meshes:
+    """Read the objects of a job as they are. Errors: as scene.reading.read."""
+    return reading.read(
+        context,
+        job.low,
+        job.highs,
+        job.cage,
+        settings,
+        others=job.others,
+        texture_set=job.texture_set,
+        must_be_whole=job.must_be_whole,
+    )
 
 
 def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:
@@ -282,6 +314,6 @@ def _check_images(bakes: Sequence[Settings], objects: Sequence[str], advice: str
 
 def _advice(name: str) -> str:
     """How to avoid two maps with the same `name`, the one in the settings."""
-    if not name or naming.LOW in name:  # without a name, an image is named after the low object
+    if not name or naming.has_low(name):  # without a name, an image is named after the low object
         return "rename one of the objects"
     return f"put {naming.LOW} into the name, or let them share it"

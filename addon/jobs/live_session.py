@@ -13,9 +13,9 @@ from ..core import progress, udim
 from ..core.declarations.choices import Modifiers, VertexDomain
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Labeled, Map
-from ..core.progress import Pace, Progress, Task, part
+from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.settings import Run, Settings
-from ..engine import baking, live_redraw, margins, sampling, sources, stacked_uvs
+from ..engine import baking, live_redraw, margins, orienting, sampling, sources, stacked_uvs
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method, nothing_drawn
 from ..engine.ray_casting import RayCast
@@ -25,7 +25,7 @@ from ..engine.stacked_uvs import StackedParts
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, materials, outputs
-from ..passes import target
+from ..passes import data_texture, target
 from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
 from . import bake_jobs
@@ -118,6 +118,7 @@ class Session:
         self.plan: Plan | None = None
         self.meshes: Meshes | None = None
         self._as_read: Meshes | None = None
+        self._mended: Meshes | None = None
         self._meshes: Meshes | None = None
         self._method = settings.tracing.method
         self._post_processes: dict[str, margins.PostProcess] = {}
@@ -127,6 +128,7 @@ class Session:
         self._pool = target.TargetPool()
         self._coarse_pool = target.TargetPool()
         self._coarse: gpu.types.GPUTexture | None = None
+        self._adopted: gpu.types.GPUTexture | None = None
         self._kept = live_redraw.kept_map(self.settings)
         self._is_stored = False
         self._shown_by: dict[int, set[int]] = {}
@@ -163,6 +165,20 @@ class Session:
             raise BakeError(nothing_drawn(plan, length))
         self._finish(plan, source, drawer)
 
+    def adopt(self, context: bpy.types.Context, texels: np.ndarray) -> None:
+        """Take a normal map that was baked before as the last one, instead of drawing it. Nothing is drawn.
+
+        Args:
+            context: whose objects are read.
+            texels: (height, width, 4) float32 as it is stored, of the size in the settings.
+
+        Raises BakeError for objects that cannot be baked.
+        """
+        meshes = self._read(context, None, replace(self.others.settings, method=self._method))
+        tracing = replace(self.settings, method=self._method).tracing
+        self._adopted = data_texture.image(texels)
+        self._finish(choose_method(meshes, [udim.FIRST], tracing, reading.lengths_of(context.scene)), None, None)
+
     def _finish(self, plan: Plan, source: Source | None, drawer: sampling.SampledMaps | None) -> None:
         """Note what the map that is done was drawn with; None where only a part was drawn."""
         self.plan, self._source, self._drawer = plan, source, drawer
@@ -191,10 +207,12 @@ class Session:
         changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
         self._shown_by = object_checks.shown_by(highs)
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
-        in_order = stacked_uvs.ordered(meshes, [udim.FIRST], settings.sampling, before and (before, self._meshes))
-        self._as_read, self._meshes = meshes, in_order
-        is_same = in_order is meshes
-        self.meshes = meshes if is_same else replace(meshes, low=in_order.low, basis=in_order.basis)
+        known = before and (before, self._mended)
+        mended = orienting.mended(meshes, settings, Timings(), known)
+        in_order = stacked_uvs.ordered(mended, [udim.FIRST], settings.sampling, before and (self._mended, self._meshes))
+        self._as_read, self._mended, self._meshes = meshes, mended, in_order
+        is_same = in_order is mended
+        self.meshes = mended if is_same else replace(mended, low=in_order.low, basis=in_order.basis)
         if not self._post_processes or before is None or meshes.low is not before.low:
             self._post_processes = margins.for_maps([in_order.low], settings)
         return in_order
@@ -258,7 +276,7 @@ class Session:
         self._pool.free()
         self._coarse_pool.free()
         self.others.pool.free()
-        self._coarse = None
+        self._coarse = self._adopted = None
         self._post_processes = {}
         self._uploads, self._source, self._drawer = UploadCache(), None, None
 
@@ -274,13 +292,11 @@ class Session:
 
     @property
     def map(self) -> gpu.types.GPUTexture | None:
-        """The last map on the GPU: a coarse one while rays for the whole map are being cast.
+        """The last map on the GPU: one that was adopted, or a coarse one while rays for the whole map are being cast.
 
         None before the first map, and for a map that is drawn in bands.
         """
-        if self._coarse is not None:
-            return self._coarse
-        return self._kept.texture
+        return self._adopted or self._coarse or self._kept.texture
 
     def upload(self, key: str, mesh: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
         """As UploadCache.upload, in the cache of the session."""
@@ -297,7 +313,7 @@ class Session:
 
     def hidden_parts(self) -> StackedParts:
         """The parts of the low mesh that show texels of other parts on the last map."""
-        is_shared = self._meshes is not self._as_read
+        is_shared = self._meshes is not self._mended
         return StackedParts(self.plan, self._true_drawer().source, self.settings, is_shared=is_shared)
 
     def _true_drawer(self) -> sampling.SampledMaps:

@@ -21,6 +21,8 @@ ROUNDING = 1e-7
 """The least extent of the grid, as a share of the coordinates: about what single precision rounds."""
 SMALLEST = 1e-20
 """The least extent of the grid, so that its scale fits single precision."""
+BLOCK = 2**14
+"""Triangles that a thread takes at once, so that its arrays fit in a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,9 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
         rounded[:, :, part] = grid.rounded(boxes[:, :, part])
         centers[:, part] = grid.centers(rounded[:, :, part])
 
-    threads.for_blocks(len(triangles), round_outwards)
+    threads.for_blocks(len(triangles), round_outwards, BLOCK)
     order = kd_order(centers)
-    lows, highs = np.take(rounded, order, axis=2)
-    nodes, first_leaf = stack(lows, highs)
+    nodes, first_leaf = stack(rounded, order)
     return Tree(order, nodes, first_leaf, grid.origin, grid.scale)
 
 
@@ -93,32 +94,44 @@ def boxes_of(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     axes, boxes = np.ascontiguousarray(points.T), np.empty((2, 3, len(triangles)), np.float32)
 
     def enclose(part: slice) -> None:
-        corners = np.ascontiguousarray(triangles[part].T)
+        corners = triangles[part].T.astype(np.intp, order="C")  # once for all axes
         for axis, values in enumerate(axes):
             a, b, c = (np.take(values, corner, mode="clip") for corner in corners)
-            boxes[0, axis, part] = np.minimum(np.minimum(a, b), c)
-            boxes[1, axis, part] = np.maximum(np.maximum(a, b), c)
+            np.minimum(np.minimum(a, b), c, out=boxes[0, axis, part])
+            np.maximum(np.maximum(a, b), c, out=boxes[1, axis, part])
 
-    threads.for_blocks(len(triangles), enclose)
+    threads.for_blocks(len(triangles), enclose, BLOCK)
     return boxes
 
 
-def stack(lows: np.ndarray, highs: np.ndarray) -> tuple[np.ndarray, int]:
-    """Group the sorted boxes (3, T) by four until one node is left. Returns a Tree's nodes and first_leaf."""
-    count, depth = lows.shape[1], 1
-    while 4**depth < count:
+def stack(boxes: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, int]:
+    """Group boxes (2, 3, T) uint16 in this `order` by four until one node is left. Returns a Tree's nodes and first_leaf."""
+    depth, places = 1, order
+    while 4**depth < len(order):
         depth += 1
-    heap = np.zeros((_level_start(depth - 1) + -(-count // 4), 3, 4), np.float32)
+    heap = np.zeros((_level_start(depth - 1) + -(-len(order) // 4), 3, 4), np.float32)
     for level in reversed(range(depth)):
-        missing = (0, 0), (0, -lows.shape[1] % 4)
-        if missing[1][1]:
-            lows = np.pad(lows, missing, constant_values=GRID[1])
-            highs = np.pad(highs, missing, constant_values=GRID[0])
-        nodes = heap[_level_start(level) :][: lows.shape[1] // 4]
-        for axis in range(3):
-            nodes[:, axis] = pack(lows[axis], highs[axis]).reshape(-1, 4)
-        lows, highs = _reduce(np.minimum, lows), _reduce(np.maximum, highs)
+        nodes = heap[_level_start(level) :][: -(-len(places) // 4)]
+        boxes = _grouped(boxes, places, nodes)
+        places = np.arange(len(nodes))
     return heap, _level_start(depth)
+
+
+def _grouped(boxes: np.ndarray, order: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Store boxes (2, 3, N) in this `order` in `nodes` (M, 3, 4), four in each. Returns the boxes (2, 3, M) around those."""
+    around = np.empty((2, 3, len(nodes)), np.uint16)
+
+    def group(part: slice) -> None:
+        children = np.take(boxes, order[4 * part.start : 4 * part.stop], axis=2, mode="clip")
+        if children.shape[2] % 4:
+            missing = np.array(GRID[::-1], np.uint16).repeat(3).reshape(2, 3, 1).repeat(-children.shape[2] % 4, axis=2)
+            children = np.concatenate([children, missing], axis=2)
+        for axis in range(3):
+            nodes[part, axis] = pack(*children[:, axis]).reshape(-1, 4)
+        around[0, :, part], around[1, :, part] = _reduce(np.minimum, children[0]), _reduce(np.maximum, children[1])
+
+    threads.for_blocks(len(nodes), group, BLOCK // 4)
+    return around
 
 
 def pack(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -140,6 +153,8 @@ def _reduce(pick: np.ufunc, values: np.ndarray) -> np.ndarray:
 
 LEAF = 4
 """The length of runs that are not divided further."""
+MEASURED = 256
+"""About how many points of a run are measured to find its longest axis."""
 PART = LEAF**8
 """The length of runs that one thread divides completely, level by level, with 32-bit keys in the processor's cache."""
 
@@ -212,7 +227,9 @@ class _Part:
         runs[...] = chosen & np.uint32(0xFFFF)
 
     def _spans(self, runs: np.ndarray) -> np.ndarray:
-        """The extent (R, 3) of each of `runs` (R, n) along the axes."""
+        """The extent (R, 3) of each of `runs` (R, n) along the axes, of long runs that of some of their points."""
+        if runs.shape[1] > MEASURED:
+            runs = runs[:, :: runs.shape[1] // MEASURED | 1]
         spans = []
         for values in self.points:
             low = high = np.take(values, runs, mode="clip")

@@ -50,6 +50,7 @@ def join(name: str, to_world: np.ndarray, parts: Sequence[Part]) -> Mesh:
         not_finite=sum(len(part.matrices) * part.mesh.not_finite for part in parts),
         instances=sum(len(part.matrices) for part in parts),
         layers=_empty_layers(parts, corners),
+        normals_domain=_common_domain(parts),
     )
     from_world, start, runs = np.linalg.inv(to_world), np.zeros(3, np.int64), []
     for part in parts:
@@ -102,6 +103,12 @@ def _fill(into: Mesh, mesh: Mesh, matrices: np.ndarray, start: np.ndarray) -> No
             into.layers[key][corners] = np.concatenate([turned, signs[..., None]], axis=2).reshape(-1, 4)
         else:
             into.layers[key][corners] = np.tile(values, (count, 1))
+
+
+def _common_domain(parts: Sequence[Part]) -> str:
+    """The normals_domain that all `parts` have; empty if they differ."""
+    domains = {part.mesh.normals_domain for part in parts}
+    return domains.pop() if len(domains) == 1 else ""
 
 
 def _empty(parts: Sequence[Part], field: str, rows: int) -> np.ndarray | None:

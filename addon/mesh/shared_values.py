@@ -19,16 +19,18 @@ def share(
         domain: Of the values, as Mesh.normals_domain has it; "" if it is not known.
 
     Returns:
-        The values of the vertices (V, k), which most triangles have; None if no triangle has them. The values (N, k) of those
-        that have their own. And where these are, (T,) int32: 0 for a triangle with the values of its vertices, else
-        1 + 2 * place for one value for all three corners, or 2 + 2 * place for three in a row.
+        The values of the vertices (V, k), which most triangles have, with any for vertices without corners; None if no
+        triangle has them. The values (N, k) of those that have their own. And where these are, (T,) int32: 0 for a triangle
+        with the values of its vertices, else 1 + 2 * place for one value for all three corners, or 2 + 2 * place for three in a
+        row.
     """
     own = np.zeros(len(triangles), np.int32)
     if domain == "FACE":
         own[:] = 1 + 2 * np.arange(len(triangles), dtype=np.int32)
         return None, threads.take(values, triangles[:, 0]), own
-    shared = np.zeros((count, values.shape[1]), np.float32)
-    shared[vertices] = values
+    last = np.zeros(count, np.int32)
+    last[vertices] = np.arange(len(vertices), dtype=np.int32)
+    shared = threads.take(values, last)
     differs = None if domain == "POINT" else _differs(shared, vertices, values)
     if differs is None or not differs.any():
         return shared, values[:0], own

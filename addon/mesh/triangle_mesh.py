@@ -81,7 +81,8 @@ class Mesh:
     labels (T, n), numbers that go with each triangle, or None. to_world (4, 4) float64. not_finite: the number of triangles
     left out for NaN or infinite values. instances: the number of instances joined; 0 for the object's own mesh.
     layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE or TANGENTS) and name. normals_domain:
-    "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions alone, or empty.
+    "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions alone, "CORNER" if
+    hard edges and flat faces count, too, and empty for the mesh's own normals.
     face_corners: which faces the corners belong to, or None if not read. stretch (3, 3): None, or the scale of the object that
     normals and tangents already have, see mesh.stretch.
     """

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures triangles in UV space: their areas, the tiles, texels and squares of a map that they touch."""
+"""Measures triangles in UV space: their areas, and the tiles, rows, texels and squares of a map that they touch."""
 
+import threading
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -189,6 +190,39 @@ def covered_squares(meshes: Sequence[Mesh], uv_to_clip: udim.UvToClip, size: tup
     for mesh in meshes:
         threads.for_blocks(len(mesh.triangles), partial(mark, mesh))
     return result
+
+
+def covered_rows(meshes: Sequence[Mesh], uv_to_clip: udim.UvToClip, size: tuple[int, int], step: int) -> np.ndarray:
+    """About how many texels (N,) float64 the triangles cover of each `step` rows, when drawn on `size` texels.
+
+    Each triangle counts alike in all rows that it reaches. Where triangles overlap, all of them count, up to all texels.
+    """
+    width, height = size
+    count = -(-height // step)
+    changes = np.zeros(count + 1)
+    lock = threading.Lock()
+
+    def add(mesh: Mesh, part: slice) -> None:
+        with np.errstate(over="ignore", invalid="ignore"):  # of UVs that lie far outside
+            (x, y) = (
+                corners * np.float32(uv_to_clip[axis] * side / 2.0)
+                + np.float32((uv_to_clip[axis + 2] + 1.0) * side / 2.0)
+                for axis, (corners, side) in enumerate(zip(_corners(mesh, part), size, strict=True))
+            )
+            area = 0.5 * np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))
+            lowest, highest = y.min(axis=1), y.max(axis=1)
+            is_in = (x.max(axis=1) > 0.0) & (x.min(axis=1) < width) & (highest > 0.0) & (lowest < height)
+            is_in &= np.isfinite(area)
+        first, last = np.floor(lowest[is_in] / step), np.floor(highest[is_in] / step)
+        share = area[is_in].astype(np.float64) / (last - first + 1.0)
+        first, last = first.clip(0, count - 1).astype(np.int64), last.clip(0, count - 1).astype(np.int64)
+        found = np.bincount(first, share, count + 1) - np.bincount(last + 1, share, count + 1)
+        with lock:
+            np.add(changes, found, out=changes)
+
+    for mesh in meshes:
+        threads.for_blocks(len(mesh.triangles), partial(add, mesh))
+    return np.cumsum(changes[:-1]).clip(0.0, step * width)
 
 
 def _halves(corners: np.ndarray) -> np.ndarray:

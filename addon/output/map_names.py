@@ -10,7 +10,7 @@ from pathlib import PurePath
 from ..core import file_formats, naming, udim
 from ..core.declarations.choices import Storage
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, MapType
-from ..core.naming import LOW, MATERIAL, USUAL, of_texture_sets
+from ..core.naming import MATERIAL, USUAL, fill_low, of_texture_sets
 from ..core.settings import MapSettings, Settings, StorageSettings
 from ..core.udim import TOKEN
 
@@ -26,14 +26,14 @@ _SHORT_NORMAL = re.compile(rf"(?<=_)N{_TILE}")
 
 
 def name_for(low_name: str, storing: StorageSettings, material: str = "") -> str:
-    """The name of the image datablock, with the names of the low object and of the material in place of LOW and MATERIAL.
+    """The name of the image datablock, with the names of the low object and of the material in place of placeholders.
 
     Blender would shorten long names, and the image would not be found by its name. So they are shortened here, with a
     checksum that keeps them distinct.
     """
     pattern = storing.image or (of_texture_sets(USUAL) if material else USUAL)
     filled = pattern.replace(MATERIAL, material) if material else pattern
-    name = filled.replace(LOW, low_name)
+    name = fill_low(filled, low_name)
     letters = name.encode()
     if len(letters) <= LONGEST:
         return name

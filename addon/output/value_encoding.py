@@ -114,6 +114,8 @@ def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str
     space = {"color_space": color_space(map_type, storing)} if map_type.is_color else {}
     if not needs_range(map_type, storing):
         return {"midlevel": 0.0, "scale": 1.0} | space
+    if storing.value_range is not None and not map_type.is_color:
+        return _fixed(map_type, storing.value_range)
     lows, highs = zip(*(_range(texels) for texels in maps), strict=True)
     low, high = np.min(lows, axis=0), np.max(highs, axis=0)
     if map_type.range is Range.BOX:
@@ -123,6 +125,15 @@ def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str
     if map_type.range is Range.POSITIVE:
         return {"midlevel": 0.0, "scale": float(high.max()) or 1.0}
     return {"midlevel": 0.5, "scale": 2.0 * float(max(-low.min(), high.max(), 0.0)) or 1.0}
+
+
+def _fixed(map_type: MapType, reach: float) -> dict:
+    """As `encoding`, for values up to `reach`, and from -reach if they can be below 0."""
+    if map_type.range is Range.POSITIVE:
+        return {"midlevel": 0.0, "scale": reach}
+    if map_type.range is Range.BOX:
+        return {"midlevel": 0.0, "scale": 2.0 * reach, "offset": [-reach] * 3}
+    return {"midlevel": 0.5, "scale": 2.0 * reach}
 
 
 def needs_range(map_type: MapType, storing: StorageSettings) -> bool:
@@ -144,8 +155,9 @@ def encode(texels: np.ndarray, how: dict) -> None:
         np.copyto(texels[..., :3], np.float32(0.0), where=~known)
         texels[..., :3] = palette(int(texels[..., 0].max()))[texels[..., 0].astype(np.int32)]
     else:
-        if (how["midlevel"], how["scale"]) != (0.0, 1.0):
-            texels[..., :3] -= np.float32(how.get("offset", 0.0))
+        offset = how.get("offset", 0.0)
+        if (how["midlevel"], how["scale"], offset) != (0.0, 1.0, 0.0):
+            texels[..., :3] -= np.float32(offset)
             texels[..., :3] /= np.float32(how["scale"])
             texels[..., :3] += np.float32(how["midlevel"])
         if how.get("color_space") == SRGB:

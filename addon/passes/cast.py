@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.declarations.choices import Hit
-from ..core.progress import Pace
+from ..core.progress import STEP, Pace, costs_of_rows
 from . import blender_gpu as gpu
 from . import data_texture, samples, shader, target
 from .samples import Active
@@ -24,6 +24,7 @@ CLEARANCE = Program(
     texels=_OWNERS,
     constants=(*data_texture.tree_constants("low"), ("INT", "count"), ("INT", "per_row")),
     outputs=(("VEC4", "clearance_out"),),
+    cost=4.0,
 )
 """A fragment shader: of what a compute shader writes, Blender makes only textures and images wait, and this is read back."""
 OWNER_TEXELS = 4
@@ -117,6 +118,7 @@ TRACE_FIRST = Program(
         ("INT", "is_nearest"),
         *samples.ACTIVE_CONSTANTS,
     ),
+    cost=0.5,
 )
 """For the rules that need no owners. Software drivers run all of a shader for each texel, also what the texel does not need."""
 TRACE = Program(
@@ -133,6 +135,7 @@ TRACE = Program(
         ("FLOAT", "near"),
         *samples.ACTIVE_CONSTANTS,
     ),
+    cost=1.0,
 )
 LOOKUP = Program(
     vertex="lib/fullscreen_vert.glsl",
@@ -146,6 +149,7 @@ LOOKUP = Program(
     ),
     constants=(("MAT4", "normal_matrix"),),
     outputs=(("VEC4", "normal_out"),),
+    cost=0.1,
 )
 HEIGHT = Program(
     vertex="lib/fullscreen_vert.glsl",
@@ -165,6 +169,7 @@ POINTS = Program(
         ("RGBA32F", "FLOAT_2D", "labels"),
     ),
     outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
+    cost=0.1,
 )
 PACKET_SIDE = 4
 """Texels along each side of a packet, as in shaders/lib/packet_lib.glsl."""
@@ -236,13 +241,27 @@ def trace_in_slices(
     *,
     pace: Pace,
     some: Active | None = None,
+    covered: np.ndarray | None = None,
 ) -> Iterator[range]:
-    """As `trace`, in slices. Yields the rows that are done; with `some`, rows of its list."""
-    height, work = (some.rows, "some texels") if some else (rays.height, "")
-    for rows in pace.slices(height, work):
+    """As `trace`, in slices. Yields the rows that are done; with `some`, rows of its list.
+
+    covered (N,): how many texels of each STEP rows have a ray, about; None for all.
+    """
+    height = some.rows if some else rays.height
+    if covered is None or some:
+        covered = np.full(-(-height // STEP), float(STEP * rays.width))
+    program = TRACE if search.rule == Hit.OWN else TRACE_FIRST
+
+    def draw(rows: range) -> None:
         trace(into, rays, tables, owners, search, rows=rows, some=some)
         into.finish()
-        yield rows
+
+    yield from pace.slices(
+        f"{program.compute} some" if some else program.compute,
+        costs_of_rows(covered, rays.width, program.cost),
+        height,
+        draw,
+    )
 
 
 def trace(

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core import threads
 from ..core.errors import BakeError
+from . import allocation
 from . import blender_gpu as gpu
 
 WIDTH = 4096
@@ -62,9 +63,15 @@ def upload_tree(tree: BuiltTree) -> Tree:
     return Tree(upload(tree.nodes.reshape(-1, 4)), tree.first_leaf, tree.origin, tree.scale)
 
 
+MOST_ROWS = 16384
+"""Of a data texture: 1 GiB, which is what Vulkan grants at least for one texture."""
+CHECKED = 2**24
+"""Bytes. Whether a table of so many has arrived is checked: OpenGL does not say that it lacked memory."""
+
+
 def limit() -> int:
     """The largest number of texels of four floats that a data texture can hold on this GPU."""
-    return WIDTH * gpu.capabilities.max_texture_size_get()
+    return WIDTH * min(gpu.capabilities.max_texture_size_get(), MOST_ROWS)
 
 
 def size_of(*textures: gpu.types.GPUTexture) -> int:
@@ -81,7 +88,7 @@ def upload(values: np.ndarray) -> gpu.types.GPUTexture:
             padded[part, axis] = values[part, axis]
 
     threads.for_blocks(len(values), copy, BLOCK)
-    return upload_padded(padded)
+    return upload_padded(padded, len(values))
 
 
 def upload_numbers(*columns: np.ndarray) -> gpu.types.GPUTexture:
@@ -98,14 +105,13 @@ def upload_numbers(*columns: np.ndarray) -> gpu.types.GPUTexture:
             np.add(values[part], FIRST_NUMBER, out=bits[part, axis], casting="unsafe")
 
     threads.for_blocks(len(columns[0]), copy, BLOCK)
-    return upload_padded(texels)
+    return upload_padded(texels, len(columns[0]))
 
 
 def image(values: np.ndarray, texel: str = "RGBA32F") -> gpu.types.GPUTexture:
     """A texture of this format with the texels of `values`, (height, width, 4), or (height, width) for a single channel."""
     values = np.ascontiguousarray(values, np.float32)
-    data = gpu.types.Buffer("FLOAT", values.shape, values)
-    return gpu.types.GPUTexture(values.shape[1::-1], format=texel, data=data)
+    return allocation.texture(values.shape[1::-1], texel, values)
 
 
 def empty(count: int) -> np.ndarray:
@@ -115,6 +121,9 @@ def empty(count: int) -> np.ndarray:
     return np.zeros((max(1, -(-count // WIDTH)) * WIDTH, 4), np.float32)
 
 
-def upload_padded(padded: np.ndarray) -> gpu.types.GPUTexture:
-    """Upload an array that `empty` made."""
-    return image(padded.reshape(-1, WIDTH, 4))
+def upload_padded(padded: np.ndarray, count: int) -> gpu.types.GPUTexture:
+    """Upload an array that `empty` made for `count` texels. Raises NoGpuMemory if the last one of many does not arrive."""
+    texture = image(padded.reshape(-1, WIDTH, 4))
+    if padded.nbytes >= CHECKED:
+        allocation.check_arrived(texture, divmod(count - 1, WIDTH)[::-1], padded[count - 1])
+    return texture

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.progress import Pace
+from ..core.progress import Pace, costs_of_rows
 from . import blender_gpu as gpu
 from . import cast, shader, target
 from .shader import Program
@@ -37,16 +37,23 @@ _CONSTANTS = (
     ("INT", "first_row"),
     ("INT", "first_leaf"),
 )
-"""`numbers` has the first ray, the count of rays, the step from a ray to the next, and 1 to replace the sums. Fourth numbers,
-since there are only 128 bytes: `grid_scale` has where rays end, `grid_origin` one that is free, `steps` the cone."""
+"""`numbers` has the first ray, the count of rays, the step from a ray to the next, and 1 to replace the sums plus twice the row
+of Rays.first_row. Fourth numbers, since there are only 128 bytes: `grid_scale` has where rays end, `grid_origin` one that is
+free, `steps` the cone."""
 ADD_OPENNESS = Program(
     compute="hemisphere/openness_comp.glsl",
     texels=_TEXELS,
     images=_SUMS,
     constants=(("VEC4", "placed"), ("IVEC4", "blocking"), *_CONSTANTS),
+    cost=0.5,
 )
-ADD_THICKNESS = Program(compute="hemisphere/thickness_comp.glsl", texels=_TEXELS, images=_SUMS, constants=_CONSTANTS)
-ADD_CURVATURE = Program(compute="hemisphere/curvature_comp.glsl", texels=_TEXELS, images=_SUMS, constants=_CONSTANTS)
+"""Its cost, and those of the next two, are of one ray of a texel."""
+ADD_THICKNESS = Program(
+    compute="hemisphere/thickness_comp.glsl", texels=_TEXELS, images=_SUMS, constants=_CONSTANTS, cost=0.5
+)
+ADD_CURVATURE = Program(
+    compute="hemisphere/curvature_comp.glsl", texels=_TEXELS, images=_SUMS, constants=_CONSTANTS, cost=1.0
+)
 MEAN = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="hemisphere/mean_frag.glsl",
@@ -70,6 +77,8 @@ UNLIMITED = 1e8
 FRONTS, BOTH = 1, 3
 """The sides of triangles that block, as in shaders/lib/reach_lib.glsl."""
 NO_FLOOR = -1e30
+SHIFTS = 64
+"""As LATTICE_SIDE in shaders/lib/lattice_lib.glsl."""
 AT_ONCE = 64
 """The most rays of a texel in one dispatch: large maps take rows of few texels otherwise."""
 
@@ -108,16 +117,34 @@ def rays_of_sample(lattice: Lattice, sample: int, samples: int) -> range:
     return range(sample, lattice.count, samples)
 
 
-def slices(pace: Pace, height: int, rays: range, work: str = "") -> Iterator[tuple[range, range, bool]]:
-    """Divide rays from `height` rows into slices, as Pace does: yields rows, rays, and whether these are the rows' first rays.
+def slices(
+    pace: Pace,
+    program: Program,
+    size: tuple[int, int],
+    covered: np.ndarray,
+    rays: range,
+    *,
+    draw: Callable[[range, range, bool], None],
+) -> Iterator[tuple[range, range, bool]]:
+    """Cast rays from a map of `size` in slices of rows, as Pace does: yields what `draw` got, after it.
 
-    The rays of a slice are spread over all directions, so that sums can be shown before they are complete. work: as Pace.slices
-    takes it.
+    The rays of a slice are spread over all directions, so that sums can be shown before they are complete.
+
+    Args:
+        program: that casts the rays.
+        covered: (N,), how many texels of each STEP rows cast rays, about.
+        draw: gets rows, rays, and whether these are the first rays of the rows. It waits for the GPU.
     """
     parts = -(-len(rays) // AT_ONCE)
     for part in range(parts):
-        for rows in pace.slices(height, work):
-            yield rows, rays[part::parts], part == 0
+        some = rays[part::parts]
+        costs = costs_of_rows(covered, size[0], program.cost * len(some))
+
+        def draw_some(rows: range, some: range = some, is_first: bool = part == 0) -> None:
+            draw(rows, some, is_first)
+
+        for rows in pace.slices(program.compute, costs, size[1], draw_some):
+            yield rows, some, part == 0
 
 
 @dataclass(frozen=True)
@@ -125,7 +152,8 @@ class Rays:
     """Rays from the hits of one sample.
 
     hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it, with triangles of `surface`. numbers: the points of the lattice. rows:
-    those of the map; the first is a multiple of 8. is_first: whether they replace what the sums hold.
+    those of the texture; the first is a multiple of 8. is_first: whether they replace what the sums hold. first_row: the row of
+    the map that is the texture's first: a band takes the rays that the whole map takes.
     """
 
     hits: gpu.types.GPUTexture
@@ -134,6 +162,7 @@ class Rays:
     numbers: range
     rows: range
     is_first: bool
+    first_row: int = 0
 
 
 @dataclass(frozen=True)
@@ -308,7 +337,7 @@ def _add(
         grid_scale=(*tree.scale, farthest),
         steps=(*lattice.step, lattice.count, cone),
         cell=lattice.cell,
-        numbers=(numbers.start, len(numbers), numbers.step, int(rays.is_first)),
+        numbers=(numbers.start, len(numbers), numbers.step, rays.first_row % SHIFTS * 2 + rays.is_first),
         first_leaf=tree.first_leaf,
         **bindings,
     )

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..core import progress
 from ..core.udim import UvToClip
 from . import blender_gpu as gpu
 from . import cast, data_texture, mesh_upload, samples, shader, target
@@ -23,8 +24,11 @@ NORMALS = Program(
     outputs=(("VEC4", "normal_out"),),
 )
 
+TRIANGLE = 0.25
+"""The cost of a triangle of a high mesh, in rays."""
 STEP = 2**14
-"""The triangles that draw_in_steps draws at a time."""
+"""The triangles that software draws at a time. It sorts all of them into tiles before it fills texels: after a few it still
+finds them in the processor's caches, and sorts the next ones meanwhile."""
 
 
 def draw_normals(
@@ -51,17 +55,22 @@ def draw_normals_in_steps(
     count: int,
     uv_to_clip: UvToClip,
 ) -> None:
-    """Draw a mesh of `count` triangles over what is in `into`, as `draw` does, for drivers that draw in software.
-
-    They sort all triangles into tiles before they fill texels. After a few triangles they still find them in the processor's
-    caches, and sort the next ones meanwhile.
-    """
+    """Draw a mesh of `count` triangles over what is in `into`, as `draw_normals` does, some triangles at a time."""
     batch, normal_matrix = mesh
     constants = {"normal_matrix": shader.mat4(normal_matrix), "uv_to_clip": uv_to_clip}
-    for first in range(0, count, STEP):
-        some = [(first, min(STEP, count - first))]
-        target.draw(into, NORMALS, batch, clear=False, parts=some, **constants)
-        target.clear(target.get("step", 1, 1, "RGBA8"))  # another target makes the driver fill texels
+    for some in steps_of(count):
+        target.draw(into, NORMALS, batch, clear=False, parts=[(some.start, len(some))], **constants)
+        if shader.in_software():
+            target.clear(target.get("step", 1, 1, "RGBA8"))  # another target makes the driver fill texels
+        else:
+            into.finish()
+
+
+def steps_of(count: int) -> list[range]:
+    """The triangles of a mesh that are drawn at a time."""
+    if shader.in_software():
+        return [range(first, min(first + STEP, count)) for first in range(0, count, STEP)]
+    return progress.pieces(count, TRIANGLE)
 
 
 HITS = Program(
@@ -96,13 +105,17 @@ def upload_for_hits(uv: np.ndarray, numbers: np.ndarray) -> gpu.types.GPUBatch:
     return mesh_upload.upload(corners, uv=uv)
 
 
-def draw_hits(into: target.Target, meshes: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
+def draw_hits(into: target.Target, meshes: gpu.types.GPUBatch, count: int, uv_to_clip: UvToClip) -> None:
     """Write the hits into `into` (RGBA32UI), as shaders/lib/hit_lib.glsl reads them, with a height of 0.
 
-    Where triangles overlap, the later one stays.
+    meshes: of `count` triangles, from upload_for_hits. Where triangles overlap, the later one stays.
     """
     target.fill(into, NO_HITS)  # clearing writes floats
-    target.draw(into, HITS, meshes, clear=False, uv_to_clip=uv_to_clip)
+    found = progress.pieces(count, TRIANGLE)
+    for some in found:
+        target.draw(into, HITS, meshes, clear=False, parts=[(some.start, len(some))], uv_to_clip=uv_to_clip)
+        if len(found) > 1:
+            into.finish()
 
 
 def clip_hits(hits: target.Target, normals: gpu.types.GPUTexture) -> None:
@@ -150,6 +163,7 @@ LEFT = Program(
     ),
     constants=(*data_texture.tree_constants("low"), ("FLOAT", "near")),
     outputs=(("VEC4", "left_out"),),
+    cost=1.5,
 )
 JOIN = Program(
     compute="bake/join_hits_comp.glsl",

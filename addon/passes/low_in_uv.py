@@ -41,7 +41,7 @@ TANGENT = Program(
     outputs=(("VEC4", "normal_out"),),
 )
 TURNED = Program(
-    vertex="lib/fullscreen_vert.glsl",
+    vertex="lib/nearer_vert.glsl",
     fragment="bake/turned_frag.glsl",
     inputs=(("VEC2", "position"),),
     texels=(("RGBA32F", "FLOAT_2D", "normals"), ("RGBA32F", "FLOAT_2D", "turned")),

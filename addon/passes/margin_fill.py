@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fills the margin around UV islands: finds the nearest written texels, repeats them, and continues the map across seams.
 
-The nearest texels are exact, in two passes whose cost does not grow with the distance: A. Meijster, J. Roerdink and
-W. Hesselink, "A general algorithm for computing distance transforms in linear time" (2000). The first pass searches along rows,
-the second searches the results along columns.
+The nearest texels are exact: rows are searched first, then the results along columns, as in A. Meijster, J. Roerdink and W.
+Hesselink, "A general algorithm for computing distance transforms in linear time" (2000). Theirs takes a column in one go,
+but a GPU has room for many more invocations than a map has columns. So columns are searched by halving: a few rows first,
+then those halfway between two, whose nearest lie between the nearest of both. Each pass searches all gaps between rows at
+once.
 
 Across a seam, the margin of a texel starts at its nearest written texel. Just before that one, on the way there, is a texel
 beside the border of the island. The similarity transform of this border moves the whole way to the island across, and the map
@@ -22,27 +24,32 @@ from . import blender_gpu as gpu
 from . import data_texture, mesh_upload, shader, target
 from .shader import Program
 
-SEARCH_GROUP = 64
+WORD = 32
+"""The texels whose bits are together, as in shaders/lib/margin_lib.glsl."""
+WRITTEN = Program(
+    compute="margin/margin_written_comp.glsl",
+    texels=(("RGBA32F", "FLOAT_2D", "values"),),
+    images=(("R32I", "INT_2D", "written", "WRITE"),),
+)
 SEARCH_ROWS = Program(
     compute="margin/margin_rows_comp.glsl",
-    texels=(("RGBA32F", "FLOAT_2D", "values"),),
+    texels=(("R32I", "INT_2D", "written"),),
     constants=(("INT", "farthest"),),
     images=(("R16I", "INT_2D", "offsets", "WRITE"),),
-    group=(SEARCH_GROUP, 1),
 )
 SEARCH_COLUMNS = Program(
     compute="margin/margin_columns_comp.glsl",
     texels=(("R16I", "INT_2D", "offsets"),),
-    constants=(("INT", "reach"),),
+    constants=tuple(("INT", name) for name in ("reach", "farthest", "step", "is_first")),
     images=(("R32I", "INT_2D", "source_rows", "READ WRITE"),),
-    group=(SEARCH_GROUP, 1),
+    group=(64, 1),
 )
 
 
 @dataclass(frozen=True)
 class Nearest:
     """The nearest written texel of each texel: `rows` (R32I) holds its row, and `offsets` (R16I), in that row, the number of
-    columns to it. 32767 means none in reach."""
+    columns to it. 32767 and numbers below 0 mean none in reach."""
 
     offsets: gpu.types.GPUTexture
     rows: gpu.types.GPUTexture
@@ -56,11 +63,26 @@ def find_nearest(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
     """
     width, height = values.width, values.height
     most = max(width, height)
-    farthest = most if reach is None else min(reach, most)
+    reach = most if reach is None else min(reach, most)
+    farthest = min(farthest_texel(reach), most)
+    words = -(-width // WORD)
+    written = target.get("margin's bits", words, height, "R32I").texture
     offsets = target.get("margin's offsets", width, height, "R16I").texture
     rows = target.get("margin's rows", width, height, "R32I").texture
-    _dispatch_lines(SEARCH_ROWS, height, values=values, farthest=farthest_texel(farthest), offsets=offsets)
-    _dispatch_lines(SEARCH_COLUMNS, width, offsets=offsets, reach=farthest, source_rows=rows)
+    _dispatch(WRITTEN, words, height, values=values, written=written)
+    _dispatch(SEARCH_ROWS, words, height, written=written, farthest=farthest, offsets=offsets)
+    for number, step in enumerate(_steps(height, farthest)):
+        _dispatch(
+            SEARCH_COLUMNS,
+            width,
+            -(-height // (4 * step if number else step)),
+            offsets=offsets,
+            source_rows=rows,
+            reach=reach,
+            farthest=farthest,
+            step=step,
+            is_first=int(number == 0),
+        )
     return Nearest(offsets, rows)
 
 
@@ -70,11 +92,17 @@ def farthest_texel(reach: int) -> int:
     return math.isqrt(2 * reach * reach)
 
 
-def _dispatch_lines(program: Program, count: int, **bindings) -> None:
-    compiled = shader.load(program)
-    compiled.bind()
-    target.bind(compiled, program, **bindings)
-    gpu.compute.dispatch(compiled, -(-count // SEARCH_GROUP), 1, 1)
+def _steps(height: int, farthest: int) -> list[int]:
+    """How far the rows are from each other that a pass along columns adds to those before, pass by pass down to 1."""
+    steps = [1]
+    while 2 * steps[0] < min(farthest, height - 1):
+        steps.insert(0, 4 * steps[0])
+    return steps
+
+
+def _dispatch(program: Program, width: int, height: int, **bindings) -> None:
+    groups = -(-width // program.group[0]), -(-height // program.group[1])
+    target.dispatch_groups(program, groups, **bindings)
 
 
 FILL = Program(
@@ -132,6 +160,7 @@ ACROSS_SEAMS = Program(
         ("MAT4", "encode"),
     ),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
+    cost=1.0,
 )
 ACROSS_SEAMS_LISTED = Program(
     vertex="lib/fullscreen_vert.glsl",
@@ -141,6 +170,7 @@ ACROSS_SEAMS_LISTED = Program(
     texels=(("RGBA32F", "FLOAT_2D", "places"), ("RGBA32F", "FLOAT_2D", "borders")),
     constants=(("INT", "kind"), ("INT", "first_row"), ("MAT4", "encode")),
     outputs=(("VEC4", "map_out"),),
+    cost=1.0,
 )
 VALUE, LABEL, NORMAL, TANGENT = range(4)
 """Kinds of values: numbers, numbers that must not be averaged, unit normals, and unit normals in tangent space."""

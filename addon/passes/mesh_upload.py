@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from . import allocation
 from . import blender_gpu as gpu
 
 
@@ -28,10 +29,10 @@ class _Buffers:
 
     def upload(self, triangles: np.ndarray, **attributes: np.ndarray) -> gpu.types.GPUBatch:
         if self._triangles is None or not _same(self._triangles[0], triangles):
-            self._triangles = triangles, gpu.types.GPUIndexBuf(type="TRIS", seq=triangles)
+            self._triangles = triangles, allocation.triangles(triangles)
         for name, values in attributes.items():
             if name not in self._attributes or not _same(self._attributes[name][0], values):
-                self._attributes[name] = values, _vertices(name, values)
+                self._attributes[name] = values, allocation.corners(name, values)
         return _batch(self._triangles[1], [self._attributes[name][1] for name in attributes])
 
 
@@ -41,21 +42,13 @@ def upload(triangles: np.ndarray, **attributes: np.ndarray) -> gpu.types.GPUBatc
     triangles: (T, 3) int32, indices into the corners. attributes: name = (C, n) float32, one row per corner; each one has
     its own buffer, so that the CPU need not interleave them.
     """
-    elements = gpu.types.GPUIndexBuf(type="TRIS", seq=triangles)
-    return _batch(elements, [_vertices(name, values) for name, values in attributes.items()])
+    elements = allocation.triangles(triangles)
+    return _batch(elements, [allocation.corners(name, values) for name, values in attributes.items()])
 
 
 def upload_corners(**attributes: np.ndarray) -> gpu.types.GPUBatch:
     """Upload triangles without indices. attributes: name = (3 T, n) float32, three rows for each triangle."""
-    return _batch(None, [_vertices(name, values) for name, values in attributes.items()])
-
-
-def _vertices(name: str, values: np.ndarray) -> gpu.types.GPUVertBuf:
-    layout = gpu.types.GPUVertFormat()
-    layout.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")
-    buffer = gpu.types.GPUVertBuf(layout, len(values))
-    buffer.attr_fill(name, values)
-    return buffer
+    return _batch(None, [allocation.corners(name, values) for name, values in attributes.items()])
 
 
 def _batch(elements: gpu.types.GPUIndexBuf | None, buffers: list[gpu.types.GPUVertBuf]) -> gpu.types.GPUBatch:

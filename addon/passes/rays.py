@@ -43,6 +43,7 @@ RAYS = Program(
         ("INT", "start_on_cage"),
     ),
     outputs=(("VEC4", "position_out"), ("VEC4", "direction_out")),
+    cost=0.3,
 )
 MOST_TRIANGLES = 2**24 - 1
 """The most triangles of a low mesh whose numbers rays can carry: floats hold larger ones not exactly."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,17 @@ AVERAGE = Program(
     texels=(("RGBA32F", "FLOAT_2D", "sums"),),
     constants=(("INT", "is_direction"),),
     outputs=(("VEC4", "normal_out"),),
+)
+NUMBERS = "R32F", "R32F"
+"""The formats of the sums of a map of numbers, whose three channels are equal: the numbers, and the alpha of other sums."""
+IMAGES_OF_NUMBERS = tuple(("R32F", "FLOAT_2D", name, "READ WRITE") for name in ("sums", "weights"))
+"""What a Program declares that adds to such sums."""
+ADD_NUMBER = replace(ADD, compute="bake/accumulate_number_comp.glsl", images=IMAGES_OF_NUMBERS)
+AVERAGE_NUMBER = replace(
+    AVERAGE,
+    fragment="bake/average_number_frag.glsl",
+    texels=(("R32F", "FLOAT_2D", "sums"), ("R32F", "FLOAT_2D", "weights")),
+    constants=(),
 )
 
 
@@ -85,17 +96,27 @@ def _edges(places: np.ndarray) -> np.ndarray:
 
 
 def add(sums: target.Target, normals: gpu.types.GPUTexture, rows: range, *, is_first: bool) -> None:
-    """Add `normals` (RGBA32F; alpha 1 hit, 0 empty, -1 missed) to `sums` (RGBA32F) in these rows. is_first: replace them."""
-    target.dispatch(ADD, sums.width, rows, normals=normals, sums=sums.texture, is_first=int(is_first))
+    """Add `normals` (RGBA32F; alpha 1 hit, 0 empty, -1 missed) to `sums` (RGBA32F, or NUMBERS) in these rows. is_first: replace
+    them."""
+    program = ADD_NUMBER if sums.formats == NUMBERS else ADD
+    target.dispatch(program, sums.width, rows, normals=normals, is_first=int(is_first), **bindings_of_sums(sums))
 
 
 def average(into: target.Target, sums: target.Target, *, is_direction: bool = True) -> None:
     """Write the means of `sums` into `into` (RGBA32F), in the form of a single sample; directions are normalized again."""
-    target.fill(into, AVERAGE, sums=sums.texture, is_direction=int(is_direction))
+    if sums.formats == NUMBERS:
+        target.fill(into, AVERAGE_NUMBER, **bindings_of_sums(sums))
+    else:
+        target.fill(into, AVERAGE, sums=sums.texture, is_direction=int(is_direction))
+
+
+def bindings_of_sums(sums: target.Target) -> dict[str, gpu.types.GPUTexture]:
+    """What the sums of a Program are bound to that is for sums of this format."""
+    return dict(zip(("sums", "weights"), sums.textures, strict=False))
 
 
 STOPPED = Program(
-    vertex="lib/fullscreen_vert.glsl",
+    vertex="lib/nearer_vert.glsl",
     fragment="adaptive/stopped_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("FLOAT_2D", "rounds"), ("FLOAT_2D", "covered")),

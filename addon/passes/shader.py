@@ -46,6 +46,9 @@ class Program:
     as images, since a sampler takes them twice as long; other drivers read them as samplers, which their caches suit."""
     group: tuple[int, int] = (8, 8)
     """A compute shader's workgroup, in texels."""
+    cost: float = 0.0
+    """How many rays of a bake take as long as a texel, at most, as core.progress counts them; 0 for so few that a GPU draws the
+    largest map at once."""
 
     def all_samplers(self, as_images: bool) -> list[Declaration]:
         """The samplers by slot, including `texels` unless they are images."""

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core import progress
 from ..core.material_feeds import ImagePixels
+from . import allocation, data_texture, target
 from . import blender_gpu as gpu
-from . import data_texture, target
+from .allocation import TEXEL_BYTES
 from .shader import Program
 
 LARGEST_FINITE = 65504.0
@@ -111,6 +113,7 @@ FIRST_LEVEL = Program(
     samplers=(("FLOAT_2D", "image_pixels"),),
     images=(("RGBA32F", "FLOAT_2D", "levels", "WRITE"),),
     constants=(("INT", "first_row"), ("INT", "image_flags")),
+    cost=0.05,
 )
 NEXT_LEVEL = Program(
     compute="surface/next_level_comp.glsl",
@@ -155,11 +158,13 @@ def upload_image(image: ImagePixels) -> ImageLevels:
     flags = image.is_srgb * SRGB | image.weighs_alpha * WEIGHS_ALPHA
     extent = _extent(sizes)
     # Half precision would lose a little at each level: some drivers cut numbers off instead of rounding them.
-    levels = gpu.types.GPUTexture(extent, format="RGBA32F")
+    levels = allocation.texture(extent, "RGBA32F")
     if len(sizes) > 1:
-        target.dispatch(
-            FIRST_LEVEL, sizes[1][0], range(sizes[1][1]), image_pixels=pixels, levels=levels, image_flags=flags
-        )
+        width_of_first, rows = sizes[1]
+        for piece in progress.pieces(rows, FIRST_LEVEL.cost * width_of_first, progress.STEP):
+            target.dispatch(FIRST_LEVEL, width_of_first, piece, image_pixels=pixels, levels=levels, image_flags=flags)
+            if len(piece) < rows:
+                target.Target.of(*extent, "RGBA32F", levels).finish()
     for level in range(2, len(sizes)):
         target.dispatch(
             NEXT_LEVEL,
@@ -169,7 +174,7 @@ def upload_image(image: ImagePixels) -> ImageLevels:
             source=(*level_origin(sizes, level - 1), *sizes[level - 1]),
             result=(*level_origin(sizes, level), *sizes[level]),
         )
-    held = width * height * target.TEXEL_BYTES[texel] + extent[0] * extent[1] * target.TEXEL_BYTES["RGBA32F"]
+    held = width * height * TEXEL_BYTES[texel] + extent[0] * extent[1] * TEXEL_BYTES["RGBA32F"]
     return ImageLevels(pixels, levels, len(sizes) - 1, flags, reduced, held)
 
 
@@ -212,6 +217,7 @@ FIND_BLOCKS = Program(
     inputs=(("VEC2", "position"),),
     texels=(("RGBA32UI", "UINT_2D", "hits"), ("RGBA32F", "FLOAT_2D", "labels")),
     outputs=(("VEC4", "materials_out"),),
+    cost=30.0,
 )
 BLOCK = 32
 """Texels. As in shaders/lib/served_lib.glsl; workgroups are 8 x 8."""
@@ -249,17 +255,21 @@ def every_block(width: int, height: int) -> Blocks:
 
 
 def dispatch_in_blocks(
-    program: Program, size: tuple[int, int], blocks: Blocks | None, materials: MaterialTable, number: int, **bindings
+    program: Program, hits: target.Target, blocks: Blocks | None, materials: MaterialTable, number: int, **bindings
 ) -> None:
-    """Run `program` on the blocks that may show a material with the feed of this number. size: of the map."""
-    served = (blocks or every_block(*size)).serving(materials, number)
-    if len(served):
-        listed = data_texture.upload(np.pad(served, ((0, 0), (0, 1))).astype(np.float32))
+    """Run `program` on the blocks of the map of `hits` that may show a material with the feed of this number, in pieces."""
+    served = (blocks or every_block(hits.width, hits.height)).serving(materials, number)
+    found = progress.pieces(len(served), BLOCK**2 * program.cost)
+    for piece in found:
+        listed = data_texture.upload(np.pad(served[piece.start : piece.stop], ((0, 0), (0, 1))).astype(np.float32))
         target.dispatch_groups(
             program,
-            ((BLOCK // program.group[0]) ** 2, len(served)),
+            ((BLOCK // program.group[0]) ** 2, len(piece)),
+            hits=hits.texture,
             blocks=listed,
             materials=materials.texture,
             feed=number,
             **bindings,
         )
+        if len(found) > 1:
+            hits.finish()

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..core.material_feeds import LUMINANCE, AttributeFeed, BumpFeed, Extension, ImageFeed, NormalMapFeed
 from . import blender_gpu as gpu
-from . import cast, shader, surface_tables, target
+from . import cast, samples, shader, surface_tables, target
 from .shader import Program
 from .surface_tables import Blocks, CornerValues, ImageLevels, MaterialTable
 
@@ -37,6 +37,7 @@ ADD_IMAGE = Program(
     samplers=IMAGE,
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(*_ROWS, *LEVELS, *_IMAGE_NUMBERS),
+    cost=0.5,
 )
 ADD_CONSTANTS = Program(
     compute="surface/add_constants_comp.glsl",
@@ -61,12 +62,17 @@ ADD_ATTRIBUTE = Program(
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(*LEVELS, ("INT", "first_row"), ("INT", "feed")),
 )
+ADD_IMAGE_NUMBER, ADD_CONSTANTS_NUMBER, ADD_ATTRIBUTE_NUMBER = (
+    replace(program, compute=program.compute.replace("_comp", "_number_comp"), images=samples.IMAGES_OF_NUMBERS)
+    for program in (ADD_IMAGE, ADD_CONSTANTS, ADD_ATTRIBUTE)
+)
 NORMAL_MAP = Program(
     compute="surface/normal_map_comp.glsl",
     texels=TEXELS,
     samplers=(*IMAGE, ("FLOAT_2D", "tangent_triangles"), ("FLOAT_2D", "tangents")),
     images=_NORMALS,
     constants=(("MAT4", "to_space"), *_ROWS, *_LIMITS, *_IMAGE_NUMBERS),
+    cost=0.5,
 )
 BUMP = Program(
     compute="surface/bump_comp.glsl",
@@ -74,6 +80,7 @@ BUMP = Program(
     samplers=IMAGE,
     images=_NORMALS,
     constants=(("MAT4", "to_space"), *_ROWS, ("FLOAT", "rise"), *_LIMITS, *_IMAGE_NUMBERS),
+    cost=2.0,
 )
 COLOR = 4
 """The channel of a whole color in shaders/lib/channel_lib.glsl."""
@@ -114,11 +121,10 @@ class ImageAtHits:
         flags |= self.image.flags | (not self.feed.is_smooth) * CLOSEST
         surface_tables.dispatch_in_blocks(
             program,
-            (self.hits.width, self.hits.height),
+            self.hits,
             self.blocks,
             self.materials,
             self.number,
-            hits=self.hits.texture,
             triangles=self.tables.triangles,
             points=self.tables.points,
             uv_triangles=self.uvs.triangles,
@@ -144,21 +150,21 @@ def add_constants(
     is_first: bool,
     rows: range | None = None,
 ) -> None:
-    """Add the constants of `materials` to `sums` (RGBA32F), and count misses: once for each sample of each map.
+    """Add the constants of `materials` to `sums` (RGBA32F or samples.NUMBERS), and count misses: once for each sample of a map.
 
     is_first: replace what the sums held. normals: alpha is -1 for a miss. labels: a data texture with the object and
     material number of each triangle, in the order of the hits' numbers. materials: from surface_tables.upload_materials.
     """
     target.dispatch(
-        ADD_CONSTANTS,
+        ADD_CONSTANTS_NUMBER if sums.formats == samples.NUMBERS else ADD_CONSTANTS,
         sums.width,
         rows or range(sums.height),
-        sums=sums.texture,
         hits=hits.texture,
         normals=normals,
         labels=labels,
         materials=materials.texture,
         is_first=int(is_first),
+        **samples.bindings_of_sums(sums),
     )
 
 
@@ -178,10 +184,9 @@ def add_attribute(
     Other arguments as in `add_constants`.
     """
     target.dispatch(
-        ADD_ATTRIBUTE,
+        ADD_ATTRIBUTE_NUMBER if sums.formats == samples.NUMBERS else ADD_ATTRIBUTE,
         sums.width,
         rows or range(sums.height),
-        sums=sums.texture,
         hits=hits.texture,
         labels=labels,
         value_triangles=values.triangles,
@@ -189,12 +194,14 @@ def add_attribute(
         materials=materials.texture,
         feed=number,
         **_levels(feed),
+        **samples.bindings_of_sums(sums),
     )
 
 
 def add_image(sums: target.Target, at_hits: ImageAtHits) -> None:
-    """Add what an image shows to `sums` (RGBA32F), and 1 to their alpha, where the hit's material has it."""
-    at_hits.dispatch(ADD_IMAGE, sums=sums.texture, **_levels(at_hits.feed))
+    """Add what an image shows to `sums`, and 1 to their alpha, where the hit's material has it."""
+    program = ADD_IMAGE_NUMBER if sums.formats == samples.NUMBERS else ADD_IMAGE
+    at_hits.dispatch(program, **_levels(at_hits.feed), **samples.bindings_of_sums(sums))
 
 
 def apply_normal_map(

@@ -5,15 +5,19 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+import weakref
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
+from ..core import progress
+from . import allocation, shader
 from . import blender_gpu as gpu
-from . import shader
+from .allocation import TEXEL_BYTES
 from .shader import Program
 
 _drawn_part: ContextVar[tuple[range, range] | None] = ContextVar("columns and rows to draw", default=None)
@@ -56,9 +60,6 @@ KEPT_BYTES = 512 * 2**20
 """The memory that targets may keep between bakes, in bytes; above it they are freed at the end of a bake."""
 
 
-TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "RGBA16F": 8, "RGBA8": 4, "R16F": 2, "R16I": 2, "R8": 1}
-TEXEL_BYTES |= {"R32F": 4, "R32I": 4, "DEPTH_COMPONENT32F": 4}
-"""The memory of a texel, by format."""
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R16F": ("FLOAT", 1, np.float32), "R8": ("UBYTE", 1, np.uint8)}
 _READ_FORMAT |= {"R32F": ("FLOAT", 1, np.float32)}
 COPY = Program(
@@ -78,7 +79,7 @@ class Target:
 
     def __init__(self, width: int, height: int, formats: tuple[str, ...]):
         self.width, self.height, self.formats = width, height, formats
-        self.textures = [gpu.types.GPUTexture((width, height), format=name) for name in formats]
+        self.textures = [allocation.texture((width, height), name) for name in formats]
         self.framebuffer = None
         self.bytes = width * height * sum(TEXEL_BYTES[name] for name in formats)
 
@@ -114,9 +115,19 @@ class Target:
 
     def finish(self) -> None:
         """Wait until all drawing is done: drivers run asynchronously, so that a timer would stop too early."""
-        kind = "UINT" if self.formats[0].endswith("UI") else "FLOAT"
+        self.first()
+
+    def first(self) -> np.ndarray:
+        """The first texel of the first texture, which was drawn. Integers have their first channel alone.
+
+        OpenGL refuses to read four channels of integers as Blender asks for them, and then does not wait either. Vulkan writes
+        four channels whatever is asked for, so that there must be room for them.
+        """
+        kind, channels = ("UINT", 1) if self.formats[0].endswith("UI") else ("FLOAT", 4)
+        read = gpu.types.Buffer(kind, 4)
         with self.bound() as framebuffer:
-            framebuffer.read_color(0, 0, 1, 1, 4, 0, kind)
+            framebuffer.read_color(0, 0, 1, 1, channels, 0, kind, data=read)
+        return np.array(read.to_list()[:channels])
 
     @contextmanager
     def bound(self, depth: gpu.types.GPUTexture | None = None) -> Iterator[gpu.types.GPUFrameBuffer]:
@@ -144,7 +155,7 @@ class Offscreen(Target):
 
     def __init__(self, width: int, height: int, formats: tuple[str]):
         self.width, self.height, self.formats = width, height, formats
-        self.offscreen = gpu.types.GPUOffScreen(width, height, format=formats[0])
+        self.offscreen = allocation.offscreen((width, height), formats[0])
         self.textures = [self.offscreen.texture_color]
         self.bytes = width * height * (TEXEL_BYTES[formats[0]] + self.DEPTH_BYTES)
 
@@ -169,6 +180,10 @@ def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
 Kind = TypeVar("Kind", bound=Target)
 
 
+_pools: weakref.WeakSet[TargetPool] = weakref.WeakSet()
+allocation.held.append(lambda: sum(pool.bytes for pool in _pools))
+
+
 class TargetPool:
     """Targets by their roles, each kept until one of another size or format is asked for.
 
@@ -178,6 +193,7 @@ class TargetPool:
     def __init__(self, most_bytes: int = KEPT_BYTES):
         self.most_bytes = most_bytes
         self._targets: dict[str, Target] = {}
+        _pools.add(self)
         self._last_use = -math.inf
 
     def __len__(self) -> int:
@@ -240,6 +256,11 @@ def offscreen(role: str, width: int, height: int, texel: str) -> Offscreen:
     """As `get`, of one format and a gpu.types.GPUOffScreen; `get` returns it too when asked for the same role."""
     common.note_use()
     return _in_use.get().get(role, Offscreen, width, height, (texel,))
+
+
+def free_current() -> None:
+    """Free all targets of the pool in use."""
+    _in_use.get().free()
 
 
 @contextmanager
@@ -306,10 +327,13 @@ def fill(
     """Run `program`'s fragment shader on every texel of `target`, or of these rows; options as in `drawing`, `bindings` as in
     `bind`."""
     compiled = shader.load(program)
-    with drawing(target, rows, clear=clear, stopped=stopped, writes_depth=writes_depth):
+
+    def draw_triangle() -> None:
         compiled.bind()
         bind(compiled, program, **bindings)
         _triangle().draw(compiled)
+
+    _draw_in_pieces(target, program, rows, draw_triangle, clear=clear, stopped=stopped, writes_depth=writes_depth)
 
 
 def draw(
@@ -324,8 +348,22 @@ def draw(
     **bindings,
 ) -> None:
     """Draw a mesh into `into`; options as in `drawing`, the others as in `draw_bound`."""
-    with drawing(into, clear=clear, stopped=stopped, writes_depth=writes_depth):
-        draw_bound(program, mesh, parts, **bindings)
+    drawn = partial(draw_bound, program, mesh, parts, **bindings)
+    _draw_in_pieces(into, program, None, drawn, clear=clear, stopped=stopped, writes_depth=writes_depth)
+
+
+def _draw_in_pieces(
+    into: Target, program: Program, rows: range | None, draw_piece: Callable[[], None], *, clear: bool, **options
+) -> None:
+    """Draw these rows of `into`, or all of them, at once or in pieces as core.progress has them; options as in `drawing`."""
+    _, drawn = drawn_part(into.width, into.height)
+    found = [rows] if rows is not None else progress.pieces(into.height, program.cost * into.width, progress.STEP)
+    found = [piece for piece in found if piece.start < drawn.stop and drawn.start < piece.stop]
+    for number, piece in enumerate(found):
+        with drawing(into, piece if len(found) > 1 else rows, clear=clear and not number, **options):
+            draw_piece()
+        if len(found) > 1:
+            into.finish()
 
 
 def draw_bound(
@@ -371,8 +409,5 @@ def bind(compiled: gpu.types.GPUShader, program: Program, **bindings) -> None:
 
 
 def _triangle() -> gpu.types.GPUBatch:
-    layout = gpu.types.GPUVertFormat()
-    layout.attr_add(id="position", comp_type="F32", len=2, fetch_mode="FLOAT")
-    corners = gpu.types.GPUVertBuf(layout, 3)
-    corners.attr_fill("position", ((-1.0, -1.0), (3.0, -1.0), (-1.0, 3.0)))
-    return gpu.types.GPUBatch(type="TRIS", buf=corners)
+    corners = np.array([(-1.0, -1.0), (3.0, -1.0), (-1.0, 3.0)], np.float32)
+    return gpu.types.GPUBatch(type="TRIS", buf=allocation.corners("position", corners))

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes for the screen: the deviation of a map with its legend, the shell of the cage, and pictures of unfinished maps."""
+"""Passes for the screen: maps as they are stored, masks, the deviation of a map with its legend, the shell of the cage, and
+pictures of unfinished maps."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -101,6 +104,77 @@ def draw_deviation(
 def draw_legend(square: gpu.types.GPUBatch, rect: tuple[float, float, float, float]) -> None:
     """Draw the color scale left to right. square: position (x, y) from 0 to 1; rect: its scale and offset in clip space."""
     target.draw_bound(DRAW_LEGEND, square, rect=rect)
+
+
+DRAW_TEXTURE = Program(
+    vertex="view/deviation_colors_vert.glsl",
+    fragment="view/texture_frag.glsl",
+    inputs=(("VEC3", "position"), ("VEC2", "uv")),
+    varyings=(("VEC2", "v_uv"),),
+    samplers=(("FLOAT_2D", "stored_map"),),
+    constants=(
+        ("MAT4", "view_projection"),
+        ("VEC4", "levels"),
+        ("INT", "takes_nearest"),
+        ("INT", "is_stored_color"),
+    ),
+    outputs=(("VEC4", "color_out"),),
+)
+DRAW_MASK = Program(
+    vertex="view/deviation_colors_vert.glsl",
+    fragment="view/mask_frag.glsl",
+    inputs=(("VEC3", "position"), ("VEC2", "uv")),
+    varyings=(("VEC2", "v_uv"),),
+    samplers=(("FLOAT_2D", "mask"),),
+    constants=(("MAT4", "view_projection"), ("VEC4", "color")),
+    outputs=(("VEC4", "color_out"),),
+)
+
+
+def texture_of(image: Any) -> gpu.types.GPUTexture:
+    """The texture that Blender keeps of an image datablock, with the pixels that it has now.
+
+    After it has made mip levels, Blender binds the shader again that was bound before, even one that was freed.
+    """
+    shader.load(DRAW_TEXTURE).bind()
+    return gpu.texture.from_image(image)
+
+
+def draw_texture(
+    batch: gpu.types.GPUBatch,
+    stored: gpu.types.GPUTexture,
+    view_projection: np.ndarray,
+    *,
+    is_stored_color: bool,
+    takes_nearest: bool = False,
+    bounds: tuple[float, float] = (0.0, 1.0),
+) -> None:
+    """Draw `batch` into the bound framebuffer with a map on it, unlit.
+
+    batch: attributes position and uv. is_stored_color: whether the framebuffer, which encodes colors as sRGB, is to show the
+    values as they are stored; else they are linear colors. takes_nearest: each texel with its true borders, as numbers of
+    objects need it. bounds: the values that are black and white.
+    """
+    low, high = bounds
+    target.draw_bound(
+        DRAW_TEXTURE,
+        batch,
+        stored_map=stored,
+        view_projection=shader.mat4(view_projection),
+        levels=(low, 1.0 / (high - low), 0.0, 0.0),
+        takes_nearest=int(takes_nearest),
+        is_stored_color=int(is_stored_color),
+    )
+
+
+def draw_mask(
+    batch: gpu.types.GPUBatch,
+    mask: gpu.types.GPUTexture,
+    view_projection: np.ndarray,
+    color: tuple[float, float, float, float],
+) -> None:
+    """Draw the texels of `batch` where `mask` is 1 into the bound framebuffer. batch: attributes position and uv."""
+    target.draw_bound(DRAW_MASK, batch, mask=mask, view_projection=shader.mat4(view_projection), color=color)
 
 
 CAGE_SHELL = Program(

@@ -212,7 +212,8 @@ def read_moved(
     """What mesh_reader.surface returns for `data`, if it differs from `known` at most in the positions of few vertices, and in
     the normals and triangles that follow from them; otherwise None. Arrays that are the same are those of `known`, but labels
     and layers are left out: they follow from materials, which may have changed."""
-    if not known.normals_domain or known.not_finite or mesh_reader.normals_domain(data) != known.normals_domain:
+    is_known = known.normals_domain in {"POINT", "FACE"} and not known.not_finite
+    if not is_known or mesh_reader.normals_domain(data) != known.normals_domain:
         return None
     if (len(data.vertices), len(data.loops)) != (len(known.positions), len(known.vertices)):
         return None

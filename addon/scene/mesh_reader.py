@@ -100,8 +100,7 @@ def corner_vertices(data: bpy.types.Mesh) -> np.ndarray:
 
 def normals_domain(data: bpy.types.Mesh) -> str:
     """As Mesh has it."""
-    is_free = "custom_normal" not in data.attributes and data.normals_domain in {"POINT", "FACE"}
-    return data.normals_domain if is_free else ""
+    return "" if "custom_normal" in data.attributes else data.normals_domain
 
 
 @contextmanager

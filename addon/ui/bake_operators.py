@@ -31,33 +31,10 @@ from . import bake_results, modal, object_pairs
 from .bake_results import results
 from .live import live
 from .modal import QuickOperator
-from .progress_display import display
+from .preferences import flamenco_address
+from .progress_display import SettingsPanel, display
 from .properties import Chosen, Options
-from .texts import SettingsPanel, draw_paragraphs, label, labeled, message, split_layout, tooltip
-
-MODULE = __package__.partition(".addon.")[0]
-"""Blender's name for the extension."""
-
-
-class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
-    """What the extension keeps in Blender's preferences."""
-
-    bl_idname = MODULE
-
-    flamenco: labeled(
-        StringProperty,
-        "Flamenco Manager",
-        "Address of the Flamenco Manager that gets job files, as http://flamenco.local:8080",
-    )
-
-    def draw(self, _context: bpy.types.Context) -> None:
-        self.layout.prop(self, "flamenco")
-
-
-def flamenco_address(context: bpy.types.Context) -> str:
-    """The address of the Flamenco Manager, or "" if none is set, or if this is no installed extension."""
-    own = context.preferences.addons.get(MODULE)
-    return own.preferences.flamenco.strip() if own and own.preferences else ""
+from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, split_layout, tooltip
 
 
 class _Bake(modal.MapOperator):
@@ -111,7 +88,7 @@ class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):
     """Bake the detail of the high-poly objects into a normal map for the low-poly object"""
 
     bl_idname = "imprint.bake"
-    bl_label = "Bake Normal Map"
+    bl_label = "Bake Maps"
     bl_options = {"REGISTER", "UNDO"}
 
 
@@ -215,12 +192,11 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
     """Bakes many low objects at once: pairs of objects by name."""
 
     bl_idname = "IMPRINT_PT_pairs"
-    bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "Pairs by Name"
+    bl_order = 1
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         settings = context.scene.imprint
         row = layout.row(align=True)
         for name in ("low_suffix", "high_suffix", "cage_suffix"):
@@ -235,11 +211,17 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
         if not found and not problems:
             draw_paragraphs(box, context, [message("No object name ends with one of these suffixes.")], "INFO")
         layout.prop(settings, "share_image")
-        row = layout.row()
-        row.enabled = bool(found)
-        row.operator("imprint.bake_pairs", icon="RENDER_STILL")
         if flamenco_address(context):
             layout.operator("imprint.send_to_flamenco", icon="EXPORT")
+
+    def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        settings = context.scene.imprint
+        names = tuple(context.view_layer.objects.keys())
+        try:
+            found = bool(pairs(names, settings.suffixes())[0])
+        except BakeError:  # the box says it
+            found = False
+        display.draw_operator(layout, "imprint.bake_pairs", enabled=found, icon="RENDER_STILL")
 
 
 @lru_cache(maxsize=1)
@@ -248,24 +230,40 @@ def pairs(names: tuple[str, ...], suffixes: naming.Suffixes) -> tuple[list[namin
     return naming.match(names, suffixes)
 
 
+class IMPRINT_PT_more(SidebarPanel, bpy.types.Panel):
+    """What is needed now and then."""
+
+    bl_idname = "IMPRINT_PT_more"
+    bl_label = "More"
+    bl_order = 4
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """The panels in it draw the rest."""
+
+
 class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):
     """Bakes a map for each frame."""
 
     bl_idname = "IMPRINT_PT_sequence"
-    bl_parent_id = "IMPRINT_PT_bake"
+    bl_parent_id = "IMPRINT_PT_more"
     bl_label = "Sequence"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row = layout.row(align=True)
         row.prop(context.scene, "frame_start", text=label("First"))
         row.prop(context.scene, "frame_end", text=label("Last"))
-        row = layout.row()
-        row.enabled = context.scene.imprint.storage == Storage.FILE
-        row.operator("imprint.bake_sequence", icon="RENDER_ANIMATION")
-        if not row.enabled:
+        if not _writes_files(context):
             draw_paragraphs(layout, context, [message("Set Store to File to bake a sequence.")], "INFO")
+
+    def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        is_possible = _writes_files(context)
+        display.draw_operator(layout, "imprint.bake_sequence", enabled=is_possible, icon="RENDER_ANIMATION")
+
+
+def _writes_files(context: bpy.types.Context) -> bool:
+    return context.scene.imprint.storage == Storage.FILE
 
 
 class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
@@ -279,7 +277,8 @@ class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
         settings = context.scene.imprint
         if context.active_object is None:
             raise BakeError("No object is active: select the mesh to make levels of.")
-        limits = levels.limits(settings.level_degrees, settings.level_distance)
+        wanted = settings.level_triangles.strip()
+        limits = levels.counts(wanted) if wanted else levels.limits(settings.level_degrees, settings.level_distance)
         if settings.export:
             engine_files.check_levels(settings.export, len(limits))
         return (yield from lod.work(context, context.active_object, limits, settings.to_settings(), pace))
@@ -304,16 +303,21 @@ class IMPRINT_PT_levels(SettingsPanel, bpy.types.Panel):
     """Makes coarser meshes with the UV layout of the active one."""
 
     bl_idname = "IMPRINT_PT_levels"
-    bl_parent_id = "IMPRINT_PT_bake"
+    bl_parent_id = "IMPRINT_PT_more"
     bl_label = "Levels of Detail"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        column = split_layout(layout.column())
-        for name in ("level_degrees", "level_distance", "export"):
-            column.prop(context.scene.imprint, name)
-        layout.operator("imprint.make_levels", icon="MOD_DECIM")
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        column, settings = split_layout(layout.column()), context.scene.imprint
+        column.prop(settings, "level_triangles")
+        by_deviation = column.column()
+        by_deviation.active = not settings.level_triangles.strip()
+        for name in ("level_degrees", "level_distance"):
+            by_deviation.prop(settings, name)
+        column.prop(settings, "export")
+
+    def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        display.draw_operator(layout, "imprint.make_levels", icon="MOD_DECIM")
 
 
 class IMPRINT_OT_convert(modal.MapOperator, bpy.types.Operator):
@@ -342,12 +346,12 @@ class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):
     """Converts an existing map into the space and the basis of the panel Map."""
 
     bl_idname = "IMPRINT_PT_convert"
-    bl_parent_id = "IMPRINT_PT_bake"
+    bl_parent_id = "IMPRINT_PT_more"
     bl_label = "Convert Map"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout = split_layout(layout)
         settings = context.scene.imprint
         layout.template_ID(settings, "convert_image", open="image.open", text=label("Map"), translate=False)
         layout.prop(settings, "from_space")
@@ -356,19 +360,20 @@ class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):
         column = layout.column(align=True)
         for name in ("from_red", "from_green", "from_blue"):
             column.prop(settings, name)
-        row = layout.row()
-        row.enabled = settings.convert_image is not None
-        row.operator("imprint.convert", icon="FILE_REFRESH")
+
+    def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        is_possible = context.scene.imprint.convert_image is not None
+        display.draw_operator(layout, "imprint.convert", enabled=is_possible, icon="FILE_REFRESH")
 
 
 CLASSES = (
-    IMPRINT_AP_preferences,
     IMPRINT_OT_bake,
     IMPRINT_OT_bake_sequence,
     IMPRINT_OT_live,
     IMPRINT_OT_bake_pairs,
     IMPRINT_OT_send_to_flamenco,
     IMPRINT_PT_pairs,
+    IMPRINT_PT_more,
     IMPRINT_PT_sequence,
     IMPRINT_OT_make_levels,
     IMPRINT_PT_levels,

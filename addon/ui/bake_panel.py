@@ -1,32 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The main panel: the slots of the objects with their operators, the Bake button with what it will do or why it cannot, and the
-result of the last bake."""
+"""The main panel: the slots of the objects with their operators, size and samples, and the Bake button with what it will do,
+or why it cannot."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
-from bpy.props import IntProperty, StringProperty
+from bpy.props import FloatProperty, IntProperty, StringProperty
 
-from ..core.declarations.choices import Method, Space
+from ..core.declarations.choices import Method, Space, Storage
+from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
-from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import bake_jobs
 from ..jobs.checks import Finding
 from ..jobs.job import Job, by_material
 from ..output import datablocks, map_names, materials, outputs
-from ..scene import evaluation, object_checks, reading
+from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
-from . import bake_results, object_pairs
-from .bake_results import high_objects, results
+from . import object_pairs
+from .bake_results import results
 from .checks import draw_button, draw_fixable, findings
 from .live import live
 from .modal import QuickOperator
-from .progress_display import display
+from .progress_display import MAIN, display
 from .properties import Chosen, ImprintSettings
-from .texts import SidebarPanel, draw_paragraphs, label, labeled, message
+from .results_panel import draw_numbers
+from .texts import LABEL, SidebarPanel, draw_paragraphs, label, labeled, message, split_layout
 
 
 class IMPRINT_UL_highs(bpy.types.UIList):
@@ -133,6 +134,54 @@ class IMPRINT_OT_high_remove(bpy.types.Operator):
         return {"FINISHED"}
 
 
+COMMON_SIZES = (512, 1024, 2048, 4096, 8192)
+
+
+class IMPRINT_OT_resize(bpy.types.Operator):
+    """Change the size of the map; a map that is not square keeps its shape"""
+
+    bl_idname = "imprint.resize"
+    bl_label = "Resize Map"
+    bl_options = {"REGISTER", "UNDO"}
+
+    side: labeled(IntProperty, "Side", "Texels along the longer side; 0 to scale", default=0, min=0, max=MAX_SIZE)
+    factor: labeled(FloatProperty, "Factor", "By how much both sides are scaled", default=1.0, min=0.0, max=64.0)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.imprint
+        factor = self.side / max(settings.width, settings.height) if self.side else self.factor
+        # The properties keep each side within its limits.
+        settings.width, settings.height = (round(side * factor) for side in (settings.width, settings.height))
+        return {"FINISHED"}
+
+
+class IMPRINT_MT_size(bpy.types.Menu):
+    """Common sizes of maps."""
+
+    bl_idname = "IMPRINT_MT_size"
+    bl_label = "Size"
+    bl_translation_context = LABEL
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        for side in COMMON_SIZES:
+            self.layout.operator("imprint.resize", text=str(side), translate=False).side = side
+        self.layout.separator()
+        for text, factor in ((label("Double"), 2.0), (label("Halve"), 0.5)):
+            self.layout.operator("imprint.resize", text=text, translate=False).factor = factor
+
+
+def draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """The size in a panel, with its menu."""
+    is_square = settings.square and settings.width == settings.height
+    column = layout.column(align=True)
+    row = column.row(align=True)
+    row.prop(settings, "size" if is_square else "width")
+    row.prop(settings, "square", text="", icon="LINKED" if is_square else "UNLINKED")
+    row.menu(IMPRINT_MT_size.bl_idname, text="", icon="DOWNARROW_HLT")
+    if not is_square:
+        column.prop(settings, "height")
+
+
 def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
     """Why the button cannot bake, in a sentence; empty if no problem is visible."""
     low, highs, values = chosen.low, chosen.highs, chosen.settings
@@ -144,7 +193,15 @@ def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
     if not reason and low is not None and not highs and (waiting := chosen.hidden(context)):
         reason = describe_hidden(waiting)
     reason = reason or object_checks.problem(context, low, highs, chosen.cage, values.tracing.method)
+    if not reason and _is_unsaved(chosen):
+        reason = message("The files of the bake go beside the .blend file: save it first.")
     return reason or _material_problem(low, values) or weights_problem(low, values.tracing) or _clash(low, chosen.panel)
+
+
+def _is_unsaved(chosen: Chosen) -> bool:
+    """Whether the maps go beside a .blend file that was never saved."""
+    panel = chosen.panel
+    return not bpy.data.filepath and panel.storage == Storage.FILE and panel.output.startswith("//")
 
 
 def _material_problem(low: bpy.types.Object, values: Settings) -> str:
@@ -260,7 +317,7 @@ def swap_warning(low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:
 
 
 class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
-    """The objects to bake, and the Bake button."""
+    """The objects to bake, what the button takes from them, and the button. All above the button keeps its height."""
 
     bl_idname = "IMPRINT_PT_bake"
     bl_label = "Imprint"
@@ -268,60 +325,87 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         settings = context.scene.imprint
-        column = layout.column()
-        column.label(text=label("High"), translate=False)
-        row = column.row()
-        row.template_list("IMPRINT_UL_highs", "", settings, "highs", settings, "active_high", rows=2, maxrows=5)
-        buttons = row.column(align=True)
-        buttons.operator("imprint.high_add", text="", icon="ADD")
-        buttons.operator("imprint.high_remove", text="", icon="REMOVE")
-        column.prop(settings, "low")
-        column.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
-
         chosen = settings.chosen(context)
-        problem = bake_problem(context, chosen)
-        following = live.description
-        if following:
-            problem = ""  # Live does not depend on the selection
-        box = layout.box()
-        if following or problem:
-            draw_fixable(box, context, following or problem, "ERROR" if problem else "INFO")
-            if problem:
-                draw_remedy(box, context, chosen)
-        else:
-            draw_paragraphs(box, context, [describe_bake(chosen)], "INFO")
-            box.label(text=count_images(chosen.low, settings), translate=False)
-            draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
-            draw_hidden(box, context, chosen.hidden(context))
-            found = findings.of(context, chosen.low, chosen.highs, chosen.settings, is_exported=bool(settings.export))
-            draw_findings(box, context, found)
-        # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
+        problem = "" if live.is_on else bake_problem(context, chosen)  # Live does not depend on the selection
+        found = [] if live.is_on or problem else _findings(context, chosen)
+        column = layout.column()
+        column.enabled = display.current is None and not live.is_on
+        _draw_slots(column, settings, _sign(problem, found))
+        column = split_layout(layout.column())
+        column.enabled = display.current is None
+        row = column.row(align=True)
+        row.prop(settings, "engine")
+        row.popover(panel="IMPRINT_PT_presets", icon="PRESET", text="")
+        draw_size(column, settings)
+        column.prop(settings, "samples")
         row = layout.row()
         row.scale_y = 1.6
-        step = display.current
-        if step is None:
-            row.enabled = not problem
-            if is_normal_only(settings):
-                row.operator("imprint.bake", icon="RENDER_STILL")
-            else:
-                row.operator("imprint.bake", text=label("Bake Maps"), translate=False, icon="RENDER_STILL")
-        else:
-            row.progress(factor=step.done, text=display.short_text(), translate=False)
+        text = label("Bake Normal Map") if is_normal_only(settings) else label("Bake Maps")
+        display.draw_operator(row, MAIN, enabled=not problem, text=text, translate=False, icon="RENDER_STILL")
         row = layout.row()
-        row.enabled = step is None and (live.is_on or not problem)
+        row.enabled = display.current is None and (live.is_on or not problem)
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
         row.prop(settings, "live_every_time")
+        _draw_plan(layout.box(), context, chosen, problem, found)
         if live.is_on and live.message:
             draw_fixable(layout.box(), context, live.message, "ERROR")
-        reports = results.all_of(context)
-        if reports:
-            draw_result(layout, reports)
+
+
+def _findings(context: bpy.types.Context, chosen: Chosen) -> list[Finding]:
+    return findings.of(context, chosen.low, chosen.highs, chosen.settings, is_exported=bool(chosen.panel.export))
+
+
+def _sign(problem: str, found: Sequence[Finding]) -> str:
+    """The icon of a pair: whether it can be baked, and will look right."""
+    if problem or any(finding.harms for finding in found):
+        return "ERROR"
+    return "INFO" if found else "CHECKMARK"
+
+
+def _draw_slots(layout: bpy.types.UILayout, settings: ImprintSettings, sign: str) -> None:
+    """The objects, and the sign of their pair."""
+    layout.label(text=label("High"), translate=False)
+    row = layout.row()
+    row.template_list("IMPRINT_UL_highs", "", settings, "highs", settings, "active_high", rows=2, maxrows=5)
+    buttons = row.column(align=True)
+    buttons.operator("imprint.high_add", text="", icon="ADD")
+    buttons.operator("imprint.high_remove", text="", icon="REMOVE")
+    layout.prop(settings, "low")
+    row = layout.row()
+    row.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
+    row.label(text="", icon=sign)
+
+
+def _draw_plan(
+    box: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen, problem: str, found: Sequence[Finding]
+) -> None:
+    """What the button will do, or why it cannot, with buttons for what cures it."""
+    if live.is_on:
+        draw_fixable(box, context, live.description, "INFO")
+    elif problem:
+        draw_fixable(box, context, problem, "ERROR")
+        draw_remedy(box, context, chosen)
+    else:
+        draw_paragraphs(box, context, [describe_bake(chosen)], "INFO")
+        box.label(text=count_images(chosen.low, chosen.panel), translate=False)
+        draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
+        draw_hidden(box, context, chosen.hidden(context))
+        draw_findings(box, context, found)
+        box.operator("imprint.look_at_high", icon="VIEWZOOM")
+        draw_paragraphs(box, context, findings.look_of(chosen.low, chosen.highs), "BLANK1")
+        if reports := results.all_of(context, chosen.low):
+            row = box.row(align=True)
+            draw_numbers(row, reports)
+            row.operator("imprint.show_map", text="", icon="IMAGE_DATA")
+            row.operator("imprint.export", text="", icon="EXPORT")
 
 
 def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
-    """A button for a high object that is missing, else one for those that are hidden."""
+    """A button for a high object that is missing, else one for a file that was never saved or for objects that are hidden."""
     if chosen.missing:
         layout.operator("imprint.remove_missing", icon="X").high = chosen.missing[0]
+    elif _is_unsaved(chosen):
+        layout.operator("wm.save_mainfile", icon="FILE_TICK")
     elif chosen.hidden(context):
         layout.operator("imprint.show_hidden", icon="HIDE_OFF")
 
@@ -341,86 +425,6 @@ def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, found:
         draw_button(layout, finding.kind)
 
 
-def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
-    """The result of the last bake in a line, beside a small picture of the map, and a button for each of several maps.
-
-    reports: of each texture set.
-    """
-    report = reports[0]
-    box = layout.box()
-    row = box.row()
-    image = bpy.data.images.get(report.image)
-    if image is not None:
-        row.template_icon(row.icon(image), scale=2.6)
-    column = row.column(align=True)
-    head = column.row()
-    head.label(text=report.image, translate=False)
-    if high_objects(report):
-        is_hidden = bake_results.hides_high(report)
-        head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
-    if image is None:
-        column.label(text=message("The image was undone, renamed or deleted"), icon="INFO", translate=False)
-    else:
-        draw_numbers(column, reports)
-    names = list(dict.fromkeys(name for report in reports for name in report.images))
-    if len(names) > 1:
-        draw_maps(box, names)
-    if any(materials.takes_any(report.maps) for report in reports):
-        layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
-    layout.operator("imprint.export", icon="EXPORT")
-
-
-def draw_numbers(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
-    """The number of warnings, or else the covered share, and the time."""
-    number = len(_warnings(reports))
-    if number:
-        line = (message("1 warning") if number == 1 else message("{} warnings")).format(number)
-    else:
-        line = message("{} covered").format(f"{reports[0].coverage:.0%}")
-    line = f"{line}, {sum(report.seconds['total'] for report in reports):.1f} s"
-    layout.label(text=line, icon="ERROR" if number else "CHECKMARK", translate=False)
-
-
-def draw_maps(layout: bpy.types.UILayout, names: Iterable[str]) -> None:
-    """A button for each of these images, which shows it. Those that are open in an editor are pressed."""
-    column = layout.column(align=True)
-    for name in names:
-        image = bpy.data.images.get(name)
-        row = column.row(align=True)
-        row.enabled = image is not None
-        is_open = image is not None and bake_results.is_image_open(image)
-        button = row.operator(
-            "imprint.show_map", text=name, translate=False, icon="IMAGE_DATA", depress=is_open, emboss=is_open
-        )
-        button.image = name
-
-
-def _warnings(reports: Sequence[Report]) -> list[str]:
-    """The warnings of all reports and of the exported file, each of them once."""
-    found = (warning for report in reports for warning in (*report.warnings, *report.export.get("warnings", ())))
-    return list(dict.fromkeys(found))
-
-
-class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
-    """What the last bake did, and its warnings."""
-
-    bl_idname = "IMPRINT_PT_report"
-    bl_parent_id = "IMPRINT_PT_bake"
-    bl_label = "Report"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return results.of(context) is not None
-
-    def draw(self, context: bpy.types.Context) -> None:
-        reports = results.all_of(context)
-        for warning in _warnings(reports):
-            draw_fixable(self.layout, context, warning, "ERROR")
-        for report in reports:
-            draw_paragraphs(self.layout, context, report.summary(reading.lengths_of(context.scene)), "DOT")
-
-
 CLASSES = (
     IMPRINT_UL_highs,
     IMPRINT_OT_show_hidden,
@@ -428,7 +432,8 @@ CLASSES = (
     IMPRINT_OT_use_selection,
     IMPRINT_OT_high_add,
     IMPRINT_OT_high_remove,
+    IMPRINT_MT_size,
+    IMPRINT_OT_resize,
     IMPRINT_PT_bake,
-    IMPRINT_PT_report,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

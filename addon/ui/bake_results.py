@@ -15,6 +15,7 @@ from ..export import engine_files
 from ..export.engine_files import Exported
 from ..output import materials
 from ..scene import evaluation
+from ..scene.object_checks import object_by_name
 from . import modal, object_pairs
 from .callbacks import redraw
 from .modal import QuickOperator
@@ -46,6 +47,11 @@ class BakeResults:
     def of(self, context: bpy.types.Context, low: bpy.types.Object | None = None) -> Report | None:
         """The first report of `all_of`, or None."""
         return next(iter(self.all_of(context, low)), None)
+
+    def of_scene(self, context: bpy.types.Context) -> list[tuple[bpy.types.Object, list[Report]]]:
+        """The low objects of the scene that were baked, with their reports, by name."""
+        lows = sorted(_baked(context.scene), key=lambda low: low.name.casefold())
+        return [(low, self.all_of(context, low)) for low in lows]
 
     def named(self, context: bpy.types.Context, name: str = "") -> Report | None:
         """The report of the last bake onto the low object that has this name or had it then, or None. Without a name: onto
@@ -100,18 +106,39 @@ def _editors(context: bpy.types.Context) -> list[bpy.types.SpaceImageEditor]:
     return [area.spaces.active for area in areas if area.type == "IMAGE_EDITOR"]
 
 
-def show_image_in_window(context: bpy.types.Context, shown: bpy.types.Image) -> None:
-    """Show an image in an open Image Editor, or else in a new window, as Blender shows renders."""
+BESIDE = 0.4
+"""The share of a viewport's width that an image beside it gets."""
+
+
+def show_image_beside(context: bpy.types.Context, shown: bpy.types.Image) -> None:
+    """Show an image in an open Image Editor, or else in a new one beside the viewport, or in a window where there is none."""
     if show_image(context, shown):
         return
+    viewport = find_viewport(context)
+    area, size = _split(context, viewport) if viewport is not None else (None, ())
+    if area is None:
+        area = _new_window(context)
+        size = area.width, area.height
+    area.type = "IMAGE_EDITOR"
+    editor = area.spaces.active
+    editor.image = shown
+    editor.zoom_percentage = 90.0 * min(room / max(1, side) for room, side in zip(size, shown.size, strict=True))
+
+
+def _split(context: bpy.types.Context, area: bpy.types.Area) -> tuple[bpy.types.Area | None, tuple[float, float]]:
+    """The left part of an area, which keeps the rest with its sidebar, and the size that it will have; None if it cannot be
+    divided, as one that fills the screen."""
+    screen, size = context.window.screen, (BESIDE * area.width, area.height)
+    before = set(screen.areas)
+    with context.temp_override(area=area, region=next(one for one in area.regions if one.type == "WINDOW")):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=BESIDE)  # below 0.5, the new one is the left one
+    return next((one for one in screen.areas if one not in before), None), size
+
+
+def _new_window(context: bpy.types.Context) -> bpy.types.Area:
     before = set(context.window_manager.windows)
     bpy.ops.wm.window_new()
-    window = next(window for window in context.window_manager.windows if window not in before)
-    area = window.screen.areas[0]
-    area.type = "IMAGE_EDITOR"
-    editor, (width, height) = area.spaces.active, (max(1, side) for side in shown.size)
-    editor.image = shown
-    editor.zoom_percentage = 90.0 * min(area.width / width, area.height / height)
+    return next(window for window in context.window_manager.windows if window not in before).screen.areas[0]
 
 
 def show_bake(context: bpy.types.Context, reports: list[Report]) -> None:
@@ -207,12 +234,12 @@ class IMPRINT_OT_connect_maps(QuickOperator, bpy.types.Operator):
 
 
 class IMPRINT_OT_show_map(QuickOperator, bpy.types.Operator):
-    """Show an image of the last bake in an open Image Editor, or else in a new window"""
+    """Show an image of the last bake in an open Image Editor, or else in a new one beside the viewport"""
 
     bl_idname = "imprint.show_map"
     bl_label = "Show Map"
 
-    image: labeled(StringProperty, "Image", "Name of the image; empty for the first one")
+    image: labeled(StringProperty, "Image", "Name of the image; empty for the first one", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -224,9 +251,33 @@ class IMPRINT_OT_show_map(QuickOperator, bpy.types.Operator):
         if shown is None:
             raise BakeError(f"The image {name!r} was undone, renamed or deleted: bake again.")
         is_pressed = self.options.is_invoke and context.window is not None
-        show = show_image_in_window if is_pressed else show_image
+        show = show_image_beside if is_pressed else show_image
         show(context, shown)
         redraw()
+        return ""
+
+
+class IMPRINT_OT_select_result(QuickOperator, bpy.types.Operator):
+    """Select this low object alone. The panels are then about it"""
+
+    bl_idname = "imprint.select_result"
+    bl_label = "Select Low Object"
+    bl_options = {"REGISTER", "UNDO"}
+
+    low: labeled(StringProperty, "Low", "Name of the low object", options={"SKIP_SAVE"})
+
+    def apply(self, context: bpy.types.Context) -> str:
+        low, layer, settings = object_by_name(self.low), context.view_layer, context.scene.imprint
+        evaluation.show_object(context, low)
+        if layer.objects.active is not None and layer.objects.active.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        for obj in layer.objects.selected:
+            obj.select_set(False)
+        low.select_set(True)
+        layer.objects.active = low
+        if settings.low not in {None, low}:  # the slots are those of another pair, which that object keeps
+            settings.low = None
+            settings.highs.clear()
         return ""
 
 
@@ -322,5 +373,11 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
         redraw()
 
 
-CLASSES = (IMPRINT_OT_connect_maps, IMPRINT_OT_show_map, IMPRINT_OT_show_high, IMPRINT_OT_export)
+CLASSES = (
+    IMPRINT_OT_connect_maps,
+    IMPRINT_OT_show_map,
+    IMPRINT_OT_select_result,
+    IMPRINT_OT_show_high,
+    IMPRINT_OT_export,
+)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -33,6 +33,8 @@ class PanelFindings:
         self.known: list[Finding] = []
         self._pair: tuple | None = None
         self._flipped: list[Finding] = []
+        self._looked: tuple = ()
+        self._look: list[str] = []
         self._handlers = Handlers(
             ("depsgraph_update_post", self._after_update), ("undo_post", self._drop), ("redo_post", self._drop)
         )
@@ -52,6 +54,8 @@ class PanelFindings:
         is_exported: as in jobs.checks.is_for_others.
         """
         found = self._flipped_ones(context, low, highs)
+        if not settings.tracing.keep_faces:  # the bake turns them over
+            found = [each for each in found if not each.values["is_high"]]
         if not checks.is_for_others(settings, is_exported=is_exported):
             return found
         return found + checks.unsolved_by_export(
@@ -62,16 +66,29 @@ class PanelFindings:
         self, context: bpy.types.Context, low: bpy.types.Object, highs: list[bpy.types.Object]
     ) -> list[Finding]:
         """Whether the faces of high and low point to opposite sides, from the last time if nothing has changed since."""
-        key = tuple(
-            value
-            for obj in (low, *highs)
-            for value in (obj.session_uid, obj.data.session_uid if obj.data else 0, obj.name, obj.mode)
-        )
+        key = self._key_of(low, highs)
         if key != self._pair:
             self._handlers.add()
             self._flipped = checks.viewport_flipped(context, low, highs)
             self._pair = key
         return self._flipped
+
+    @staticmethod
+    def _key_of(low: bpy.types.Object, highs: list[bpy.types.Object]) -> tuple:
+        return tuple(
+            value
+            for obj in (low, *highs)
+            for value in (obj.session_uid, obj.data.session_uid if obj.data else 0, obj.name, obj.mode)
+        )
+
+    def keep_look(self, low: bpy.types.Object, highs: list[bpy.types.Object], lines: list[str]) -> None:
+        """Remember what a look at the high objects found, until one of the objects changes."""
+        self._handlers.add()
+        self._looked, self._look = self._key_of(low, highs), lines
+
+    def look_of(self, low: bpy.types.Object, highs: list[bpy.types.Object]) -> list[str]:
+        """What the last look at these objects found; empty without one."""
+        return self._look if self._looked and self._looked == self._key_of(low, highs) else []
 
     def _of(
         self, context: bpy.types.Context, low: bpy.types.Object, is_own_base: bool, settings: Settings
@@ -98,9 +115,10 @@ class PanelFindings:
     def _drop(self, *_) -> None:
         self._key, self.known = None, []
         self._pair, self._flipped = None, []
+        self._looked, self._look = (), []
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        if self._key is None and self._pair is None:
+        if self._key is None and self._pair is None and not self._looked:
             return
         moved = {update.id.original.session_uid for update in depsgraph.updates if update.is_updated_transform}
         changed = {
@@ -110,6 +128,8 @@ class PanelFindings:
         }
         if self._pair is not None and not (changed | moved).isdisjoint(self._pair):
             self._pair, self._flipped = None, []
+        if not (changed | moved).isdisjoint(self._looked):
+            self._looked, self._look = (), []
         if self._key is not None and changed.intersection(self._key[:2]):
             self._key, self.known = None, []
 
@@ -214,18 +234,20 @@ class IMPRINT_OT_cure(QuickOperator, bpy.types.Operator):
         return f"{owner.bl_rna.properties[change.setting].name}: {FIXES[self.kind][0]}"
 
 
-def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
-    """A sentence of a report or an error, without what fixes it in a shell, and the button that fixes it."""
+def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str, low: str = "") -> None:
+    """A sentence of a report or an error, without what fixes it in a shell, and the button that fixes it. low: the name of the
+    low object; empty for that of the panel."""
     shown, kind = in_window(text)
     draw_paragraphs(layout, context, [shown], icon)
     if kind:
-        draw_button(layout, kind)
+        draw_button(layout, kind, low)
 
 
-def draw_button(layout: bpy.types.UILayout, kind: str) -> None:
+def draw_button(layout: bpy.types.UILayout, kind: str, low: str = "") -> None:
     """The button of a kind of FIXES."""
     name, _, icon = FIXES[kind]
-    layout.operator("imprint.cure", text=label(name), translate=False, icon=icon).kind = kind
+    button = layout.operator("imprint.cure", text=label(name), translate=False, icon=icon)
+    button.kind, button.low = kind, low
 
 
 CHECKS = {
@@ -398,7 +420,7 @@ class IMPRINT_OT_show_mask(_LastBakeOperator, bpy.types.Operator):
     def apply(self, context: bpy.types.Context) -> str:
         image = checks.draw_mask(context, self.last_bake(context), self.kind.lower())
         is_pressed = self.options.is_invoke and context.window is not None
-        show = bake_results.show_image_in_window if is_pressed else bake_results.show_image
+        show = bake_results.show_image_beside if is_pressed else bake_results.show_image
         show(context, image)
         return f"The mask is in the image {image.name!r}"
 
@@ -415,6 +437,24 @@ class IMPRINT_OT_add_triangulate(_LastBakeOperator, bpy.types.Operator):
         return checks.triangulate_sentence(report.low, *checks.add_triangulate(context, report))
 
 
+class IMPRINT_OT_look_at_high(QuickOperator, bpy.types.Operator):
+    """Say what the high objects are before a bake: parts, faces to turn over or leave out, noise, distance to the low object"""
+
+    bl_idname = "imprint.look_at_high"
+    bl_label = "Look at High"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return display.current is None
+
+    def apply(self, context: bpy.types.Context) -> str:
+        chosen = context.scene.imprint.chosen(context)
+        job, settings = chosen.job(context)
+        lines = checks.look_at_high(context, job, settings).lines(reading.lengths_of(context.scene))
+        findings.keep_look(chosen.low, chosen.highs, lines)
+        return ". ".join(lines)
+
+
 ICONS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
 """Icon of each severity, and its rank."""
 
@@ -423,7 +463,7 @@ class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
     """The findings of the checks in the last bake."""
 
     bl_idname = "IMPRINT_PT_checks"
-    bl_parent_id = "IMPRINT_PT_bake"
+    bl_parent_id = "IMPRINT_PT_results"
     bl_label = "Checks"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -494,6 +534,7 @@ def _share(check: dict, key: str) -> str:
 
 
 CLASSES = (
+    IMPRINT_OT_look_at_high,
     IMPRINT_OT_cure,
     IMPRINT_OT_select_flaws,
     IMPRINT_OT_show_mask,

@@ -23,7 +23,7 @@ from ..output import datablocks
 from ..output.datablocks import UNPACKED
 from .callbacks import Handlers, Key, Timer
 from .live import live
-from .progress_display import display
+from .progress_display import MAIN, display
 from .texts import tooltip
 
 SLICE = 0.06
@@ -61,9 +61,10 @@ class Runner:
     def __init__(self):
         self.run: Run | None = None
 
-    def start(self, context: bpy.types.Context, task: Task) -> Run:
-        """Begin a task, without doing its first step."""
+    def start(self, context: bpy.types.Context, task: Task, operator: str = MAIN) -> Run:
+        """Begin a task, without doing its first step. operator: whose button becomes the bar."""
         self.run = Run(task, context.window_manager.event_timer_add(0.01, window=context.window))
+        display.operator = operator
         display.show(context, Progress("Starting", 0.0))
         return self.run
 
@@ -120,7 +121,8 @@ class SlicedOperator:
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         if context.window is None:
             return self.execute(context)
-        self._own = runner.start(context, self.task(context, Pace(SLICE)))
+        operator = getattr(type(self), "bl_idname", MAIN)
+        self._own = runner.start(context, self.task(context, Pace(SLICE)), operator)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

@@ -189,7 +189,7 @@ class ImprintPair(bpy.types.PropertyGroup):
         return [ObjectRef(GONE, one) if isinstance(one, str) else ObjectRef.of(one) for one in found]
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=256)  # a panel lists the results of all low objects
 def _read(text: str) -> tuple[Report, ...]:
     """Reports from JSON. Those of another version of Imprint are left out if their keys mean something else."""
     known = {field.name for field in fields(Report)}

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Text over a viewport, in a dark box so that it is readable over any color."""
+"""The progress of a running task: text over a viewport, and panels whose button becomes a bar and whose settings look off."""
 
 import time
+from typing import Any
 
 import blf
 import bpy
@@ -11,7 +12,7 @@ from gpu_extras.presets import draw_texture_2d
 
 from ..core.progress import Progress, Redraws
 from .callbacks import DrawCallbacks, redraw
-from .texts import label, message
+from .texts import SidebarPanel, label, message
 
 TEXT_SIZE = 12.0
 """Font size, in pixels at a scale of 1."""
@@ -53,6 +54,8 @@ EDGE = 24
 """Between the picture and the corner of the editor, in pixels at a scale of 1."""
 NAMED = 0.5
 """Seconds between two texts in the panel and the status bar."""
+MAIN = "imprint.bake"
+"""The operator of the main button."""
 KNOWN = 0.05
 """Share of a bake that must be done before the remaining time is shown."""
 
@@ -60,11 +63,14 @@ KNOWN = 0.05
 class ProgressDisplay:
     """The progress of the running bake.
 
-    current: its last step, or None if no bake is running. picture: the last one that a step had.
+    current: its last step, or None if no bake is running. picture: the last one that a step had. operator: the one whose button
+    started it.
     """
 
     def __init__(self):
         self.current: Progress | None = None
+        self.operator = MAIN
+        self._buttons = {MAIN}
         self.picture: gpu.types.GPUTexture | None = None
         self._began = self._named = 0.0
         self._redraws = Redraws()
@@ -90,8 +96,26 @@ class ProgressDisplay:
             self._named = now
             context.workspace.status_text_set(f"{self.text()}   {message('Esc: stop')}")
             redraw("VIEW_3D", "IMAGE_EDITOR", region="UI")
+            redraw("PREFERENCES")  # the bar of the test of the GPU
         if self.picture is not None and self._redraws.are_due():
             redraw("VIEW_3D", "IMAGE_EDITOR", region="WINDOW")
+
+    def draw_operator(
+        self, layout: bpy.types.UILayout, name: str, *, enabled: bool = True, **how: Any
+    ) -> bpy.types.OperatorProperties | None:
+        """Draw the button of an operator, or the bar in its place while its task runs, so that nothing moves under the mouse.
+
+        The bar of a button that was never drawn is at that of Bake. how: as for UILayout.operator. Returns the operator's
+        properties, or None for a bar.
+        """
+        self._buttons.add(name)
+        started = self.operator if self.operator in self._buttons else MAIN
+        if self.current is not None and started == name:
+            layout.progress(factor=self.current.done, text=self.short_text(), translate=False)
+            return None
+        part = layout.row()
+        part.enabled = enabled and self.current is None
+        return part.operator(name, **how)
 
     def note_drawn(self) -> None:
         """Call this before the work of a tick: Blender has drawn by now what `show` asked for."""
@@ -100,10 +124,11 @@ class ProgressDisplay:
     def hide(self, context: bpy.types.Context) -> None:
         """Remove everything from the screen."""
         self.current = self.picture = None
+        self.operator = MAIN
         self._draw_callbacks.remove()
         for window in context.window_manager.windows:  # a bake may be stopped from another window
             window.workspace.status_text_set(None)
-        redraw("VIEW_3D", "IMAGE_EDITOR")
+        redraw("VIEW_3D", "IMAGE_EDITOR", "PREFERENCES")
 
     def text(self) -> str:
         """The current step in a line: its name, its progress, and the remaining time."""
@@ -137,3 +162,20 @@ def time_left(done: float, seconds: float) -> str:
 
 
 display = ProgressDisplay()
+
+
+class SettingsPanel(SidebarPanel):
+    """A panel of settings, which look off while a task runs, and the button below them, which does not."""
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.layout.column()
+        column.enabled = display.current is None
+        self.draw_settings(column, context)
+        self.draw_button(self.layout, context)
+
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        """Draw the settings."""
+        raise NotImplementedError
+
+    def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        """Draw the button; by default none."""

@@ -6,16 +6,17 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import bpy
-from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core import naming
+from ..core.declarations import targets
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.naming import Suffixes
 from ..core.settings import Settings
 from ..jobs.job import Job
 from ..scene import evaluation, object_checks
-from . import bake_results, object_pairs
+from . import bake_results, engine_choice, object_pairs
 from .bake_results import results
 from .callbacks import Handlers
 from .declared_properties import MapList, Options, declared, passed_on, take_former_values
@@ -34,8 +35,8 @@ def _make_square(settings: "ImprintSettings", _context: bpy.types.Context) -> No
 
 def _get_names(settings: "ImprintSettings") -> str:
     """How maps are named, for a preset; empty if that fits one object alone."""
-    names = settings.image.replace(naming.of_texture_sets(naming.LOW), naming.LOW)
-    return names if naming.LOW in names and naming.MATERIAL not in names else ""
+    names = naming.of_one_texture(settings.image)
+    return names if naming.has_low(names) and naming.MATERIAL not in names else ""
 
 
 def _set_names(settings: "ImprintSettings", names: str) -> None:
@@ -72,6 +73,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     high_suffix: declared("high_suffix")
     cage_suffix: declared("cage_suffix")
     share_image: declared("share_image")
+    level_triangles: declared("level_triangles")
     level_degrees: declared("level_degrees")
     level_distance: declared("level_distance")
     live_every_time: declared("live_every_time")
@@ -81,11 +83,26 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     names: labeled(
         StringProperty,
         "Names of Maps",
-        "Names that a preset gives to images and files. {low} in them stands for the low object's name",
+        "Names that an engine or a preset gives to images and files, with {low} or {name}",
         get=_get_names,
         set=_set_names,
     )
     export: declared("export")
+    engine: labeled(
+        EnumProperty,
+        "Engine",
+        "Program that gets the maps. It sets channels, basis, depth, alpha, packing, names, files and the export at once",
+        items=engine_choice.engine_items,
+        get=engine_choice.get_engine,
+        set=engine_choice.set_engine,
+    )
+    engine_name: labeled(
+        StringProperty,
+        "Engine",
+        "Name of the engine that was chosen last",
+        default=targets.OF_SCENE,
+        options={"HIDDEN"},
+    )
     convert_image: labeled(
         PointerProperty, "Map", "Normal map to convert: an image of Imprint or of another baker", type=bpy.types.Image
     )
@@ -123,6 +140,8 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         """
         cages = {self.cage, pair and pair.cage}
         found = [obj for obj in context.view_layer.objects.selected if obj != low and obj not in cages]
+        # A light or a camera that is selected too is none of them; alone, it is named as what it is.
+        found = list(filter(object_checks.may_show, found)) or found
         if found and pair is not None and not any(map(evaluation.is_visible, pair.found())):
             return [obj for obj in found if (other := object_pairs.of(obj)) is None or not other.is_kept]
         return found

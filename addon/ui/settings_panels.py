@@ -1,17 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panels of the settings, with their operators and presets: map, channels, maps, packing, output, rays."""
+"""The panels of the settings, with their operators: map, channels, maps, packing, output, rays."""
 
 from collections.abc import Collection, Iterable, Sequence
-from pathlib import Path
 
 import bpy
-from bl_operators.presets import AddPresetBase
-from bl_ui.utils import PresetPanel
-from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
 
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Method, Pack, Space, Storage
-from ..core.declarations.map_settings import ADAPTIVE_FROM, MAX_SIZE
+from ..core.declarations.map_settings import ADAPTIVE_FROM
 from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, Family
 from ..core.report import Report
 from ..jobs import weights
@@ -20,110 +16,9 @@ from . import bake_panel, declared_properties
 from .bake_results import distances, results
 from .cage_overlay import overlay
 from .modal import QuickOperator
-from .progress_display import display
+from .progress_display import SettingsPanel, display
 from .properties import ImprintSettings
-from .texts import LABEL, SettingsPanel, label, labeled, split_layout, tooltip
-
-FOLDER = "imprint"
-"""Below "presets", here and in the user's scripts."""
-_PLACE = str(Path(__file__).parents[1])
-
-
-class IMPRINT_PT_conventions(PresetPanel, bpy.types.Panel):
-    """Presets for programs that read the map: channels, basis, depth, alpha and names"""
-
-    bl_label = "Presets"
-    bl_translation_context = LABEL
-    preset_subdir = FOLDER
-    preset_operator = "imprint.use_preset"
-    preset_add_operator = "imprint.convention_add"
-
-
-class IMPRINT_OT_use_preset(bpy.types.Operator):
-    """Set channels, basis, depth, alpha and the names of maps as a program needs them"""
-
-    bl_idname = "imprint.use_preset"
-    bl_label = "Use Preset"
-    bl_options = {
-        "REGISTER",
-        "UNDO",
-    }  # Blender's own operator makes no undo step: undoing the next one would undo the preset
-
-    filepath: labeled(StringProperty, "File", "File of the preset", options={"HIDDEN", "SKIP_SAVE"})
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        try:
-            return bpy.ops.script.execute_preset(filepath=self.filepath, menu_idname=IMPRINT_PT_conventions.__name__)
-        except RuntimeError as error:  # what Blender's operator reports as an error
-            self.report({"ERROR"}, str(error).removeprefix("Error: ").strip())
-            return {"CANCELLED"}
-
-
-class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
-    """Save the channels, the basis, depth, alpha and the names of maps as a preset, or remove a preset"""
-
-    bl_idname = "imprint.convention_add"
-    bl_label = "Add Preset"
-    preset_menu = "IMPRINT_PT_conventions"
-    preset_defines = ["settings = bpy.context.scene.imprint"]
-    preset_values = [f"settings.{name}" for name in ("red", "green", "blue", "basis", "depth", "alpha", "names")]
-    preset_subdir = FOLDER
-
-    # As in Blender's base class, which has no descriptions.
-    remove_name: BoolProperty(
-        description="Remove the preset of this name", default=False, options={"HIDDEN", "SKIP_SAVE"}
-    )
-    remove_active: BoolProperty(
-        description="Remove the preset that is shown", default=False, options={"HIDDEN", "SKIP_SAVE"}
-    )
-
-
-COMMON_SIZES = (512, 1024, 2048, 4096, 8192)
-
-
-class IMPRINT_OT_resize(bpy.types.Operator):
-    """Change the size of the map; a map that is not square keeps its shape"""
-
-    bl_idname = "imprint.resize"
-    bl_label = "Resize Map"
-    bl_options = {"REGISTER", "UNDO"}
-
-    side: labeled(IntProperty, "Side", "Texels along the longer side; 0 to scale", default=0, min=0, max=MAX_SIZE)
-    factor: labeled(FloatProperty, "Factor", "By how much both sides are scaled", default=1.0, min=0.0, max=64.0)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.imprint
-        factor = self.side / max(settings.width, settings.height) if self.side else self.factor
-        # The properties keep each side within its limits.
-        settings.width, settings.height = (round(side * factor) for side in (settings.width, settings.height))
-        return {"FINISHED"}
-
-
-class IMPRINT_MT_size(bpy.types.Menu):
-    """Common sizes of maps."""
-
-    bl_idname = "IMPRINT_MT_size"
-    bl_label = "Size"
-    bl_translation_context = LABEL
-
-    def draw(self, _context: bpy.types.Context) -> None:
-        for side in COMMON_SIZES:
-            self.layout.operator("imprint.resize", text=str(side), translate=False).side = side
-        self.layout.separator()
-        for text, factor in ((label("Double"), 2.0), (label("Halve"), 0.5)):
-            self.layout.operator("imprint.resize", text=text, translate=False).factor = factor
-
-
-def draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """The size in a panel, with its menu."""
-    is_square = settings.square and settings.width == settings.height
-    column = layout.column(align=True)
-    row = column.row(align=True)
-    row.prop(settings, "size" if is_square else "width")
-    row.prop(settings, "square", text="", icon="LINKED" if is_square else "UNLINKED")
-    row.menu(IMPRINT_MT_size.bl_idname, text="", icon="DOWNARROW_HLT")
-    if not is_square:
-        column.prop(settings, "height")
+from .texts import label, split_layout, tooltip
 
 
 class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
@@ -132,12 +27,10 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
     bl_idname = "IMPRINT_PT_map"
     bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "Map"
+    bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        IMPRINT_PT_conventions.draw_panel_header(self.layout)
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout = split_layout(layout)
         settings = context.scene.imprint
         chosen = settings.chosen(context)
         low, rays = chosen.low, chosen.rays
@@ -147,10 +40,9 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
             layout.prop(settings, "basis")
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
-        draw_size(layout, settings)
-        layout.prop(settings, "samples")
         row = layout.row()
-        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM
+        is_of_all_maps = bool(settings.to_settings().map.drawn_maps)
+        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not is_of_all_maps
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")
@@ -161,6 +53,8 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         column.prop(settings, "mips")
         layout.prop(settings, "stacked")
         layout.prop(settings, "modifiers")
+        layout.prop(settings, "keep_faces")
+        layout.prop(settings, "smooth_high")
         column = layout.column(align=True)
         column.prop(settings, "limited")
         if settings.limited:
@@ -168,15 +62,15 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
 
 
 class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
-    """The content of each channel. The presets in the header of the Map panel set it."""
+    """The content of each channel. The setting Engine sets it."""
 
     bl_idname = "IMPRINT_PT_channels"
     bl_parent_id = "IMPRINT_PT_map"
     bl_label = "Channels"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout = split_layout(layout)
         column = layout.column(align=True)
         for name in ("red", "green", "blue"):
             column.prop(context.scene.imprint, name)
@@ -190,9 +84,9 @@ class IMPRINT_PT_targets(SettingsPanel, bpy.types.Panel):
     bl_label = "Target Engines"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         settings = context.scene.imprint
-        column = self.layout.column(align=True)
+        column = layout.column(align=True)
         column.active = settings.space == Space.TANGENT
         column.prop(settings, "targets")
 
@@ -216,11 +110,14 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.imprint
+        layout.enabled = display.current is None  # a column could not hold the panels of the groups
         layout.prop(settings, "normal")
         if settings.normal:
             row = layout.row()
             row.separator(factor=INDENT)
-            row.prop(settings, "detail_maps")
+            column = row.column(align=True)
+            column.prop(settings, "detail_maps")
+            column.prop(settings, "appearance")
         drawn = settings.to_settings().map.drawn_maps
         titles = {
             "rays": label("Occlusion and Curvature"),
@@ -229,7 +126,7 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
         }
         for group, families in GROUPS.items():
             names = [kind.name for kind in OTHERS if kind.family in families]
-            header, body = layout.panel(f"imprint_maps_{group}")
+            header, body = layout.panel(f"imprint_maps_{group}", default_closed=group != "rays")
             header.label(text=_title(titles[group], settings.maps & set(names)), translate=False)
             if body is not None:
                 _draw_group(body, context, names, drawn)
@@ -256,38 +153,32 @@ def _draw_group(
 ) -> None:
     """The switches of some maps, with their settings. drawn: all maps that the bake draws, also those that only the packed
     image stores."""
-    if BY_NAME[names[0]].family.casts_rays:
-        _draw_ray_maps(layout, context.scene.imprint, names, drawn)
-        return
     grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
     for name in names:
         grid.prop(context.scene.imprint, declared_properties.map_switch(name))
+    if BY_NAME[names[0]].family.casts_rays:
+        _draw_ray_settings(layout, context.scene.imprint, [name for name in names if name in drawn])
     if ATTRIBUTE.name in names and ATTRIBUTE.name in drawn:
         _draw_attribute(_indented(layout), context)
 
 
-def _draw_ray_maps(
-    layout: bpy.types.UILayout, settings: ImprintSettings, names: Sequence[str], drawn: Collection[str]
-) -> None:
-    """As _draw_group. The settings of a family are below its last map that is drawn, and those of all families at the end."""
+def _draw_ray_settings(layout: bpy.types.UILayout, settings: ImprintSettings, drawn: Sequence[str]) -> None:
+    """The settings of each family of these maps, and at the end that of all families."""
     column = layout.column(align=True)
-    last = {BY_NAME[name].family: name for name in names if name in drawn}
-    for name in names:
-        column.prop(settings, declared_properties.map_switch(name))
-        if name in last.values():
-            _draw_settings(_indented(column), settings, BY_NAME[name].family)
-    if last:
+    for family in dict.fromkeys(BY_NAME[name].family for name in drawn):
+        _draw_settings(_indented(column), settings, family)
+    if drawn:
         _indented(column).prop(settings, "rays")
 
 
 def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family: Family) -> None:
     """What the maps of a family need."""
     if family is Family.THICKNESS:
-        _draw_reach(layout, settings, "thickness_distance", label("Distance"))
+        _draw_reach(layout, settings, "thickness_distance")
     elif family is Family.CURVATURE:
-        _draw_reach(layout, settings, "curvature_radius", label("Radius"))
+        _draw_reach(layout, settings, "curvature_radius")
     else:
-        _draw_reach(layout, settings, "ao_distance", label("Distance"))
+        _draw_reach(layout, settings, "ao_distance")
         if settings.ao_limited:
             layout.prop(settings, "ao_fade")
         layout.prop(settings, "bias_angle")
@@ -297,9 +188,9 @@ def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family
     layout.separator()
 
 
-def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: str, title: str) -> None:
-    """A distance behind its switch, and its unit. title: short, since the map is named above."""
-    limited = DECLARED[reach].switch
+def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: str) -> None:
+    """A distance behind its switch, and its unit."""
+    limited, title = DECLARED[reach].switch, label(DECLARED[reach].label)
     column = layout.column(align=True)
     row = column.row(align=True, heading=title, translate=False)
     row.prop(settings, limited, text="")
@@ -335,8 +226,8 @@ class IMPRINT_PT_packing(SettingsPanel, bpy.types.Panel):
     bl_label = "Packing and Attributes"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = split_layout(self.layout), context.scene.imprint
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout, settings = split_layout(layout), context.scene.imprint
         column = layout.column(align=True)
         column.prop(settings, "pack")
         if settings.pack == Pack.CUSTOM:
@@ -353,15 +244,21 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
     bl_idname = "IMPRINT_PT_output"
     bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "Output"
+    bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout = split_layout(layout)
         settings = context.scene.imprint
         # A name for a new image is not among those that exist, and a search field would be red.
         layout.prop_search(settings, "image", bpy.data, "images", results_are_suggestions=True)
         layout.prop(settings, "depth", expand=True)
         if settings.depth == "8":
             layout.prop(settings, "dither")
+        row = layout.row(align=True, heading=label("Set Range"), translate=False)
+        row.prop(settings, "range_limited", text="")
+        value = row.row(align=True)
+        value.active = settings.range_limited
+        value.prop(settings, "value_range", text="")
         layout.prop(settings, "udim")
         if settings.udim:
             layout.prop(settings, "tiles")
@@ -441,15 +338,16 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
     """Where rays start and end."""
 
     bl_idname = "IMPRINT_PT_rays"
-    bl_parent_id = "IMPRINT_PT_bake"
+    bl_parent_id = "IMPRINT_PT_map"
     bl_label = "Rays"
+    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.scene.imprint.chosen(context).rays.method != Method.FLATTEN
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        layout = split_layout(layout)
         settings = context.scene.imprint
         chosen = settings.chosen(context)
         low, rays = chosen.low, chosen.rays
@@ -479,29 +377,14 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
 
 # Blender draws them in the order of registration.
 CLASSES = (
-    IMPRINT_PT_conventions,
-    IMPRINT_OT_use_preset,
-    IMPRINT_OT_convention_add,
-    IMPRINT_OT_resize,
-    IMPRINT_MT_size,
     IMPRINT_OT_freeze_distances,
     IMPRINT_OT_propose_weights,
-    IMPRINT_PT_map,
-    IMPRINT_PT_channels,
-    IMPRINT_PT_targets,
     IMPRINT_PT_maps,
     IMPRINT_PT_packing,
-    IMPRINT_PT_output,
+    IMPRINT_PT_map,
     IMPRINT_PT_rays,
+    IMPRINT_PT_channels,
+    IMPRINT_PT_targets,
+    IMPRINT_PT_output,
 )
-_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
-
-
-def register() -> None:
-    bpy.utils.register_preset_path(_PLACE)
-    _register()
-
-
-def unregister() -> None:
-    _unregister()
-    bpy.utils.unregister_preset_path(_PLACE)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -101,12 +101,6 @@ class SidebarPanel:
     bl_translation_context = LABEL
 
 
-class SettingsPanel(SidebarPanel):
-    """A panel of settings, below the panels about the last bake."""
-
-    bl_order = 1
-
-
 def split_layout(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     """The same layout, which draws properties as a name on the left and a field on the right."""
     layout.use_property_split = True

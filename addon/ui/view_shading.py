@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The views of a session: their modes, the objects where they are now, the drawing, and the deviations of the map."""
+"""How the views draw: their modes, the panes of the viewport that each of them takes, and a session with its map, lit, and the
+deviations of the map. stored_maps.py draws the maps that the file has."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import gpu
 import numpy as np
-from mathutils.bvhtree import BVHTree
 
 from ..core.declarations import targets
 from ..core.declarations.choices import Pack, Space, Storage
@@ -18,11 +18,10 @@ from ..engine import normal_space, uv_agreement
 from ..engine.bands import BAND_TEXELS, Band
 from ..jobs.live_session import Session
 from ..mesh.inputs import Meshes
-from ..mesh.local_space import LocalSpace, gap, local_space_of
-from ..mesh.triangle_mesh import Mesh, normal_matrix
+from ..mesh.triangle_mesh import Mesh
 from ..output import value_encoding
 from ..passes import lit, mesh_upload, target, viewport
-from ..scene import mesh_reader
+from .view_scene import PULL, Eye, Subject, ViewObjects, ViewScene, view_projection
 
 
 class Mode(StrEnum):
@@ -30,13 +29,20 @@ class Mode(StrEnum):
 
     OFF = "OFF"
     MAP = "MAP"
+    HIGH = "HIGH"
     SPLIT = "SPLIT"
+    SIDES = "SIDES"
     DEVIATION = "DEVIATION"
     BARE_DEVIATION = "BARE_DEVIATION"
 
     @property
     def is_deviation(self) -> bool:
         return self in {Mode.DEVIATION, Mode.BARE_DEVIATION}
+
+    @property
+    def has_high(self) -> bool:
+        """Whether it draws the high meshes."""
+        return self in {Mode.HIGH, Mode.SPLIT, Mode.SIDES}
 
     @property
     def next(self) -> "Mode":
@@ -47,12 +53,10 @@ class Mode(StrEnum):
 
 ITEMS = [
     (Mode.OFF.value, "Off", "The viewport as it is"),
-    (Mode.MAP.value, "Map", "The low mesh with the map, lit"),
-    (
-        Mode.SPLIT.value,
-        "Split",
-        "The high mesh, the low mesh, and the low mesh with the map, side by side in one place",
-    ),
+    (Mode.MAP.value, "Map", "The low mesh with a map: the normal map lit, the others as they are stored"),
+    (Mode.HIGH.value, "High", "The high mesh in its place, in the same light"),
+    (Mode.SPLIT.value, "Split", "The high mesh and the low mesh with the map in one place, on both sides of a line"),
+    (Mode.SIDES.value, "Side by Side", "The high mesh beside the low mesh with the map, as the same camera sees them"),
     (Mode.DEVIATION.value, "Deviation", "Degrees between the low mesh with the map and the high surface"),
     (Mode.BARE_DEVIATION.value, "Without Map", "Degrees between the low mesh without the map and the high surface"),
 ]
@@ -65,153 +69,132 @@ TARGETS = [
 """The programs as which a view can read the map, as items of an EnumProperty."""
 SHOWN = tuple(mode for mode in Mode if mode is not Mode.OFF)
 """The modes that draw something."""
-
-
-PULL = 0.1
-"""Share of the low mesh's radius: the drawing is pulled towards the viewer by at least this much, so that neither the low
-object nor the high one around it shows through."""
-SIDEWAYS = 3.0
-"""Factor on the height of the highest bump: the drawing is pulled this far, because a bump seen from the side hides more."""
-PROBES = 1000
-"""How many vertices of all high meshes have their height over the low mesh measured, besides the outermost of each."""
+OVER = 1.001
+"""Factor on the pull of what is drawn over the map."""
+BACKDROP = (0.045, 0.045, 0.045, 1.0)
+"""Behind what Side by Side shows, where the objects themselves are not: linear, as Blender's own background."""
 
 
 @dataclass(frozen=True)
-class Eye:
-    """A view and its light.
+class Pane:
+    """A part of the viewport.
 
-    view, projection (4, 4): from world to view space, and from view to clip space. light (4,): the direction of the
-    light in the world and 0, or its position and 1.
+    columns: of pixels. shows: what is drawn there, a mode of one picture. scale, shift: of the camera's picture, in clip space.
     """
 
-    view: np.ndarray
-    projection: np.ndarray
-    light: np.ndarray
+    columns: range
+    shows: Mode
+    scale: float = 1.0
+    shift: float = 0.0
+
+    def seen_by(self, eye: Eye) -> Eye:
+        """The camera that draws this pane."""
+        projection = np.diag((self.scale, self.scale, 1.0, 1.0)) @ eye.projection
+        projection[0] += self.shift * projection[3]
+        return replace(eye, projection=projection)
 
 
-@dataclass(frozen=True)
-class ViewScene:
-    """The batches that a view draws, with the normal matrices of their objects.
+def panes(mode: Mode, size: tuple[int, int], split: float, visible: tuple[int, int] | None = None) -> list[Pane]:
+    """The panes of a viewport of this size in pixels.
 
-    local_space: of the batches, around the low mesh. pull: how far the drawing is pulled towards the viewer, in its units.
-    low_to_world (4, 4): the matrix of the low object.
+    split: the position of the line, from 0 to 1. visible: the first column that nothing lies over, and the one after the last.
     """
-
-    local_space: LocalSpace
-    pull: float
-    low: tuple[gpu.types.GPUBatch, np.ndarray]
-    highs: list[tuple[gpu.types.GPUBatch, np.ndarray]]
-    low_to_world: np.ndarray
-
-    def part(self, low: Mesh) -> gpu.types.GPUBatch:
-        """Some triangles of the low mesh, with UVs of their own."""
-        positions = _positions(replace(low, to_world=self.low_to_world), self.local_space)
-        return mesh_upload.upload(low.triangles, uv=low.uv, position=positions)
-
-
-class ViewObjects:
-    """Places the objects of `session`, with their meshes as last read."""
-
-    def __init__(self, session: Session):
-        self.session = session
-        self._scene: ViewScene | None = None
-        self._placed: tuple[Meshes, list[bytes]] | None = None
-        self._near: tuple[tuple | None, BVHTree | None] = None, None
-
-    @property
-    def low(self) -> Mesh:
-        """The low mesh, with tangents where the map has them."""
-        meshes = self.session.meshes
-        return meshes.basis or meshes.low
-
-    def upload_low(self, low: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
-        """The low mesh with its tangent space, and other attributes by corner."""
-        return self.session.upload(f"{low.name} as basis", low, **low.tangent_space, **attributes)
-
-    def place(self, *, with_highs: bool) -> ViewScene | None:
-        """The objects where they are now, without high objects that were deleted.
-
-        Returns None if the low object was deleted, if an object has zero scale, or, `with_highs`, if a high one was deleted.
-        """
-        meshes = self.session.meshes
-        shown = [self.low, *meshes.highs]
-        objects = [ref.find() for ref in self.session.job.refs[: len(shown)]]
-        if objects[0] is None or (with_highs and None in objects):
-            return None
-        shown = [mesh for mesh, obj in zip(shown, objects, strict=True) if obj is not None]
-        matrices = [mesh_reader.matrix(obj) for obj in objects if obj is not None]
-        if not all(np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) for matrix in matrices):
-            return None
-        bytes_of_matrices = [matrix.tobytes() for matrix in matrices]
-        if self._placed is None or self._placed[0] is not meshes or self._placed[1] != bytes_of_matrices:
-            low, *highs = (replace(mesh, to_world=matrix) for mesh, matrix in zip(shown, matrices, strict=True))
-            self._scene, self._placed = self._scene_of(low, highs), (meshes, bytes_of_matrices)
-        return self._scene
-
-    def _scene_of(self, low: Mesh, highs: list[Mesh]) -> ViewScene:
-        local_space = local_space_of([low])
-        around, pull = local_space, PULL
-        if highs and gap(low, highs) > 0.0:  # moved aside: drawn around the low mesh
-            around = LocalSpace(local_space_of(highs).origin, local_space.size)
-        elif highs:
-            surface = self._surface(low, local_space)
-            pull = max(
-                PULL,
-                SIDEWAYS * max(height_over(surface, local_space.points(high), PROBES // len(highs)) for high in highs),
+    width, height = size
+    if mode is Mode.SPLIT:
+        line = round(min(max(split, 0.0), 1.0) * width)
+        return [Pane(range(line), Mode.HIGH), Pane(range(line, width), Mode.MAP)]
+    if mode is Mode.SIDES:
+        first, last = visible or (0, width)
+        middle, half = (first + last) // 2, (last - first) / 2
+        scale = min(1.0, half / max(1, min(size)))  # what filled the viewport fills a half
+        return [
+            Pane(columns, shows, scale, 2.0 * center / width - 1.0)
+            for columns, shows, center in (
+                (range(middle), Mode.HIGH, first + half / 2),
+                (range(middle, width), Mode.MAP, last - half / 2),
             )
-        return ViewScene(
-            local_space,
-            pull,
-            (self.upload_low(low, position=_positions(low, local_space)), low.normal_matrix),
-            [
-                (
-                    self.session.upload(high.name, high, normal=high.normals, position=_positions(high, around)),
-                    normal_matrix(high.to_world),
-                )
-                for high in highs
-            ],
-            low.to_world,
+        ]
+    return [Pane(range(width), mode)]
+
+
+class Drawing:
+    """Draws the objects of a subject where they are now, with their meshes as last read."""
+
+    def __init__(self, subject: Subject):
+        self.subject, self.objects = subject, ViewObjects(subject)
+
+    def draw(self, mode: Mode, eye: Eye, *, limit: float = 5.0, is_alone: bool = False) -> None:
+        """Draw a mode of one picture into the bound framebuffer, which has depth.
+
+        limit: degrees at which the colors of deviations end. is_alone: no high object is visible that could show through.
+        Draws nothing if an object was deleted or has zero scale.
+        """
+        scene = self.objects.place(with_highs=mode is Mode.HIGH)
+        if scene is None:
+            return
+        matrix = view_projection(eye, scene.local_space, PULL if is_alone else scene.pull)
+        light = np.append(
+            (eye.light[:3] - eye.light[3] * scene.local_space.origin) / scene.local_space.size, eye.light[3]
         )
+        with _tested_for_depth():
+            if mode == Mode.HIGH:
+                for drawn, normals in scene.highs:
+                    lit.draw_bare(drawn, matrix, lit.shading(normals, light))
+            elif mode == Mode.MAP:
+                self.draw_map(scene, matrix, light)
+                self.draw_over(
+                    scene, view_projection(eye, scene.local_space, OVER * (PULL if is_alone else scene.pull))
+                )
+            else:
+                self.draw_deviation(scene, matrix, limit, is_bare=mode == Mode.BARE_DEVIATION)
 
-    def _surface(self, low: Mesh, local_space: LocalSpace) -> BVHTree:
-        """The low mesh as a tree for nearest points, built again only for another mesh."""
-        key = low.triangles, low.positions, low.to_world.tobytes()
-        known, surface = self._near
-        if known is None or known[0] is not key[0] or known[1] is not key[1] or known[2] != key[2]:
-            surface = BVHTree.FromPolygons(local_space.points(low).tolist(), low.vertices[low.triangles].tolist())
-            self._near = key, surface
-        return surface
+    def draw_map(self, scene: ViewScene, matrix: np.ndarray, light: np.ndarray) -> None:
+        """Draw the low mesh with the map."""
+        raise NotImplementedError
+
+    def draw_over(self, scene: ViewScene, matrix: np.ndarray) -> None:
+        """Draw what lies over the map. matrix: a little nearer than that of the map."""
+
+    def draw_deviation(self, scene: ViewScene, matrix: np.ndarray, limit: float, *, is_bare: bool) -> None:
+        """Draw how far the map is off, or the low mesh without it; nothing if that is not known."""
 
 
-def _positions(mesh: Mesh, local_space: LocalSpace) -> np.ndarray:
-    return local_space.points(mesh)[mesh.vertices]
+def draw(
+    drawings: Sequence[Drawing],
+    mode: Mode,
+    eye: Eye,
+    *,
+    split: float = 0.5,
+    visible: tuple[int, int] | None = None,
+    limit: float = 5.0,
+    is_alone: bool = False,
+) -> None:
+    """Draw a mode into the bound framebuffer, with its panes. split, visible: as in `panes`; the others as in Drawing.draw."""
+    x, y, width, height = gpu.state.viewport_get()
+    for pane in panes(mode, (width, height), split, visible):
+        if not pane.columns:  # Vulkan and Metal refuse a part without pixels
+            continue
+        with _only(x + pane.columns.start, y, len(pane.columns), height):
+            if mode is Mode.SIDES:  # the scene has no depth there, and Blender draws its objects elsewhere
+                gpu.state.active_framebuffer_get().clear(color=BACKDROP, depth=1.0)
+            for drawing in drawings:
+                drawing.draw(pane.shows, pane.seen_by(eye), limit=limit, is_alone=is_alone)
 
 
-def height_over(surface: BVHTree, points: np.ndarray, count: int) -> float:
-    """The greatest distance of points (V, 3) from a surface, over the outermost points and about `count` others."""
-    outermost = [*points.argmin(axis=0), *points.argmax(axis=0)]
-    probes = np.concatenate([points[outermost], points[:: -(-len(points) // max(1, count))]])
-    return max(surface.find_nearest(probe)[3] or 0.0 for probe in probes.tolist())
+def reading(settings: Settings, target_engine: str, normals: np.ndarray, light: np.ndarray | None = None) -> np.ndarray:
+    """How a normal map of these settings is read, and the light, as the shaders take them.
 
-
-def view_projection(eye: Eye, local_space: LocalSpace, pull: float) -> np.ndarray:
-    """The matrix (4, 4) from `local_space` to clip space, with depths pulled towards the viewer by `pull` of its units.
-
-    Pixels stay in place.
+    target_engine: the name of the program that reads it; empty for those that it is made for. normals (3, 3): of
+    the low mesh, to world space.
     """
-    to_world = np.diag([*[local_space.size] * 3, 1.0])
-    to_world[:3, 3] = local_space.origin
-    projection, pull = np.array(eye.projection, np.float64), pull * local_space.size
-    if projection[3, 3] == 0.0:  # perspective: points move along their rays by the same share of their distance
-        distance = max(-(eye.view @ (*local_space.origin, 1.0))[2], 2.0 * pull)
-        projection[2, 3] /= 1.0 - pull / distance
+    engine = targets.BY_NAME.get(target_engine)
+    if engine and settings.map.space == Space.TANGENT:
+        read = normal_space.reading_by(engine, settings)
     else:
-        projection[2, 3] += pull * projection[2, 2]
-    return projection @ eye.view @ to_world
+        read = (255 if settings.storing.depth == 8 else 0, *normal_space.reading(settings.map)[1:])
+    return lit.shading(normals, light, read=read)
 
 
-MIDDLE = 0.25
-"""Share of the view's width for the low mesh without its map, between the other two."""
 MOST_BYTES, LAYER_BYTES = 512 * 2**20, 16
 """The most GPU memory for the deviations of hidden parts, and what a texel of a layer takes."""
 
@@ -252,17 +235,8 @@ def settings_for(settings: Settings) -> Settings:
     )
 
 
-def zones(width: int, split: float) -> list[range]:
-    """The pixel columns for the high mesh, the low mesh and the low mesh with its map, in a view of `width`.
-
-    split: the position of the dividing line, from 0 to 1.
-    """
-    first, last = (round(min(max(split + side * MIDDLE / 2, 0.0), 1.0) * width) for side in (-1, 1))
-    return [range(first), range(first, last), range(last, width)]
-
-
-class Shading:
-    """Draws the objects of `session` where they are now, with their meshes as last read. The session must have a map.
+class Shading(Drawing):
+    """Draws a session with its map, lit, and the deviations of the map.
 
     deviations: those of the map from the last `update` that measured them, or None. target_engine: the name of the program as
     which a tangent-space map is read; empty for those that it is made for.
@@ -276,7 +250,8 @@ class Shading:
                 f"A map of {width} x {height} texels is drawn in bands and is never whole on the GPU: "
                 "choose a smaller size to see it live."
             )
-        self.session, self.objects = session, ViewObjects(session)
+        super().__init__(session)
+        self.session = session
         self.deviations: Deviations | None = None
         self.target_engine = ""
         self._number = 0
@@ -284,7 +259,6 @@ class Shading:
         self._hidden: list[tuple[Mesh, target.Target]] = []
         self._hidden_parts: list[gpu.types.GPUBatch] = []
         self._hidden_scene: ViewScene | None = None
-        self._square: gpu.types.GPUBatch | None = None
 
     def update(self, *, is_measured: bool, target_engine: str = "") -> None:
         """Use the session's last map, read as `target_engine` reads it. Do not call this while a view is being drawn."""
@@ -299,62 +273,23 @@ class Shading:
         if is_measured and self._measured is None:
             self._measure()
 
-    def draw(self, mode: Mode, eye: Eye, *, split: float = 0.5, limit: float = 5.0, is_alone: bool = False) -> None:
-        """Draw a mode other than OFF into the bound framebuffer, which has depth.
-
-        split: the position of the dividing line, from 0 to 1. limit: degrees at which the colors of deviations end. is_alone:
-        no high object is visible that could show through. Draws nothing if an object was deleted or has zero scale, or if
-        the deviations of the map are not measured yet.
-        """
-        scene = self.objects.place(with_highs=mode == Mode.SPLIT)
-        drawn = self.session.map
-        if scene is None or drawn is None:
-            return
-        matrix = view_projection(eye, scene.local_space, PULL if is_alone else scene.pull)
-        light = np.append(
-            (eye.light[:3] - eye.light[3] * scene.local_space.origin) / scene.local_space.size, eye.light[3]
-        )
-        with _tested_for_depth():
-            if mode == Mode.MAP:
-                self._draw_map(scene, matrix, light)
-            elif mode == Mode.SPLIT:
-                x, y, width, height = gpu.state.viewport_get()
-                high, low, mapped = zones(width, split)
-                with _only(x + high.start, y, len(high), height):
-                    _draw_bare(scene.highs, matrix, light)
-                with _only(x + low.start, y, len(low), height):
-                    _draw_bare([scene.low], matrix, light)
-                with _only(x + mapped.start, y, len(mapped), height):
-                    self._draw_map(scene, matrix, light)
-            elif self._measured is not None:
-                how = {"limit": limit, "without_map": mode == Mode.BARE_DEVIATION}
-                viewport.draw_deviation(scene.low[0], self._measured.texture, matrix, **how)
-                if self._hidden_scene is not scene:
-                    self._hidden_scene, self._hidden_parts = scene, [scene.part(low) for low, _ in self._hidden]
-                for part, (_, measured) in zip(self._hidden_parts, self._hidden, strict=True):
-                    # Over what was drawn of these triangles.
-                    viewport.draw_deviation(part, measured.texture, matrix, **how)
-
-    def draw_legend(self, place: tuple[float, float], size: tuple[float, float]) -> None:
-        """Draw the colors of deviations as a bar. place, size: in pixels, from the lower left of the view."""
-        if self._square is None:
-            corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], np.float32)
-            self._square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
-        view = np.array(gpu.state.viewport_get()[2:])
-        viewport.draw_legend(self._square, (*(np.multiply(size, 2) / view), *(np.multiply(place, 2) / view - 1.0)))
-
-    def _draw_map(self, scene: ViewScene, matrix: np.ndarray, light: np.ndarray) -> None:
+    def draw_map(self, scene: ViewScene, matrix: np.ndarray, light: np.ndarray) -> None:
         low, normals = scene.low
-        lit.draw(low, self.session.map, matrix, self._reading(normals, light))
+        if self.session.map is not None:  # its memory may have been freed
+            lit.draw(low, self.session.map, matrix, self._reading(normals, light))
+
+    def draw_deviation(self, scene: ViewScene, matrix: np.ndarray, limit: float, *, is_bare: bool) -> None:
+        if self._measured is None or self.session.map is None:
+            return
+        viewport.draw_deviation(scene.low[0], self._measured.texture, matrix, limit=limit, without_map=is_bare)
+        if self._hidden_scene is not scene:
+            self._hidden_scene, self._hidden_parts = scene, [scene.part(low) for low, _ in self._hidden]
+        for part, (_, measured) in zip(self._hidden_parts, self._hidden, strict=True):
+            # Over what was drawn of these triangles.
+            viewport.draw_deviation(part, measured.texture, matrix, limit=limit, without_map=is_bare)
 
     def _reading(self, normals: np.ndarray, light: np.ndarray | None = None) -> np.ndarray:
-        """How the map is read, and the light, as the shaders take them."""
-        settings, target_engine = self.session.settings, targets.BY_NAME.get(self.target_engine)
-        if target_engine and settings.map.space == Space.TANGENT:
-            read = normal_space.reading_by(target_engine, settings)
-        else:
-            read = (255 if settings.storing.depth == 8 else 0, *normal_space.reading(settings.map)[1:])
-        return lit.shading(normals, light, read=read)
+        return reading(self.session.settings, self.target_engine, normals, light)
 
     def _measure(self) -> None:
         settings, meshes = self.session.settings, self.session.meshes
@@ -408,9 +343,12 @@ def _read(drawn: target.Target) -> np.ndarray:
     return values
 
 
-def _draw_bare(parts: list[tuple[gpu.types.GPUBatch, np.ndarray]], matrix: np.ndarray, light: np.ndarray) -> None:
-    for drawn, normals in parts:
-        lit.draw_bare(drawn, matrix, lit.shading(normals, light))
+def draw_legend(place: tuple[float, float], size: tuple[float, float]) -> None:
+    """Draw the colors of deviations as a bar. place, size: in pixels, from the lower left of the view."""
+    corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], np.float32)
+    square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
+    view = np.array(gpu.state.viewport_get()[2:])
+    viewport.draw_legend(square, (*(np.multiply(size, 2) / view), *(np.multiply(place, 2) / view - 1.0)))
 
 
 @contextmanager

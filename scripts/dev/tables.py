@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes the manual's tables of settings, options, formats, maps and programs from their declarations, and the presets for
-programs. Needs no Blender.
+"""Writes the manual's tables of settings, options, formats, maps and programs from their declarations. Needs no Blender.
 
 In the pages, a table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`; `<!-- options -->` starts that of the
 command line's options.
@@ -104,7 +103,7 @@ def panel(shown: PanelSettings) -> str:
 
 MEANINGS = {
     "maps": f"{sentence(DECLARED['maps'].tooltip)} See [all maps](maps.md#all-maps).",
-    "targets": f"{sentence(DECLARED['targets'].tooltip)} See [the names](engines.md#presets).",
+    "targets": f"{sentence(DECLARED['targets'].tooltip)} See [the names](engines.md#engines).",
     "from_basis": f"{sentence(DECLARED['from_basis'].tooltip)} See [Basis](#map).",
 }
 """What settings do whose values stand in another table."""
@@ -253,6 +252,8 @@ def programs() -> str:
             "rebuilt" if one.rebuilds_z else "read",
             str(one.depth),
             code(one.names),
+            pack_of(one.pack),
+            code(one.export) if one.export else "",
             one.settings,
         )
         for one in targets.TARGETS
@@ -266,36 +267,28 @@ def programs() -> str:
         "read",
         "16",
         code(USUAL),
+        "",
+        "",
     )
-    head = ("Engine", "Preset", "Name", "Green", "Basis", "Z", "Depth", "Names of maps", "Import settings")
+    head = ("Engine", "In the panel", "Name", "Green", "Basis", "Z", "Depth", "Names of maps", "Pack", "Export")
+    head += ("Import settings",)
     return table(head, [(*scene, "Imprint sets up the material"), *rows])
 
 
-def preset_options() -> str:
-    """The options that do the same as each preset."""
+def pack_of(pack: str) -> str:
+    """The label of a layout of packed images; empty without one."""
+    return "" if pack == Pack.NONE else next(item.label for item in DECLARED["pack"].items if item.value == pack)
+
+
+def engine_options() -> str:
+    """The options that do the same as each choice of the setting Engine."""
     by_options: dict[str, list[str]] = {}
-    for name, values in targets.presets().items():
+    for name, engine in targets.CHOICES.items():
+        values = engine.values
         said = f"--green {values['green'].lower()} --basis {word_for(values['basis'])} --depth {values['depth']}"
+        said += "" if values["pack"] == Pack.NONE else f" --pack {word_for(values['pack'])}"
         by_options.setdefault(said + ("" if values["alpha"] else " --no-alpha"), []).append(name)
-    return table(("Preset", "Options"), ((", ".join(names), code(said)) for said, names in by_options.items()))
-
-
-PRESETS = ROOT / "addon" / "presets" / "imprint"
-
-
-def preset(values: dict[str, str | bool]) -> str:
-    """The text of a preset's file."""
-    lines = [
-        f"settings.{name} = {str(value) if isinstance(value, bool) else f'{chr(34)}{value}{chr(34)}'}"
-        for name, value in {"red": "+X", "green": values["green"], "blue": "+Z", **values}.items()
-    ]
-    head = ["# SPDX-License-Identifier: GPL-3.0-or-later", "import bpy", "", "settings = bpy.context.scene.imprint", ""]
-    return "\n".join([*head, *lines, ""])
-
-
-def preset_files() -> dict[Path, str]:
-    """The texts of all presets by their paths."""
-    return {PRESETS / f"{name}.py": preset(values) for name, values in targets.presets().items()}
+    return table(("In the panel", "Options"), ((", ".join(names), code(said)) for said, names in by_options.items()))
 
 
 UNITS = {SHARE: "%, or a share from 0 to 1", COUNT: "a number", LENGTH: "scene units", SECONDS: "s", DEGREES: "deg"}
@@ -334,7 +327,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "packing": layouts,
     "udim": tiles,
     "programs": programs,
-    "presets": preset_options,
+    "engine-options": engine_options,
 }
 
 
@@ -344,21 +337,8 @@ def filled(text: str) -> str:
 
 
 def outdated() -> list[Path]:
-    """The pages whose tables differ from the declarations, and the presets that do, or that no program has."""
-    pages = [page for page in PAGES if filled(text := page.read_text(encoding="utf-8")) != text]
-    texts = preset_files()
-    known = {path: path.read_text(encoding="utf-8") for path in PRESETS.glob("*.py")}
-    return pages + sorted(path for path in known.keys() | texts if known.get(path) != texts.get(path))
-
-
-def write(path: Path) -> None:
-    """Write a page or a preset as it is to be. A preset that no program has is removed."""
-    if path.parent != PRESETS:
-        path.write_text(filled(path.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
-    elif path in preset_files():
-        path.write_text(preset_files()[path], encoding="utf-8", newline="\n")
-    else:
-        path.unlink()
+    """The pages whose tables differ from the declarations."""
+    return [page for page in PAGES if filled(text := page.read_text(encoding="utf-8")) != text]
 
 
 def main() -> int:
@@ -369,7 +349,7 @@ def main() -> int:
     for page in pages:
         print(page.relative_to(ROOT))
         if not options.check:
-            write(page)
+            page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
     return 1 if pages and options.check else 0
 
 

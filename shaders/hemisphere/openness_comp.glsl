@@ -21,7 +21,7 @@ void main()
   if (any(greaterThanEqual(texel, texel_size(hits)))) {
     return;
   }
-  vec4 sum = numbers.w != 0 ? vec4(0.0) : imageLoad(sums, texel);
+  vec4 sum = (numbers.w & 1) != 0 ? vec4(0.0) : imageLoad(sums, texel);
   uvec4 hit = texel_at(hits, texel);
   if (!hit_missed(hit)) {
     vec3 normal = shading_normal(hit, vec3(0.0, 0.0, 1.0));
@@ -29,7 +29,7 @@ void main()
     vec3 origin = surface_point(hit) * placed.w + placed.xyz;
     origin += face * (sides == REACH_BOTH ? REACH_OFFSET : 0.0);
     int own = blocking.z != 0 ? hit_triangle(hit) : -1;
-    vec2 shift = lattice_shift(texel, cell);
+    vec2 shift = lattice_shift(texel + ivec2(0, numbers.w >> 1), cell);
     for (int i = 0; i < numbers.y; i += REACH_RAYS) {
       vec4 u;
       vec4 v;

@@ -5,7 +5,7 @@
 ivec2 nearest_way(ivec2 texel)
 {
   int row = texel_at(source_rows, texel).x;
-  if (row == MARGIN_NONE) {
+  if (row < 0 || row == MARGIN_NONE) {
     return ivec2(MARGIN_NONE);
   }
   return ivec2(texel_at(offsets, ivec2(texel.x, row)).x, row - texel.y);

@@ -1,95 +1,86 @@
-// Finds the row of the nearest written texel, MARGIN_NONE if none is in reach: the lower envelope of parabolas, one for the
-// nearest texel of each row (Meijster, Roerdink and Hesselink, "A general algorithm for computing distance transforms in
-// linear time", 2000). One invocation per column. The stack of parabolas uses the texels of the result.
+// Finds the row of the nearest written texel, of several as near the lowest. MARGIN_NONE if the rows up to `farthest` away have
+// none; -1 - row if it is the nearest and out of reach.
+//
+// From a texel to the one above it, the row of the nearest never decreases: where the nearest of two texels stand in one column,
+// the higher one gains with each row. So the nearest of a texel lies between those of texels below and above it. The first pass
+// searches every `step`-th row. Each later one takes the gaps between those that were searched, of four times `step`, and searches
+// the row in the middle of a gap, then those beside it. One invocation per texel of the first pass, and per gap.
 #include "lib/margin_lib.glsl"
 
-const int COLUMNS_BITS = 15;
-
-// A parabola: its row, and the first row where it is the lowest.
-ivec2 columns_load(ivec2 place)
+int columns_offset(int x, int y)
 {
-  imageFence(source_rows);
-  int entry = imageLoad(source_rows, place).x;
-  return ivec2(entry & ((1 << COLUMNS_BITS) - 1), entry >> COLUMNS_BITS);
+  return texel_at(offsets, ivec2(x, y)).x;
 }
 
-void columns_store(ivec2 place, ivec2 parabola)
+// The lowest row of the nearest of texels above row y, for which `found` was found, and the highest one of texels below it.
+int columns_lowest(int y, int found)
 {
-  imageStore(source_rows, place, ivec4(parabola.x | (parabola.y << COLUMNS_BITS), 0, 0, 0));
+  return found == MARGIN_NONE ? y + farthest + 1 : max(found, -1 - found);
 }
 
-// The square of the distance within the row.
-int columns_square(ivec2 place)
+int columns_highest(int y, int found)
 {
-  int offset = texel_at(offsets, place).x;
-  return offset * offset;
+  return found == MARGIN_NONE ? y - farthest - 1 : max(found, -1 - found);
+}
+
+// Stores what is found for a texel whose nearest is in the rows from `lowest` to `highest`, and returns it.
+int columns_search(int x, int y, int lowest, int highest)
+{
+  int height = texel_size(offsets).y;
+  if (y >= height) {
+    return height - 1;
+  }
+  int own = abs(columns_offset(x, y));
+  if (own == 0) {
+    imageStore(source_rows, ivec2(x, y), ivec4(y, 0, 0, 0));
+    return y;
+  }
+  // Only rows nearer than the texel in the same row can have a nearer one.
+  int most = min(farthest, own);
+  lowest = max(lowest, max(0, y - most));
+  highest = min(highest, min(height - 1, y + most));
+  int least = MARGIN_NONE * MARGIN_NONE;  // more than any distance in a map
+  ivec2 nearest = ivec2(MARGIN_NONE);
+  for (int row = lowest; row <= highest; row++) {
+    ivec2 way = ivec2(columns_offset(x, row), row - y);
+    int square = way.x * way.x + way.y * way.y;
+    if (square < least) {
+      least = square;
+      nearest = way;
+    }
+  }
+  int found = nearest.y == MARGIN_NONE ? MARGIN_NONE : y + nearest.y;
+  // A texel is filled if a row at most `reach` above or below it has a written texel at most `reach` columns away, which need not
+  // be the nearest.
+  if (found != MARGIN_NONE && max(abs(nearest.x), abs(nearest.y)) > reach) {
+    bool is_near = false;
+    if (least <= 2 * reach * reach) {
+      for (int row = max(0, y - reach); row <= min(height - 1, y + reach) && !is_near; row++) {
+        is_near = abs(columns_offset(x, row)) <= reach;
+      }
+    }
+    found = is_near ? found : -1 - found;
+  }
+  imageStore(source_rows, ivec2(x, y), ivec4(found, 0, 0, 0));
+  return found;
 }
 
 void main()
 {
-  int x = int(gl_GlobalInvocationID.x);
   ivec2 size = texel_size(offsets);
-  if (x >= size.x) {
+  int x = int(gl_GlobalInvocationID.x);
+  int y = int(gl_GlobalInvocationID.y) * (is_first != 0 ? step : 4 * step);
+  if (x >= size.x || y >= size.y) {
     return;
   }
-  int depth = -1;  // of the top parabola, which is kept in `upper` and not on the stack
-  ivec2 upper = ivec2(0);
-  int upper_square = 0;
-  ivec2 open = ivec2(size.y, -1);  // the first and the last row whose texel is not written
-  for (int y = 0; y < size.y; y++) {
-    int square = columns_square(ivec2(x, y));
-    if (square != 0) {
-      open = ivec2(min(open.x, y), y);
-    }
-    if (square == MARGIN_NONE * MARGIN_NONE) {
-      continue;
-    }
-    // Written texels are their own nearest: of a run of them, the first and the last are enough.
-    if (square == 0 && depth >= 0 && all(equal(upper, ivec2(y - 1))) && upper_square == 0) {
-      upper = ivec2(y);
-      continue;
-    }
-    // Remove the parabolas that are not the lowest even where they begin.
-    while (depth >= 0) {
-      ivec2 down = upper.y - ivec2(upper.x, y);
-      if (down.x * down.x + upper_square <= down.y * down.y + square) {
-        break;
-      }
-      depth--;
-      if (depth >= 0) {
-        upper = columns_load(ivec2(x, depth));
-        upper_square = columns_square(ivec2(x, upper.x));
-      }
-    }
-    int first = 0;
-    if (depth >= 0) {
-      first = (y * y - upper.x * upper.x + square - upper_square) / (2 * (y - upper.x)) + 1;
-      if (first >= size.y) {
-        continue;
-      }
-      columns_store(ivec2(x, depth), upper);
-    }
-    depth++;
-    upper = ivec2(y, first);
-    upper_square = square;
+  if (is_first != 0) {
+    columns_search(x, y, 0, size.y - 1);
+    return;
   }
-  // Go backwards: each parabola on the stack is the lowest somewhere, so its entry is below the row being written, and is
-  // read before it is overwritten. A texel is filled if a row at most `reach` above or below it has a written texel at most
-  // `reach` columns away.
-  int in_reach = open.y < size.y - 1 ? open.y + 1 : 2 * MARGIN_NONE;
-  for (int y = open.y + reach; y >= open.x; y--) {
-    ivec2 entering = ivec2(x, y - reach);
-    if (entering.y >= 0 && columns_square(entering) <= reach * reach) {
-      in_reach = entering.y;
-    }
-    if (y > open.y) {
-      continue;
-    }
-    while (depth > 0 && y < upper.y) {
-      depth--;
-      upper = columns_load(ivec2(x, depth));
-    }
-    int row = in_reach <= y + reach ? upper.x : MARGIN_NONE;
-    imageStore(source_rows, ivec2(x, y), ivec4(row, 0, 0, 0));
-  }
+  int end = y + 4 * step;
+  int lowest = columns_lowest(y, imageLoad(source_rows, ivec2(x, y)).x);
+  int highest = columns_highest(end, end < size.y ? imageLoad(source_rows, ivec2(x, end)).x : size.y - 1);
+  int middle = columns_search(x, y + 2 * step, lowest, highest);
+  columns_search(x, y + step, lowest, columns_highest(y + 2 * step, middle));
+  columns_search(x, y + 3 * step, columns_lowest(y + 2 * step, middle), highest);
 }

@@ -1,28 +1,8 @@
 // Adds the constant colors of materials to the sums of a map, and counts misses.
-#include "lib/texture_lib.glsl"
-#include "lib/hit_lib.glsl"
-#include "lib/accumulate_lib.glsl"
-
-// As CONSTANT in addon/passes/surface_tables.py.
-const int CONSTANT = 0;
+#include "lib/sums_lib.glsl"
+#include "lib/adding_constants_lib.glsl"
 
 void main()
 {
-  ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
-  if (any(greaterThanEqual(texel, texel_size(hits)))) {
-    return;
-  }
-  uvec4 hit = texel_at(hits, texel);
-  vec4 sum = is_first != 0 ? vec4(0.0) : imageLoad(sums, texel);
-  if (!hit_missed(hit)) {
-    int material = int(texel_at(labels, texture_place(hit_triangle(hit))).y);
-    vec4 shown = texel_at(materials, texture_place(material));
-    if (int(shown.a) == CONSTANT) {
-      sum += vec4(shown.rgb, 1.0);
-    }
-  }
-  else if (texel_at(normals, texel).a < 0.0) {
-    sum.a += ACCUMULATE_MISS;
-  }
-  imageStore(sums, texel, sum);
+  adding_constants();
 }

@@ -12,7 +12,7 @@ from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import Job, bake_jobs, live_session
 from addon.passes import target
-from addon.ui import view_shading
+from addon.ui import view_scene, view_shading
 from addon.ui.view_shading import Mode
 from tests.engine.test_stacked_uvs import asymmetric, bump, half, mirrored
 from tests.support import angles, maps, raster, zoo
@@ -366,7 +366,7 @@ def seen_from_above(shading):
     """The deviations of the square -1 to 1, (SIZE, SIZE, 4) float32 with row 0 at the lowest y."""
     into = target.Target(PARTS_SIZE, PARTS_SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
     view = raster.look_at(np.array((0.0, 0.0, 5.0)), np.zeros(3), up=(0.0, 1.0, 0.0))
-    eye = view_shading.Eye(view, raster.parallel(2.0, 0.1, 10.0, 1.0), np.array((0.0, 0.0, 1.0, 0.0)))
+    eye = view_scene.Eye(view, raster.parallel(2.0, 0.1, 10.0, 1.0), np.array((0.0, 0.0, 1.0, 0.0)))
     with target.drawing(into):
         into.framebuffer.clear(depth=1.0)
         shading.draw(Mode.DEVIATION, eye)

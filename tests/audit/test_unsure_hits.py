@@ -126,7 +126,7 @@ def test_one_hit_that_is_not_owned_is_unsure_where_another_part_of_the_low_mesh_
 
 def test_hits_of_backs_alone_are_unsure():
     """Below another low layer too, where a front follows that belongs to it: a texel has one reason."""
-    report = bake(plates("lo", 0.0), plates("hi", 0.05, up=False), **RAYS)
+    report = bake(plates("lo", 0.0), plates("hi", 0.05, up=False), keep_faces=True, **RAYS)
     assert reasons(report) == {"backs": SIZE * SIZE}
     assert mask(report, "unsure").all()
     assert faces(report, "unsure") == [0]
@@ -141,7 +141,7 @@ def test_backs_that_rays_pass_are_sure():
 
 def test_backs_are_no_second_hits():
     low, high, backs = plates("lo", 0.0, 0.3), plates("hi", 0.05), plates("backs", -0.05, 0.1, up=False)
-    assert bake(low, high, backs, **RAYS).checks["unsure"]["count"] == 0
+    assert bake(low, high, backs, keep_faces=True, **RAYS).checks["unsure"]["count"] == 0
 
 
 def test_hits_next_to_another_part_are_undecided_without_a_layer_on_the_ray():
@@ -301,7 +301,7 @@ def test_udim_tiles_are_counted_together():
 
 def test_where_rays_hit_only_backs_the_normals_are_to_blame():
     parts = plates("hi", 0.02, end=0.0), plates("other", 0.02, begin=0.0, up=False)
-    report = bake(plates("lo", 0.0), *parts, **RAYS)
+    report = bake(plates("lo", 0.0), *parts, keep_faces=True, **RAYS)
     (warning,) = [warning for warning in report.warnings if "may be wrong" in warning]
     assert "only backs" in warning
     assert "Recalculate the normals" in warning

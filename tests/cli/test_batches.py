@@ -357,25 +357,25 @@ def rocks(folder):
 
 
 def test_a_folder_of_pairs(rocks, run):
-    code, out, err = run("--pairs", "rocks", *SMALL, "--output", "{low}_n.png", "--report", "r.json")
+    code, out, err = run("--pairs", "rocks", *SMALL, "--output", "{name}_n.png", "--report", "r.json")
     assert code == run_report.FAILED
     warning, failure = err.splitlines()
     assert warning.startswith("imprint: warning: 'd_high' has no low object")
     assert failure == f"imprint: c_low: {str(rocks / 'rocks' / 'c_high.stl')!r} ends too early."
-    assert np.allclose(read(rocks / "a_low_n.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
-    assert np.allclose(read(rocks / "b_low_n.png")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
-    assert [name for name in files(rocks) if not name.startswith("rocks")] == ["a_low_n.png", "b_low_n.png", "r.json"]
+    assert np.allclose(read(rocks / "a_n.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
+    assert np.allclose(read(rocks / "b_n.png")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
+    assert [name for name in files(rocks) if not name.startswith("rocks")] == ["a_n.png", "b_n.png", "r.json"]
     a, b, c = reports.bakes(rocks / "r.json")
     states = [("a_low", "done"), ("b_low", "done"), ("c_low", "failed")]
     assert [(each["name"], each["state"]) for each in (a, b, c)] == states
-    assert (a["error"], a["reports"][0]["low"], a["files"][0]["path"]) == ("", "a_low", str(rocks / "a_low_n.png"))
+    assert (a["error"], a["reports"][0]["low"], a["files"][0]["path"]) == ("", "a_low", str(rocks / "a_n.png"))
     assert (c["reports"], c["files"], c["cause"]) == ([], [], "input")
     assert c["error"] in failure
     assert min(each["seconds"] for each in (a, b)) > 0.0
     saved, lines = out.splitlines()[:2], out.splitlines()[2:]
-    assert saved == [f"Saved: '{rocks / name}'" for name in ("a_low_n.png", "b_low_n.png")]
+    assert saved == [f"Saved: '{rocks / name}'" for name in ("a_n.png", "b_n.png")]
     assert [line.split()[0] for line in lines] == ["done", "done", "failed", "2", "Wrote"]
-    assert str(rocks / "b_low_n.png") in lines[1]
+    assert str(rocks / "b_n.png") in lines[1]
     assert c["error"] not in lines[2]  # standard error has it
     assert lines[3].startswith("2 done, 1 failed, ")
 

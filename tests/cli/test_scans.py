@@ -457,7 +457,7 @@ def test_a_lack_of_memory_is_said_before_the_bake(incomplete, run, monkeypatch, 
     said = []
     monkeypatch.setattr("addon.cli.baker._baked", lambda *_: said.append(capsys.readouterr().err) or baker._Baked([]))
     run(*PAIR)
-    assert said == ["imprint: low: The bake needs about 0.5 GB of memory, and 0.1 GB are free: close other programs.\n"]
+    assert said == ["imprint: low: The bake needs about 0.6 GB of memory, and 0.1 GB are free: close other programs.\n"]
 
 
 def test_free_memory_is_part_of_the_machine():

@@ -22,10 +22,12 @@ LEFT_OUT = {*blender_process.INTERFACE, *blender_process.ADDONS, *blender_proces
 
 LATER = {
     "addon.cli.farm_command",
+    "addon.cli.gpu_command",
     "addon.cli.many_bakes",
     "addon.cli.report_command",
     "addon.export.engine_files",
     "addon.jobs.convert",
+    "addon.jobs.gpu_test",
     "addon.jobs.lod",
 }
 """Modules of commands and options that are loaded at their first use."""

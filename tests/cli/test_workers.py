@@ -35,6 +35,7 @@ from addon.cli.work_queue import WorkQueue
 from addon.cli.worker_process import Answer, FilesFound, Percent, Ready
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
+from addon.jobs import job
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
 
@@ -630,6 +631,32 @@ def test_a_worker_without_a_bake_that_ends_is_replaced(monkeypatch):
     watching._workers.append(idle)
     assert list(watching._check_limits()) == []
     assert watching._workers == []
+
+
+@pytest.mark.parametrize(("most", "expected"), [(3, 3), (0, 9)])
+def test_a_worker_is_replaced_after_the_bakes_that_it_may_do(most, expected):
+    """Blender's Vulkan backend leaves mappings of memory behind each bake."""
+    watching = worker_pool.WorkerPool(RunOptions())
+    worker_ = dying([])(None)
+    worker_.is_ready, worker_.answer, worker_.log = False, lambda _: None, ""
+    watching._workers.append(worker_)
+    assert list(watching._handle(worker_, Ready(most), None, None)) == []
+    for number in range(1, 10):
+        worker_.plan = SimpleNamespace(number=number, name="a", chain=0)
+        worker_.assigned = SimpleNamespace(plan=worker_.plan)
+        (entry,) = watching._handle(worker_, Entry(number, "a"), None, None)
+        if not watching._workers:
+            break
+    assert (entry.number, len(watching._workers)) == (expected, int(not most))
+    assert not watching._has_crashed
+
+
+def test_a_worker_on_vulkan_may_do_some_hundred_bakes(monkeypatch):
+    for backend, expected in (("VULKAN", True), ("OPENGL", False), ("METAL", False)):
+        platform = SimpleNamespace(backend_type_get=lambda backend=backend: backend)
+        monkeypatch.setattr(job.gpu, "platform", platform)
+        assert job.uses_vulkan() == expected
+    assert 35 * worker.MOST_ON_VULKAN < 65_530 / 2
 
 
 class Blender:

@@ -403,7 +403,7 @@ def test_ignore_backfaces_passes_through_a_lid_that_faces_away():
     lid.location.z = 0.3
     high.location.z = 0.01
     bpy.context.view_layer.update()
-    distances = {"extrusion": 1.0, "max_distance": 2.0, "hit": "OUTERMOST"}
+    distances = {"extrusion": 1.0, "max_distance": 2.0, "hit": "OUTERMOST", "keep_faces": True}
     first, _ = cast(low, high, lid, **distances)
     facing, _ = cast(low, high, lid, facing_only=True, **distances)
     assert (first[..., 2] < 0.5).all()  # the lid's back

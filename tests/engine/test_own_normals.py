@@ -301,3 +301,13 @@ def test_a_map_that_was_baked_from_another_mesh_is_detail():
     second = maps.bake(low, middle, image="second", size=(SIZE, SIZE))
     inner = slice(2, -2), slice(2, -2)
     assert angles.degrees(angles.decode(first), angles.decode(second))[inner].max() < 3.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("space", ["TANGENT", "WORLD"])
+def test_a_high_mesh_that_was_turned_over_shows_its_normal_map(method, space):
+    low, high = pair(carved(layer=layouts.PAINT))
+    high.data.flip_normals()
+    texels = maps.bake(low, high, method=method, space=space, size=(SIZE, SIZE), detail_maps=True)
+    normals, inside = expected(space=space)
+    assert angles.degrees(angles.decode(texels), normals)[inside].max() < DEGREES

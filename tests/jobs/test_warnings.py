@@ -395,7 +395,10 @@ WRONG = {
         lambda: case(flipped(zoo.cube("lo")), turned(crate("hi"))),
         "The faces of 'lo' point to the other side",
     ),
-    "flipped high": (lambda: ring(high=flipped(wavy_torus())), "The faces of 'hi' point to the other side"),
+    "flipped high, kept": (
+        lambda: ring(high=flipped(wavy_torus()), keep_faces=True),
+        "The faces of 'hi' point to the other side",
+    ),
     "high beside low": (lambda: ring(high=wavy_torus(place=(0.7, 0, 0))), "'hi' and 'lo' differ in place or size"),
     "high beside low crate": (
         lambda: case(zoo.cube("lo"), moved(turned(crate("hi")), 0.7, 0, 0)),

@@ -463,3 +463,32 @@ def test_tiles_in_files_do_not_stay_in_memory_unless_their_range_counts(tmp_path
     assert set(stored.maps) == {"height", "ao", "base_color", "object_id", "packed"}
     assert list(stored.maps["object_id"]["colours"]) == ["hi"]
     assert len(stored.paths) == 12
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "wanted"),
+    [
+        ("HEIGHT", (-0.25, 0.0, 0.5), (0.25, 0.5, 1.0)),
+        ("DISTANCE", (0.0, 0.25, 0.5), (0.0, 0.5, 1.0)),
+        ("POSITION", (-0.5, 0.0, 0.25), (0.0, 0.5, 0.75)),
+    ],
+)
+def test_a_range_that_is_set_is_the_same_for_all_bakes(name, values, wanted):
+    storing = Settings(value_range=0.5, depth=8).storing
+    for factor in (1.0, 0.5):
+        texels = np.ones((1, 3, 4), np.float32)
+        texels[0, :, :3] = factor * np.array(values, np.float32)[:, None]
+        how = value_encoding.encoding(BY_NAME[name], [texels], (), storing)
+        value_encoding.encode(texels, how)
+        middle = 0.0 if name == "DISTANCE" else 0.5
+        assert texels[0, :, 0] == pytest.approx(middle + factor * (np.array(wanted) - middle), abs=1e-6)
+
+
+def test_a_range_leaves_colors_and_shares_alone():
+    texels = np.full((1, 1, 4), 0.25, np.float32)
+    for name in ("AO", "BASE_COLOR"):
+        both = [
+            value_encoding.encoding(BY_NAME[name], [texels], (), Settings(value_range=size, depth=8).storing)
+            for size in (None, 0.5)
+        ]
+        assert both[0] == both[1]

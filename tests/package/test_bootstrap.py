@@ -325,12 +325,13 @@ class TestProbe:
 
 
 class TestTestPrograms:
-    """`test` wants bubblewrap, which tests of --untrusted run, and compilers, which check the shaders."""
+    """`test` wants bubblewrap, which tests of --untrusted run, compilers, which check the shaders, and a driver."""
 
     @pytest.fixture
-    def commands(self, linux, monkeypatch):
+    def commands(self, linux, monkeypatch, tmp_path):
         """The commands that are started where apt-get is there and none of the programs is."""
         commands = []
+        monkeypatch.setattr(imprint, "VULKAN_DRIVERS", tmp_path)
         monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
         monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
         return commands
@@ -340,7 +341,7 @@ class TestTestPrograms:
         imprint.require_test_programs()
         assert [command[1] for command in commands] == ["update", "install"]
         packages = commands[1][commands[1].index("install") + 2 : -3]
-        assert packages == ["bubblewrap", "clang", "glslang-tools", "spirv-cross", "spirv-tools"]
+        assert packages == ["bubblewrap", "clang", "glslang-tools", "mesa-vulkan-drivers", "spirv-cross", "spirv-tools"]
 
     def test_others_are_told_the_command(self, commands, monkeypatch, capfd):
         monkeypatch.setattr(imprint, "IS_ROOT", False)
@@ -348,13 +349,15 @@ class TestTestPrograms:
         assert commands == []
         assert "sudo apt-get install --no-install-recommends bubblewrap clang glslang-tools" in capfd.readouterr().err
 
-    def test_only_what_is_missing_is_named(self, commands, monkeypatch, capfd):
+    def test_only_what_is_missing_is_named(self, commands, monkeypatch, capfd, tmp_path):
+        (tmp_path / "lvp_icd.x86_64.json").touch()
         monkeypatch.setattr(imprint, "IS_ROOT", False)
         monkeypatch.setattr(imprint.shutil, "which", lambda name: None if name in {"clang", "apt-get"} else name)
         imprint.require_test_programs()
         assert "tests need clang, missing here; to fix it: sudo dnf install clang\n" in capfd.readouterr().err
 
-    def test_nothing_is_done_where_they_are(self, commands, monkeypatch, capfd):
+    def test_nothing_is_done_where_they_are(self, commands, monkeypatch, capfd, tmp_path):
+        (tmp_path / "lvp_icd.json").touch()
         monkeypatch.setattr(imprint.shutil, "which", lambda name: name)
         imprint.require_test_programs()
         assert (commands, capfd.readouterr().err) == ([], "")

@@ -30,10 +30,11 @@ def listing(archive):
 
 
 def expected_listing(source):
-    """Return the names that the zip must have: the files at the top, modules, translations and shaders."""
+    """Return the names that the zip must have: the files at the top, modules, translations, answers and shaders."""
     inside = [
         *(source / "addon").rglob("*.py"),
         *(source / "addon").rglob("*.po"),
+        source / "addon" / "jobs" / "gpu_answers.npz",
         *(source / "shaders").rglob("*.glsl"),
     ]
     return sorted([*TOP, *(path.relative_to(source).as_posix() for path in inside)])

@@ -43,6 +43,50 @@ def test_comparisons_are_turned():
     assert fast_math.turned(text).splitlines()[3:] == turned.splitlines()
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("x = a * b + c;", "x = rounded_once(a, b, c);"),
+        ("x = c - a * b.xy;", "x = rounded_once(-(a), b.xy, c);"),
+        ("x = a * b - c * d + e;", "x = rounded_once(-(c), d, a * b) + e;"),
+        ("x += a * f(b, c * d - 1.0);", "x = rounded_once(a, f(b, rounded_once(c, d, -(1.0))), x);"),
+        ("x = a / b + c;", "x = a / b + c;"),
+        ("const float X = 2.0 * 3.0 + 1.0;", "const float X = 2.0 * 3.0 + 1.0;"),
+        ("#define f(a) (a * 2.0 + 1.0)", "#define f(a) (rounded_once(a, 2.0, 1.0))"),
+        ("#if A * 2 + 1 > 3", "#if A * 2 + 1 > 3"),
+    ],
+)
+def test_sums_of_products_are_rounded_once(text, expected):
+    assert fast_math.rounded_otherwise(text).split("#line 1\n")[1] == expected
+
+
+def test_products_and_roots_have_the_digits_of_a_gpu(monkeypatch):
+    """Of 1 + 2^-12 squared, less 1 + 2^-11, a product that is rounded first leaves nothing."""
+    text = "void main() { out_value = vec4(values.x * values.x - values.y, sqrt(values.z), 0.0, 1.0); }"
+    declared = shader.Program(
+        vertex="lib/fullscreen_vert.glsl",
+        fragment="one texel",
+        inputs=(("VEC2", "position"),),
+        constants=(("VEC3", "values"),),
+        outputs=(("VEC4", "out_value"),),
+    )
+    source, into, found = shader.source, target.Target(1, 1, ("RGBA32F",)), []
+    values = (1.0 + 2.0**-12, 1.0 + 2.0**-11, 2.0)
+    for change in (lambda text: text, fast_math.rounded_otherwise):
+        shader.load.cache_clear()
+        monkeypatch.setattr(
+            shader, "source", lambda name, change=change: change(text) if name == "one texel" else source(name)
+        )
+        target.fill(into, declared, values=values)
+        found.append(into.texels()[0, 0])
+    shader.load.cache_clear()
+    (plain, root, _, _), (once, rough, _, _) = found
+    assert plain == 0.0
+    assert once == 2.0**-24
+    assert root == np.float32(np.sqrt(2.0))
+    assert 0.0 < abs(rough - root) < 4e-7
+
+
 @pytest.mark.usefixtures("compiler")
 @pytest.mark.parametrize("facing_only", [True, False])
 def test_rays_pass_triangles_without_area_seed_1(facing_only):

@@ -16,14 +16,14 @@ from addon.engine import bands
 from addon.jobs import Job, live_session
 from addon.output import value_encoding
 from addon.passes import lit, mesh_upload, target
-from addon.ui import view_shading
-from addon.ui.view_shading import SHOWN
+from addon.ui import view_scene, view_shading
+from addon.ui.view_shading import SHOWN, Mode
 from tests.support import decoders, oracle, raster, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SIZE = (256, 192)
-DIFFUSE, AMBIENT = 0.5, 0.04
+DIFFUSE, AMBIENT, FILL = 0.5, 0.04, 0.12
 TOLERANCE = 5e-4
 """Tolerance of a color: GPUs round positions to 1/256 of a pixel before they interpolate. 2/255 is not visible."""
 SHARE = 0.995
@@ -63,13 +63,14 @@ def eye_on(low, light=(0.3, -0.4, 0.8, 0.0), *, is_parallel=False):
     lens = (
         raster.parallel(2.1 * radius, 0.1, 100.0, aspect) if is_parallel else raster.perspective(40, 0.1, 100, aspect)
     )
-    return view_shading.Eye(view, lens, np.array(light, np.float64))
+    return view_scene.Eye(view, lens, np.array(light, np.float64))
 
 
 def brightness(normals, points, light):
     """The shading of unit normals (N, 3) at points (N, 3) of the world."""
     towards = raster.unit(light[:3] - points * light[3])
-    return AMBIENT + DIFFUSE * np.maximum(0.0, (normals * towards).sum(axis=1))
+    facing = (normals * towards).sum(axis=1)
+    return AMBIENT + DIFFUSE * np.maximum(0.0, facing) + FILL * (0.5 - 0.5 * facing)
 
 
 def shown(low, texels, settings):
@@ -202,17 +203,33 @@ def bare(obj, eye, *, has_tangents=False):
     return owner >= 0, brightness(raster.unit(normals), raster.interpolate(points, owner, weights), eye.light)
 
 
+@pytest.mark.parametrize("split", [0.0, 1.0])
+def test_no_part_without_pixels_is_drawn(monkeypatch, split):
+    """Vulkan's and Metal's checks abort on such a rectangle at the edge of a view."""
+    widths, scissor = [], gpu.state.scissor_set
+    monkeypatch.setattr(
+        gpu.state, "scissor_set", lambda x, y, width, height: (widths.append(width), scissor(x, y, width, height))
+    )
+    low, high = pair(UNEVEN, n=4)
+    shading, eye = view_shading.Shading(session_of(low, [high])), eye_on(low)
+    widths.clear()
+    picture(lambda: view_shading.draw([shading], Mode.SPLIT, eye, split=split))
+    assert widths
+    assert min(widths) > 0
+    assert sum(widths) == SIZE[0]
+
+
 @pytest.mark.parametrize("split", [0.4, 0.95])
-def test_split_shows_high_mesh_low_mesh_and_low_mesh_with_map(split):
+def test_split_shows_the_high_mesh_and_the_low_mesh_with_the_map(split):
     low, high = pair(UNEVEN, n=20)
     session = session_of(low, [high])
     eye = eye_on(low)
-    pixels = picture(lambda: view_shading.Shading(session).draw("SPLIT", eye, split=split))
-    zones = view_shading.zones(SIZE[0], split)
+    pixels = picture(lambda: view_shading.draw([view_shading.Shading(session)], Mode.SPLIT, eye, split=split))
+    zones = [pane.columns for pane in view_shading.panes(Mode.SPLIT, SIZE, split)]
     assert [column for zone in zones for column in zone] == list(range(SIZE[0]))
     for zone, (mask, colors) in zip(
         zones,
-        (bare(high, eye), bare(low, eye, has_tangents=True), shown(low, session.texels, session.settings)(eye)),
+        (bare(high, eye), shown(low, session.texels, session.settings)(eye)),
         strict=True,
     ):
         expected = np.zeros(mask.shape)
@@ -246,10 +263,14 @@ def test_the_view_covers_the_object_and_not_what_is_in_front(is_parallel):
     )
     mask = alone[..., 3] == 1.0
     assert (alone[mask] == over_high[mask]).mean() > 0.98  # the rim sees the high one from the side
-    assert np.abs(hidden[mask][:, :3] - AMBIENT).max() < 1e-6
+    assert np.abs(hidden[mask][:, :3] - AMBIENT - FILL / 2).max() < 1e-6  # without normals
 
 
-@pytest.mark.parametrize("mode", ["MAP", "SPLIT"])
+POKING = {True: 0.01, False: 0.02}
+"""Share of pixels where bumps may poke through: a camera with perspective looks at them from the side at the rim."""
+
+
+@pytest.mark.parametrize("mode", [Mode.MAP, Mode.SPLIT])
 @pytest.mark.parametrize("is_parallel", [False, True])
 def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
     """The bumps are higher than the distance by which the low object is pulled forward, and the high object is visible. If
@@ -269,13 +290,14 @@ def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
         lit.draw_bare(seen, eye.projection @ eye.view, lit.shading(np.eye(3), eye.light))
-        drawn.draw(mode, eye, split=0.1, **known)
+        view_shading.draw([drawn], mode, eye, split=0.1, **known)
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
 
-    alone, over_high = picture(lambda: drawn.draw(mode, eye, split=0.1)), picture(over)
+    alone, over_high = picture(lambda: view_shading.draw([drawn], mode, eye, split=0.1)), picture(over)
     mask = alone[..., 3] == 1.0
-    assert (alone[mask] == over_high[mask]).all(axis=1).mean() > 0.99
+    pokes = (alone[mask] != over_high[mask]).any(axis=1)
+    assert pokes.mean() < POKING[is_parallel]
     behind = picture(lambda: over(is_alone=True))
     assert (alone[mask] == behind[mask]).all(axis=1).mean() < 0.9
 
@@ -298,7 +320,8 @@ def test_a_high_object_moved_aside_is_drawn_over_the_low_one():
     for aside in (0.0, 10.0):
         high.location.x = aside
         session = session_of(low, [high])
-        pictures.append(picture(lambda drawn=session: view_shading.Shading(drawn).draw("SPLIT", eye, split=0.9)))
+        drawn = view_shading.Shading(session)
+        pictures.append(picture(lambda drawn=drawn: view_shading.draw([drawn], Mode.SPLIT, eye, split=0.9)))
     mask = pictures[0][..., 3] == 1.0
     assert (mask == (pictures[1][..., 3] == 1.0)).mean() >= SHARE
     # The centers of their boxes differ slightly.
@@ -325,12 +348,12 @@ def test_unchanged_meshes_are_not_uploaded_again(monkeypatch):
     monkeypatch.setattr(
         session, "upload", lambda *args, given=session.upload, **more: uploads.append(args) or given(*args, **more)
     )
-    first = [picture(lambda: drawn.draw("SPLIT", eye)) for _ in range(3)]
+    first = [picture(lambda: view_shading.draw([drawn], Mode.SPLIT, eye)) for _ in range(3)]
     assert len(uploads) == 2
     assert np.array_equal(first[0], first[2])
     session.run(bpy.context)
     drawn.update(is_measured=False)
-    picture(lambda: drawn.draw("SPLIT", eye))
+    picture(lambda: view_shading.draw([drawn], Mode.SPLIT, eye))
     assert len(uploads) == 4
 
 
@@ -344,7 +367,7 @@ def test_deleted_and_flattened_objects_are_not_drawn():
     low.scale.x = 1.0
     bpy.data.objects.remove(high)
     bpy.context.view_layer.update()
-    assert not picture(lambda: drawn.draw("SPLIT", eye)).any()
+    assert not picture(lambda: drawn.draw("HIGH", eye)).any()
     assert picture(lambda: drawn.draw("MAP", eye)).any()
     bpy.data.objects.remove(low)
     for mode in SHOWN:
@@ -506,9 +529,7 @@ def values(drawn):
 
 
 def test_the_legend_runs_from_left_to_right():
-    low, high = zoo.plane("lo"), zoo.plane("hi")
-    drawn = view_shading.Shading(session_of(low, [high]))
-    pixels = picture(lambda: drawn.draw_legend((10, 20), (90, 12)))
+    pixels = picture(lambda: view_shading.draw_legend((10, 20), (90, 12)))
     assert pixels[20:32, 10:100, 3].all()
     assert pixels[..., 3].sum() == 90 * 12
     assert np.abs(pixels[25, 10, :3] - (0.0, 0.01, 0.15)).max() < 0.01
@@ -527,7 +548,7 @@ def test_a_view_limits_the_map_size_and_keeps_the_map_in_memory():
 def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
     low = zoo.plane("lo")
     highs = [zoo.terrain(f"hi {number}", n=32) for number in range(8)]
-    height = view_shading.height_over
+    height = view_scene.height_over
 
     class Counted:
         found = 0
@@ -539,6 +560,6 @@ def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
             Counted.found += 1
             return self.surface.find_nearest(point)
 
-    monkeypatch.setattr(view_shading, "height_over", lambda surface, *more: height(Counted(surface), *more))
-    view_shading.ViewObjects(session_of(low, highs)).place(with_highs=False)
-    assert 0 < Counted.found <= view_shading.PROBES + 6 * len(highs)
+    monkeypatch.setattr(view_scene, "height_over", lambda surface, *more: height(Counted(surface), *more))
+    view_scene.ViewObjects(session_of(low, highs)).place(with_highs=False)
+    assert 0 < Counted.found <= view_scene.PROBES + 6 * len(highs)

@@ -82,6 +82,19 @@ def test_the_margin_repeats_the_nearest_written_texel(name, reach):
     assert written[place[filled][:, 1].astype(int), place[filled][:, 0].astype(int)].all()
 
 
+@pytest.mark.parametrize("name", MAPS)
+def test_of_texels_as_near_the_lowest_row_counts_and_in_it_the_right_one(name):
+    """So a map is the same to the bit however it is divided into bands and passes."""
+    written = MAPS[name]
+    place, _, _ = resolved(np.where(written, WRITTEN, NOTHING), None)
+    rows, columns = np.indices(written.shape)
+    y, x = np.nonzero(written)
+    order = np.lexsort((-x, y))
+    y, x = y[order], x[order]
+    first = ((rows[..., None] - y) ** 2 + (columns[..., None] - x) ** 2).argmin(axis=-1)
+    assert np.array_equal(place, np.stack([x[first], y[first]], axis=-1))
+
+
 def test_the_margin_is_exact_on_a_large_map():
     """Distances reach thousands of texels, and their squares are large integers."""
     alpha = np.zeros((4096, 16), np.float32)

@@ -1,13 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that GPU state left by scripts, and rows of other passes, do not change what targets get."""
 
+from functools import partial
+from types import SimpleNamespace
+
 import bpy
 import gpu
 import numpy as np
 import pytest
 
 from addon.core import udim
-from addon.passes import high_in_uv, mesh_upload, surface_tables, target
+from addon.core.errors import NoGpuMemory
+from addon.passes import (
+    allocation,
+    blender_gpu,
+    data_texture,
+    high_in_uv,
+    margin_fill,
+    mesh_upload,
+    samples,
+    surface_tables,
+    target,
+)
 from tests.support import maps, scenes, zoo
 from tests.support.seen_surface import SeenSurface, grid, read, texture
 
@@ -242,3 +256,68 @@ def test_a_texture_is_copied_by_drawing_before_it_is_read_seed_2(monkeypatch):
     target.read(shown, found)
     assert np.array_equal(found, values[:4])
     assert copied == [shown]
+
+
+# Waiting
+
+
+@pytest.mark.parametrize("texel", ["RGBA32UI", "RGBA32F"])
+def test_a_target_that_a_dispatch_wrote_is_waited_for(texel):
+    """OpenGL refuses to read four channels of integers as Blender asks for them: it gives zeros, and does not wait."""
+    kind, values = ("UINT_2D", "uvec4(7u, 8u, 9u, 10u)") if texel == "RGBA32UI" else ("FLOAT_2D", "vec4(7, 8, 9, 10)")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.image(0, texel, kind, "written", qualifiers={"WRITE"})
+    info.local_group_size(8, 8)
+    info.compute_source(f"void main() {{ imageStore(written, ivec2(gl_GlobalInvocationID.xy), {values}); }}")
+    compiled, into = gpu.shader.create_from_info(info), target.Target(8, 8, (texel,))
+    gpu.shader.from_builtin("UNIFORM_COLOR").bind()  # as shader.load has it
+    compiled.bind()
+    compiled.image("written", into.texture)
+    gpu.compute.dispatch(compiled, 1, 1, 1)
+    assert into.first().tolist() == ([7] if texel == "RGBA32UI" else [7, 8, 9, 10])
+    into.finish()
+
+
+# Data textures
+
+
+def test_a_table_that_did_not_arrive_is_an_error(monkeypatch):
+    """OpenGL says nothing where it lacks memory: tables are zeros."""
+    values = np.full((data_texture.CHECKED // 16, 4), 1.0, np.float32)
+    values[-1] = (0.0, np.nan, -0.0, 5.0)
+    data_texture.upload(values)
+    data_texture.upload_numbers(np.zeros(len(values), np.int32))
+    made = allocation.texture
+    monkeypatch.setattr(allocation, "texture", lambda size, texel, values: made(size, texel, np.zeros_like(values)))
+    for upload in (
+        partial(data_texture.upload, values),
+        partial(data_texture.upload_numbers, values[:, 0].astype(int)),
+    ):
+        with pytest.raises(NoGpuMemory, match=r"needs about \d+\.\d GiB of the GPU's memory"):
+            upload()
+    data_texture.upload(values[4096:])  # small ones are not checked
+
+
+def test_a_table_has_no_more_rows_than_drivers_grant_in_one_texture(monkeypatch):
+    monkeypatch.setattr(blender_gpu, "capabilities", SimpleNamespace(max_texture_size_get=lambda: 32768), raising=False)
+    assert data_texture.limit() == 4096 * 16384
+    monkeypatch.setattr(blender_gpu, "capabilities", SimpleNamespace(max_texture_size_get=lambda: 8192))
+    assert data_texture.limit() == 4096 * 8192
+
+
+# Texels that are left out
+
+
+def test_texels_that_are_left_out_are_nearer_than_what_is_drawn():
+    """Equal depths would leave the comparison to the driver's rounding."""
+    rounds = texture(
+        np.repeat(np.float32([[1.0, 4.0]]).repeat(8, axis=1).repeat(8, axis=0)[..., None] / 255, 4, axis=-1)
+    )
+    some = samples.find_active(rounds, np.repeat(np.repeat(np.uint8([[1, 4]]), 8, axis=1), 8, axis=0), 2)
+    into = target.Target(16, 8, ("R32F",))
+    corners = np.float32([(0, 0, -0.1, 3), (1, 0, -0.1, 3), (1, 1, -0.1, 3), (0, 1, -0.1, 3)])
+    strip = mesh_upload.upload(np.array([[0, 1, 2], [0, 2, 3]], np.int32), corner=corners)
+    target.draw(into, margin_fill.SEAM_BORDERS, strip, stopped=some.stopped, uv_to_clip=udim.uv_to_clip(1001))
+    found = into.texels()
+    assert (found[:, :8] == 0.0).all()
+    assert (found[:, 8:] == 3.0).all()

@@ -10,11 +10,13 @@ import tomllib
 
 import pytest
 
-from addon.cli import arguments, command, farm_command, job_file, report_command, run_report
+from addon.cli import arguments, command, farm_command, gpu_command, job_file, report_command, run_report
 from addon.cli.farm_command import FARM_OPTIONS
+from addon.cli.gpu_command import GPU_OPTIONS
 from addon.cli.options import OPTIONS, RUN_OPTIONS
 from addon.cli.report_command import REPORT_OPTIONS
 from addon.core import map_types
+from addon.core.declarations import targets
 from addon.core.report import STAGES, Report
 from scripts import imprint
 from scripts.imprint import ROOT
@@ -113,7 +115,9 @@ def options_in(script):
 @functools.cache
 def known_options():
     ours = {
-        f"--{name}" for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS, REPORT_OPTIONS) for name in group
+        f"--{name}"
+        for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS, REPORT_OPTIONS, GPU_OPTIONS)
+        for name in group
     } | {"--jobs"}
     ours |= options_in(ROOT / "addon" / "cli" / "arguments.py")
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
@@ -141,7 +145,13 @@ def bake_arguments(words):
     ]
     if launcher:
         more = words[launcher[0] + 1 :]
-        return more[1:] if more[:1] == ["bake"] else more if more[:1] in ([command.FARM], [command.REPORT]) else None
+        return (
+            more[1:]
+            if more[:1] == ["bake"]
+            else more
+            if more[:1] in ([command.FARM], [command.REPORT], [command.GPU])
+            else None
+        )
     if "--command" in words:
         return words[words.index("--command") + 2 :]
     if "scripts/bake.py" in " ".join(words) and "--" in words:
@@ -160,6 +170,9 @@ def check_command(words):
             return
         if given[0] == command.REPORT:
             report_command.parser("imprint").parse_intermixed_args(given[1:])
+            return
+        if given[0] == command.GPU:
+            gpu_command.parser("imprint").parse_args(given[1:])
             return
         options = arguments.parse(given)
         if options.jobs:
@@ -277,20 +290,16 @@ def test_the_table_of_exit_codes_has_those_of_the_command():
     assert {int(word) for word in cells[-1].split(", ")} == {128 + number for number in (1, 2, 15)}
 
 
-def test_the_options_of_each_preset_do_the_same_as_the_preset():
+def test_the_options_of_each_engine_do_the_same_as_the_setting():
     said = {}
-    for cells in rows(section(ROOT / "docs" / "engines.md", "## Presets")):
+    for cells in rows(section(ROOT / "docs" / "engines.md", "## Engines")):
         if len(cells) == 2:
             (options,) = names(cells[1])
             parsed = arguments.parse(["x.blend", "--low", "low", "--output", "map.png", *shlex.split(options)])
-            values = (parsed.red, parsed.green, parsed.blue, parsed.basis, str(parsed.depth), parsed.alpha)
+            values = {name: str(getattr(parsed, name)) for name in targets.CHOICES[targets.OF_SCENE].values}
             said |= dict.fromkeys(cells[0].split(", "), values)
-    presets = {}
-    for path in (ROOT / "addon" / "presets").rglob("*.py"):
-        lines = re.findall(r"^settings\.(\w+) = (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
-        values = {name: ast.literal_eval(value) for name, value in lines}
-        presets[path.stem] = tuple(values[name] for name in ("red", "green", "blue", "basis", "depth", "alpha"))
-    assert said == presets
+    wanted = {name: {key: str(value) for key, value in one.values.items()} for name, one in targets.CHOICES.items()}
+    assert said == wanted
 
 
 def test_each_picture_is_shown():

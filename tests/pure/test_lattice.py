@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from addon.core.progress import Pace
+from addon.core.progress import STEP, Pace
 from addon.passes import hemisphere
 
 COUNTS = [1, 2, 3, 16, 50, 64, 97, 100, 128, 256, 1000, 1024]
@@ -64,8 +64,14 @@ def test_samples_share_the_rays_of_a_texel(samples):
 def test_slices_have_all_rays_of_all_rows_once(rays):
     seen = np.zeros((50, 128), int)
     first = np.zeros(50, int)
-    for rows, numbers, is_first in hemisphere.slices(Pace(), 50, rays):
-        assert rows.start % Pace.STEP == 0
+    drawn = []
+    covered = np.full(7, 8.0 * 64)
+    slices = hemisphere.slices(
+        Pace(0.0), hemisphere.ADD_OPENNESS, (64, 50), covered, rays, draw=lambda *slice_: drawn.append(slice_)
+    )
+    for rows, numbers, is_first in slices:
+        assert drawn[-1] == (rows, numbers, is_first)
+        assert rows.start % STEP == 0
         assert len(numbers) <= hemisphere.AT_ONCE
         seen[np.ix_(rows, numbers)] += 1
         first[rows] += is_first

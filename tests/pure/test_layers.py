@@ -21,9 +21,7 @@ ADDON = ROOT / "addon"
 TESTS_IN_THE_WINDOW = sorted(
     path.relative_to(ROOT) for folder in ("ui", "window") for path in (ROOT / "tests" / folder).glob("*.py")
 )
-MODULES = sorted(
-    path.relative_to(ROOT) for path in ADDON.rglob("*.py") if "presets" not in path.relative_to(ADDON).parts[:-1]
-)
+MODULES = sorted(path.relative_to(ROOT) for path in ADDON.rglob("*.py"))
 
 MAY_IMPORT = {
     "core": set(),
@@ -200,6 +198,9 @@ CALLS = {
     ("jobs/convert.py", "with_gpu"): 1,
     ("ui/modal.py", "with_gpu"): 1,
     ("jobs/lod.py", "start_gpu"): 1,
+    ("jobs/gpu_test.py", "start_gpu"): 1,
+    ("jobs/gpu_test.py", "with_gpu"): 1,
+    ("ui/gpu_test.py", "with_gpu"): 1,
     ("output/map_nodes.py", "normal_map_values"): 2,
     ("output/map_nodes.py", "normal_map_color"): 1,
     ("export/staging.py", "exported_channels"): 1,
@@ -371,3 +372,24 @@ def test_names_of_a_library_start_with_its_own(path):
 )
 def test_software_renderers_are_recognized(renderer, expected):
     assert shader.is_software(renderer) == expected
+
+
+IN_A_SHELL = "cli", "flamenco", "core/declarations", "core/errors", "api"
+"""Below addon/: what only a shell shows, and the clauses that a window leaves out."""
+
+
+def test_no_sentence_of_a_window_names_an_option():
+    named = {
+        (str(path), node.value)
+        for path in MODULES
+        if not path.as_posix().removeprefix("addon/").startswith(IN_A_SHELL)
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and not _is_docstring(path, node)
+        if re.search(r"(?<![\w-])--[a-z]", node.value)
+    }
+    assert named == set()
+
+
+def _is_docstring(path, node):
+    """Whether a text stands alone, as a docstring does."""
+    return any(isinstance(each, ast.Expr) and each.value is node for each in ast.walk(parsed(path)))

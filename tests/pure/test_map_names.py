@@ -6,7 +6,6 @@ import pytest
 from addon.core import naming
 from addon.core.declarations.targets import TARGETS
 from addon.core.map_types import BY_NAME
-from addon.core.naming import LOW
 from addon.core.settings import Settings
 from addon.output import map_names
 from addon.output.map_names import settings_by_map
@@ -71,7 +70,7 @@ def test_short_suffixes_are_distinct():
 
 @pytest.mark.parametrize("names", dict.fromkeys(target.names for target in TARGETS))
 def test_the_suffix_takes_the_place_of_the_ending_of_each_preset(names):
-    name = names.replace(LOW, "rock")
+    name = naming.fill_low(names, "rock")
     assert beside("THICKNESS", image=name).storing.image == f"{name.rpartition('_')[0]}_thickness"
 
 
@@ -151,3 +150,29 @@ def test_labels_take_the_lowest_depth_of_their_format():
 def test_only_characters_that_file_systems_refuse_are_replaced(name, written):
     assert naming.file_name(name) == written
     assert naming.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"
+
+
+@pytest.mark.parametrize(
+    ("low", "name"),
+    [
+        ("crate_low", "crate"),
+        ("Crate_LP", "Crate"),
+        ("crate-low poly", "crate"),
+        ("pipe_low.001", "pipe.001"),
+        ("pipe_low_2", "pipe_2"),
+        ("crate", "crate"),
+        ("crate_high", "crate_high"),
+        ("slow", "slow"),
+    ],
+)
+def test_a_name_without_its_suffix_fills_paths_and_images(low, name):
+    assert naming.fill("maps/T_{name}_N.png", low) == f"maps/T_{name}_N.png"
+    assert map_names.name_for(low, Settings(image="{name}_{low}").storing) == f"{name}_{low}"
+    Settings(image="{name}").check()
+
+
+def test_names_without_suffixes_tell_low_objects_apart():
+    assert naming.has_low("{name}.png")
+    assert not naming.has_low("{material}.png")
+    assert naming.of_texture_sets("T_{name}_N") == "T_{name}_{material}_N"
+    assert naming.of_one_texture("T_{name}_{material}_N") == "T_{name}_N"

@@ -1,36 +1,60 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the estimate of a bake's memory against measured bakes, and its sentences."""
 
+from functools import partial
+
 import pytest
 
-from addon.core.preflight import Amounts, Need, memory_sentence
+from addon.core.preflight import Amounts, Need, memory_sentence, texel_bytes
+from addon.core.settings import Settings
 
 MOST = 4 / 3
 """The largest estimate, as a share of what is needed. The smallest is what is needed."""
 BAND = 4096 * 4096
 BAND_OF_8192 = 2094 * 8192
 """With its halo."""
+RAYS, ADAPTIVE, FLAT, WITH_COLORS = 110, 180, 68, 142
+"""Bytes of a texel: of a normal map alone, by Cast, with adaptive samples, and by Flatten; and by Cast with base colors."""
+BUDGET = 1536 * 2**20
+"""Bytes of a band by Cast, which does not hold the whole map."""
 
 MEASURED = {
-    Amounts(505_000, 64 * 64, 64 * 64): 695e6,
-    Amounts(505_000, 1024 * 1024, 1024 * 1024): 772e6,
-    Amounts(2_005_000, 1024 * 1024, 1024 * 1024): 1480e6,
-    Amounts(505_000, BAND, BAND): 2993e6,
-    Amounts(505_000, BAND, BAND, samples=4, is_adaptive=True): 4032e6,
-    Amounts(505_000, BAND, BAND, other_maps=2): 5190e6,
-    Amounts(505_000, 4 * BAND, BAND_OF_8192): 4208e6,
-    Amounts(505_000, 2048 * 2048, 2048 * 2048, other_maps=1, texture_pixels=BAND): 1746e6,
-    Amounts(505_000, 1024 * 1024, 1024 * 1024, other_maps=1, texture_pixels=BAND): 1471e6,
-    Amounts(505_000, BAND, BAND, other_maps=1, texture_pixels=BAND): 3751e6,
-    Amounts(505_000, BAND, BAND, is_flat=True): 2176e6,
-    Amounts(505_000, 4 * BAND, BAND_OF_8192, is_flat=True): 4008e6,
-    Amounts(30_002_048, 1024 * 1024, 1024 * 1024, is_flat=True): 4260e6,
-    Amounts(30_002_048, 4 * BAND, BAND_OF_8192, is_flat=True): 7070e6,
-    Amounts(100_002_048, 4 * BAND, BAND_OF_8192, is_flat=True): 15640e6,
+    Amounts(505_000, 64 * 64, 64 * 64, RAYS): 695e6,
+    Amounts(505_000, 1024 * 1024, 1024 * 1024, RAYS): 772e6,
+    Amounts(2_005_000, 1024 * 1024, 1024 * 1024, RAYS): 1480e6,
+    Amounts(505_000, BAND, BUDGET // RAYS, RAYS): 2409e6,
+    Amounts(505_000, BAND, BUDGET // ADAPTIVE, ADAPTIVE): 2910e6,
+    Amounts(505_000, 2048 * 2048, 2048 * 2048, WITH_COLORS, other_maps=1, texture_pixels=BAND): 1746e6,
+    Amounts(505_000, 1024 * 1024, 1024 * 1024, WITH_COLORS, other_maps=1, texture_pixels=BAND): 1471e6,
+    Amounts(505_000, BAND, BAND, FLAT, is_flat=True): 2170e6,
+    Amounts(505_000, 4 * BAND, BAND_OF_8192, FLAT, is_flat=True): 4008e6,
+    Amounts(30_002_048, 1024 * 1024, 1024 * 1024, FLAT, is_flat=True): 4260e6,
+    Amounts(30_002_048, 4 * BAND, BAND_OF_8192, FLAT, is_flat=True): 7070e6,
+    Amounts(100_002_048, 4 * BAND, BAND_OF_8192, FLAT, is_flat=True): 15640e6,
 }
 """The largest resident size of processes by scripts/bench/scan_memory.py, with a GPU in software. The last three are of grids
-in Blender, as the bench's part very_large builds them. Two are of OpenEXR files with 32 bits, which take the most: the 2993 MB
-and the 4008 MB."""
+in Blender, as the bench's part very_large builds them. One is of an OpenEXR file with 32 bits, which takes the most: the 4008
+MB."""
+
+
+def test_bytes_of_a_texel():
+    for method, values, expected in (
+        ("CAST", {}, RAYS),
+        ("CAST", {"samples": 4}, ADAPTIVE),
+        ("FLATTEN", {}, FLAT),
+        ("CAST", {"maps": ("BASE_COLOR",)}, WITH_COLORS),
+    ):
+        assert texel_bytes(Settings(margin_type="EXTEND", **values), method, has_detail=False) == expected
+
+
+def test_sums_have_the_channels_of_their_map():
+    """Maps of numbers take half as much as colors, and maps of points nothing but for several samples."""
+    bytes_of = partial(texel_bytes, method="CAST", has_detail=False)
+    one, two = bytes_of(Settings(maps=("ROUGHNESS",))), bytes_of(Settings(maps=("ROUGHNESS", "METALLIC")))
+    assert two - one == 8
+    assert bytes_of(Settings(maps=("ROUGHNESS", "BASE_COLOR"))) - one == 16
+    points = [bytes_of(Settings(maps=maps)) for maps in (("HEIGHT",), ("HEIGHT", "POSITION"))]
+    assert points[0] == points[1]
 
 
 @pytest.mark.parametrize("amounts", MEASURED, ids=str)
@@ -40,27 +64,27 @@ def test_the_estimate_is_what_was_measured_and_little_more(amounts):
 
 
 def test_a_gpu_has_its_own_memory():
-    need = Need.of(Amounts(2_000_000, BAND, BAND))
+    need = Need.of(Amounts(2_000_000, BAND, BAND, 108))
     assert need.of_machine(is_software=False) < need.of_machine(is_software=True) == need.peak
     assert need.on_gpu == 2_000_000 * 112 + BAND * 108
 
 
 def test_flatten_of_a_normal_map_has_no_tree_and_uploads_large_meshes_in_parts():
-    small, large = (Need.of(Amounts(count, BAND, BAND, is_flat=True)) for count in (2_000_000, 100_000_000))
+    small, large = (Need.of(Amounts(count, BAND, BAND, 70, is_flat=True)) for count in (2_000_000, 100_000_000))
     assert small.tree == large.tree == 0
     assert small.on_gpu == 2_000_000 * 60 + BAND * 70
     assert large.on_gpu == 250 * 10**6 + BAND * 70
-    assert Need.of(Amounts(20_000_000, BAND, BAND)).tree == 20_000_000 * 190
+    assert Need.of(Amounts(20_000_000, BAND, BAND, RAYS)).tree == 20_000_000 * 190
 
 
 def test_large_meshes_take_less_for_each_triangle():
-    small, large = (Need.of(Amounts(count, BAND, BAND)) for count in (2**24 - 1, 2**24))
+    small, large = (Need.of(Amounts(count, BAND, BAND, RAYS)) for count in (2**24 - 1, 2**24))
     assert small.meshes // (2**24 - 1) == 250 + 112
     assert large.meshes // 2**24 == 120 + 112
 
 
 def test_a_page_counts_while_maps_are_drawn():
-    small, large = (Need.of(Amounts(1000, side**2, side**2, texture_pixels=4096 * 4096)) for side in (1024, 8192))
+    small, large = (Need.of(Amounts(1000, side**2, side**2, RAYS, texture_pixels=4096 * 4096)) for side in (1024, 8192))
     assert small.texture == large.texture > 4096 * 4096 * 16
     assert small.peak == small.program + small.meshes + small.maps + small.texture
     assert large.peak == large.program + large.meshes + large.maps + large.storing

@@ -66,6 +66,32 @@ def test_the_summary_has_the_width_of_a_blend(done):
     assert "Directions blend within 0.125 of hard edges" in blended.summary()
 
 
+def test_the_summary_says_what_black_and_white_stand_for(done):
+    maps = {
+        "height": {"image": "h", "midlevel": 0.5, "scale": 0.5},
+        "distance": {"image": "d", "midlevel": 0.0, "scale": 2.0},
+        "ao": {"image": "a", "midlevel": 0.0, "scale": 1.0},
+    }
+    lines = dataclasses.replace(done, triangles={"high": 1, "low": 1}, maps=maps).summary()
+    assert "Height: black is -0.25, white is 0.25" in lines
+    assert "Distance: black is 0, white is 2" in lines
+    assert not any(line.startswith("Ambient") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("maximum", "said"), [(6.8e-6, "exact"), (0.02, "off by 6.8e-06 degrees (median), at most 0.02")]
+)
+def test_normals_that_nobody_sees_as_wrong_are_exact(done, maximum, said):
+    stored = dataclasses.replace(done, triangles={"high": 1, "low": 1}, loss={"median": 6.8e-6, "maximum": maximum})
+    assert f"Stored: normals {said}" in stored.summary()
+
+
+def test_the_stages_add_up_to_the_total(done):
+    seconds = dict.fromkeys((*report.STAGES, "total"), 0.0) | {"draw": 1.0, "audit": 0.5, "total": 2.0}
+    lines = dataclasses.replace(done, triangles={"high": 1, "low": 1}, seconds=seconds).summary()
+    assert lines[-1] == "2.00 s (draw 1.00, audit 0.50, other 0.50)"
+
+
 @pytest.mark.parametrize(
     ("normal", "maps", "is_told"), [(True, ["ao"], True), (False, ["ao"], False), (False, ["ao", "bent_normal"], True)]
 )

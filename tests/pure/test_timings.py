@@ -1,14 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the time measured for each stage of a bake: each second counts for one stage, and pauses count for none."""
 
+import itertools
 import re
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from addon.core import progress
-from addon.core.progress import BEGUN, STAGES, STARTUP, Pace, Redraws, Startup, Timings
+from addon.core.progress import (
+    BEGUN,
+    LONGEST,
+    SLOWEST,
+    STAGES,
+    STARTUP,
+    STEP,
+    Pace,
+    Redraws,
+    Startup,
+    Timings,
+    costs_of_rows,
+)
 
 
 @pytest.fixture
@@ -119,12 +133,86 @@ def test_the_launcher_counts_from_its_start(clock, monkeypatch, begun, seconds):
 def test_slices_adapt_to_the_intended_time(monkeypatch):
     clock = SimpleNamespace(now=0.0)
     monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
-    seen = []
-    for rows in Pace(0.5).slices(1000):
-        seen.append(rows)
-        clock.now += 0.01 * len(rows)
+    pace = Pace(0.5)
+    costs = [0.5 * FIRST] * 125
+    seen = list(pace.slices("rays", costs, 1000, lambda rows: advance(clock, 0.01 * len(rows))))
     assert [row for rows in seen for row in rows] == list(range(1000))
-    assert [len(rows) for rows in seen] == [8, 16, 32, *[48] * 19, 32]
+    assert [len(rows) for rows in seen] == [16, 32, *[48] * 19, 40]
+    assert [len(rows) for rows in pace.slices("rays", costs[:9], 72, lambda rows: None)] == [48, 24]
+    assert len(next(pace.slices("others", costs, 1000, lambda rows: None))) == 16
+
+
+FIRST = SLOWEST * 0.5 * Pace.EARLY
+"""The rays of the first slice of 0.5 seconds for a listener."""
+
+
+def advance(clock, seconds):
+    clock.now += seconds
+
+
+@pytest.fixture
+def ticking(monkeypatch):
+    """A clock that tests move on with `advance`."""
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    return clock
+
+
+def sliced(clock, costs, rate, pace=None, overhead=0.0):
+    """The number of STEPs and the seconds of each slice. rate: rays per second. overhead: seconds of each slice."""
+    found = []
+
+    def draw(rows):
+        seconds = overhead + sum(costs[rows.start // STEP : -(-rows.stop // STEP)]) / rate
+        found.append((-(-len(rows) // STEP), seconds))
+        advance(clock, seconds)
+
+    for _ in (pace or Pace()).slices("rays", costs, STEP * len(costs), draw):
+        advance(clock, 10.0)  # what the caller does between two slices does not count
+    assert sum(steps for steps, _ in found) == len(costs)
+    return found
+
+
+@pytest.mark.parametrize("rate", [1e7, 4e7, 1e8, 1e9])
+@pytest.mark.parametrize("rays", [1e3, 3e4, 9e5])
+def test_no_slice_takes_longer_than_planned(ticking, rate, rays):
+    found = sliced(ticking, [rays] * 1000, rate)
+    assert max(seconds for _, seconds in found) <= LONGEST * (1.0 + 1e-6)
+    assert found[0][1] <= SLOWEST * LONGEST / rate * (1.0 + 1e-6)
+    assert all(later <= 2 * before for (before, _), (later, _) in itertools.pairwise(found))
+
+
+def test_rows_without_texels_let_no_slice_grow(ticking):
+    """All rows of a map of 16,384 texels a side: those above have 64 rays in each texel, those below have none."""
+    covered = np.concatenate([np.zeros(1024), np.full(1024, 8.0 * 16384)])
+    found = sliced(ticking, costs_of_rows(covered, 16384, 32.0).tolist(), SLOWEST)
+    assert max(seconds for _, seconds in found) <= 32.0 * 8 * 16384 / SLOWEST * 1.01
+    assert max(steps for steps, seconds in found) > 100
+
+
+def test_slices_that_take_no_time_grow_only_to_what_is_sure(ticking):
+    found = sliced(ticking, [1e4] * 4000, 1e12, overhead=0.001)
+    assert [steps for steps, _ in found[:4]] == [100, 200, 400, 400]
+    pace = Pace()
+    assert sliced(ticking, [1e4] * 1000, 1e8, pace)[-1][0] == 300  # in 30 ms, which is sure
+    assert max(steps for steps, _ in sliced(ticking, [1e4] * 9000, 1e12, pace, overhead=0.001)) == 4 * 300
+
+
+def test_the_end_of_a_map_makes_no_later_slice_smaller(ticking):
+    pace = Pace()
+    sliced(ticking, [99e3] * 1000, 2e7, pace)
+    assert sliced(ticking, [99e3] * 21, 2e7, pace)[0][0] == 20
+    assert sliced(ticking, [99e3] * 21, 2e7, pace)[0][0] == 20
+
+
+@pytest.mark.parametrize(("count", "cost", "step"), [(4096, 4096.0, 8), (4096, 0.0, 8), (5, 1e9, 8), (10**7, 0.25, 1)])
+def test_pieces_are_what_the_slowest_gpu_draws(count, cost, step):
+    found = progress.pieces(count, cost, step)
+    assert [each for piece in found for each in (piece.start, piece.stop)][1:-1:2] == [p.stop for p in found[:-1]]
+    assert (found[0].start, found[-1].stop) == (0, count)
+    assert all(piece.start % step == 0 for piece in found)
+    assert max(len(piece) for piece in found) * cost <= max(SLOWEST * LONGEST, step * cost)
+    assert len(found) == 1 or min(len(piece) for piece in found[:-1]) * cost > SLOWEST * LONGEST - step * cost
 
 
 # Redraws

@@ -49,7 +49,6 @@ def test_any_code_that_bakes_changes_the_hash_and_that_of_the_window_does_not(tm
     for name in (
         "addon/ui/panel.py",
         "addon/ui/live.py",
-        "addon/presets/imprint/a.py",
         "addon/jobs/__pycache__/bake.pyc",
     ):
         assert code_after(tmp_path, name, b"window") == before

@@ -4,10 +4,6 @@ from collections.abc import Iterable
 
 import pytest
 
-SAMPLERS = "IMPRINT_TEST_SAMPLERS"
-"""The environment variable with which tests read textures by samplers, as all GPUs do, also where a program on the CPU draws:
-that reads images otherwise. tests/engine/test_with_samplers.py sets it."""
-
 
 def slow_but(fast: Iterable, cases: Iterable) -> list:
     """`cases` for pytest.mark.parametrize, of which those that are not in `fast` are slow."""

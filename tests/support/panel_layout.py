@@ -19,10 +19,29 @@ class Layout:
         self.drawn = (
             drawn
             if drawn is not None
-            else SimpleNamespace(labels=[], in_rows=[], icons=[], buttons=[], given=[], properties=[], files=[], red=[])
+            else SimpleNamespace(
+                labels=[],
+                in_rows=[],
+                icons=[],
+                buttons=[],
+                given=[],
+                properties=[],
+                bright=[],
+                files=[],
+                red=[],
+                order=[],
+            )
         )
-        self.enabled = enabled
+        self._is_above_enabled = self._is_enabled = enabled
         self.is_in_row = is_in_row
+
+    @property
+    def enabled(self):
+        return self._is_enabled
+
+    @enabled.setter
+    def enabled(self, is_enabled):
+        self._is_enabled = is_enabled and self._is_above_enabled
 
     def _part(self, **_):
         return Layout(self.drawn, self.is_in_row, self.enabled)
@@ -33,7 +52,7 @@ class Layout:
         return Layout(self.drawn, is_in_row=True, enabled=self.enabled)
 
     def panel(self, _name, **_):
-        return Layout(self.drawn), Layout(self.drawn)
+        return self._part(), self._part()
 
     def icon(self, image):
         assert image.id_type == "IMAGE"
@@ -51,6 +70,10 @@ class Layout:
         assert icon in self.ICONS
         getattr(bpy.types, name).draw(SimpleNamespace(layout=self), None)
 
+    def popover(self, panel, icon="NONE", **_):
+        assert icon in self.ICONS
+        assert hasattr(bpy.types, panel)
+
     def separator(self, **_):
         pass
 
@@ -66,6 +89,13 @@ class Layout:
     def prop(self, data, name, **_):
         assert name in data.bl_rna.properties
         self.drawn.properties.append(name)
+        self._note(name)
+
+    def _note(self, name):
+        """Note that a property or a button is drawn here, and whether it looks on."""
+        self.drawn.order.append(name)
+        if self.enabled:
+            self.drawn.bright.append(name)
 
     def prop_search(self, data, name, source, collection, *, results_are_suggestions=False, **_):
         self.prop(data, name)
@@ -83,6 +113,7 @@ class Layout:
     def template_list(self, list_type, _, data, name, active_data, active_name, **__):
         assert hasattr(bpy.types, list_type)
         assert {name} <= set(data.bl_rna.properties.keys())
+        self._note(name)
         assert {active_name} <= set(active_data.bl_rna.properties.keys())
         for item in getattr(data, name):
             bake_panel.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
@@ -92,8 +123,20 @@ class Layout:
         bpy.ops.imprint.bake.get_rna_type()
         getattr(getattr(bpy.ops, name.split(".")[0]), name.split(".")[1]).get_rna_type()  # raises an error without it
         self.drawn.buttons.append((name, self.enabled))
+        self.drawn.order.append(name)
         self.drawn.given.append((name, SimpleNamespace()))
         return self.drawn.given[-1][1]
+
+
+class Drawn:
+    """A panel while it is drawn, with its other methods."""
+
+    def __init__(self, panel, layout):
+        self.panel, self.layout = panel, layout
+
+    def __getattr__(self, name):
+        found = getattr(self.panel, name)
+        return found.__get__(self) if callable(found) else found
 
 
 PANELS = [
@@ -122,7 +165,7 @@ def draw(width=240, ui_scale=1.0, panels=PANELS):
     for panel in panels:
         if hasattr(panel, "poll") and not panel.poll(context):
             continue
-        panel.draw(SimpleNamespace(layout=layout), context)
+        panel.draw(Drawn(panel, Layout(layout.drawn)), context)
     for name, given in layout.drawn.given:
         group, operator = name.split(".")
         assert vars(given).keys() <= set(getattr(getattr(bpy.ops, group), operator).get_rna_type().properties.keys())

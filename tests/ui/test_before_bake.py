@@ -448,6 +448,8 @@ def test_a_flipped_low_object_is_found_before_the_bake_and_fixed_by_a_button(nam
 def test_a_flipped_closed_high_object_is_the_one_that_is_flipped():
     low, high = zoo.cube("lo"), flipped(zoo.cube("hi"))
     set_up_fixes(low, high)
+    assert drawn_fixes()[1] == []  # the bake turns them over
+    bpy.context.scene.imprint.keep_faces = True
     assert "The faces of 'hi' point to the other side than those of 'lo'" in drawn_fixes()[0]
     before = [polygon.normal[:] for polygon in low.data.polygons]
     bpy.ops.imprint.cure(kind="FLIPPED")

@@ -323,7 +323,7 @@ def test_reasons_to_be_unsure_have_a_line(baked):
     before = draw(low).labels
     assert not any(label.startswith("Only backs") for label in before)
     high.data.flip_normals()
-    bake("lo", "hi", method="CAST")
+    bake("lo", "hi", method="CAST", keep_faces=True)
     labels = draw(low).labels
     number = labels.index("Unsure layers") + 1
     assert labels[number : number + 2] == [labels[number], f"Only backs: {labels[number]}"]

@@ -36,6 +36,19 @@ def test_one_press_converts_with_the_settings_of_the_panels():
     assert "Converted map from tangent space (All Normalized; +X, -Y, +Z)" in bpy.context.window_manager.imprint_summary
 
 
+@pytest.mark.parametrize(
+    ("from_basis", "green", "name"), [("MIKKTSPACE", "+Y", "map_opengl"), ("NORMALIZED", "+Y", "map_mikktspace")]
+)
+def test_a_new_map_is_named_after_what_is_new(from_basis, green, name):
+    low, high = zoo.terrain("low", n=5), zoo.terrain("high", n=8)
+    bake(low, high, basis="MIKKTSPACE", green="-Y", image="map")
+    settings = bpy.context.scene.imprint
+    settings.low, settings.basis, settings.green, settings.storage = low, "MIKKTSPACE", green, "MEMORY"
+    settings.convert_image, settings.from_basis, settings.from_green = bpy.data.images["map"], from_basis, "-Y"
+    assert bpy.ops.imprint.convert() == {"FINISHED"}
+    assert name in bpy.data.images
+
+
 def test_the_panel_opens_files():
     assert ("convert_image", "image.open") in panel_layout.draw().files
 

@@ -9,8 +9,9 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from addon.ui import live as live_module
+from addon.ui import results_panel
 from addon.ui.live import LiveState, live
-from tests.support import zoo
+from tests.support import panel_layout, zoo
 from tests.support.following import follow
 from tests.support.maps import pixels
 from tests.support.panel import use
@@ -68,6 +69,16 @@ def test_other_maps_equal_those_of_a_bake_after_each_change(pair, method):
     assert not np.array_equal(after["lo_ao"], before["lo_ao"])
     assert not np.array_equal(after["lo_normal"], before["lo_normal"])
     assert same(after, baked())
+
+
+def test_maps_of_live_have_buttons_too(pair):
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    bpy.context.scene.imprint.maps = {"AO"}
+    bpy.ops.imprint.live()
+    follow()
+    live.stop()
+    drawn = panel_layout.draw(panels=[results_panel.IMPRINT_PT_results])
+    assert [given.image for name, given in drawn.given if name == "imprint.show_map"] == ["lo_normal", "lo_ao"]
 
 
 def test_the_normal_map_comes_first_and_a_change_drops_the_others(pair, monkeypatch):

@@ -11,7 +11,7 @@ from addon.core import progress
 from addon.core.errors import BakeError
 from addon.engine import gpu_memory, tree_cache
 from addon.passes import target
-from addon.ui import bake_operators, modal, views
+from addon.ui import bake_operators, modal, view_panel
 from addon.ui.live import live
 from addon.ui.modal import EVERY, idle_memory
 from addon.ui.progress_display import display
@@ -96,7 +96,7 @@ def is_clean():
 
 BUTTONS = {
     "live": lambda: Button(bake_operators.IMPRINT_OT_live),
-    "view": lambda: Button(views.IMPRINT_OT_view_show, mode="MAP"),
+    "view": lambda: Button(view_panel.IMPRINT_OT_view_show, mode="MAP"),
 }
 
 
@@ -156,7 +156,7 @@ def test_esc_changes_nothing(pair, name, step):
 def test_esc_keeps_the_previous_view(pair):
     viewer.switch(bpy.context, Mode.MAP)
     own = viewer.own
-    button = Button(views.IMPRINT_OT_view_refresh)
+    button = Button(view_panel.IMPRINT_OT_view_refresh)
     button.press()
     button.event()
     button.event("ESC")

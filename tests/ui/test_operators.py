@@ -11,12 +11,12 @@ from addon import flamenco
 from addon.core import map_types, naming, progress
 from addon.core.declarations.all_settings import FORMER
 from addon.core.errors import BakeError
-from addon.ui import bake_operators
+from addon.ui import bake_operators, preferences
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
 from scripts.imprint import ROOT
-from tests.support import maps, zoo
+from tests.support import maps, panel_layout, zoo
 from tests.support.manual import blocks
 from tests.support.panel import add, refusal, select, use
 from tests.support.panel_layout import draw
@@ -266,6 +266,15 @@ def test_the_panel_shows_the_plan(pair):
     assert "ERROR" not in drawn.icons
 
 
+def test_a_light_that_is_selected_too_is_left_out(pair):
+    low, high = pair
+    select(low, high, add("Sun", bpy.data.lights.new("Sun", "SUN")), add("Camera", bpy.data.cameras.new("Camera")))
+    assert bpy.context.scene.imprint.chosen(bpy.context).highs == [high]
+    assert can_bake(draw())
+    select(low, bpy.data.objects["Sun"])
+    assert "'Sun' is of the type light" in draw().text
+
+
 @pytest.mark.parametrize("setting", ["offset_group", "straight_group"])
 def test_the_panel_names_a_group_that_the_low_object_lacks(pair, setting):
     low, high = pair
@@ -354,7 +363,7 @@ MISSING = {
     "deleted": (deleted, "'hi' was deleted"),
     "no file named": (lambda low, high: (select(low, high), use(storage="FILE")), "No file is set"),
     "a depth that does not fit the format": (
-        lambda low, high: (select(low, high), use(storage="FILE", output="//map.exr", depth="8")),
+        lambda low, high: (select(low, high), use(storage="FILE", output="map.exr", depth="8")),
         "16 or 32 bits",
     ),
 }
@@ -374,7 +383,7 @@ STATES = {
     "own modifiers": lambda low, high: (low.modifiers.new("Rounded", "SUBSURF"), select(low)),
     "empty slots": lambda low, high: (bpy.context.scene.imprint.highs.add(), select(low, high)),
     "other settings": lambda low, high: (
-        use(space="OBJECT", storage="FILE", output="//map.png", material=False),
+        use(space="OBJECT", storage="FILE", output="map.png", material=False),
         select(low, high),
     ),
 }
@@ -402,8 +411,9 @@ def test_the_panel_shows_every_setting(pair):
     assert not {"width", "height"} & shown
     settings.square, settings.distance_unit = False, "SCENE"
     shown.update(draw().properties)
-    # The list of high objects has the last two, switches stand for the maps, and presets set the names.
-    assert names - shown - set(FORMER) == {"rna_type", "name", "names", "maps", "highs", "active_high"}
+    # The list of high objects has the last two, switches stand for the maps, and engines set the names.
+    hidden = {"rna_type", "name", "names", "engine_name", "maps", "active_high"}
+    assert names - shown - set(FORMER) - {"highs"} == hidden
 
 
 def test_one_size_for_both_sides(pair):
@@ -448,6 +458,72 @@ def test_the_bar_replaces_the_button(pair, monkeypatch):
     assert {name for name, _ in before.buttons} - {name for name, _ in during.buttons} == {"imprint.bake"}
     bar = next(label for label in during.labels if label.startswith("25%"))
     assert [label for label in during.labels if label != bar] == before.labels
+
+
+def test_the_bar_is_where_the_button_is_that_was_pressed(pair, monkeypatch):
+    low, high = pair
+    low.name, high.name = "a_low", "a_high"
+    select(*pair)
+    buttons = {name for name, _ in draw().buttons}
+    monkeypatch.setattr(display, "current", progress.Progress("Drawing", 0.25))
+    for pressed in ("imprint.bake_pairs", "imprint.make_levels", "imprint.convert", "imprint.bake"):
+        monkeypatch.setattr(display, "operator", pressed)
+        assert buttons - {name for name, _ in draw().buttons} == {pressed}
+    monkeypatch.setattr(display, "operator", "imprint.view_show")  # no button of a panel draws a bar for it
+    assert buttons - {name for name, _ in draw().buttons} == {"imprint.bake"}
+
+
+def test_settings_look_off_while_a_bake_runs(pair, monkeypatch):
+    select(*pair)
+    bpy.context.scene.imprint.maps = {"AO"}
+    assert draw().bright
+    monkeypatch.setattr(display, "current", progress.Progress("Drawing", 0.25))
+    of_scene = bpy.context.scene.imprint.bl_rna.properties.keys()
+    assert {*draw().bright}.isdisjoint(of_scene)
+
+
+def test_objects_look_off_while_live_follows_them(pair):
+    select(*pair)
+    assert {"low", "highs"} <= {*draw().bright}
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+    try:
+        assert not {"low", "highs"} & {*draw().bright}
+        assert "samples" in draw().bright
+    finally:
+        live.stop()
+
+
+# Where things are
+
+
+def test_the_tab_has_five_panels_and_the_first_one_the_order_of_work():
+    top = [panel for panel in panel_layout.PANELS if not getattr(panel, "bl_parent_id", "")]
+    assert [panel.bl_label for panel in sorted(top, key=lambda panel: getattr(panel, "bl_order", 0))] == [
+        "Imprint",
+        "Pairs by Name",
+        "Results",
+        "View",
+        "More",
+    ]
+    of_main = [
+        panel.bl_label for panel in panel_layout.PANELS if getattr(panel, "bl_parent_id", "") == "IMPRINT_PT_bake"
+    ]
+    assert of_main == ["Maps", "Map", "Output"]
+
+
+@pytest.mark.parametrize("make", [case[0] for case in MISSING.values()], ids=MISSING)
+def test_the_bake_button_stays_at_its_height(pair, make):
+    """Above it are the same rows, whatever the texts say."""
+
+    def above():
+        drawn = draw(panels=[bpy.types.IMPRINT_PT_bake])
+        of_list = drawn.order.index("imprint.high_add")  # before it, the list has a row for each high object
+        return drawn.order[of_list : drawn.order.index("imprint.bake")]
+
+    select(*pair)
+    before = above()
+    make(*pair)
+    assert above() == before
 
 
 @pytest.mark.parametrize(
@@ -536,6 +612,29 @@ def test_levels_stay_where_their_file_cannot_be_written(settings, tmp_path):
     assert bpy.context.window_manager.imprint_warnings
 
 
+def test_levels_have_the_numbers_of_triangles_that_are_asked_for(settings):
+    settings.level_triangles = "50 %, 60"
+    original = bpy.context.active_object
+    original.data.calc_loop_triangles()
+    count = len(original.data.loop_triangles)
+    assert bpy.ops.imprint.make_levels() == {"FINISHED"}
+    found = []
+    for number in (1, 2):
+        data = bpy.data.objects[f"{original.name}_LOD{number}"].data
+        data.calc_loop_triangles()
+        found.append(len(data.loop_triangles))
+    assert found == [pytest.approx(count / 2, abs=2), pytest.approx(60, abs=2)]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("half", "'half' is no number of triangles"), ("3", "cannot be"), ("150 %", "cannot be"), (",", "0 levels")],
+)
+def test_numbers_of_triangles_that_are_not_possible_are_named(settings, text, reason):
+    settings.level_triangles = text
+    assert reason in refusal(bpy.ops.imprint.make_levels)
+
+
 def test_the_usual_limits_are_valid_and_wrong_ones_are_reported(settings):
     assert (settings.level_degrees, settings.level_distance) == ("1, 2, 4", "1")
     settings.level_degrees = "one"
@@ -572,7 +671,7 @@ def test_the_button_is_there_if_an_address_is_set(address):
 
 
 def test_without_an_address_there_is_no_button():
-    assert bake_operators.flamenco_address(bpy.context) == ""
+    assert preferences.flamenco_address(bpy.context) == ""
     assert "imprint.send_to_flamenco" not in {name for name, _ in draw().buttons}
 
 

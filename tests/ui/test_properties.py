@@ -3,23 +3,33 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
-import addon
 from addon.core import naming
 from addon.core.declarations import kinds, targets
 from addon.core.declarations.all_settings import DECLARED, FORMER
-from addon.ui import declared_properties, object_pairs
+from addon.ui import declared_properties, engine_choice, object_pairs, presets
 from tests.support import maps, older_file, panel_layout, zoo
 from tests.support.maps import pixels
+from tests.support.panel import refusal
 
 pytestmark = pytest.mark.usefixtures("registered")
 
 
-OWN = {"rna_type", "name", "active_high", "convert_image", "names", *declared_properties.MapList.__annotations__}
+OWN = {
+    "rna_type",
+    "name",
+    "active_high",
+    "convert_image",
+    "names",
+    "engine",
+    "engine_name",
+    *declared_properties.MapList.__annotations__,
+}
 """Properties that are not settings, or that stand for a part of one."""
 
 
@@ -122,108 +132,180 @@ def test_a_bake_takes_the_old_image_and_leaves_a_pair(opened, gpu_context):
     assert [node.image for node in nodes if node.type == "TEX_IMAGE"] == [image]
 
 
-# Presets
+# The setting Engine, and presets
 
 
-BUILT_IN = sorted((Path(addon.__file__).parent / "presets" / "imprint").glob("*.py"))
+CHOSEN = targets.CHOICES["Unreal Engine"]
+
+
+def choose(name, settings=None):
+    (settings or bpy.context.scene.imprint).engine = name
 
 
 @pytest.fixture(autouse=True)
 def label(registered):
-    """The panel's label, which Blender replaces with the name of the preset."""
-    panel = bpy.types.IMPRINT_PT_conventions
+    """The panel's label, which Blender replaces with the name of the preset, and a folder without presets."""
+    panel = bpy.types.IMPRINT_PT_presets
     before = panel.bl_label
     yield
     panel.bl_label = before
+    for path in presets.folder().glob("*.py"):
+        path.unlink()
 
 
 def use(path):
     """Press an entry of the menu."""
-    category, name = bpy.types.IMPRINT_PT_conventions.preset_operator.split(".")
+    category, name = bpy.types.IMPRINT_PT_presets.preset_operator.split(".")
     return getattr(getattr(bpy.ops, category), name)("EXEC_DEFAULT", True, filepath=str(path))
 
 
-def test_a_preset_is_an_undo_step():
-    """Undo of what comes after it does not undo the preset."""
-    bpy.data.objects.new("Lamp", None).use_fake_user = True
+def test_an_engine_is_one_undo_step_in_a_window():
+    """Blender pushes one after it has set a property that a user changes, with all that its callback has set."""
     bpy.ops.ed.undo_push(message="before")
-    use(next(path for path in BUILT_IN if path.stem == "Unreal"))
-    bpy.data.objects["Lamp"].location.x = 2.0
-    bpy.ops.ed.undo_push(message="moved")
-    for undo, place, green, names in (
-        (bpy.ops.ed.undo, 0.0, "-Y", "T_{low}_N"),
-        (bpy.ops.ed.undo, 0.0, "+Y", ""),
-        (bpy.ops.ed.redo, 0.0, "-Y", "T_{low}_N"),
-        (bpy.ops.ed.redo, 2.0, "-Y", "T_{low}_N"),
+    choose("Unreal Engine")
+    bpy.ops.ed.undo_push(message="Engine")
+    bpy.data.objects.new("Lamp", None).use_fake_user = True
+    bpy.ops.ed.undo_push(message="later")
+    for undo, green, names in (
+        (bpy.ops.ed.undo, "-Y", "T_{name}_N"),
+        (bpy.ops.ed.undo, "+Y", ""),
+        (bpy.ops.ed.redo, "-Y", "T_{name}_N"),
     ):
         assert undo() == {"FINISHED"}
         settings = bpy.context.scene.imprint
-        assert (bpy.data.objects["Lamp"].location.x, settings.green, settings.image) == (place, green, names)
+        assert (settings.green, settings.image) == (green, names)
 
 
-def test_names_of_a_preset_are_not_shown_as_a_mistake():
+def test_names_of_an_engine_are_not_shown_as_a_mistake():
     """Blender draws a search field red whose value is not among the results."""
     settings = bpy.context.scene.imprint
     settings.low = zoo.terrain("lo", n=2)
-    use(next(path for path in BUILT_IN if path.stem == "Unreal"))
+    choose("Unreal Engine")
     assert settings.image not in bpy.data.images
     assert panel_layout.draw().red == []
     settings.uv_layer = "missing"
     assert panel_layout.draw().red == ["uv_layer"]
 
 
-def test_a_preset_that_is_no_python_says_so(tmp_path):
-    broken = tmp_path / "broken.py"
-    broken.write_text("settings.green = ")
-    with pytest.raises(RuntimeError, match="^Error: Failed to execute the preset: SyntaxError"):
-        use(broken)
-    with pytest.raises(RuntimeError, match="^Error: Unknown file type"):
-        use(tmp_path / "preset.txt")
+def test_each_target_has_a_choice():
+    assert set(targets.CHOICES) == {targets.OF_SCENE, *(target.preset for target in targets.TARGETS)}
+    shown = bpy.context.scene.imprint.bl_rna.properties["engine"]
+    assert shown.type == "ENUM"
+    assert bpy.context.scene.imprint.engine == targets.OF_SCENE  # a new file
 
 
-def test_all_presets_are_found_by_blender():
-    folders = {Path(folder) for folder in bpy.utils.preset_paths("imprint")}
-    assert BUILT_IN[0].parent in folders
-    assert {path.stem for path in BUILT_IN} == {targets.OF_SCENE, *(target.preset for target in targets.TARGETS)}
-
-
-@pytest.mark.parametrize("path", BUILT_IN, ids=lambda path: path.stem)
-def test_a_preset_sets_what_its_programs_need(path):
+@pytest.mark.parametrize("name", targets.CHOICES)
+def test_an_engine_sets_what_its_programs_need(name):
     settings = bpy.context.scene.imprint
     settings.red, settings.green, settings.blue = "-Z", "+X", "-Y"
-    settings.basis = "CYCLES" if path.stem == targets.OF_SCENE else "AUTO"
-    settings.image, settings.output = "of another preset", "//maps/mine.<UDIM>.tif"
-    assert use(path) == {"FINISHED"}
-    found = settings.red, settings.green, settings.blue, settings.basis, settings.depth, settings.alpha
-    names = targets.presets()[path.stem]["names"]
-    # Without a name, an image has the usual one.
-    assert settings.image == ("" if names == naming.USUAL else names)
-    assert settings.output == f"//maps/{names}.<UDIM>.tif"
-    served = [target for target in targets.TARGETS if target.preset == path.stem]
+    settings.basis = "CYCLES" if name == targets.OF_SCENE else "AUTO"
+    settings.image, settings.output, settings.export = "of another engine", "//maps/mine.<UDIM>.tif", "//out/a.usd"
+    assert settings.engine == "CUSTOM"
+    choose(name)
+    assert settings.engine == name
+    found = settings.red, settings.green, settings.blue, settings.basis, settings.depth, settings.alpha, settings.pack
+    served = [target for target in targets.TARGETS if target.preset == name]
     for target in served:
-        assert found == ("+X", target.green, "+Z", target.basis.name, str(target.depth), target.alpha)
-        assert names == target.names
+        assert found == ("+X", target.green, "+Z", target.basis.name, str(target.depth), target.alpha, target.pack)
+        # Without a name, an image has the usual one.
+        assert settings.image == ("" if target.names == naming.USUAL else target.names)
+        assert settings.output == f"//maps/{target.names}.<UDIM>.tif"
+        assert settings.storage == ("FILE" if target.export else "PACK")
+        assert settings.export == (f"//out/a{target.export}" if target.export else "")
     if not served:
-        assert found == ("+X", "+Y", "+Z", "AUTO", "16", True)
+        assert found == ("+X", "+Y", "+Z", "AUTO", "16", True, "NONE")
+        assert (settings.storage, settings.export, settings.image) == ("PACK", "", "")
+    settings.green = "-Y" if settings.green == "+Y" else "+Y"
+    assert settings.engine == "CUSTOM"
 
 
-def test_a_preset_of_the_user_is_saved_and_removed():
+def test_an_engine_makes_paths_beside_the_file_where_none_are_set():
+    settings = bpy.context.scene.imprint
+    choose("Unreal Engine")
+    assert (settings.output, settings.export) == ("//T_{name}_N.png", "//{name}.fbx")
+    settings.output = "//a.tga"  # which stores 8 bits alone
+    choose("Godot")
+    assert (settings.output, settings.export) == ("//{name}_normal.png", "//{name}.glb")
+    choose("Blender")
+    assert (settings.storage, settings.export) == ("PACK", "")
+
+
+def test_an_engine_says_what_it_sets():
+    items = engine_choice.engine_items(None, None)
+    (line,) = [tooltip for name, _, tooltip, _ in items if name == "Unreal Engine"]
+    assert line == "Green -Y (DirectX), Basis MikkTSpace, Depth 16, Pack Unreal, T_{name}_N, .fbx"
+
+
+def test_a_file_that_was_never_saved_is_named_with_a_button(tmp_path):
+    low, high = zoo.terrains_in_slots("FLATTEN")
+    assert not bpy.data.filepath
+    choose("glTF")
+    drawn = panel_layout.draw()
+    assert "save it first" in drawn.text
+    assert not dict(drawn.buttons)["imprint.bake"]
+    assert ("wm.save_mainfile", True) in drawn.buttons
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    assert dict(panel_layout.draw().buttons)["imprint.bake"]
+
+
+def test_a_file_that_is_no_preset_says_so(tmp_path):
+    broken = tmp_path / "broken.py"
+    for text in ("settings.green = ", "settings.green = print(1)", "import bpy", "settings.depth = '7'"):
+        broken.write_text(text)
+        assert "preset" in refusal(presets_use, filepath=str(broken))
+    assert "is not a preset" in refusal(presets_use, filepath=str(tmp_path / "preset.txt"))
+
+
+def presets_use(**arguments):
+    return bpy.ops.imprint.preset_use(**arguments)
+
+
+def test_a_preset_runs_no_code(tmp_path):
+    made = tmp_path / "made"
+    path = tmp_path / "of_others.py"
+    path.write_text(f"import bpy\nopen({str(made)!r}, 'w')\nsettings.green = '-Y'\n")
+    assert bpy.ops.imprint.preset_load(filepath=str(path)) == {"FINISHED"}
+    assert bpy.context.scene.imprint.green == "-Y"
+    assert not made.exists()
+    assert (presets.folder() / path.name).read_text() == path.read_text()
+
+
+def test_a_preset_of_the_user_holds_all_settings_and_is_removed():
     settings = bpy.context.scene.imprint
     settings.red, settings.green, settings.blue, settings.basis = "-X", "+Z", "+Y", "MIKKTSPACE"
-    settings.depth, settings.alpha = "32", False
-    settings.image = "{low}_nrm"
-    assert bpy.ops.imprint.convention_add(name="Our engine") == {"FINISHED"}
-    kept = [Path(folder, "Our_engine.py") for folder in bpy.utils.preset_paths("imprint")]
-    kept = next(path for path in kept if path.is_file())
-    settings.red, settings.green, settings.blue, settings.basis = "+X", "+Y", "+Z", "CYCLES"
-    settings.depth, settings.alpha = "8", True
-    settings.image, settings.output = "", "//a.png"
-    use(kept)
-    assert (settings.red, settings.green, settings.blue) == ("-X", "+Z", "+Y")
-    assert (settings.basis, settings.depth, settings.alpha) == ("MIKKTSPACE", "32", False)
-    assert (settings.image, settings.output) == ("{low}_nrm", "//{low}_nrm.png")
-    bpy.ops.imprint.convention_add(name="Our engine", remove_active=True)
+    settings.depth, settings.alpha, settings.maps, settings.width = "32", False, {"AO", "HEIGHT"}, 512
+    settings.missed, settings.unlimited, settings.rays, settings.ao_limited = (0.25, 0.5, 0.75), True, 64, True
+    settings.image, settings.output, settings.export = "{low}_nrm", "//own/{low}_nrm.png", "//one.glb"
+    wanted = settings.to_settings()
+    assert bpy.ops.imprint.preset_add(name="Our engine") == {"FINISHED"}
+    (kept,) = presets.folder().glob("*.py")
+    assert kept.stem == "Our_engine"
+    bpy.context.scene.property_unset("imprint")
+    settings = bpy.context.scene.imprint
+    settings.output = settings.export = "//a.png"
+    assert use(kept) == {"FINISHED"}
+    assert settings.to_settings() == wanted
+    assert settings.export == "//a.png"  # that of the preset fits one object alone
+    line = bpy.types.IMPRINT_OT_preset_use.description(None, SimpleNamespace(filepath=str(kept)))
+    for words in ("512", "Samples", "Height, Ambient Occlusion", "Green +Z", "Depth 32", "{low}_nrm"):
+        assert words in line
+    bpy.ops.imprint.preset_add(name="Our engine", remove_active=True)
     assert not kept.exists()
+
+
+def test_new_files_begin_with_my_defaults(tmp_path):
+    settings = bpy.context.scene.imprint
+    settings.width = 256
+    path = str(tmp_path / "other.blend")
+    bpy.context.scene.property_unset("imprint")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    for width in (256, 128):  # saving again replaces it
+        bpy.context.scene.imprint.width = width
+        assert bpy.ops.imprint.preset_add(name=presets.DEFAULTS) == {"FINISHED"}
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        assert bpy.context.scene.imprint.width == width
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert bpy.context.scene.imprint.width == 2048
 
 
 @pytest.mark.parametrize("image", ["", "helmet_normal"])
@@ -236,26 +318,26 @@ def test_a_saved_preset_leaves_names_alone_that_fit_one_object(image):
     assert (settings.image, settings.output) == ("rock_normal", "//rock.png")
 
 
-def test_a_preset_names_texture_sets_by_their_materials():
+def test_an_engine_names_texture_sets_by_their_materials():
     settings = bpy.context.scene.imprint
     settings.texture_sets, settings.output = True, "//{low}_{material}_normal.png"
-    settings.names = "T_{low}_N"
-    assert (settings.image, settings.output) == ("T_{low}_{material}_N", "//T_{low}_{material}_N.png")
-    assert settings.names == "T_{low}_N"
+    settings.names = "T_{name}_N"
+    assert (settings.image, settings.output) == ("T_{name}_{material}_N", "//T_{name}_{material}_N.png")
+    assert settings.names == "T_{name}_N"
 
 
-def test_maps_of_the_preset_for_unreal_are_found_under_its_names(gpu_context, tmp_path):
+def test_maps_for_unreal_are_found_under_its_names(gpu_context, tmp_path):
     low, _ = zoo.terrains_in_slots("FLATTEN")
+    low.name = "rock_low"
     settings = bpy.context.scene.imprint
     settings.storage, settings.output, settings.maps = "FILE", str(tmp_path / "mine.png"), {"HEIGHT", "ROUGHNESS"}
-    settings.pack = "UNREAL"
-    preset = next(path for path in BUILT_IN if path.stem == "Unreal")
-    use(preset)
+    settings.export, settings.rays = str(tmp_path / "{name}.glb"), 16
+    choose("Unreal Engine")
     assert bpy.ops.imprint.bake() == {"FINISHED"}
-    names = {f"T_{low.name}_{ending}" for ending in ("N", "H", "R", "ORM")}
-    files = {path.stem: path for path in tmp_path.iterdir()}
+    names = {f"T_rock_{ending}" for ending in ("N", "H", "R", "ORM")}
+    files = {path.stem: path for path in tmp_path.iterdir() if path.suffix == ".png"}
     assert set(files) == names
     assert names <= {image.name for image in bpy.data.images}
-    normals = bpy.data.images.load(str(files[f"T_{low.name}_N"]))
+    normals = bpy.data.images.load(str(files["T_rock_N"]))
     normals.colorspace_settings.is_data = True
     assert maps.pixels(normals)[..., :3].mean(axis=(0, 1)) == pytest.approx((0.5, 0.5, 1.0), abs=0.1)

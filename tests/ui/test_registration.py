@@ -11,10 +11,10 @@ import addon
 from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
-from addon.ui import bake_operators, modal, properties, settings_panels, views
+from addon.ui import bake_operators, modal, preferences, presets, properties, settings_panels, view_gizmos, view_panel
 from addon.ui.callbacks import DrawCallbacks, Handlers, Key, Timer
 from addon.ui.texts import SidebarPanel
-from tests.support import maps, zoo
+from tests.support import maps, panel_layout, zoo
 
 MODULES = [module for module in addon.modules() if hasattr(module, "CLASSES")]
 OPERATORS = [cls.__name__ for module in MODULES for cls in module.CLASSES if issubclass(cls, bpy.types.Operator)]
@@ -22,7 +22,7 @@ PANELS = [
     cls
     for module in MODULES
     for cls in module.CLASSES
-    if issubclass(cls, bpy.types.Panel) and cls is not settings_panels.IMPRINT_PT_conventions
+    if issubclass(cls, bpy.types.Panel) and cls is not presets.IMPRINT_PT_presets
 ]
 
 
@@ -31,7 +31,7 @@ def traces():
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.Menu, bpy.types.PropertyGroup)
     kinds += (bpy.types.AddonPreferences,)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
-    gizmos = {views.IMPRINT_GT_split: bpy.types.Gizmo, views.IMPRINT_GGT_split: bpy.types.GizmoGroup}
+    gizmos = {view_gizmos.IMPRINT_GT_split: bpy.types.Gizmo, view_gizmos.IMPRINT_GGT_split: bpy.types.GizmoGroup}
     found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}
     found |= {f"Scene.{name}" for name in dir(bpy.types.Scene) if name.startswith("imprint")}
     return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
@@ -106,7 +106,7 @@ class TestWords:
         for button in buttons:
             assert button.description, button.identifier
         structs = [*buttons, properties.ImprintSettings.bl_rna, properties.ImprintHigh.bl_rna]
-        structs.append(views.ImprintView.bl_rna)
+        structs.append(view_panel.ImprintView.bl_rna)
         for struct in structs:
             for prop in struct.properties:
                 if prop.identifier not in {"rna_type", "name"}:
@@ -214,3 +214,40 @@ def test_a_key_is_added_once_and_removed(keymap, space_type):
     assert items() == [("wm.search_menu", "F13", True)]
     key.remove()
     assert items() == []
+
+
+# First steps
+
+
+def test_the_entry_of_the_extension_shows_the_way_to_the_panel_and_the_manual(registered):
+    layout = panel_layout.Layout()
+    preferences.IMPRINT_AP_preferences.draw(SimpleNamespace(layout=layout, bl_rna=Entry), bpy.context)
+    assert "press N there, then the tab Imprint" in layout.drawn.labels[0]
+    assert [name for name, is_on in layout.drawn.buttons if is_on] == [
+        "imprint.show_panel",
+        "imprint.open_manual",
+        "imprint.test_gpu",
+    ]
+    assert layout.drawn.properties == ["gpu_memory", "flamenco"]
+
+
+class Entry:
+    """What Blender makes of the entry only where the extension is installed."""
+
+    properties = ("gpu_memory", "flamenco")
+
+
+def test_a_button_opens_the_sidebar(registered):
+    opened = bpy.context.window_manager.windows[0]
+    viewport = max((one for one in opened.screen.areas if one.type == "VIEW_3D"), key=lambda one: one.width)
+    viewport.spaces.active.show_region_ui = False
+    assert bpy.ops.imprint.show_panel() == {"FINISHED"}
+    assert viewport.spaces.active.show_region_ui
+
+
+def test_the_manual_is_the_site_or_else_a_page_that_is_packed(monkeypatch, tmp_path):
+    page = preferences.manual_address()
+    assert page.startswith("file:") and page.endswith("/README.md")
+    (tmp_path / "blender_manifest.toml").write_text('website = "https://imprint.example"')
+    monkeypatch.setattr(preferences, "ROOT", tmp_path)
+    assert preferences.manual_address() == "https://imprint.example"

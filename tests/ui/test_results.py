@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Results of bakes in the window: each belongs to its low object, and the file keeps it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import bpy
 import pytest
 
+from addon.core.errors import Fix
 from addon.scene.object_checks import ObjectRef
-from addon.ui import bake_panel, bake_results
+from addon.ui import bake_results, object_pairs, results_panel
 from addon.ui.bake_results import results
 from tests.export.test_glb import bent_pair
 from tests.support import panel_layout, zoo
@@ -39,7 +41,7 @@ def is_known():
 def panel_lines(report):
     """The lines of the panel about a bake."""
     layout = Layout()
-    bake_panel.draw_result(layout, [report])
+    results_panel.draw_result(layout, [report])
     return layout.drawn.labels
 
 
@@ -103,6 +105,101 @@ def test_a_result_outlives_undo():
     bpy.ops.ed.undo_push(message="moved")
     bpy.ops.ed.undo()
     assert is_known()
+
+
+# The list of results
+
+
+@pytest.fixture
+def batch():
+    """Three low objects that were baked: the second one with a warning, since half of it has no high triangle."""
+    for number, name in enumerate(("a", "b", "c")):
+        low, high = zoo.plane(f"{name}_low", 2), zoo.terrain(f"{name}_high", n=8)
+        for obj in (low, high):
+            obj.location.x = 3.0 * number
+        if name == "b":
+            high.scale.x = 0.5
+    use(size=16, method="CAST", material=False, maps={"HEIGHT"})
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    bpy.context.view_layer.objects.active = bpy.data.objects["a_low"]
+
+
+def listed():
+    """The names in the list of the panel, and the text of the panel."""
+    drawn = panel_layout.draw(width=2000, panels=[results_panel.IMPRINT_PT_results])
+    rows = [given.low for name, given in drawn.given if name == "imprint.select_result"]
+    return rows, drawn
+
+
+def test_the_list_says_which_results_are_wrong_and_why(batch):
+    rows, drawn = listed()
+    assert rows == ["b_low", "a_low", "c_low"]  # the wrong one first
+    assert drawn.text.count("'b_high' and 'b_low' differ in place or size") == 1
+    assert "'a_low'" not in drawn.text
+    signs = [results_panel.sign(reports) for _, reports in results.of_scene(bpy.context)]
+    assert signs == ["RIGHT", "WRONG", "RIGHT"]
+    assert drawn.text.count("2 maps, ") == 3
+
+
+def test_the_list_is_kept_with_the_file(batch, tmp_path):
+    before = listed()[0], listed()[1].labels
+    path = str(tmp_path / "scene.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert (listed()[0], listed()[1].labels) == before
+
+
+def test_a_click_in_the_list_selects_the_object_and_shows_its_maps(batch):
+    low = bpy.data.objects["b_low"]
+    low.hide_set(True)
+    settings = use(bpy.data.objects["a_low"], bpy.data.objects["a_high"])
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert bpy.ops.imprint.select_result(low="b_low") == {"FINISHED"}
+    assert bpy.context.active_object == low
+    assert bpy.context.selected_objects == [low]
+    assert bpy.context.mode == "OBJECT"
+    chosen = settings.chosen(bpy.context)
+    assert (chosen.low, chosen.highs) == (low, [bpy.data.objects["b_high"]])
+    shown = [given.image for name, given in listed()[1].given if name == "imprint.show_map"]
+    assert shown == ["b_low_normal", "b_low_height"]
+
+
+def test_a_fix_in_the_list_is_for_its_own_low_object(batch):
+    for name in "ab":
+        low = bpy.data.objects[f"{name}_low"]
+        low.imprint.measure = False
+        reports = [
+            replace(report, warnings=[Fix.MEASURE.after("Missed.")]) for report in results.all_of(bpy.context, low)
+        ]
+        object_pairs.keep_reports(low, reports)
+    pair = bpy.data.objects["b_low"].imprint
+    (given,) = [given for name, given in listed()[1].given if name == "imprint.cure" and given.low == "b_low"]
+    assert bpy.ops.imprint.cure(kind=given.kind, low=given.low) == {"FINISHED"}
+    assert pair.measure
+    assert not bpy.data.objects["a_low"].imprint.measure
+
+
+def test_a_result_whose_image_is_gone_is_worth_a_look(batch):
+    reports = results.all_of(bpy.context)
+    assert results_panel.sign(reports) == results_panel.RIGHT
+    bpy.data.images.remove(bpy.data.images["a_low_height"])
+    assert results_panel.sign(reports) == results_panel.LOOK
+
+
+def test_a_map_opens_beside_the_viewport_and_then_there():
+    first, second = (bpy.data.images.new(name, 4, 4) for name in ("first", "second"))
+    opened = bpy.context.window_manager.windows[0]
+    before = {one.as_pointer(): one.type for one in opened.screen.areas}
+    with bpy.context.temp_override(window=opened):
+        bake_results.show_image_beside(bpy.context, first)
+        (editor,) = [one for one in opened.screen.areas if one.as_pointer() not in before]
+        assert len(bpy.context.window_manager.windows) == 1
+        assert {one.as_pointer(): one.type for one in opened.screen.areas if one != editor} == before
+        assert (editor.type, editor.spaces.active.image) == ("IMAGE_EDITOR", first)
+        bake_results.show_image_beside(bpy.context, second)
+        assert editor.spaces.active.image == second
+        assert len(opened.screen.areas) == len(before) + 1
+        editor.type = "VIEW_3D"  # in the background, Blender cannot close it
 
 
 # The viewport after a bake

@@ -12,8 +12,9 @@ from mathutils import Matrix, Vector
 import addon
 from addon.core.errors import BakeError
 from addon.passes import target
-from addon.ui import progress_display, views
+from addon.ui import progress_display, view_labels, views
 from addon.ui.live import live
+from addon.ui.view_panel import HEADLIGHT
 from addon.ui.view_shading import SHOWN, Mode
 from addon.ui.views import viewer
 from tests.support import panel_layout, raster, zoo
@@ -93,12 +94,12 @@ def test_the_views_differ_and_a_key_shows_the_next_one(pair):
 def test_the_deviations_are_shown_as_text(pair):
     view().mode = "MAP"
     assert viewer.deviations is None
-    assert views.describe_deviations(viewer.deviations) == []
+    assert view_labels.describe_deviations(viewer.deviations) == []
     view().mode = "BARE_DEVIATION"
     found = viewer.deviations
     assert found.percentile_99 < 0.1
     assert found.bare_mean > 1.0
-    assert views.describe_deviations(viewer.deviations) == [
+    assert view_labels.describe_deviations(viewer.deviations) == [
         f"With the map: mean {found.mean:.2f}°, 99 % below {found.percentile_99:.2f}°",
         f"Without: mean {found.bare_mean:.2f}°, 99 % below {found.bare_percentile_99:.2f}°",
     ]
@@ -125,7 +126,7 @@ def test_the_panel_says_that_a_program_reads_green_upside_down(pair):
     view().mode = "DEVIATION"
     view().target = "unreal"
     assert (
-        "Unreal Engine reads green as -Y, and the map stores +Y: the preset Unreal"
+        "Unreal Engine reads green as -Y, and the map stores +Y: the setting Engine: Unreal Engine sets it."
         in panel_layout.draw(width=2000).text
     )
     view().target = "unity"
@@ -139,7 +140,7 @@ def test_unmeasured_deviations_are_shown_as_text(pair):
     uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
     high.data.uv_layers[0].uv.foreach_set("vector", (uv + (0.3, 0.0)).astype(np.float32).ravel())
     view().mode = "DEVIATION"
-    (line,) = views.describe_deviations(viewer.deviations)
+    (line,) = view_labels.describe_deviations(viewer.deviations)
     assert line.startswith("Purple: 100.0% shows another place of the high mesh")
 
 
@@ -157,7 +158,7 @@ def test_unmeasured_deviations_are_shown_as_text(pair):
     ],
 )
 def test_a_label_stays_where_it_can_be_read(zone, share, free, x):
-    assert views.label_position(zone, 100.0, share, free, 10.0) == x
+    assert view_labels.label_position(zone, 100.0, share, free, 10.0) == x
 
 
 def test_labels_avoid_the_toolbar_and_the_sidebar():
@@ -167,10 +168,10 @@ def test_labels_avoid_the_toolbar_and_the_sidebar():
     window = region("WINDOW", "NONE", 20, 900)
     bars = [region("HEADER", "TOP", 20, 900), region("TOOLS", "LEFT", 20, 60), region("UI", "RIGHT", 700, 220)]
     context = SimpleNamespace(region=window, area=SimpleNamespace(regions=[window, *bars]))
-    assert views.visible_columns(context) == (60, 680)
+    assert view_labels.visible_columns(context) == (60, 680)
     for bar in bars[1:]:
         bar.width = 1
-    assert views.visible_columns(context) == (0, 900)
+    assert view_labels.visible_columns(context) == (0, 900)
 
 
 def test_a_view_that_cannot_be_shown_reports_why_and_stays_off(pair):
@@ -291,8 +292,8 @@ def test_a_light_of_the_scene_lights_the_view(kind, pair):
     bpy.context.view_layer.update()
     view().light = light
     expected = light.matrix_world.col[2 if kind == "SUN" else 3]
-    assert np.array_equal(views.eye(region_view(), light).light, expected)
-    assert views.eye(region_view(), light).light[3] == (kind != "SUN")
+    assert np.array_equal(views.eye(region_view(), light, HEADLIGHT).light, expected)
+    assert views.eye(region_view(), light, HEADLIGHT).light[3] == (kind != "SUN")
     assert not np.array_equal(drawn_pixels(), by_the_view)
     bpy.data.objects.remove(light)
     assert view().light is None
@@ -301,7 +302,7 @@ def test_a_light_of_the_scene_lights_the_view(kind, pair):
 
 def test_the_default_light_comes_from_above_and_from_the_left():
     data = region_view()
-    light = views.eye(data, None).light
+    light = views.eye(data, None, HEADLIGHT).light
     assert light[3] == 0.0
     x, y, z = data.view_matrix.to_3x3() @ Vector(light[:3])
     assert (x < 0.0, y > 0.0, z > max(-x, y)) == (True, True, True)

@@ -19,11 +19,12 @@ for loaded in [name for name in sys.modules if name.startswith(f"{MODULE}.addon"
     sys.modules[loaded.removeprefix(f"{MODULE}.")] = sys.modules[loaded]  # what is imported below is what is installed
 
 import addon  # noqa: E402
+from addon.core.declarations import targets  # noqa: E402
 from addon.ui import modal, object_pairs  # noqa: E402
 from addon.ui.bake_results import results  # noqa: E402
 from addon.ui.live import live  # noqa: E402
 from tests.support import saved_scenes, window  # noqa: E402
-from tests.support.window import click_row, keys, press  # noqa: E402
+from tests.support.window import click_row, find, keys, press  # noqa: E402
 from tests.window import live_strokes  # noqa: E402
 
 PART, FOLDER = sys.argv[sys.argv.index("--") + 1], Path(sys.argv[sys.argv.index("--") + 2])
@@ -142,24 +143,63 @@ def part_without_high() -> Steps:
     picture("removed")
 
 
-def part_preset() -> Steps:
-    """A preset for an engine, a step, Undo: the preset stays."""
+def part_engine() -> Steps:
+    """The wheel over the setting Engine, a step, Undo: the engine stays, and goes with the next Undo."""
     small(crate=True)
-    settings = bpy.context.scene.imprint
     yield from click_row("crate_low")
-    with window.at_view():
-        bpy.ops.ed.undo_push(message="before")
-        folder = Path(addon.__file__).parent / "presets" / "imprint"
-        preset = next(path for path in sorted(folder.glob("*.py")) if "-Y" in path.read_text())
-        bpy.ops.imprint.use_preset("EXEC_DEFAULT", True, filepath=str(preset))
-    check("the preset is set", settings.green == "-Y")
+    yield from find("imprint.engine")
+    window.mouse("keydown", "ctrl")
+    for _ in targets.CHOICES:  # Ctrl and the wheel go from one value to the next
+        if bpy.context.scene.imprint.green == "-Y":
+            break
+        window.mouse("click", 5)
+        yield 0.3
+    window.mouse("keyup", "ctrl")
+    settings = bpy.context.scene.imprint
+    picture("engine")
+    check("the engine is set", (settings.green, settings.engine) == ("-Y", "Unreal Engine"))
+    check("with its names and files", (settings.image, settings.storage) == ("T_{name}_N", "FILE"))
     yield from keys("g", "x", "1", "Return")
     check("moved", bpy.data.objects["crate_low"].location.x == 1.0)
     yield from keys("ctrl+z")
     check("moved back", bpy.data.objects["crate_low"].location.x == 0.0)
-    check("the preset stays", bpy.context.scene.imprint.green == "-Y")
-    yield from keys("ctrl+z")
-    check("the preset is undone", bpy.context.scene.imprint.green == "+Y")
+    check("the engine stays", bpy.context.scene.imprint.engine == "Unreal Engine")
+    for _ in range(len(targets.CHOICES)):
+        if bpy.context.scene.imprint.green == "+Y":
+            break
+        yield from keys("ctrl+z")
+    check("the engine is undone", (bpy.context.scene.imprint.green, bpy.context.scene.imprint.image) == ("+Y", ""))
+
+
+def part_results() -> Steps:
+    """A batch of three with a wrong one: the list says which; clicks select it and open its map beside the viewport."""
+    addon.modules()
+    addon.unregister()
+    window.open_alone("IMPRINT_PT_bake", "IMPRINT_PT_pairs", "IMPRINT_PT_results")
+    addon.register()
+    small(method="CAST")
+    for number, name in enumerate("abc"):
+        grid(f"{name}_low", 6, x=4.0 * number)
+        grid(f"{name}_high", 40, x=4.0 * number + 1.5 * (name == "b"), height=0.2)
+    window.select_only()
+    yield from press("imprint.bake_pairs")
+    yield from finished()
+    picture("listed")
+    ordered = [low.name for low, _ in results.of_scene(bpy.context)]
+    check("three results", ordered == ["a_low", "b_low", "c_low"])
+    wrong_ones = [low.name for low, found in results.of_scene(bpy.context) if any(one.warnings for one in found)]
+    check("the moved one is wrong", wrong_ones == ["b_low"])
+    yield from press("imprint.select_result")  # the first row
+    check("a click selects the wrong one", bpy.context.object.name == "b_low")
+    whole, viewport, _ = window.view()
+    before = {area.as_pointer(): (area.type, area.width) for area in whole.screen.areas}
+    with window.at_view():
+        bpy.ops.imprint.show_map("INVOKE_DEFAULT", image="b_low_normal")
+    yield 1.0
+    picture("beside")
+    made = [area for area in whole.screen.areas if area.as_pointer() not in before]
+    check("a map opens beside the viewport", [area.type for area in made] == ["IMAGE_EDITOR"])
+    check("not over it", len(bpy.context.window_manager.windows) == 1 and viewport.width > made[0].width > 300)
 
 
 def part_undone() -> Steps:

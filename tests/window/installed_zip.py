@@ -73,7 +73,7 @@ def bake(green):
 
 def views():
     """Show each view of the map."""
-    viewer = part("ui.view_mode").viewer
+    viewer = part("ui.views").viewer
     for mode in ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION"):
         press("view_show", mode=mode)
         yield from until(lambda mode=mode: viewer.mode is not None and viewer.mode.name == mode)

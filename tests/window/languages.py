@@ -33,7 +33,7 @@ def main() -> None:
         for key, text in texts.items():
             if translated[key] != text:
                 wrong.append(f"{locale}: {key} is {translated[key]!r} and not {text!r}")
-        button = bpy.app.translations.pgettext_iface("Bake Normal Map", OPERATOR)
+        button = bpy.app.translations.pgettext_iface("Bake Maps", OPERATOR)
         panel = settings_panels.IMPRINT_PT_map
         label = bpy.app.translations.pgettext_iface(panel.bl_label, panel.bl_translation_context)
         print(f"{locale}: {len(texts)} texts, as {button!r} and {label!r}", flush=True)

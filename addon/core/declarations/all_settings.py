@@ -58,6 +58,12 @@ PAIRS: dict[str, Setting] = {
     "share_image": Switch(label="One Image", tooltip="Bake all pairs into one image, an atlas", option=None),
 }
 LEVELS: dict[str, Setting] = {
+    "level_triangles": Text(
+        label="Triangles",
+        tooltip="For each level, its number of triangles, or its share of those of the mesh, as 50 %, 25 %, 500",
+        empty="as few as the degrees and the distance allow",
+        option=None,
+    ),
     "level_degrees": Text(
         label="Degrees",
         tooltip="For each level, the largest angle between the normals that it shows with its map and those of "
@@ -78,7 +84,7 @@ LEVELS: dict[str, Setting] = {
 OUTPUT: dict[str, Setting] = {
     "image": Text(
         label="Image",
-        tooltip="Name of the image to fill. {low} in it stands for the low object's name",
+        tooltip="Name of the image to fill. {low} in it stands for the low object's name, {name} for that without _low",
         empty="an image named after the low object",
     ),
     "depth": Choice(
@@ -94,6 +100,23 @@ OUTPUT: dict[str, Setting] = {
     ),
     "dither": Switch(
         label="Dither", tooltip="Hide the steps of 8 bits in fine noise, instead of rounding to the nearest value"
+    ),
+    "range_limited": Switch(
+        label="Set Range",
+        tooltip="Set what black and white stand for in maps of heights, distances and positions, so that those of several "
+        "bakes fit together",
+        empties=False,
+        option=None,
+    ),
+    "value_range": Distance(
+        label="Range",
+        tooltip="In integer formats, the value of white in maps of heights, distances and positions, and below 0 that of "
+        "black. Larger values are cut off",
+        empty="the largest value of each bake",
+        switch="range_limited",
+        shown=0.1,
+        shown_least=1e-6,
+        usual_most=2.0,
     ),
     "udim": Switch(
         label="UDIM Tiles",
@@ -119,7 +142,7 @@ OUTPUT: dict[str, Setting] = {
     "output": FilePath(
         label="File",
         tooltip=f"Image file to write: {file_formats.listed()}. Missing folders are created. "
-        f"{{low}} in the path stands for the low object's name, {TOKEN} for the tile's number",
+        f"{{low}} in the path stands for the low object's name, {{name}} for that without _low, {TOKEN} for the tile's number",
         option=Option(metavar="MAP", note="For mesh files, {low} is the name of the low mesh's file"),
     ),
     "alpha": Switch(
@@ -146,7 +169,8 @@ OUTPUT: dict[str, Setting] = {
     "export": FilePath(
         label="Export",
         tooltip=f"File for an engine: {file_formats.listed_meshes()}. It gets the low mesh in the triangles that were "
-        "baked, with its tangents and its maps. {low} in the path stands for the low object's name",
+        "baked, with its tangents and its maps. {low} in the path stands for the low object's name, {name} for that without "
+        "_low",
         option=Option(
             metavar="MESH",
             note="Imprint reads the file back, and reports by how many degrees normals differ from those that were baked",

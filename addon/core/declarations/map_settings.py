@@ -11,6 +11,7 @@ from .kinds import Choice, Distance, Flags, Item, Option, Reach, Setting, Switch
 
 MIN_SIZE, MAX_SIZE = 16, 16384
 MAX_MIPS = 8
+MAX_SMOOTH = 1000
 ADAPTIVE_FROM = 4
 """Rays with fewer samples take them all: adaptive samples would not be faster on all meshes."""
 
@@ -176,6 +177,21 @@ MAP: dict[str, Setting] = {
             Item(Modifiers.VIEWPORT, "Viewport", "Levels and visibility as set for the viewport"),
         ),
     ),
+    "keep_faces": Switch(
+        label="Keep Faces as They Are",
+        tooltip="Take the faces of the high mesh as they are. Without it, faces that point to the wrong side are turned over "
+        "for the bake, and those that are there twice or hidden behind the surface are left out. The object itself does not "
+        "change",
+    ),
+    "smooth_high": WholeNumber(
+        label="Smooth High Normals",
+        tooltip="How often the normals of the high mesh are averaged with those around them, against noise. The report says by "
+        "how many degrees they change. Hard edges stay",
+        default=0,
+        least=0,
+        most=MAX_SMOOTH,
+        usual_most=20,
+    ),
     "limited": Switch(
         label="Set Limit",
         tooltip="Set the distance between the high and the low surface above which a warning is shown. Without it, the check "
@@ -192,11 +208,6 @@ MAP: dict[str, Setting] = {
         shown=0.1,
         shown_least=1e-6,
         usual_most=2.0,
-    ),
-    "appearance": Switch(
-        label="Shading Error",
-        tooltip="Also measure the shading error: the angle between the normals that a viewer sees of the high meshes and of "
-        "the low mesh with its normal map, from 40 sides",
     ),
 }
 
@@ -391,6 +402,11 @@ MAPS: dict[str, Setting] = {
         tooltip="Count the normal and bump maps of the high meshes' materials into the normal map",
         default=True,
         option=Option(word="no-detail-maps", off="Leave the normal and bump maps of the high meshes' materials out"),
+    ),
+    "appearance": Switch(
+        label="Shading Error",
+        tooltip="Also measure the shading error: the angle between the normals that a viewer sees of the high meshes and of "
+        "the low mesh with its normal map, from 40 sides",
     ),
     "pack": Choice(
         label="Pack",

@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The target engines: programs that read normal maps, and what each needs. To add one, add it to TARGETS: no other module names
-a program.
+a program. CHOICES has what the setting Engine offers, where programs that need the same are one.
 """
 
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from ..naming import USUAL
+from ..naming import NAME, USUAL
 from . import bases
 from .bases import Basis
+from .choices import Pack
 
 UP, DOWN = "+Y", "-Y"
 """What the green channel stores: as OpenGL has it, and as DirectX has it."""
 IN_BLENDER = frozenset({"cycles", "eevee"})
 """The names of those that are Blender's own, to which nothing has to be exported."""
 OF_SCENE = "Blender"
-"""The preset for the render engine of the scene."""
+"""The choice for the render engine of the scene."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +25,10 @@ class TargetEngine:
 
     name: on the command line and in job files. label: in the interface and the manual. basis: that it decodes with. green: UP
     or DOWN. rebuilds_z: whether it reads red and green alone and makes z of them, so that no normal has a z below 0. depth:
-    bits per channel that it makes use of. alpha: whether its images have alpha, in which packed ones store a map. preset: the
-    file below presets/imprint that is made for it. settings: what to set in it, in words. names: of images and files of normal
-    maps, as its users have them.
+    bits per channel that it makes use of. alpha: whether its images have alpha, in which packed ones store a map. preset: its
+    name among CHOICES. settings: what to set in it, in words. names: of images and files of normal maps, as its users have
+    them. pack: the layout of its packed images. export: the ending of the files with meshes that it reads best; empty for
+    Blender.
     """
 
     name: str
@@ -38,7 +40,9 @@ class TargetEngine:
     rebuilds_z: bool = False
     depth: int = 8
     alpha: bool = False
-    names: str = USUAL
+    names: str = f"{NAME}_normal"
+    pack: str = Pack.NONE
+    export: str = ".fbx"
 
 
 _LINEAR = "As a normal map, linear"
@@ -46,9 +50,18 @@ _WITH_TANGENTS = "Export with *Tangents*; viewers read 8 bits"
 _OF_UNITY = "Texture type *Normal map*; model: tangents *Calculate Mikktspace* or *Import*"
 _OF_GODOT = "Normal map *Enabled* in the texture's import settings; the mesh exported with tangents"
 
+# Files keep the number of a program: a new one goes to the end.
 TARGETS = (
     TargetEngine(
-        "cycles", "Blender Cycles", bases.CYCLES, "Blender Cycles", "Imprint sets up the material", depth=16, alpha=True
+        "cycles",
+        "Blender Cycles",
+        bases.CYCLES,
+        "Blender Cycles",
+        "Imprint sets up the material",
+        depth=16,
+        alpha=True,
+        names=USUAL,
+        export="",
     ),
     TargetEngine(
         "eevee",
@@ -58,28 +71,32 @@ TARGETS = (
         "Imprint sets up the material",
         depth=16,
         alpha=True,
+        names=USUAL,
+        export="",
     ),
     TargetEngine(
         "unreal",
         "Unreal Engine",
         bases.MIKKTSPACE,
-        "Unreal",
+        "Unreal Engine",
         "Compression *Normalmap*; sRGB off; mesh import: tangents *Import Normals and Tangents* or *MikkTSpace*",
         green=DOWN,
         rebuilds_z=True,
         depth=16,
-        names="T_{low}_N",
+        names="T_{name}_N",
+        pack=Pack.UNREAL,
     ),
     TargetEngine(
         "unity",
-        "Unity URP, HDRP",
+        "Unity URP",
         bases.MIKKTSPACE,
-        "Unity",
+        "Unity URP",
         _OF_UNITY,
         rebuilds_z=True,
         depth=16,
         alpha=True,
-        names="{low}_Normal",
+        names="{name}_Normal",
+        pack=Pack.URP,
     ),
     TargetEngine(
         "unity-built-in",
@@ -90,7 +107,8 @@ TARGETS = (
         rebuilds_z=True,
         depth=16,
         alpha=True,
-        names="{low}_Normal",
+        names="{name}_Normal",
+        pack=Pack.URP,
     ),
     TargetEngine(
         "godot",
@@ -100,6 +118,8 @@ TARGETS = (
         _OF_GODOT,
         rebuilds_z=True,
         depth=16,
+        pack=Pack.GODOT,
+        export=".glb",
     ),
     TargetEngine(
         "godot-old",
@@ -109,12 +129,20 @@ TARGETS = (
         _OF_GODOT,
         rebuilds_z=True,
         depth=16,
+        pack=Pack.GODOT,
+        export=".glb",
     ),
-    TargetEngine("three", "three.js", bases.NORMALIZED, "glTF", _WITH_TANGENTS),
-    TargetEngine("khronos", "Khronos glTF viewer", bases.NORMALIZED, "glTF", _WITH_TANGENTS),
-    TargetEngine("babylon", "Babylon.js", bases.MIKKTSPACE_VERTEX, "Babylon.js", _WITH_TANGENTS),
-    TargetEngine("bevy", "Bevy", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS),
-    TargetEngine("filament", "Filament", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS),
+    TargetEngine("three", "three.js", bases.NORMALIZED, "glTF", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"),
+    TargetEngine(
+        "khronos", "Khronos glTF viewer", bases.NORMALIZED, "glTF", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"
+    ),
+    TargetEngine(
+        "babylon", "Babylon.js", bases.MIKKTSPACE_VERTEX, "Babylon.js", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"
+    ),
+    TargetEngine("bevy", "Bevy", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"),
+    TargetEngine(
+        "filament", "Filament", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"
+    ),
     TargetEngine(
         "cryengine",
         "CryEngine",
@@ -124,14 +152,14 @@ TARGETS = (
         green=DOWN,
         rebuilds_z=True,
         depth=16,
-        names="{low}_ddn",
+        names="{name}_ddn",
     ),
-    TargetEngine("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance and xNormal", _LINEAR, depth=16),
+    TargetEngine("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance 3D", _LINEAR, depth=16),
     TargetEngine(
         "substance",
         "Substance 3D",
         bases.MIKKTSPACE_VERTEX,
-        "Substance and xNormal",
+        "Substance 3D",
         "*Compute tangent space per fragment* off",
         depth=16,
     ),
@@ -144,6 +172,26 @@ TARGETS = (
         depth=16,
     ),
     TargetEngine("directx", "DirectX", bases.MIKKTSPACE, "DirectX", _LINEAR, green=DOWN, depth=16),
+    TargetEngine(
+        "unity-hdrp",
+        "Unity HDRP",
+        bases.MIKKTSPACE,
+        "Unity HDRP",
+        _OF_UNITY,
+        rebuilds_z=True,
+        depth=16,
+        alpha=True,
+        names="{name}_Normal",
+        pack=Pack.HDRP,
+    ),
+    TargetEngine(
+        "toolbag",
+        "Marmoset Toolbag",
+        bases.MIKKTSPACE_VERTEX,
+        "Marmoset Toolbag",
+        "Tangent space of the mesh: *Mikk / xNormal*. By what others say of it, and not measured",
+        depth=16,
+    ),
 )
 BY_NAME = MappingProxyType({target.name: target for target in TARGETS})
 
@@ -159,17 +207,35 @@ def names(basis: Basis) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def presets() -> dict[str, dict[str, str | bool]]:
-    """The settings of each preset, by its name and theirs. Programs that share a preset need the same."""
-    of_scene = {"basis": bases.AUTO, "green": UP, "depth": "16", "alpha": True, "names": USUAL}
-    of_targets = {
-        target.preset: {
-            "basis": target.basis.name,
-            "green": target.green,
-            "depth": str(target.depth),
-            "alpha": target.alpha,
-            "names": target.names,
-        }
-        for target in TARGETS
+@dataclass(frozen=True)
+class Engine:
+    """What the setting Engine sets. values: settings by their names, as the properties have them. names, export: as of
+    TargetEngine."""
+
+    values: dict[str, str | bool]
+    names: str = USUAL
+    export: str = ""
+
+
+def _engine(target: TargetEngine) -> Engine:
+    values = {
+        "red": "+X",
+        "green": target.green,
+        "blue": "+Z",
+        "basis": target.basis.name,
+        "depth": str(target.depth),
+        "alpha": target.alpha,
+        "pack": str(target.pack),
     }
-    return {OF_SCENE: of_scene, **of_targets}
+    return Engine(values, target.names, target.export)
+
+
+def _choices() -> dict[str, Engine]:
+    """Programs that share a preset need the same."""
+    found = {target.preset: _engine(target) for target in TARGETS}
+    of_scene = found[BY_NAME["eevee"].preset]
+    return {OF_SCENE: Engine({**of_scene.values, "basis": bases.AUTO}), **found}
+
+
+CHOICES = MappingProxyType(_choices())
+"""What the setting Engine offers, by name."""

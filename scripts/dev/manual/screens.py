@@ -89,7 +89,7 @@ def steps() -> Iterator[Action]:
         obj.select_set(False)
     yield 8.0  # for the material's shaders and the small picture
     yield "step-4-result", window.crop(window.box_of(area))
-    area.spaces.active.region_3d.view_distance /= 1.35  # each part gets a third of the head
+    area.spaces.active.region_3d.view_distance /= 1.35
     bpy.context.scene.imprint_view.split = 0.365
     bpy.context.scene.imprint_view.mode = "SPLIT"
     yield from window.wait()
@@ -129,11 +129,8 @@ def views() -> Iterator[Action]:
     yield 0.5
     _frame()
     area.spaces.active.region_3d.view_distance *= 1.15  # room for the legend
-    bpy.context.scene.imprint.samples = (
-        "1"  # the views bake by these settings; more samples differ from the center's normal
-    )
     with window.override():
-        bpy.ops.imprint.bake(width=2048, height=2048, samples="4")
+        bpy.ops.imprint.bake(width=2048, height=2048, samples="1")  # more differ from the center's normal
     shown = bpy.context.scene.imprint_view
     for mode, name in (
         ("MAP", "view-map"),

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Looks at the high meshes before a bake: what they are, and what the bake will change of them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.errors import Length, plain_length
+from ..core.progress import Timings
+from ..core.settings import Settings
+from ..mesh import corner_normals
+from ..mesh.inputs import Meshes
+from ..mesh.triangle_mesh import Mesh
+from . import orienting
+from .high_patches import HighPatches
+
+MOST_FOR_NOISE = 300_000
+"""Triangles of a mesh in which noise is measured: one run of them in their order."""
+MANY = 4096
+"""Triangles whose distance to the low mesh is measured."""
+
+
+@dataclass(frozen=True)
+class HighLook:
+    """What high meshes are.
+
+    triangles, parts, closed: how many; parts are connected, closed ones have no open edge. mended: as core.report.Report has
+    it. noise: by how many degrees one round of smoothing turns the normals, in the median. distances: between the high meshes
+    and the low one, in scene units: median, 99th percentile, and the diagonal of the low mesh. notes: sentences.
+    """
+
+    triangles: int
+    parts: int
+    closed: int
+    mended: dict[str, float]
+    noise: float
+    distances: tuple[float, float, float]
+    notes: tuple[str, ...]
+
+    def lines(self, length: Length = plain_length) -> list[str]:
+        """Lines for the user. length: a length in scene units as text."""
+        found = self.mended
+        lines = [f"{self.triangles:,} triangles in {self.parts:,} connected parts, {self.closed:,} of them closed"]
+        if found.get("turned"):
+            share = found["turned"] / max(1, found["of"])
+            lines.append(
+                f"{found['parts']:,} of {found['of_parts']:,} parts, {share:.1%} of the faces, will be turned over"
+            )
+        else:
+            lines.append("No face will be turned over")
+        if found.get("hidden") or found.get("twice"):
+            lines.append(
+                f"{found['hidden']:,} triangles behind the surface and {found['twice']:,} in the place of others will be "
+                "left out"
+            )
+        lines.append(f"One round of smoothing turns the normals by {self.noise:.2g} degrees (median)")
+        median, most, diagonal = self.distances
+        lines.append(
+            f"Distance to the low mesh: {length(median)} (median, {median / max(diagonal, 1e-300):.1%} of its diagonal), "
+            f"{length(most)} (99th percentile)"
+        )
+        return [*lines, *self.notes]
+
+
+def look(meshes: Meshes, settings: Settings) -> HighLook:
+    """Look at the high meshes of a bake, as they were read. Needs the GPU where it decides sides by rays."""
+    patches = HighPatches(meshes)
+    patches.compare(MANY)
+    far = [np.linalg.norm(some.places - some.on_low, axis=1) for some in patches.samples]
+    areas = np.concatenate([some.weights for some in patches.samples])
+    distances = _percentiles(np.concatenate(far) * patches.space.size, areas, (0.5, 0.99))
+    smooth = [corner_normals.smoothed(_some(high), 1)[1] for high in meshes.highs]
+    tracing = replace(settings.tracing, smooth_high=0)
+    mended = orienting.mended(meshes, replace(settings, tracing=tracing), Timings())
+    return HighLook(
+        triangles=sum(len(high.triangles) for high in meshes.highs),
+        parts=patches.count,
+        closed=sum(int(np.count_nonzero(one.is_closed)) for one in patches.of),
+        mended=mended.mended.to_dict() if mended.mended is not None else {},
+        noise=float(np.median(np.concatenate(smooth))),
+        distances=(*distances, 2.0 * patches.space.size),
+        notes=tuple(orienting.notes(mended)),
+    )
+
+
+def _some(mesh: Mesh) -> Mesh:
+    """A run of the triangles of a mesh. Meshes have triangles beside each other about in their order."""
+    begin = max(0, (len(mesh.triangles) - MOST_FOR_NOISE) // 2)
+    return mesh.with_triangles(slice(begin, begin + MOST_FOR_NOISE))
+
+
+def _percentiles(values: np.ndarray, weights: np.ndarray, shares: tuple[float, ...]) -> tuple[float, ...]:
+    """The values below which these shares of the weights are."""
+    order = np.argsort(values)
+    sums = np.cumsum(weights[order])
+    places = np.searchsorted(sums, np.array(shares) * sums[-1])
+    return tuple(float(values[order[min(place, len(order) - 1)]]) for place in places)

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The connected patches of the high meshes, and a sample of their triangles compared with the low mesh."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..mesh import orientation
+from ..mesh.closest import Surface
+from ..mesh.inputs import Meshes
+from ..mesh.local_space import LocalSpace, gap, local_space_of
+from ..mesh.orientation import Patches
+from ..mesh.triangle_mesh import Mesh
+from .method_choice import FAR_APART
+
+FEW, MANY = 64, 4096
+"""How many triangles of all high meshes are compared with the low mesh, if they agree with each other, and if not."""
+OF_PATCH = 8
+"""The least of them in a patch, if it has so many."""
+NEAREST, NEAR = 1.5, 5e-4
+"""A triangle belongs to its place on the low mesh if no other is nearer by this factor and this share of the radius."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Triangles of a high mesh that are compared with the low mesh.
+
+    triangles, patches (N,) int. weights (N,): areas. cosines (N,): between the triangle's normal, turned as its patch says, and
+    that of the low mesh at the closest point. places (N, 3), on_low (N, 3): the triangle's middle and that point, in the low
+    mesh's local space. closest (N,) int: the triangle of the low mesh. count: of the patches.
+    """
+
+    triangles: np.ndarray
+    patches: np.ndarray
+    weights: np.ndarray
+    cosines: np.ndarray
+    places: np.ndarray
+    on_low: np.ndarray
+    closest: np.ndarray
+    count: int
+
+    def means(self, values: np.ndarray, chosen: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """The mean (count,) of values (N,) over each patch, by area. chosen: the samples that count; 0 for patches of none."""
+        weights = np.bincount(self.patches[chosen], self.weights[chosen], self.count)
+        return np.bincount(self.patches[chosen], (self.weights * values)[chosen], self.count) / np.maximum(
+            weights, 1e-300
+        )
+
+    def shares(self, chosen: np.ndarray) -> np.ndarray:
+        """The share (count,) of each patch's samples that are chosen, (N,) bool or int."""
+        of_all = np.maximum(np.bincount(self.patches, minlength=self.count), 1)
+        return np.bincount(self.patches[chosen], minlength=self.count) / of_all
+
+
+class HighPatches:
+    """The patches of all high meshes of a bake. High meshes beside the low one are compared in its place.
+
+    of (N,): the patches of each mesh. low_triangles (T, 3) int, low_normals (T, 3): of the low mesh, unit normals. samples: of
+    each mesh. is_clean: whether no triangle is against another one that shares an edge. is_aside: whether the high meshes lie
+    beside the low one.
+    """
+
+    def __init__(self, meshes: Meshes):
+        """Find the patches. `compare` finds the rest."""
+        self.meshes, self.low = meshes, meshes.whole_low
+        self.of = [patches_of(high) for high in meshes.highs]
+        self.count = sum(patches.count for patches in self.of)
+        self.is_clean = all(patches.pairs is None for patches in self.of)
+
+    def compare(self, count: int = 0) -> None:
+        """Compare a sample of about `count` triangles with the low mesh; 0 for as many as it takes to find their sides."""
+        self.space = local_space_of([self.low])
+        self.low_points = self.space.points(self.low)
+        self.low_triangles = self.low.vertices[self.low.front_triangles]
+        normals = orientation.face_normals(self.low_points, self.low_triangles)
+        self.low_areas = np.linalg.norm(normals, axis=1)
+        self.low_normals = normals / np.maximum(self.low_areas, 1e-300)[:, None]
+        self._surface = Surface(self.low_points, self.low_triangles)
+        self._is_two_sided = orientation.copies(self.low_points, self.low_triangles)[1]
+        apart = gap(self.low, self.meshes.highs)
+        self._aside, self.is_aside = np.zeros(3), apart > FAR_APART * self.space.size
+        if self.is_aside:
+            self._aside = (self.space.origin - local_space_of(self.meshes.highs).origin) / self.space.size
+        count = count or (FEW if self.is_clean else MANY)
+        self.samples = [
+            self._samples(high, patches, count) for high, patches in zip(self.meshes.highs, self.of, strict=True)
+        ]
+
+    def corners(self, number: int, chosen: np.ndarray | slice) -> np.ndarray:
+        """The corners (N, 3, 3) float64 of some triangles of a high mesh, counter-clockwise from the front, in the place of the
+        low mesh and its local space."""
+        return _corners(self.meshes.highs[number], chosen, self.space) + self._aside
+
+    def in_scene(self, places: np.ndarray, space: LocalSpace) -> np.ndarray:
+        """Places (N, 3) of the low mesh's local space where the high meshes are, in another local space."""
+        return ((places - self._aside) * self.space.size + self.space.origin - space.origin) / space.size
+
+    def is_owned(self, asked: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Which samples (N,) bool of some patches, asked for (count,) bool, are about the nearest to their places on the low
+        mesh."""
+        points, triangles, before = [], [], 0
+        for high in self.meshes.highs:
+            points.append(self.space.points(high) + self._aside.astype(np.float32))
+            triangles.append(high.vertices[high.triangles] + before)
+            before += len(high.positions)
+        surface, found = Surface(np.concatenate(points), np.concatenate(triangles)), []
+        for some, chosen in zip(self.samples, asked, strict=True):
+            is_asked = chosen[some.patches]
+            _, _, squares = surface.closest(some.on_low[is_asked])
+            own = np.linalg.norm(some.places[is_asked] - some.on_low[is_asked], axis=1)
+            is_own = np.zeros(len(is_asked), bool)
+            is_own[is_asked] = own <= NEAREST * np.sqrt(squares) + NEAR
+            found.append(is_own)
+        return found
+
+    def _samples(self, high: Mesh, patches: Patches, count: int) -> Samples:
+        chosen = _spread(patches.labels, patches.count, count)
+        corners = _corners(high, chosen, self.space) + self._aside
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = np.linalg.norm(normals, axis=1)
+        places = corners.mean(axis=1).astype(np.float32)
+        closest, on_low, _ = self._surface.closest(places)
+        cosines = (normals * self.low_normals[closest]).sum(axis=1) / np.maximum(areas, 1e-300)
+        cosines *= np.where(patches.is_against[chosen], -1.0, 1.0)
+        two_sided = self._is_two_sided[closest]
+        cosines[two_sided] = np.abs(cosines[two_sided])
+        return Samples(chosen, patches.labels[chosen], areas, cosines, places, on_low, closest, patches.count)
+
+
+def patches_of(mesh: Mesh) -> Patches:
+    """The patches of a mesh."""
+    return orientation.patches(mesh.positions, np.take(mesh.vertices, mesh.triangles, mode="clip"), _diagonal(mesh))
+
+
+def places_of(mesh: Mesh) -> np.ndarray:
+    """As Patches has them."""
+    columns = tuple(np.take(mesh.vertices, mesh.triangles, mode="clip").T)
+    is_open = orientation.open_vertices(columns, len(mesh.positions))
+    return orientation.welded(mesh.positions, is_open, _diagonal(mesh))
+
+
+def _diagonal(mesh: Mesh) -> float:
+    return float(np.linalg.norm(np.ptp(mesh.box, axis=0))) if len(mesh.triangles) else 0.0
+
+
+def corners_in(mesh: Mesh, chosen: np.ndarray, space: LocalSpace) -> np.ndarray:
+    """The corners (N, 3, 3) float32 of some triangles in a local space, counter-clockwise from the front."""
+    return _corners(mesh, chosen, space).astype(np.float32)
+
+
+def _corners(mesh: Mesh, chosen: np.ndarray | slice, space: LocalSpace) -> np.ndarray:
+    points = mesh.positions[mesh.vertices[mesh.front_triangles[chosen]]].astype(np.float64)
+    return (points @ mesh.to_world[:3, :3].T + (mesh.to_world[:3, 3] - space.origin)) / space.size
+
+
+def _spread(labels: np.ndarray, count: int, most: int) -> np.ndarray:
+    """Some triangles (N,) int, about `most`: spread over each patch, and at least OF_PATCH of it."""
+    if count == 1:
+        return np.unique(np.linspace(0, len(labels) - 1, most).astype(np.int64))
+    order = np.argsort(labels, kind="stable")
+    sizes = np.bincount(labels, minlength=count)
+    wanted = np.minimum(sizes, np.maximum(OF_PATCH, -(-sizes * most // max(1, len(labels)))))
+    starts = np.cumsum(sizes) - sizes
+    patch = np.repeat(np.arange(count), wanted)
+    number = np.arange(len(patch)) - np.repeat(np.cumsum(wanted) - wanted, wanted)
+    return order[starts[patch] + ((number + 0.5) * (sizes / np.maximum(wanted, 1))[patch]).astype(np.int64)]

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finds the point of a surface that is closest to each of many points, on the processor."""
+
+from functools import partial
+
+import numpy as np
+
+from ..core import threads
+from . import bvh
+
+ROUND = 2**12
+"""Points that are searched for together, so that what is left of the tree for them stays small."""
+BEAM = 4
+"""Boxes on each level that are looked into first."""
+GRID = 32767.0
+"""Steps of the grid along the longest axis on which triangles are sorted."""
+
+
+class Surface:
+    """Triangles in a tree of four children a node, whose boxes are floats.
+
+    Args:
+        points: (P, 3) float32.
+        triangles: (T, 3) int, T > 0, indices of points.
+    """
+
+    def __init__(self, points: np.ndarray, triangles: np.ndarray):
+        boxes = bvh.boxes_of(points, triangles)
+        origin = boxes[0].min(axis=1, keepdims=True)
+        scale = GRID / max(float((boxes[1] - origin).max()), 1e-30)
+        centers = ((boxes[0] + boxes[1]) * 0.5 - origin) * scale
+        self._order = bvh.kd_order(np.ascontiguousarray(centers.astype(np.uint16)))
+        self._corners = points[np.take(triangles, self._order, axis=0)]
+        self._levels = [(boxes[0][:, self._order].T, boxes[1][:, self._order].T)]
+        while len(self._levels[-1][0]) > 1:
+            lows, highs = self._levels[-1]
+            starts = np.arange(0, len(lows), 4)
+            self._levels.append((np.minimum.reduceat(lows, starts), np.maximum.reduceat(highs, starts)))
+
+    def closest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The closest triangles.
+
+        Args:
+            places: (N, 3) float32.
+
+        Returns:
+            The triangle of each place (N,) int64, the point on it (N, 3) float32, and the squared distance (N,) float32.
+        """
+        triangles, points = np.empty(len(places), np.int64), np.empty((len(places), 3), np.float32)
+        squares = np.empty(len(places), np.float32)
+        threads.for_blocks(len(places), partial(self._search, places, triangles, points, squares), ROUND)
+        return triangles, points, squares
+
+    def _search(
+        self, places: np.ndarray, triangles: np.ndarray, points: np.ndarray, squares: np.ndarray, part: slice
+    ) -> None:
+        here = places[part]
+        best = self._first(here)
+        which = np.arange(len(here))
+        nodes = np.zeros(len(here), np.int64)
+        for lows, highs in reversed(self._levels[:-1]):
+            which = np.repeat(which, 4)
+            nodes = (4 * nodes[:, None] + np.arange(4)).reshape(-1)
+            exists = nodes < len(lows)
+            which, nodes = which[exists], nodes[exists]
+            near = _to_boxes(here[which], lows[nodes], highs[nodes]) <= best[which]
+            which, nodes = which[near], nodes[near]
+        found = closest_on_triangles(here[which], self._corners[nodes])
+        far = _squares(found - here[which])
+        # Each place has at least the triangle that it came to first, and the places are still in their order.
+        starts = np.flatnonzero(np.diff(which, prepend=-1))
+        nearest = np.minimum.reduceat(far, starts)
+        is_nearest = np.flatnonzero(far == nearest[which])
+        chosen = is_nearest[np.flatnonzero(np.diff(which[is_nearest], prepend=-1))]
+        triangles[part], points[part], squares[part] = self._order[nodes[chosen]], found[chosen], far[chosen]
+
+    def _first(self, places: np.ndarray) -> np.ndarray:
+        """The squared distance (N,) to a triangle that is close, found in the BEAM boxes that are closest on each level."""
+        nodes = np.zeros((len(places), 1), np.int64)
+        for lows, highs in reversed(self._levels[:-1]):
+            children = (4 * nodes[..., None] + np.arange(4)).reshape(len(places), -1)
+            np.minimum(children, len(lows) - 1, out=children)
+            if children.shape[1] > BEAM:
+                far = _to_boxes(places[:, None], lows[children], highs[children])
+                children = np.take_along_axis(children, far.argpartition(BEAM - 1, axis=1)[:, :BEAM], axis=1)
+            nodes = children
+        width = nodes.shape[1]
+        every, nodes = np.repeat(places, width, axis=0), nodes.reshape(-1)
+        squares = _squares(closest_on_triangles(every, self._corners[nodes]) - every).reshape(-1, width).min(axis=1)
+        # Boxes and triangles round differently.
+        return squares * np.float32(1.0001) + np.float32(1e-30)
+
+
+def closest_on_triangles(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """The point of each triangle, also one without an area, that is closest to its place.
+
+    Args:
+        places: (N, 3).
+        corners: (N, 3, 3), of a triangle for each place.
+
+    Returns:
+        (N, 3).
+    """
+    best, far, outside = None, None, np.zeros(len(places), bool)
+    ends = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    a = ends[0]
+    normal = _cross(ends[1] - a, ends[2] - a)
+    area = _dot(normal, normal)
+    place = np.ascontiguousarray(places.T)
+    for number in range(3):
+        start, along = ends[number], ends[(number + 1) % 3] - ends[number]
+        away = place - start
+        outside |= _dot(_cross(normal, along), away) < 0.0
+        length = _dot(along, along)
+        share = np.clip(_dot(away, along) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+        found = start + along * share
+        squares = _dot(found - place, found - place)
+        if best is None:
+            best, far = found, squares
+        else:
+            nearer = squares < far
+            best, far = np.where(nearer, found, best), np.where(nearer, squares, far)
+    height = _dot(normal, place - a) / np.where(area > 0.0, area, 1.0)
+    inside = ~outside & (area > 0.0)
+    return np.where(inside, place - normal * height, best).T
+
+
+def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Of (3, N) each. numpy's own takes several times as long."""
+    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+
+
+def _dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def _to_boxes(places: np.ndarray, lows: np.ndarray, highs: np.ndarray) -> np.ndarray:
+    """The squared distances (...) of places (..., 3) from boxes (..., 3)."""
+    aside = np.maximum(np.maximum(lows - places, places - highs), 0.0)
+    return _squares(aside)
+
+
+def _squares(vectors: np.ndarray) -> np.ndarray:
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return x * x + y * y + z * z

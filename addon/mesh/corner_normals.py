@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes the normals of corners anew: where faces were turned over, where vertices were not joined, and smoother ones."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from . import orientation
+from .edges import differ
+from .orientation import edge_pairs, face_normals
+from .triangle_mesh import TANGENTS, Mesh
+
+FLAT = float(np.cos(np.radians(30.0)))
+"""The cosine of the angle between two faces up to which the surface is smooth where the mesh itself cannot tell."""
+
+
+def turned_over(mesh: Mesh, is_turned: np.ndarray, places: np.ndarray) -> Mesh:
+    """`mesh` with some triangles (T,) bool turned over, and normals that fit. places: as Patches has them."""
+    triangles = mesh.triangles.copy()
+    triangles[is_turned, 1], triangles[is_turned, 2] = mesh.triangles[is_turned, 2], mesh.triangles[is_turned, 1]
+    layers = {
+        key: _mirrored(values, mesh.triangles[is_turned]) if key[0] == TANGENTS else values
+        for key, values in mesh.layers.items()
+    }
+    normals = _negated(mesh, is_turned)
+    mesh = replace(mesh, triangles=triangles, face_corners=None, normals=normals, layers=layers)
+    is_mixed = np.zeros(len(mesh.positions), bool)
+    if mesh.normals_domain in {"POINT", "CORNER"}:
+        vertices = places[mesh.vertices[triangles]]
+        is_mixed[vertices[is_turned]] = True
+        beside = np.zeros_like(is_mixed)
+        beside[vertices[~is_turned]] = True
+        is_mixed &= beside
+    return _rebuilt(mesh, places, is_mixed | _is_split(mesh, places), is_turned)
+
+
+def joined(mesh: Mesh, places: np.ndarray) -> Mesh:
+    """`mesh` with smooth normals where vertices are at one place, but not joined, and its faces are smooth."""
+    is_bad = _is_split(mesh, places)
+    return _rebuilt(mesh, places, is_bad, np.zeros(len(mesh.triangles), bool)) if is_bad.any() else mesh
+
+
+def _mirrored(tangents: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """`tangents` (C, 4) with the other sign of the bitangent at some corners: with the face, its UVs are seen from behind."""
+    tangents = tangents.copy()
+    tangents[np.unique(corners), 3] *= -1.0
+    return tangents
+
+
+def _negated(mesh: Mesh, is_turned: np.ndarray) -> np.ndarray:
+    """The normals of `mesh`; those of the turned triangles point to their new sides. The triangles are not turned yet."""
+    normals, some = mesh.normals.copy(), mesh.triangles[is_turned]
+    faces = face_normals(mesh.positions, mesh.vertices[some]).astype(np.float32)
+    # A mesh may have normals of its own that were right where its faces were not.
+    against = (normals[some] * faces[:, None]).sum(axis=2) >= 0.0
+    is_negated = np.zeros(len(normals), bool)
+    is_negated[some[against]] = True
+    normals[is_negated] *= -1.0
+    return normals
+
+
+def _is_split(mesh: Mesh, places: np.ndarray) -> np.ndarray:
+    """Which places (V,) bool have several vertices, of a mesh whose normals Blender computed for vertices."""
+    found = np.zeros(len(places), bool)
+    if mesh.normals_domain == "POINT":
+        found[places[places != np.arange(len(places))]] = True
+    return found
+
+
+def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.ndarray) -> Mesh:
+    """`mesh` with new normals at some places (V,) bool: means of the faces around, by their angles, between hard edges.
+
+    Without a normal of its own, an edge is hard where its faces meet at more than FLAT.
+    """
+    if not is_bad.any():
+        return mesh
+    vertices = places[mesh.vertices[mesh.triangles]]
+    some = np.flatnonzero(is_bad[vertices].any(axis=1))
+    corners, vertices = mesh.triangles[some], vertices[some]
+    faces = face_normals(mesh.positions, mesh.vertices[corners])
+    units = faces / np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-300)
+    whole = np.flatnonzero(orientation.has_corners(vertices))
+    pairs, cosines = edge_pairs(vertices[whole], units[whole])
+    # Both sides of an edge: the corner at its start and at its end; the other side runs the other way.
+    starts, ends = corners.reshape(-1), np.roll(corners, -1, axis=1).reshape(-1)
+    one, other = (3 * whole[side // 3] + side % 3 for side in (pairs.first, pairs.second))
+    beside = (
+        np.where(pairs.is_against, starts[other], ends[other]),
+        np.where(pairs.is_against, ends[other], starts[other]),
+    )
+    corner = np.concatenate([starts[one], ends[one]])
+    next_to = np.concatenate(beside)
+    is_soft = np.tile(cosines >= FLAT, 2)
+    if mesh.normals_domain == "POINT":
+        # Corners of one vertex have one normal.
+        of_vertex = orientation.connected(len(places), mesh.vertices[corner[is_soft]], mesh.vertices[next_to[is_soft]])
+        groups = of_vertex[mesh.vertices]
+    else:
+        is_mixed = is_turned[some[one // 3]] != is_turned[some[other // 3]]
+        is_known = np.tile(~is_mixed, 2) & (mesh.vertices[corner] == mesh.vertices[next_to])
+        differs = differ(mesh.normals[corner], mesh.normals[next_to]).reshape(2, -1).any(axis=0)
+        is_soft = np.where(is_known, ~np.tile(differs, 2), is_soft)
+        groups = orientation.connected(len(mesh.vertices), corner[is_soft], next_to[is_soft])
+    weighted = _angles(mesh, corners)[:, :, None] * units[:, None]
+    sums = np.stack(
+        [np.bincount(groups[corners.reshape(-1)], weighted[..., axis].reshape(-1), len(groups)) for axis in range(3)],
+        axis=1,
+    )
+    used = corners[is_bad[vertices]]
+    found = sums[groups[used]]
+    lengths = np.linalg.norm(found, axis=1)
+    normals, is_known = mesh.normals.copy(), lengths > 1e-6
+    normals[used[is_known]] = (found[is_known] / lengths[is_known, None]).astype(np.float32)
+    return replace(mesh, normals=normals, normals_domain="" if mesh.normals_domain == "POINT" else mesh.normals_domain)
+
+
+def _angles(mesh: Mesh, corners: np.ndarray) -> np.ndarray:
+    """The angles (T, 3) of triangles (T, 3), indices of corners."""
+    points = mesh.positions[mesh.vertices[corners]].astype(np.float64)
+    along = np.roll(points, -1, axis=1) - points
+    along /= np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-300)
+    return np.arccos(np.clip(-(along * np.roll(along, 1, axis=1)).sum(axis=2), -1.0, 1.0))
+
+
+def smoothed(mesh: Mesh, rounds: int) -> tuple[Mesh, np.ndarray]:
+    """`mesh` with normals that are means of those around, and by how many degrees each corner of a triangle was turned (N,).
+
+    In each round, a corner takes the mean of the triangles around it, by their angles there. Corners of one vertex with other
+    normals, as at hard edges, stay apart.
+    """
+    used = mesh.triangles.reshape(-1)
+    normals = mesh.normals[used].astype(np.float64)
+    # Corners of one vertex with the same normal are one.
+    keys = orientation.hashes(
+        np.column_stack([mesh.vertices[used].view(np.uint32), mesh.normals[used].view(np.uint32)])
+    )
+    group = np.unique(keys, return_inverse=True)[1].reshape(-1)
+    angles, before = _angles(mesh, mesh.triangles).reshape(-1), normals
+    for _ in range(rounds):
+        of_triangle = np.repeat(_unit(normals.reshape(-1, 3, 3).sum(axis=1)), 3, axis=0)
+        sums = np.stack([np.bincount(group, angles * of_triangle[:, axis]) for axis in range(3)], axis=1)[group]
+        normals = np.where(np.linalg.norm(sums, axis=1, keepdims=True) > 1e-9, _unit(sums), normals)
+    turned = np.degrees(2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(_unit(before) - normals, axis=1), 0.0, 1.0)))
+    changed = mesh.normals.copy()
+    changed[used] = normals.astype(np.float32)
+    domain = "" if mesh.normals_domain == "FACE" else mesh.normals_domain
+    return replace(mesh, normals=changed, normals_domain=domain), turned
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels about what was baked: the results of all low objects, and the report of the last bake of one."""
+
+from collections.abc import Iterable, Sequence
+
+import bpy
+
+from ..core.report import Report
+from ..output import materials
+from ..scene import reading
+from . import bake_results, object_pairs
+from .bake_results import high_objects, results
+from .checks import draw_fixable
+from .texts import SidebarPanel, draw_paragraphs, message
+
+MOST = 24
+"""Results that the list shows: those with warnings first, so that none of these is left out before the others."""
+
+
+class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
+    """What was baked: a row for each low object, with its first warning, and the maps of that of the panel."""
+
+    bl_idname = "IMPRINT_PT_results"
+    bl_label = "Results"
+    bl_order = 2
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return results.has_any(context)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        listed = results.of_scene(context)
+        if len(listed) > 1:
+            _draw_list(self.layout, context, listed)
+        reports = results.all_of(context)
+        if reports:
+            draw_result(self.layout, reports)
+
+
+def _draw_list(
+    layout: bpy.types.UILayout, context: bpy.types.Context, listed: Sequence[tuple[bpy.types.Object, list[Report]]]
+) -> None:
+    """A row for each result: its sign, the low object, the number of its maps, and the time; below it why it is wrong."""
+    box, current = layout.box(), context.scene.imprint.low or context.active_object
+    ordered = sorted(listed, key=lambda result: RANKS.index(sign(result[1])))
+    for low, reports in ordered[:MOST]:
+        row, found = box.row(align=True), sign(reports)
+        button = row.operator(
+            "imprint.select_result", text=low.name, translate=False, icon=ICONS[found], depress=low == current
+        )
+        button.low = low.name
+        maps = len({name for report in reports for name in report.images})
+        number = row.row()
+        number.alignment = "RIGHT"
+        text = (message("1 map") if maps == 1 else message("{} maps")).format(maps) + f", {_seconds(reports)}"
+        number.label(text=text, translate=False)
+        if found == WRONG:
+            draw_fixable(box, context, _warnings(reports)[0], "BLANK1", low.name)
+    if len(ordered) > MOST:
+        box.label(text=message("And {} more without warnings").format(len(ordered) - MOST), translate=False)
+
+
+RIGHT, LOOK, WRONG = "RIGHT", "LOOK", "WRONG"
+"""The signs of a result."""
+RANKS = (WRONG, LOOK, RIGHT)
+ICONS = {RIGHT: "CHECKMARK", LOOK: "INFO", WRONG: "ERROR"}
+_LOOKED_AT = ("uncovered", "unsure", "backwards")
+"""The checks of texels that make a result worth a look."""
+
+
+def sign(reports: Sequence[Report]) -> str:
+    """WRONG with a warning, LOOK if an image is gone or a check of the texels is worth a look, else RIGHT."""
+    if _warnings(reports):
+        return WRONG
+    is_gone = any(name not in bpy.data.images for report in reports for name in report.images)
+    checks = (report.checks.get(kind, {}) for report in reports for kind in _LOOKED_AT)
+    return LOOK if is_gone or any(check.get("severity") == "LOOK" for check in checks) else RIGHT
+
+
+def _seconds(reports: Sequence[Report]) -> str:
+    return f"{sum(report.seconds['total'] for report in reports):.1f} s"
+
+
+def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
+    """The result of the last bake in a line, beside a small picture of the map, and a button for each map.
+
+    reports: of each texture set.
+    """
+    report = reports[0]
+    box = layout.box()
+    row = box.row()
+    image = bpy.data.images.get(report.image)
+    if image is not None:
+        row.template_icon(row.icon(image), scale=2.6)
+    column = row.column(align=True)
+    head = column.row()
+    head.label(text=report.image, translate=False)
+    if high_objects(report):
+        is_hidden = bake_results.hides_high(report)
+        head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
+    if image is None:
+        column.label(text=message("The image was undone, renamed or deleted"), icon="INFO", translate=False)
+    else:
+        draw_numbers(column, reports)
+    names = list(dict.fromkeys([*(name for one in reports for name in one.images), *_of_live(report)]))
+    draw_maps(box, names)
+    if any(materials.takes_any(report.maps) for report in reports):
+        layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
+    layout.operator("imprint.export", icon="EXPORT")
+
+
+def draw_numbers(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
+    """The number of warnings, or else the covered share, and the time."""
+    number = len(_warnings(reports))
+    if number:
+        line = (message("1 warning") if number == 1 else message("{} warnings")).format(number)
+    else:
+        line = message("{} covered").format(f"{reports[0].coverage:.0%}")
+    line += f", {_seconds(reports)}"
+    layout.label(text=line, icon=ICONS[sign(reports)], translate=False)
+
+
+def _of_live(report: Report) -> list[str]:
+    """The images of the low object that no report has, as those of Live."""
+    pair = object_pairs.of(report.refs[0].find())
+    return [] if pair is None else [one.image.name for one in pair.maps if one.image is not None]
+
+
+def draw_maps(layout: bpy.types.UILayout, names: Iterable[str]) -> None:
+    """A button for each of these images, which shows it. Those that are open in an editor are pressed."""
+    column = layout.column(align=True)
+    for name in names:
+        image = bpy.data.images.get(name)
+        row = column.row(align=True)
+        row.enabled = image is not None
+        is_open = image is not None and bake_results.is_image_open(image)
+        button = row.operator(
+            "imprint.show_map", text=name, translate=False, icon="IMAGE_DATA", depress=is_open, emboss=is_open
+        )
+        button.image = name
+
+
+def _warnings(reports: Sequence[Report]) -> list[str]:
+    """The warnings of all reports and of the exported file, each of them once."""
+    found = (warning for report in reports for warning in (*report.warnings, *report.export.get("warnings", ())))
+    return list(dict.fromkeys(found))
+
+
+class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
+    """What the last bake did, and its warnings."""
+
+    bl_idname = "IMPRINT_PT_report"
+    bl_parent_id = "IMPRINT_PT_results"
+    bl_label = "Report"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return results.of(context) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        reports = results.all_of(context)
+        for warning in _warnings(reports):
+            draw_fixable(self.layout, context, warning, "ERROR")
+        for report in reports:
+            draw_paragraphs(self.layout, context, report.summary(reading.lengths_of(context.scene)), "DOT")
+
+
+CLASSES = (IMPRINT_PT_results, IMPRINT_PT_report)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The maps of the last bake of a low object, as the file has them, on the low mesh as it is now. Nothing is baked."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import bpy
+import gpu
+import numpy as np
+
+from ..core import udim
+from ..core.declarations.choices import Method, Modifiers
+from ..core.errors import BakeError
+from ..core.map_types import BY_NAME, NORMAL, Kind, MapType, Range
+from ..core.material_feeds import ImagePixels
+from ..core.report import Report
+from ..core.settings import Settings
+from ..jobs.job import Job
+from ..mesh.inputs import Meshes
+from ..mesh.triangle_mesh import Mesh
+from ..passes import data_texture, lit, viewport
+from ..passes.mesh_upload import UploadCache
+from ..scene import evaluation, reading
+from ..scene.textures import SINGLE, ImageTextures
+from . import object_pairs, view_shading
+from .view_scene import ViewScene
+
+Part = tuple[tuple[int, ...], int]
+"""A part of a low mesh that shows one image: its material slots, none for all, and its UDIM tile, or SINGLE."""
+WHOLE: Part = (), SINGLE
+"""The whole low mesh."""
+
+
+@dataclass(frozen=True)
+class StoredMap:
+    """A map in an image of the file.
+
+    name: that of a MapType, or of a packed image. report: of its texture set. tile: of UDIM, or SINGLE.
+    """
+
+    name: str
+    image: bpy.types.Image
+    report: Report
+    tile: int = SINGLE
+
+    @property
+    def map_type(self) -> MapType | None:
+        """None for a packed image."""
+        return BY_NAME.get(self.name)
+
+    @property
+    def part(self) -> Part:
+        """The part of the low mesh that shows the image."""
+        return tuple(self.report.slots), self.tile
+
+
+def maps_of(low: bpy.types.Object | None) -> dict[str, list[StoredMap]]:
+    """The maps of the last bake of a low object whose images exist, by name: an image for each texture set and tile."""
+    pair, found = object_pairs.of(low), {}
+    for report in pair.reports() if pair is not None else ():
+        images = {NORMAL.name: report.image} if report.settings.get("normal", True) else {}
+        images |= {name.upper(): how["image"] for name, how in report.maps.items()}
+        for name, image_name in images.items():
+            image = bpy.data.images.get((image_name, None)) or bpy.data.images.get(image_name)
+            if image is not None:
+                tiles = [tile.number for tile in image.tiles] if image.source == "TILED" else [SINGLE]
+                maps = (StoredMap(name, image, report, tile) for tile in tiles if tile in (SINGLE, *report.tiles))
+                found.setdefault(name, []).extend(maps)
+    return found
+
+
+class StoredBake:
+    """A low object that was baked, and its high ones: a view_scene.Subject.
+
+    job: its objects. baked: the time of the bake. settings: of the bake. meshes: the low one as last read, and the high ones
+    after `read_highs`.
+    """
+
+    def __init__(self, context: bpy.types.Context, low: bpy.types.Object):
+        """Raises BakeError if the low mesh cannot be read."""
+        pair = object_pairs.of(low)
+        report = pair.reports()[0]
+        self.baked = pair.baked
+        self.settings = Settings.of_json(report.settings).read_by(context.scene.render.engine)
+        self.job = Job(low, pair.found())
+        self.meshes: Meshes = self._read_low(context, report.uv_layer)
+        self._uploads, self._parts, self._tiles, self._bounds = UploadCache(), {}, {}, {}
+
+    @property
+    def low(self) -> Mesh:
+        """The low mesh, with tangents where the normal map has them."""
+        return self.meshes.basis or self.meshes.low
+
+    def upload(self, key: str, mesh: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
+        """As UploadCache.upload, in a cache of its own."""
+        return self._uploads.upload(key, mesh.triangles, **attributes)
+
+    def read_highs(self, context: bpy.types.Context) -> None:
+        """Read the high objects that still exist, if they are not read yet. Raises BakeError if they cannot be read."""
+        highs = self.job.highs
+        if self.meshes.highs or not highs:
+            return
+        # Only their shape matters: rays would need no UVs either.
+        plain = replace(
+            self.settings.without_other_maps(), method=Method.CAST, detail_maps=False, modifiers=Modifiers.VIEWPORT
+        )
+        is_as_seen = all(evaluation.is_followed(context, obj) for obj in (self.job.low, *highs))
+        read = reading.read_again if is_as_seen else reading.read
+        self.meshes = replace(self.meshes, highs=read(context, self.job.low, highs, None, plain).highs)
+
+    def _read_low(self, context: bpy.types.Context, uv_layer: str) -> Meshes:
+        low = self.job.low
+        settings = replace(self.settings, uv_layer=uv_layer, method=Method.FLATTEN, texture_sets=True)
+        depsgraph = context.evaluated_depsgraph_get()
+        meshes = reading.read_low(depsgraph, low, None, settings, is_own_base=low in self.job.highs)
+        if not len(meshes.low.triangles):
+            raise BakeError(f"{low.name!r} has no faces.")
+        return meshes
+
+    def part(self, part: Part) -> Mesh | None:
+        """The triangles of the low mesh in some material slots and a tile, with UVs from 0 to 1; None if there are none.
+
+        Parts that were moved by whole tiles read the same texels, unless there are several tiles.
+        """
+        if part not in self._parts:
+            slots, tile = part
+            low = self.low
+            places = np.floor(low.uv[low.triangles].mean(axis=1))
+            kept = np.ones(len(places), bool)
+            if slots:
+                last = max(0, len(self.job.low.material_slots) - 1)
+                kept = np.isin(low.labels[:, 0].clip(0, last), slots)
+            if tile != SINGLE:
+                kept &= (places == udim.place(tile)).all(axis=1)
+            uv = low.uv.copy()
+            uv[low.triangles[kept]] -= places[kept][:, None].astype(np.float32)
+            is_whole = bool(kept.all()) and not places.any()
+            mesh = low if is_whole else replace(low.with_triangles(kept), uv=uv)
+            self._parts[part] = mesh if kept.any() else None
+        return self._parts[part]
+
+    def texture(self, stored: StoredMap) -> tuple[gpu.types.GPUTexture, bool]:
+        """The image on the GPU, and whether its texels have linear colors, rather than values as they are stored."""
+        image = stored.image
+        if stored.tile == SINGLE:  # Blender keeps it, and notices changes
+            return viewport.texture_of(image), not image.colorspace_settings.is_data
+        key = image.session_uid, stored.tile
+        if key not in self._tiles:  # Blender gives the first tile alone
+            pixels = _pixels(stored)
+            is_linear = not (image.colorspace_settings.is_data or pixels.is_srgb)
+            self._tiles[key] = data_texture.image(pixels.values, "RGBA16F"), is_linear
+        return self._tiles[key]
+
+    def bounds(self, maps: Sequence[StoredMap]) -> tuple[float, float]:
+        """The values of the images of a map that are black and white. Images of floats have lengths in scene units."""
+        kind = maps[0].map_type
+        if kind is None or kind.range is Range.UNIT or kind.is_color or not maps[0].image.is_float:
+            return 0.0, 1.0
+        how = maps[0].report.maps[maps[0].name.lower()]
+        if (how["midlevel"], how["scale"]) != (0.0, 1.0):
+            return 0.0, 1.0  # they are shares of the range
+        if kind.name not in self._bounds:
+            lows, highs = zip(*(_extent(_pixels(stored).values) for stored in maps), strict=True)
+            low, high = min(lows), max(highs)
+            if kind.range is Range.SIGNED:  # 0 is gray
+                low, high = -max(-low, high), max(-low, high)
+            self._bounds[kind.name] = (low, high) if high > low else (low, low + 1.0)
+        return self._bounds[kind.name]
+
+
+def _pixels(stored: StoredMap) -> ImagePixels:
+    return ImageTextures().load(f"{stored.image.session_uid}", stored.tile)
+
+
+def _extent(texels: np.ndarray) -> tuple[float, float]:
+    """The lowest and the highest value of the texels (height, width, 4) that have one."""
+    known = texels[texels[..., 3] > 0.0][:, :3]
+    return (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+
+
+MASK_COLOR = (0.9, 0.12, 0.0, 1.0)
+"""Of the texels of a mask, linear."""
+
+
+@dataclass(frozen=True)
+class Mask:
+    """Which texels a check has found: a texture for each tile, and texture set by its slots, 1 where it did."""
+
+    kind: str
+    textures: dict[Part, gpu.types.GPUTexture]
+
+
+class StoredShading(view_shading.Drawing):
+    """Draws a low object with the maps that the file has, and its high objects.
+
+    name: of the map. mask: what lies over it, or None. target_engine: as in view_shading.Shading.
+    """
+
+    def __init__(self, context: bpy.types.Context, low: bpy.types.Object):
+        """Raises BakeError if the low mesh cannot be read."""
+        super().__init__(StoredBake(context, low))
+        self.bake: StoredBake = self.subject
+        self.name, self.target_engine, self.mask = NORMAL.name, "", None
+        self._scene: ViewScene | None = None
+        self._batches: dict[tuple, gpu.types.GPUBatch | None] = {}
+
+    def shown(self) -> list[StoredMap]:
+        """The images of the chosen map, or else of the first one that there is."""
+        low = self.bake.job.low_ref.find()
+        maps = maps_of(low)
+        return maps.get(self.name) or next(iter(maps.values()), [])
+
+    def draw_map(self, scene: ViewScene, matrix: np.ndarray, light: np.ndarray) -> None:
+        normals, shown = scene.low[1], self.shown()
+        for stored in shown:
+            batch = self._batch(scene, stored.part)
+            if batch is None:
+                continue
+            texture, is_linear = self.bake.texture(stored)
+            if stored.map_type is NORMAL:
+                lit.draw(
+                    batch, texture, matrix, view_shading.reading(self.bake.settings, self.target_engine, normals, light)
+                )
+            else:
+                kind = stored.map_type.kind if stored.map_type else Kind.VALUE
+                viewport.draw_texture(
+                    batch,
+                    texture,
+                    matrix,
+                    is_stored_color=not is_linear,
+                    takes_nearest=kind is Kind.LABEL,
+                    bounds=self.bake.bounds(shown),
+                )
+
+    def draw_over(self, scene: ViewScene, matrix: np.ndarray) -> None:
+        for part, texture in self.mask.textures.items() if self.mask is not None else ():
+            batch = self._batch(scene, part)
+            if batch is not None:
+                viewport.draw_mask(batch, texture, matrix, MASK_COLOR)
+
+    def _batch(self, scene: ViewScene, part: Part) -> gpu.types.GPUBatch | None:
+        """The triangles of a part, in the place of the scene; None if there are none."""
+        if self._scene is not scene:
+            self._scene, self._batches = scene, {}
+        if part not in self._batches:
+            mesh = self.bake.part(part)
+            is_whole = mesh is self.bake.low
+            self._batches[part] = scene.low[0] if is_whole else mesh and scene.part(mesh)
+        return self._batches[part]

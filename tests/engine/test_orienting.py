@@ -1,0 +1,370 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Maps of spoiled high meshes beside those of the clean ones."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core import progress
+from addon.core.settings import Settings
+from addon.jobs import Job
+from addon.jobs.live_session import Session
+from tests.support import angles, maps, oracle, scenes, spoiled, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+WRONG = 30.0
+"""Degrees from the clean map's normal that no rounding makes: the texel shows another place, or the other side."""
+SAME = 1e-4
+"""Of a channel from 0 to 1: sums of normals in another order round differently."""
+
+
+def ball(name="hi", level=4, radius=1.05):
+    """A bumpy closed sphere with UVs by longitude and latitude."""
+    corners = oracle.icosphere(level)
+    points, vertices = np.unique(np.round(corners.reshape(-1, 3), 9), axis=0, return_inverse=True)
+    points = radius * points * (1.0 + 0.02 * np.sin(9.0 * points).prod(axis=1, keepdims=True))
+    return spoiled.Soup(points, vertices.reshape(-1, 3)), name
+
+
+def pair(soup=None):
+    """A low sphere, and the object of a soup."""
+    clean, name = ball()
+    return zoo.sphere("lo", n=16), spoiled.build(name, clean if soup is None else soup)
+
+
+def cast(low, *highs, **settings):
+    return maps.bake(low, *highs, **{"method": "CAST", "space": "OBJECT"} | settings)
+
+
+def wrong(clean, other):
+    """The share of texels whose normal is wrong, or that are covered in one of two maps."""
+    both = (clean[..., 3] > 0) & (other[..., 3] > 0)
+    far = angles.degrees(angles.decode(clean), angles.decode(other)) > WRONG
+    covered = np.count_nonzero(clean[..., 3] > 0)
+    return (np.count_nonzero(both & far) + np.count_nonzero((clean[..., 3] > 0) != (other[..., 3] > 0))) / covered
+
+
+SPOILED = {
+    "flipped at random": lambda soup, rng: spoiled.flipped_at_random(soup, rng, 0.3),
+    "flipped in regions": lambda soup, rng: spoiled.flipped_in_regions(soup, rng, 0.3),
+    "all flipped": lambda soup, _rng: spoiled.flipped(soup, np.ones(len(soup.triangles), bool)),
+    "flipped, and all on vertices of their own": lambda soup, rng: spoiled.unwelded(
+        spoiled.flipped_in_regions(soup, rng, 0.3), rng, 1.0
+    ),
+}
+
+
+@pytest.mark.parametrize("method", ["CAST", "AUTO"])
+@pytest.mark.parametrize("name", SPOILED)
+def test_turned_faces_leave_the_map_as_it_is_seed_7(name, method):
+    low, high = pair()
+    clean = cast(low, high, method=method)
+    soup, _ = ball()
+    mended = cast(low, spoiled.build("spoiled", SPOILED[name](soup, np.random.default_rng(7))), method=method)
+    assert np.abs(clean - mended).max() < SAME
+    kept = cast(low, bpy.data.objects["spoiled"], method=method, keep_faces=True)
+    assert wrong(clean, kept) > 0.01
+
+
+def test_a_mesh_without_conflicts_stays_as_it_was_read():
+    low, high = pair()
+    assert np.array_equal(cast(low, high), cast(low, high, keep_faces=True))
+    assert scenes.bake(low, high, method="CAST").mended == {}
+
+
+def test_the_report_says_what_was_turned_over_seed_2():
+    soup, _ = ball()
+    rng = np.random.default_rng(2)
+    is_flipped = spoiled.regions(soup, rng, 0.15)
+    low, high = pair(spoiled.flipped(soup, is_flipped))
+    beside = spoiled.build("beside", spoiled.replace(soup, points=0.01 * soup.points + (0.0, 0.0, 1.2)))
+    report = scenes.bake(low, high, beside, method="CAST", space="OBJECT")
+    assert report.mended == {
+        "turned": np.count_nonzero(is_flipped),
+        "of": 2 * len(soup.triangles),
+        "parts": 1,
+        "of_parts": 2,
+        "undecided": 0,
+        "hidden": 0,
+        "twice": 0,
+    }
+    share = np.count_nonzero(is_flipped) / (2 * len(soup.triangles))
+    assert f"1 of 2 parts, {share:.1%} of the faces, were turned over" in report.summary()
+    assert report.warnings == []
+    kept = scenes.bake(low, high, beside, method="CAST", space="OBJECT", keep_faces=True)
+    assert kept.mended == {}
+    assert not any("turned over" in line for line in kept.summary())
+
+
+def test_flatten_turns_faces_over_seed_3():
+    low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 48, height=0.15))
+    clean = maps.bake(low, spoiled.build("clean", soup))
+    dirty = spoiled.build("dirty", spoiled.flipped_in_regions(soup, np.random.default_rng(3), 0.3))
+    assert np.abs(clean - maps.bake(low, dirty)).max() < SAME
+    assert wrong(clean, maps.bake(low, dirty, keep_faces=True)) > 0.2
+
+
+def test_other_maps_are_those_of_the_clean_mesh_seed_5():
+    wanted = ("AO", "THICKNESS", "BASE_COLOR", "HEIGHT", "CURVATURE")
+    soup, _ = ball(level=3)
+    low = zoo.sphere("lo", n=16)
+    dirty = spoiled.flipped_in_regions(soup, np.random.default_rng(5), 0.3)
+    found = [
+        maps.bake_all_maps(low, spoiled.build("hi", one, like=soup), maps=wanted, size=32, method="CAST", rays=16)[1]
+        for one in (soup, dirty)
+    ]
+    for name in found[0]:
+        clean, mended = (each[name] for each in found)
+        assert np.abs(clean - mended).mean() < 0.5 / 255.0, name
+
+
+def test_custom_normals_stay_where_they_were_right_seed_4():
+    """A turned face whose own normals already point outward keeps them; those that point inward with it are negated."""
+    high = zoo.sphere("hi", 24)
+    low = zoo.sphere("lo", n=16)
+    clean = cast(low, high)
+    count = len(high.data.polygons)
+    chosen = np.flatnonzero(np.random.default_rng(4).random(count) < 0.3)
+    with_normals = [np.array([corner.vector[:] for corner in high.data.corner_normals])]
+    for number in chosen:
+        high.data.polygons[int(number)].flip()
+    # Blender's flip turns the normals with the faces. The mesh that has right normals has them again.
+    turned = np.array([corner.vector[:] for corner in high.data.corner_normals])
+    assert not np.allclose(turned, with_normals[0])
+    assert np.abs(clean - cast(low, high)).max() < SAME
+    layer = high.data.attributes["custom_normal"]
+    outward = turned * np.where((turned * _centers(high)).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    layer.data.foreach_set("vector", outward.astype(np.float32).ravel())
+    assert np.abs(clean - cast(low, high)).max() < SAME
+
+
+def _centers(obj):
+    points = np.array([vertex.co[:] for vertex in obj.data.vertices])
+    return points[[loop.vertex_index for loop in obj.data.loops]]
+
+
+@pytest.mark.parametrize("has_copies", [False, True])
+def test_live_follows_a_spoiled_mesh_seed_8(has_copies):
+    low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 32, height=0.15))
+    clean = spoiled.build("clean", soup)
+    is_flipped = spoiled.regions(soup, np.random.default_rng(8), 0.3)
+    dirty = spoiled.flipped(soup, is_flipped)
+    if has_copies:
+        dirty = spoiled.joined(dirty, soup.at(np.flatnonzero(~is_flipped)[:90]))
+    high = spoiled.build("hi", dirty)
+    settings = Settings(method="FLATTEN", width=64, height=64, storage="MEMORY", modifiers="VIEWPORT")
+    sessions = [Session(bpy.context, Job(low, [obj]), settings, progress.Pace()) for obj in (high, clean)]
+    for step in range(2):
+        if step:
+            for obj in (high, clean):
+                points = np.array([vertex.co[:] for vertex in obj.data.vertices], np.float32)
+                points[:, 2] += np.float32(0.1) * np.exp(-20.0 * (points[:, :2] ** 2).sum(axis=1))
+                obj.data.attributes["position"].data.foreach_set("vector", points.ravel())
+                obj.data.update()
+            bpy.context.view_layer.update()
+        for session, obj in zip(sessions, (high, clean), strict=True):
+            session.run(bpy.context, {obj.session_uid} if step else None)
+        assert np.abs(sessions[0].texels - sessions[1].texels).max() < SAME
+    for session in sessions:
+        session.free()
+
+
+def test_what_cannot_be_decided_is_named_seed_3():
+    rng = np.random.default_rng(3)
+    low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 24))
+    high = spoiled.build("hi", spoiled.flipped_in_regions(soup, rng, 0.3))
+    assert scenes.bake(low, high, method="CAST").warnings == []
+    for number in rng.choice(len(low.data.polygons), 20, replace=False):
+        low.data.polygons[int(number)].flip()
+    low.data.update()
+    report = scenes.bake(low, high, method="CAST")
+    assert report.mended["turned"] == 0
+    assert any("The faces of 'lo' point to different sides" in warning for warning in report.warnings)
+
+
+def test_a_moebius_strip_is_named():
+    count = 40
+    angle = 2.0 * np.pi * np.arange(count) / count
+    way = np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+    across = 0.2 * (np.cos(angle / 2.0)[:, None] * way + np.outer(np.sin(angle / 2.0), (0.0, 0.0, 1.0)))
+    here, after = np.arange(count), (np.arange(count) + 1) % count
+    low_rim, high_rim = np.stack([here, after]), np.stack([here, after]) + count
+    low_rim[1, -1], high_rim[1, -1] = high_rim[1, -1], low_rim[1, -1]
+    first = np.stack([low_rim[0], low_rim[1], high_rim[1]], axis=1)
+    second = np.stack([low_rim[0], high_rim[1], high_rim[0]], axis=1)
+    strip = spoiled.Soup(np.concatenate([way - across, way + across]), np.concatenate([first, second]))
+    warnings = scenes.bake(zoo.plane("lo"), spoiled.build("hi", strip), method="CAST").warnings
+    assert any("Möbius strip (1 of 'hi')" in warning for warning in warnings)
+
+
+# One skin
+
+
+def scaled(soup, factor):
+    return spoiled.replace(soup, points=factor * soup.points)
+
+
+def inner_wall():
+    """A box with a wall in its middle that shares the edges of its faces, and the box alone."""
+    points = np.array([(x, y, z) for z in (-1, 0, 1) for y in (-1, 1) for x in (-1, 1)], float)
+    sides = [(0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6)]
+    quads = [(0, 2, 3, 1), (8, 9, 11, 10), *sides, *[tuple(4 + np.array(side)) for side in sides]]
+    triangles = np.array([half for a, b, c, d in quads for half in ((a, b, c), (a, c, d))])
+    wall = np.array([(4, 5, 7), (4, 7, 6)])
+    clean = spoiled.Soup(points, triangles)
+    return clean, spoiled.joined(clean, spoiled.Soup(points, wall)), len(wall)
+
+
+HIDDEN = {
+    # A clean mesh, one with more behind its surface, and how many triangles are left out.
+    "a shell inside": lambda soup, _rng: (soup, spoiled.joined(soup, scaled(soup, 0.95)), len(soup.triangles)),
+    "a shell inside that points inward": lambda soup, _rng: (
+        soup,
+        spoiled.joined(soup, spoiled.flipped(scaled(soup, 0.95), np.ones(len(soup.triangles), bool))),
+        len(soup.triangles),
+    ),
+    "a part of a shell inside": lambda soup, rng: (
+        soup,
+        spoiled.joined(soup, scaled(soup, 0.95).at(half := spoiled.regions(soup, rng, 0.4, 1))),
+        np.count_nonzero(half),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_what_lies_behind_the_surface_is_left_out_seed_9(name):
+    clean, more, count = HIDDEN[name](ball(level=3)[0], np.random.default_rng(9))
+    low, high = zoo.sphere("lo", n=16), spoiled.build("hi", more)
+    wanted = {"maps": ("AO", "THICKNESS"), "size": 32, "method": "CAST", "rays": 16}
+    _, truth = maps.bake_all_maps(low, spoiled.build("clean", clean), **wanted)
+    report, found = maps.bake_all_maps(low, high, **wanted)
+    assert report.mended["hidden"] == count
+    assert f"Left out: triangles {count:,} behind the surface" in report.summary()
+    for each in truth:
+        assert np.abs(truth[each] - found[each]).max() < 2.0 / 255.0
+    report, kept = maps.bake_all_maps(low, high, keep_faces=True, **wanted)
+    assert report.mended == {}
+    if "points inward" in name:  # rays through the body meet backs alone
+        assert np.abs(truth["thickness"] - kept["thickness"]).mean() > 0.05
+
+
+def test_a_wall_inside_is_left_out():
+    clean, more, count = inner_wall()
+    low = zoo.cube("lo")
+    found = [
+        maps.bake_all_maps(low, spoiled.build("hi", one, smooth=False), maps=["THICKNESS"], size=48, method="CAST")
+        for one in (clean, more)
+    ]
+    assert [report.mended.get("hidden", 0) for report, _ in found] == [0, count]
+    assert np.abs(found[0][1]["thickness"] - found[1][1]["thickness"]).max() < 2.0 / 255.0
+
+
+@pytest.mark.parametrize("is_flipped", [False, True])
+def test_shells_that_the_low_mesh_has_as_well_stay(is_flipped):
+    """Two shells on both sides: the inner one sees nothing of the outside, and is what the inner low shell shows."""
+    outer, inner = zoo.sphere("lo", n=16), zoo.sphere("inner", n=16)
+    scenes.move_uvs(outer, (0.5, 1.0))
+    scenes.move_uvs(inner, (0.5, 1.0), (0.5, 0.0))
+    inner.scale = (0.8, 0.8, 0.8)
+    with bpy.context.temp_override(active_object=outer, selected_editable_objects=[outer, inner]):
+        bpy.ops.object.join()
+    soup, _ = ball(level=3)
+    both = spoiled.joined(soup, scaled(soup, 0.8))
+    clean = cast(outer, spoiled.build("clean", both), keep_faces=True)
+    rng = np.random.default_rng(1)
+    high = spoiled.build("hi", spoiled.flipped_in_regions(both, rng, 0.2) if is_flipped else both)
+    assert np.abs(clean - cast(outer, high)).max() < SAME
+    assert scenes.bake(outer, high, method="CAST").mended.get("hidden", 0) == 0
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_triangles_that_are_there_twice_count_once(is_turned):
+    soup, _ = ball(level=3)
+    again = spoiled.flipped(soup, np.ones(len(soup.triangles), bool)) if is_turned else soup
+    low, high = zoo.sphere("lo", n=16), spoiled.build("hi", spoiled.joined(soup, again))
+    report = scenes.bake(low, high, method="CAST")
+    assert report.mended["twice"] == len(soup.triangles)
+    assert np.abs(cast(low, spoiled.build("clean", soup)) - cast(low, high)).max() < SAME
+
+
+# Noise
+
+
+def test_smooth_normals_come_closer_to_the_surface_without_noise_seed_6():
+    soup, _ = ball(level=5)
+    low = zoo.sphere("lo", n=16)
+    noisy = spoiled.build("noisy", spoiled.noisy(soup, np.random.default_rng(6), 0.1))
+    truth = angles.decode(cast(low, spoiled.build("clean", soup)))
+    errors = []
+    for rounds in (0, 2):
+        texels = cast(low, noisy, smooth_high=rounds)
+        errors.append(np.median(angles.degrees(truth, angles.decode(texels))[texels[..., 3] > 0]))
+    assert errors[1] < 0.6 * errors[0]
+    report = scenes.bake(low, noisy, method="CAST", smooth_high=2)
+    assert 1.0 < report.mended["smoothed_median"] < report.mended["smoothed_percentile_95"] < 40.0
+    assert any(line.startswith("High normals were smoothed by") for line in report.summary())
+
+
+def test_smooth_normals_keep_hard_edges():
+    low = zoo.cube("lo")
+    clean = cast(low, zoo.cube("hi"))
+    assert np.array_equal(clean, cast(low, bpy.data.objects["hi"], smooth_high=5))
+
+
+# Real meshes
+
+
+PAIRS = (
+    "kepler_199712_9079",
+    "sthelens_290088_9079",
+    "spot_1696_536",
+    "shaderball_48048_23378",
+    "shaderball_61644_20517",
+    "spot_control_vs_subd5",
+    "king_40480_4000",
+    "helmet_23358_6117",
+    "normaltangenttest_published",
+)
+MORE_WRONG = 0.002
+"""The most texels by which a mesh with 30 % of its faces turned over may be worse than the clean one."""
+SOUP_WRONG = 0.007
+"""As MORE_WRONG, with everything that generators and scans do: noise alone moves texels at the rims of parts."""
+
+
+def from_file(assets, file):
+    bpy.ops.wm.open_mainfile(filepath=str(assets / "pairs" / f"{file}.blend"))
+    meshes = sorted((obj for obj in bpy.data.objects if obj.type == "MESH"), key=lambda obj: len(obj.data.polygons))
+    return meshes[0], meshes[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+@pytest.mark.parametrize("file", PAIRS)
+def test_flipped_faces_of_real_meshes_seed_7(file, shared_assets):
+    low, high = from_file(shared_assets, file)
+    size = {"size": (512, 512)}
+    assert np.array_equal(cast(low, high, **size), cast(low, high, keep_faces=True, **size))
+    soup = spoiled.of_object(high)
+    clean = cast(low, spoiled.build("clean", soup), **size)
+    for share in (0.05, 0.15, 0.3):
+        for spoil in (spoiled.flipped_at_random, spoiled.flipped_in_regions):
+            dirty = spoiled.build("dirty", spoil(soup, np.random.default_rng(7), share))
+            assert wrong(clean, cast(low, dirty, **size)) <= MORE_WRONG
+            bpy.data.objects.remove(dirty)
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+@pytest.mark.parametrize("file", ["king_40480_4000", "helmet_23358_6117", "shaderball_61644_20517"])
+def test_real_meshes_with_all_flaws_together_seed_7(file, shared_assets):
+    low, high = from_file(shared_assets, file)
+    soup = spoiled.of_object(high)
+    wanted = {"maps": ("AO", "THICKNESS", "BASE_COLOR"), "size": 128, "method": "CAST", "rays": 16, "samples": 1}
+    _, clean = maps.bake_all_maps(low, spoiled.build("clean", soup, like=soup), **wanted)
+    dirty = spoiled.build("dirty", spoiled.all_together(soup, np.random.default_rng(7)), like=soup)
+    _, found = maps.bake_all_maps(low, dirty, **wanted)
+    for name, most in (("ao", 4.0), ("thickness", 4.0), ("base_color", 2.0)):
+        assert 255.0 * np.abs(clean[name] - found[name])[..., :3].mean() <= most, name
+    size = {"size": (512, 512)}
+    assert wrong(cast(low, bpy.data.objects["clean"], **size), cast(low, dirty, **size)) <= SOUP_WRONG
