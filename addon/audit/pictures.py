@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures of a bake for the page of results: its map, the low mesh lit with it, and its deviations."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+import gpu
 import numpy as np
 
 from ..core import udim
@@ -171,37 +172,41 @@ def _draw_low(low: Mesh, tiles: Mapping[int, np.ndarray], settings: Settings, si
     low: with its tangents, if the map has them. tiles: by UDIM tile, a normal map as it is stored (rows, columns, 4) float32,
     perhaps smaller.
     """
-    corners = low.triangles.ravel()
-    points = local_space_of([low]).points(low)[low.vertices[corners]]
-    away = _towards_viewer(points)
+    points = local_space_of([low]).points(low)
+    away = _towards_viewer(points[low.vertices[low.triangles.reshape(-1)]])
     matrix, up, right = _view(points, away)
     light = np.append(away + 0.7 * up - 0.5 * right, 0.0)
     shading = lit.shading(low.normal_matrix, light, read=normal_space.reading(settings.map))
-    tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
-    attributes = {"position": points, "normal": low.normals[corners], "tangent": tangents[corners]}
     into = target.get("picture of low", FINER * side, FINER * side, "RGBA32F", "DEPTH_COMPONENT32F")
     with target.drawing(into, writes_depth=True):
-        for tile, chosen, uv in _by_tile(low.uv[corners], tiles, is_udim=settings.sampling.udim):
-            batch = mesh_upload.upload_corners(
-                uv=uv, **{name: np.ascontiguousarray(values[chosen]) for name, values in attributes.items()}
-            )
-            lit.draw(batch, data_texture.image(tiles[tile]), matrix, shading)
+        for tile, batch in low_by_tile(low, points, tiles, is_udim=settings.sampling.udim):
+            if tile is not None:
+                lit.draw(batch, data_texture.image(tiles[tile]), matrix, shading)
     return into.texels().reshape(side, FINER, side, FINER, 4).mean(axis=(1, 3))
 
 
-def _by_tile(
-    uv: np.ndarray, tiles: Mapping[int, np.ndarray], *, is_udim: bool
-) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """For each tile: the corners (n,) of its triangles, and their UVs (n, 2) float32 within it. uv: (3 T, 2).
+def low_by_tile(
+    low: Mesh, points: np.ndarray, tiles: Iterable[int], *, is_udim: bool
+) -> Iterator[tuple[int | None, gpu.types.GPUBatch]]:
+    """The triangles of a low mesh on each tile, as lit.draw takes them, with UVs within the tile; at last those on none, with
+    None for a tile.
 
-    Without UDIM there is one tile, which repeats.
+    points: (V, 3) float32, of its vertices. is_udim: False for one tile, which repeats.
     """
+    corners = low.front_triangles.reshape(-1)
+    uv = np.zeros((len(corners), 2), np.float32) if low.uv is None else low.uv[corners]
+    tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
+    values = {"position": points[low.vertices[corners]], "normal": low.normals[corners], "tangent": tangents[corners]}
     places = np.floor(uv.reshape(-1, 3, 2).mean(axis=1))
-    for tile in tiles:
-        chosen = (places == udim.place(tile)).all(axis=1) if is_udim else np.ones(len(places), bool)
+    left = np.ones(len(places), bool)
+    for tile in (*tiles, None):
+        chosen = left if tile is None or not is_udim else (places == udim.place(tile)).all(axis=1)
         if chosen.any():
-            corners = np.repeat(chosen, 3)
-            yield tile, corners, uv[corners] - np.repeat(places[chosen], 3, axis=0).astype(np.float32)
+            at = np.repeat(chosen, 3)
+            within = uv[at] - np.repeat(places[chosen], 3, axis=0).astype(np.float32)
+            batch = mesh_upload.upload_corners(uv=within, **{name: each[at] for name, each in values.items()})
+            yield tile, batch
+        left = left & ~chosen
 
 
 def _towards_viewer(points: np.ndarray) -> np.ndarray:

@@ -243,7 +243,9 @@ def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
             yield f"--strict: lod keeps {limit.name} within --degrees"
         elif options.convert and not limit.metric.is_of_conversions:
             yield f"--strict: a conversion does not measure {limit.name}"
-        elif needs == limits.DEVIATION and not options.normal:
+        elif options.levels and needs == limits.APPEARANCE:
+            yield f"--strict: lod does not measure {limit.name}"
+        elif needs in {limits.DEVIATION, limits.APPEARANCE} and not options.normal:
             yield f"--strict: {limit.name} needs a normal map: leave out --no-normal"
         elif needs == limits.EXPORT and not (options.export and options.normal):
             yield f"--strict: {limit.name} needs --export and a normal map"

@@ -165,6 +165,7 @@ class Baker:
         for job in jobs:
             job.is_exported, job.must_be_whole = bool(options.export), not options.allow_missing_files
             job.is_measured = limits.DEVIATION in limits.needs(options.strict)
+            job.is_seen = limits.APPEARANCE in limits.needs(options.strict)
             job.is_pictured = self._options.has_pictures
         # In a chain, a bake may read the maps of those before it.
         read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)

@@ -40,6 +40,8 @@ OTHERS = {
     "uneven": "faces that are not planar",
 }
 """Checks of the report whose metric is a number of triangles, edges or faces."""
+SEEN = "degrees between the normals that a viewer sees of the high mesh and of the low mesh with its map, from 40 sides"
+"""What the shading error is."""
 _PART = re.compile(r"\s*([\w.-]+?)\s*(<=|>=|<|>|==|=)\s*(\d+(?:\.\d+)?|\.\d+)\s*([a-z%]*)\s*", re.IGNORECASE)
 
 
@@ -96,6 +98,20 @@ def _angles() -> Iterator[Metric]:
         lambda report: report.get("deviation"),
         DEVIATION,
     )
+    yield from _of_angles("appearance", SEEN, lambda report: report.get("appearance"), APPEARANCE)
+    for end, unit, meaning in (
+        ("mean", DEGREES, f"{SEEN}, as a mean"),
+        ("silhouette", SHARE, "pixels of outlines, from 40 sides, that only one of high and low mesh covers"),
+        ("distance", SHARE, "distance between high and low mesh along the view, as a share of the diagonal"),
+        ("wrong", SHARE, "texels that show the high mesh more than 20 degrees wrong from most sides"),
+    ):
+        yield Metric(
+            f"appearance.{end}",
+            unit,
+            meaning,
+            lambda report, key=end: (report.get("appearance") or {}).get(key),
+            APPEARANCE,
+        )
     for end in ("p50", "max"):
         yield Metric(
             f"loss.{end}",
@@ -118,7 +134,7 @@ def _angles() -> Iterator[Metric]:
         )
 
 
-DEVIATION, EXPORT, TARGETS, FORMER_TARGETS = "deviation", "export", "targets", "readers"
+DEVIATION, APPEARANCE, EXPORT, TARGETS, FORMER_TARGETS = "deviation", "appearance", "export", "targets", "readers"
 """What metrics need."""
 METRICS = {
     metric.name: metric

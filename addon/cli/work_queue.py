@@ -238,10 +238,9 @@ class ResumeQueue(WorkQueue):
         record = records.read_record(path)
         if record is None:
             return "Its record cannot be read." if path.exists() else "It has not been baked."
-        if limits.DEVIATION in limits.needs(plan.options.strict) and not all(
-            map(_has_deviation, record.result.reports)
-        ):
-            return "--strict now limits deviation, which that bake did not measure."
+        for name in (limits.DEVIATION, limits.APPEARANCE):
+            if name in limits.needs(plan.options.strict) and not all(each.get(name) for each in record.result.reports):
+                return f"--strict now limits {name}, which that bake did not measure."
         found = next(self._changes(plan, record), "")
         return found or resumed(plan, record.result)
 
@@ -286,10 +285,6 @@ class ResumeQueue(WorkQueue):
             picture = sheet.picture_path(self._pictures, record.result.files, record.result.inputs)
             if self._contents.of(str(picture)).sha256 != record.picture:
                 yield f"Its picture {'has changed' if picture.exists() else 'is missing'}."
-
-
-def _has_deviation(report: dict[str, Any]) -> bool:
-    return bool(report.get("deviation"))
 
 
 def _bytes(path: Path) -> bytes:

@@ -94,6 +94,12 @@ class Report:
     deviation: dict[str, float | int] = field(default_factory=dict)
     """What the low mesh shows with its map, by the map's own basis: median, percentile_95, percentile_99 and maximum of the
     degrees to the normals of the high meshes, on so many texels. Empty unless it was asked for."""
+    appearance: dict[str, Any] = field(default_factory=dict)
+    """What a viewer sees of the low mesh with its map, and of the high meshes, from 40 sides: mean, median, percentile_95,
+    percentile_99 and maximum of the degrees between both normals, on so many pixels; silhouette: the share of the pixels that
+    one of both covers alone; distance: between both along the view, at the 99th percentile, as a share of the diagonal; wrong:
+    the share of the texels, by squares of the map, whose mean is more than 20 degrees; worst_view: the direction towards the
+    viewer who sees the largest mean. Empty unless it was asked for."""
     tiles: list[int] = field(default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)
@@ -226,6 +232,14 @@ class Report:
         how = f", which differs from theirs on {differing:.1%} of their texels" if differing else ""
         return [f"Shared UVs: {overlap['hidden']:,} triangles show the detail of other parts{how}"]
 
+    def _seen(self) -> list[str]:
+        """The shading error, for the summary."""
+        if not self.appearance:
+            return []
+        mean, most, silhouette = (self.appearance[name] for name in ("mean", "percentile_99", "silhouette"))
+        how = f"{mean:.2f} degrees (mean), {most:.1f} (99th percentile)"
+        return [f"Shading error: {how}; outlines differ on {silhouette:.2%} of the pixels"]
+
     def _ranges(self, length: Length) -> list[str]:
         """What black and white stand for in maps of lengths, for the summary: maps fit together if it is the same."""
         found = [
@@ -266,7 +280,7 @@ class Report:
                 f"{name.replace('_', ' ')} {length(value)}" for name, value in self.distances.items()
             )
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
-        details += self._shared()
+        details += [*self._shared(), *self._seen()]
         if self.stopped_early:
             details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:

@@ -43,6 +43,8 @@ class MapSettings:
     attribute: str = _field("attribute")
     """Empty for the color attribute that is set to render."""
     detail_maps: bool = _field("detail_maps")
+    appearance: bool = _field("appearance")
+    """Whether the shading error of the normal map is measured."""
     missed: tuple[float, float, float] = _field("missed")
     red: str = _field("red")
     green: str = _field("green")

@@ -10,6 +10,7 @@ import gpu
 import numpy as np
 
 from ..audit import deviations, severity
+from ..audit.appearance import Appearance, SeenBake
 from ..audit.checks import Findings, audit, check_stacked
 from ..audit.deviations import Deviations, OtherEngines
 from ..audit.pictures import BakePictures
@@ -19,7 +20,7 @@ from ..core import map_types, progress
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError, Fix, Length, shorten_list
 from ..core.map_types import BY_NAME, NORMAL, Labeled
-from ..core.progress import Pace, Progress, Task, Timings, part
+from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, Settings
 from ..engine import gpu_memory, margins, mip_levels, orienting, ray_maps, sources, stacked_uvs
@@ -46,7 +47,7 @@ READY = 0.2
 @dataclass(frozen=True)
 class DrawnJob:
     """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
-    the objects. stopped_early, rays, targets, deviation, picture: as in Report."""
+    the objects. stopped_early, rays, targets, deviation, picture: as in Report. appearance: None if it was not measured."""
 
     job: Job
     settings: Settings
@@ -60,6 +61,7 @@ class DrawnJob:
     rays: float = 0.0
     targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     deviation: dict[str, float | int] = field(default_factory=dict)
+    appearance: Appearance | None = None
     picture: np.ndarray | None = None
 
     @property
@@ -94,11 +96,12 @@ def _bake(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[DrawnJob
                 with timings.timed("audit"):
                     ready.others.add(tile, maps[NORMAL.name])
                     ready.deviations.add(tile, maps[NORMAL.name])
+                    ready.seen.add(tile, maps[NORMAL.name])
                     ready.pictures.add(tile, maps)
                 levels = yield from part(mip_levels.of(maps, tile, run), stop, stop)
                 with timings.timed("image"):
                     outputs.add(tile, maps, levels)
-            drawn = _audit(job, run, ready, tally)
+            drawn = yield from part(_audit(job, run, ready, tally), 1.0, 1.0)
         yield Progress("Storing", 1.0)
         low = job.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
@@ -121,6 +124,7 @@ class _Ready:
     truth: SampledMaps
     hidden: StackedParts
     deviations: Deviations
+    seen: SeenBake
     pictures: BakePictures
     length: Length
 
@@ -160,16 +164,21 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
     if plan.method == Method.CAST:
         warnings += [Warned(text, severity.UNFIT) for text in job.hints]
+    seen = SeenBake(
+        plan, settings, kept=partial(kept, settings=settings), is_wanted=settings.map.appearance or job.is_seen
+    )
+    warnings += map(Warned, seen.warnings)
     renderer = Renderer(drawn, run)
-    return _Ready(meshes, warnings, plan, source, renderer, others, truth, hidden, deviations, pictures, length)
+    return _Ready(meshes, warnings, plan, source, renderer, others, truth, hidden, deviations, seen, pictures, length)
 
 
-def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> DrawnJob:
+def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
     """Raises BakeError if no texel was written."""
     settings, timings = run.settings, run.timings
     if not tally.written:
         raise BakeError(nothing_drawn(ready.plan, ready.length))
     ray_cast = ready.source.ray_cast
+    seen = yield from relay(ready.seen.measured(), within=partial(timings.timed, "audit"))
     with timings.timed("audit"):
         materials = set_numbers(job.low, ready.plan.meshes) if not settings.map.texture_sets else None
         stacked = check_stacked(ready.plan, ready.hidden, ready.truth, settings, materials)
@@ -191,6 +200,7 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> DrawnJob:
         ready.source.share_of_rays if ready.plan.has_rays else 0.0,
         read,
         ready.deviations.results(),
+        seen,
         picture,
     )
 
@@ -213,8 +223,10 @@ def draw_raw(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[Drawn
             with run.timings.timed("audit"):
                 ready.others.add_raw(tile, maps[tile][NORMAL.name])
                 ready.deviations.add_raw(tile, maps[tile][NORMAL.name])
+                ready.seen.add_raw(tile, maps[tile][NORMAL.name])
                 ready.pictures.add_raw(tile, maps[tile][NORMAL.name])
-        return _audit(job, run, ready, tally), maps
+        drawn = yield from part(_audit(job, run, ready, tally), 1.0, 1.0)
+        return drawn, maps
 
 
 def measure_rays(
@@ -270,6 +282,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         checks=findings.checks,
         targets=drawn.targets,
         deviation=drawn.deviation,
+        appearance=drawn.appearance.to_dict() if drawn.appearance is not None else {},
         picture=drawn.picture,
         tiles=[tile for tile in plan.tiles if tile in stored.tiles],
         maps=_with_meanings(drawn, stored.maps),

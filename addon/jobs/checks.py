@@ -33,9 +33,12 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
 from ..scene import evaluation, mesh_elements, mesh_reader
+from . import unwrapping
 from .job import Job, PastBake, check_job, read_as_is, read_meshes
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
+UNWRAP = "UNWRAP"
+"""What `fix` does for an object without UVs."""
 SOLVED_BY_EXPORT = (POLYGONS, LAYER)
 """The kinds that do not matter for files that Imprint exports."""
 MOST_CORNERS = 400_000
@@ -241,7 +244,7 @@ def fix(
     settings: Settings,
     kind: str,
 ) -> str:
-    """Fix one of before_bake.KINDS. Returns a sentence about what was done.
+    """Fix one of before_bake.KINDS, or UNWRAP. Returns a sentence about what was done.
 
     highs: the high objects of the bake; `low` is one of them if it is baked without its modifiers.
 
@@ -336,6 +339,7 @@ _FIXES: dict[str, Callable[[bpy.types.Object, Settings], str]] = {
     before_bake.LAYER: _activate_layer,
     before_bake.HARD_EDGES: _soften,
     before_bake.MIRRORED: _move_mirrored,
+    UNWRAP: unwrapping.unwrap,
 }
 
 

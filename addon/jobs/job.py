@@ -38,10 +38,10 @@ class Job:
     `highs` may be [low]: then the low object's modifiers are baked onto its own base mesh. `cage` has the topology of `low`,
     and rays start on it. texture_set: the faces of the low object that are baked; None for all. is_exported: whether Imprint
     writes the low mesh for an engine afterwards. is_for_others: whether programs other than Blender read the normal map.
-    is_measured: whether the report says how far the low mesh with its map deviates from the high mesh. is_pictured: whether the
-    report has a picture, and that. must_be_whole: whether it is an error if objects lack files, or what their modifiers need.
-    hints: why low and high meshes may not fit, in sentences, if rays are cast.
-    size: of its square maps in texels; 0 for that of the settings.
+    is_measured: whether the report says how far the low mesh with its map deviates from the high mesh. is_seen: whether the
+    shading error is measured, also if the settings do not ask for it. is_pictured: whether the report has a picture, and that.
+    must_be_whole: whether it is an error if objects lack files, or what their modifiers need. hints: why low and high
+    meshes may not fit, in sentences, if rays are cast. size: of its square maps in texels; 0 for that of the settings.
     The attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
     """
 
@@ -49,7 +49,8 @@ class Job:
         self._refer_to(low, highs, cage)
         self.other_refs: list[ObjectRef] = []
         self.texture_set: MaterialSet | None = None
-        self.is_exported = self.is_for_others = self.is_measured = self.is_pictured = self.must_be_whole = False
+        self.is_exported = self.is_for_others = self.is_measured = self.is_seen = self.is_pictured = False
+        self.must_be_whole = False
         self.size = 0
         self.hints: list[str] = []
 

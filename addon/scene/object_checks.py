@@ -318,6 +318,11 @@ def matrix_problem(obj: bpy.types.Object) -> str:
     return ""
 
 
+def lacks_uvs(low: bpy.types.Object | None) -> bool:
+    """Whether it is a mesh with faces and without a UV map, except those that modifiers make."""
+    return low is not None and low.type == "MESH" and bool(low.data.polygons) and not low.data.uv_layers
+
+
 def _mesh_problem(obj: bpy.types.Object, *, evaluated: bool, needs_uv: bool) -> str:
     # Modifiers and instances may add faces and UV layers, and in Edit Mode the mesh is out of date. The bake checks these.
     if obj.type != "MESH" or obj.data.is_editmode or (evaluated and (obj.modifiers or shows_more(obj))):

@@ -13,7 +13,7 @@ from ..core.declarations.choices import Method, Space, Storage
 from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
-from ..jobs import bake_jobs
+from ..jobs import bake_jobs, checks
 from ..jobs.checks import Finding
 from ..jobs.job import Job, by_material
 from ..output import datablocks, map_names, materials, outputs
@@ -401,9 +401,12 @@ def _draw_plan(
 
 
 def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
-    """A button for a high object that is missing, else one for a file that was never saved or for objects that are hidden."""
+    """A button for a high object that is missing, else one for a low object without UVs, for a file that was never saved, or
+    for objects that are hidden."""
     if chosen.missing:
         layout.operator("imprint.remove_missing", icon="X").high = chosen.missing[0]
+    elif object_checks.lacks_uvs(chosen.low):
+        draw_button(layout, checks.UNWRAP)
     elif _is_unsaved(chosen):
         layout.operator("wm.save_mainfile", icon="FILE_TICK")
     elif chosen.hidden(context):

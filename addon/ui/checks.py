@@ -159,6 +159,12 @@ FIXES = {
         "Make hard edges inside UV islands smooth. Those at borders of islands stay hard, and custom normals stay elsewhere",
         "SMOOTHCURVE",
     ),
+    checks.UNWRAP: (
+        "Unwrap",
+        "Give the low object a UV map: unwrap it in several ways, pack the islands with the margin that Clean Mips needs, and "
+        "keep the sharpest",
+        "UV",
+    ),
     "MIRRORED": (
         "Move Mirrored UVs",
         "Move parts that are mirrored onto others in UV space by one tile: they read the same texels, and the map shows the "

@@ -115,7 +115,9 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
         if settings.normal:
             row = layout.row()
             row.separator(factor=INDENT)
-            row.prop(settings, "detail_maps")
+            column = row.column(align=True)
+            column.prop(settings, "detail_maps")
+            column.prop(settings, "appearance")
         drawn = settings.to_settings().map.drawn_maps
         titles = {
             "rays": label("Occlusion and Curvature"),

@@ -68,6 +68,7 @@ def test_maps_a_scene_a_report_and_a_table(folder, capfd):
         (["--json"], "--json is for --list"),
         (["--workers", "2"], "--workers is not for lod"),
         (["--shard", "1/2"], "--shard is for many bakes"),
+        (["--strict", "appearance.p99<1deg"], "lod does not measure appearance.p99"),
         (["--strict", "deviation.p99<1deg"], "lod keeps deviation.p99 within --degrees"),
         (["--degrees", "a"], "are not degrees"),
         (["--triangles", "50%"], "give it without --degrees and --distance"),

@@ -66,6 +66,7 @@ SAID = {
     "thickness_distance": ("--thickness-distance 0.2", 0.2),
     "curvature_radius": ("--curvature-radius 0.05", 0.05),
     "attribute": ("--attribute Col", "Col"),
+    "appearance": ("--appearance", True),
     "detail_maps": ("--no-detail-maps", False),
     "pack": ("--pack hdrp", "HDRP"),
     "pack_red": ("--pack-red cavity", "CAVITY"),

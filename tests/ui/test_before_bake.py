@@ -322,6 +322,27 @@ def drawn_fixes():
     return drawn.text, [given.kind for name, given in drawn.given if name == "imprint.cure"]
 
 
+def test_a_low_object_without_uvs_has_a_button_that_unwraps_it():
+    low, high = zoo.terrain("lo", 4, waves=1), zoo.terrain("high", 12)
+    low.data.uv_layers.remove(low.data.uv_layers[0])
+    set_up_fixes(low, high)
+    text, kinds = drawn_fixes()
+    assert "'lo' has no UV layer: unwrap it first." in text
+    assert kinds == [checks.UNWRAP]
+    fix(checks.UNWRAP)
+    assert len(low.data.uv_layers) == 1
+    assert drawn_fixes()[1] == []
+
+
+def test_a_high_object_without_uvs_has_no_such_button():
+    low, high = zoo.terrain("lo", 4, waves=1), zoo.terrain("high", 12)
+    high.data.uv_layers.remove(high.data.uv_layers[0])
+    set_up_fixes(low, high, method="FLATTEN")
+    text, kinds = drawn_fixes()
+    assert "'high' has no UV layer" in text
+    assert checks.UNWRAP not in kinds
+
+
 # Options and buttons
 
 

@@ -404,6 +404,11 @@ MAPS: dict[str, Setting] = {
         default=True,
         option=Option(word="no-detail-maps", off="Leave the normal and bump maps of the high meshes' materials out"),
     ),
+    "appearance": Switch(
+        label="Shading Error",
+        tooltip="Also measure the shading error: the angle between the normals that a viewer sees of the high meshes and of "
+        "the low mesh with its normal map, from 40 sides",
+    ),
     "pack": Choice(
         label="Pack",
         tooltip="Also pack up to four maps into the channels of one image",

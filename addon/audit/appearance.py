@@ -1,0 +1,396 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures what a viewer sees: high meshes, and a low mesh with its normal map, from many sides at once.
+
+On each pixel that both cover, the shading error is the angle between their normals. Both sides of faces are seen, and the
+normals of back faces are turned to the viewer, as renderers do. So it finds what a comparison with hits of rays cannot: a map
+that shows a wrong surface exactly, turned faces, a map that is read in a wrong way, and the shape of the low mesh itself.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import gpu
+import numpy as np
+
+from ..core import udim
+from ..core.map_types import Map
+from ..core.progress import Progress, Task, part
+from ..core.settings import Settings
+from ..engine import normal_space, separation
+from ..engine.method_choice import Plan
+from ..mesh.inputs import Meshes
+from ..mesh.local_space import LocalSpace, gap, local_space_of
+from ..mesh.triangle_mesh import Mesh, normal_matrix
+from ..passes import appearance, data_texture, lit, mesh_upload, target
+from .deviations import AngleCounts
+from .pictures import low_by_tile, square_means
+
+SQUARES = 256
+"""Squares along a side of the map, at most, whose angles are kept: enough pixels fall on each."""
+PART = 2**20
+"""The most triangles of a high mesh that are drawn at once: between the parts of larger ones, a bake can be canceled."""
+WRONG = 20.0
+"""Degrees of the mean error on a square of the map above which it is taken for wrong: the shape of a low mesh alone costs less,
+seen from straight above."""
+MOST_TEXELS = 4096 * 4096
+"""The most texels of a map, in all tiles, that are on the GPU at once: of larger maps, each texel is the mean of several."""
+FILLED = 0.98
+"""Share of a picture's side that the sphere around the meshes takes."""
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How closely is looked. views: their number, evenly spread over the sphere. side: of a picture, in pixels."""
+
+    views: int = 40
+    side: int = 512
+
+
+COARSE = Detail(16, 256)
+"""For a search: the mean within a few percent of the usual one."""
+
+
+@dataclass(frozen=True)
+class ShownMap:
+    """A normal map as programs read it.
+
+    tiles: by UDIM tile, its texels (rows, columns, 4) float32 as they are stored, of the same size; without UDIM a single one,
+    which repeats. read: from lit.reading.
+    """
+
+    tiles: Mapping[int, np.ndarray]
+    read: tuple[int, int, int]
+    is_udim: bool = False
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """What was seen.
+
+    mean, median, percentile_95, percentile_99, maximum: of the shading error in degrees, over all pixels that both cover.
+    silhouette: the share of the pixels of either that one covers alone. distance: between both surfaces along the view, at the
+    99th percentile, as a share of the diagonal of the box around both. pixels: the number compared. worst_view: the direction
+    (3,) in world space towards the viewer who sees the largest mean error. squares: by UDIM tile, the mean error on each square
+    of the map, (rows, columns) float32, in degrees; views count by how straight they meet the square. NaN where none does.
+    """
+
+    mean: float
+    median: float
+    percentile_95: float
+    percentile_99: float
+    maximum: float
+    silhouette: float
+    distance: float
+    pixels: int
+    worst_view: tuple[float, float, float]
+    squares: Mapping[int, np.ndarray] = field(repr=False, compare=False)
+
+    @property
+    def is_wrong(self) -> dict[int, np.ndarray]:
+        """By UDIM tile, the squares (rows, columns) bool with an error of more than WRONG degrees."""
+        return {tile: np.nan_to_num(degrees) > WRONG for tile, degrees in self.squares.items()}
+
+    @property
+    def wrong(self) -> tuple[int, int]:
+        """The number of squares that are wrong, and of all that were seen."""
+        seen = sum(int(np.count_nonzero(np.isfinite(degrees))) for degrees in self.squares.values())
+        return sum(int(np.count_nonzero(found)) for found in self.is_wrong.values()), seen
+
+    def to_dict(self) -> dict[str, Any]:
+        """As Report.appearance has it."""
+        values = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "squares"}
+        count, seen = self.wrong
+        return {**values, "worst_view": list(self.worst_view), "wrong": count / max(1, seen)}
+
+
+def measure(
+    highs: Sequence[Mesh],
+    low: Mesh,
+    shown: ShownMap | None,
+    *,
+    others: Mesh | None = None,
+    detail: Detail = Detail(),
+) -> Task[Appearance | None]:
+    """Measure one low mesh. Returns None if no pixel shows both it and a high mesh. To compare several low meshes with the same
+    high ones, use SeenHighs.
+
+    Args:
+        highs, low: in world space by their matrices. `low` has the tangents of its map, if that is in tangent space.
+        shown: its map; None for its own normals.
+        others: a part of the low mesh that hides what is behind it, and is not judged.
+    """
+    seen = SeenHighs(highs, [*highs, low, *([others] if others is not None else [])], detail)
+    yield from part(seen.draw(), 0.0, 0.5)
+    return (yield from part(seen.compare(low, shown, others=others), 0.5, 1.0))
+
+
+class SeenBake:
+    """Collects the tiles of the normal map of a bake, and measures it.
+
+    kept: as in deviations.Deviations. is_wanted: whether anything is measured. warnings: why nothing can be, in sentences.
+    """
+
+    def __init__(self, plan: Plan, settings: Settings, *, kept: Callable[[np.ndarray], np.ndarray], is_wanted: bool):
+        self._plan, self._settings, self._kept, self._is_wanted = plan, settings, kept, is_wanted
+        self._tiles: dict[int, np.ndarray] = {}
+        self.warnings: list[str] = []
+        if not is_wanted:
+            return
+        reason = ""
+        if not settings.map.normal:
+            reason = "there is no normal map"
+        elif settings.map.detail_maps and plan.meshes.has_detail:
+            reason = "the high meshes' own normal and bump maps are not drawn for it"
+        elif "swiftshader" in gpu.platform.renderer_get().casefold():
+            reason = "SwiftShader does not test for depth"
+        if reason:
+            self.warnings.append(f"The shading error was not measured: {reason}.")
+            self._is_wanted = False
+
+    def add(self, tile: int, stored: Map) -> None:
+        """Add a UDIM tile as it is stored, before rounding."""
+        if not self._is_wanted:
+            return
+        texels, state = stored
+        columns, rows = self._settings.sampling.size
+        factor = math.ceil(math.sqrt(columns * rows * len(self._plan.tiles) / MOST_TEXELS))
+        shown = self._kept(np.array(texels, np.float32))
+        if factor > 1:
+            means, is_known = square_means(shown, state != 0, factor)
+            shown = np.dstack([means, is_known.astype(np.float32)])
+        self._tiles[tile] = shown
+
+    def add_raw(self, tile: int, normals: np.ndarray) -> None:
+        """Add a tile of normals as baking.Renderer.raw returns them."""
+        if self._is_wanted:
+            self.add(tile, normal_space.stored(normals, self._settings))
+
+    def measured(self) -> Task[Appearance | None]:
+        """Measure the map. Returns None if it is not wanted, or if no pixel shows both meshes."""
+        if not self._tiles:
+            return None
+        meshes, settings = self._plan.meshes, self._settings
+        shown = ShownMap(self._tiles, normal_space.reading(settings.map), settings.sampling.udim)
+        result = yield from measure(self._highs(), meshes.basis or meshes.low, shown, others=_other_materials(meshes))
+        self._tiles = {}
+        return result
+
+    def _highs(self) -> list[Mesh]:
+        """The high meshes where the low one is: for Flatten, they may be beside it."""
+        meshes = self._plan.meshes
+        if self._plan.casts_rays or gap(meshes.low, meshes.highs) == 0.0:
+            return meshes.highs
+        texels = separation.sample(separation.quick_probe(meshes), self._settings.sampling.size, self._plan.tiles)
+        back = np.eye(4)
+        back[:3, 3] = -separation.offset(texels, self._plan.method)
+        return [replace(high, to_world=back @ high.to_world) for high in meshes.highs]
+
+
+def _other_materials(meshes: Meshes) -> Mesh | None:
+    """The part of the low mesh that is not in the texture set; None without texture sets."""
+    if meshes.whole is None:
+        return None
+    is_other = np.ones(len(meshes.whole.triangles), bool)
+    is_other[meshes.kept] = False
+    return meshes.whole.with_triangles(is_other)
+
+
+class SeenHighs:
+    """High meshes as they are seen from outside: drawn once, and compared with any number of low meshes.
+
+    around: the meshes that pictures have room for. The pictures take 16 bytes of GPU memory a pixel, until this is deleted.
+    """
+
+    def __init__(self, highs: Sequence[Mesh], around: Sequence[Mesh], detail: Detail = Detail()):
+        self.highs, self.detail = highs, detail
+        self.space = local_space_of(around)
+        self.frame = _Frame.around(around, self.space)
+        self.directions = directions(detail.views)
+        self._views = [self.frame.view(towards) for towards in self.directions]
+        self._pictures: list[gpu.types.GPUTexture] = []
+
+    def draw(self) -> Task[None]:
+        """Draw the pictures of the high meshes. Call this once, before `compare`."""
+        side, count = self.detail.side, sum(len(high.triangles) for high in self.highs)
+        pictures = [target.Target(side, side, appearance.FORMATS) for _ in self._views]
+        done, is_first = 0, True
+        for high in self.highs:
+            points = self.space.points(high)
+            for first in range(0, len(high.triangles), PART):
+                triangles = high.front_triangles[first : first + PART]
+                mesh = [(_uploaded(high, points, triangles), normal_matrix(high.to_world))]
+                for into, view in zip(pictures, self._views, strict=True):
+                    appearance.draw_high(into, mesh, view, clear=is_first)
+                pictures[-1].finish()  # so that the driver frees the part before the next one is uploaded
+                done, is_first = done + len(triangles), False
+                yield Progress("Looking at the high mesh", done / count)
+        self._pictures = [each.texture for each in pictures]
+
+    def compare(self, low: Mesh, shown: ShownMap | None, *, others: Mesh | None = None) -> Task[Appearance | None]:
+        """Measure a low mesh, as `measure` does."""
+        seen = _Seen(self.directions, self.frame, _Squares.of(shown))
+        parts = [*self._parts(low, shown, seen.squares), *(self._hiding(others) if others is not None else [])]
+        for number, (picture, view) in enumerate(zip(self._pictures, self._views, strict=True), start=1):
+            into = target.get("appearance", self.detail.side, self.detail.side, *appearance.FORMATS)
+            appearance.compare(into, picture, parts, view)
+            seen.add(into.texels())
+            yield Progress("Looking at the low mesh", number / len(self._views))
+        return seen.result()
+
+    def _parts(self, low: Mesh, shown: ShownMap | None, squares: "_Squares") -> Iterator[tuple]:
+        """The low mesh as appearance.compare takes it."""
+        nothing = data_texture.image(np.zeros((1, 1, 4), np.float32))
+        read = lit.reading(lit.OBJECT) if shown is None else shown.read
+        tiles = {udim.FIRST: None} if shown is None else shown.tiles
+        kind = appearance.OWN_NORMALS if shown is None else appearance.MAP_NORMALS
+        drawn = low_by_tile(low, self.space.points(low), tiles, is_udim=shown is not None and shown.is_udim)
+        for tile, batch in drawn:
+            how = lit.reading(lit.OBJECT), appearance.NOT_JUDGED
+            texture = nothing
+            if tile is not None:
+                how, texels = (read, kind), tiles[tile]
+                texture = nothing if texels is None else data_texture.image(texels)
+            first = 0 if tile is None else squares.first(tile)
+            yield batch, texture, appearance.low_shading(low.normal_matrix, *how, squares.size, first)
+
+    def _hiding(self, others: Mesh) -> Iterator[tuple]:
+        """The part of the low mesh that is not judged."""
+        (batch,) = (
+            batch for _, batch in low_by_tile(others, self.space.points(others), {udim.FIRST: None}, is_udim=False)
+        )
+        shading = appearance.low_shading(others.normal_matrix, lit.reading(lit.OBJECT), appearance.NOT_JUDGED)
+        yield batch, data_texture.image(np.zeros((1, 1, 4), np.float32)), shading
+
+
+def directions(count: int) -> np.ndarray:
+    """Directions (count, 3) float64 to viewers, evenly spread over the sphere: a Fibonacci lattice."""
+    numbers = np.arange(count)
+    z = 1.0 - (2.0 * numbers + 1.0) / count
+    angles = numbers * np.pi * (3.0 - np.sqrt(5.0))
+    around = np.sqrt(1.0 - z**2)
+    return np.stack([around * np.cos(angles), around * np.sin(angles), z], axis=1)
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """What a picture shows: the sphere around all meshes, in a local space. diagonal: of the box around them."""
+
+    center: np.ndarray
+    radius: float
+    diagonal: float
+
+    @classmethod
+    def around(cls, meshes: Sequence[Mesh], space: LocalSpace) -> "_Frame":
+        """The center is that of the box."""
+        parts = []
+        for mesh in meshes:
+            is_used = np.zeros(len(mesh.positions), bool)  # loose vertices can be anywhere
+            is_used[mesh.vertices[mesh.triangles]] = True
+            parts.append(space.points(mesh)[is_used])
+        least = np.min([points.min(axis=0) for points in parts], axis=0).astype(np.float64)
+        most = np.max([points.max(axis=0) for points in parts], axis=0).astype(np.float64)
+        center = (least + most) / 2.0
+        radius = max(float(np.sqrt(((points - center) ** 2).sum(axis=1).max())) for points in parts)
+        return cls(center, max(radius, 1e-6), max(float(np.linalg.norm(most - least)), 1e-6))
+
+    def view(self, towards: np.ndarray) -> np.ndarray:
+        """The matrix (4, 4) from the local space to the clip space of a viewer in the direction `towards` (3,)."""
+        right = np.cross(np.eye(3)[np.abs(towards).argmin()], towards)
+        right /= np.linalg.norm(right)
+        axes = np.array((right, np.cross(towards, right), -towards))  # clip space is nearer where z is less
+        matrix = np.eye(4)
+        matrix[:3, :3] = axes * FILLED / self.radius
+        matrix[:3, 3] = -matrix[:3, :3] @ self.center
+        return matrix
+
+    def distance(self, depth: float) -> float:
+        """A difference of depths, from 0 to 1, as a share of the diagonal."""
+        return depth * 2.0 * self.radius / FILLED / self.diagonal
+
+
+def _uploaded(high: Mesh, points: np.ndarray, triangles: np.ndarray) -> gpu.types.GPUBatch:
+    """Some triangles (N, 3) of a mesh, as appearance.draw_high takes them. points (V, 3) float32: of its vertices."""
+    corners = triangles.reshape(-1)
+    return mesh_upload.upload_corners(position=points[high.vertices[corners]], normal=high.normals[corners])
+
+
+@dataclass(frozen=True)
+class _Squares:
+    """The squares of a map. tiles: their UDIM numbers. size: columns and rows of squares on each."""
+
+    tiles: Sequence[int]
+    size: tuple[int, int]
+
+    @classmethod
+    def of(cls, shown: ShownMap | None) -> "_Squares":
+        if shown is None:
+            return cls([udim.FIRST], (SQUARES, SQUARES))
+        rows, columns = next(iter(shown.tiles.values())).shape[:2]
+        return cls(list(shown.tiles), (min(columns, SQUARES), min(rows, SQUARES)))
+
+    @property
+    def count(self) -> int:
+        """Of one tile."""
+        return self.size[0] * self.size[1]
+
+    def first(self, tile: int) -> int:
+        """The number of squares before those of a tile."""
+        return self.tiles.index(tile) * self.count
+
+    def means(self, sums: np.ndarray, weights: np.ndarray) -> dict[int, np.ndarray]:
+        """By tile, (rows, columns) float32, NaN without weight. sums, weights: (N,)."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            means = np.where(weights > 0.0, sums / weights, np.nan).astype(np.float32)
+        return dict(zip(self.tiles, means.reshape(len(self.tiles), *self.size[::-1]), strict=True))
+
+
+class _Seen:
+    """Collects the pictures of all views."""
+
+    def __init__(self, directions: np.ndarray, frame: _Frame, squares: _Squares):
+        self.squares = squares
+        self._directions, self._frame = directions, frame
+        self._angles, self._distances = AngleCounts(), []
+        self._sums: list[float] = []
+        self._pixels: list[int] = []
+        self._alone = 0
+        number = len(squares.tiles) * squares.count
+        self._by_square, self._weights = np.zeros(number), np.zeros(number)
+
+    def add(self, texels: np.ndarray) -> None:
+        """Add a picture (side, side, 4), as appearance.compare writes it."""
+        known = texels[..., 0]
+        self._alone += int(np.count_nonzero((known == appearance.LOW_ALONE) | (known == appearance.HIGH_ALONE)))
+        found = texels[known > 0.0]
+        angles = found[:, 0] - np.float32(1.0)
+        self._angles.add(angles)
+        self._distances.append(found[:, 1])
+        self._sums.append(float(angles.sum(dtype=np.float64)))
+        self._pixels.append(len(angles))
+        numbers, facing = found[:, 2].astype(np.int64) - 1, found[:, 3].astype(np.float64)
+        self._by_square += np.bincount(numbers, facing * angles, len(self._weights))
+        self._weights += np.bincount(numbers, facing, len(self._weights))
+
+    def result(self) -> Appearance | None:
+        """None if no pixel shows both meshes."""
+        pixels = sum(self._pixels)
+        if not pixels:
+            return None
+        found = self._angles.results()
+        means = np.array(self._sums) / np.maximum(self._pixels, 1)
+        worst = int(means.argmax())
+        distance = self._frame.distance(float(np.percentile(np.concatenate(self._distances), 99)))
+        return Appearance(
+            mean=sum(self._sums) / pixels,
+            median=found["median"],
+            percentile_95=found["percentile_95"],
+            percentile_99=found["percentile_99"],
+            maximum=found["maximum"],
+            silhouette=self._alone / (self._alone + pixels),
+            distance=distance,
+            pixels=pixels,
+            worst_view=tuple(self._directions[worst].tolist()),
+            squares=self.squares.means(self._by_square, self._weights),
+        )

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shading error: what a viewer sees of high meshes, and of a low mesh with its map, against rays in float64 and known
+angles; and what raises it."""
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler, Matrix
+
+from addon.audit import appearance
+from addon.audit.appearance import Detail, SeenHighs, ShownMap, measure
+from addon.cli import limits
+from addon.core.map_types import NORMAL
+from addon.core.progress import finish
+from addon.core.settings import Run, Settings
+from addon.engine import baking, normal_space
+from addon.jobs import Job, bake_jobs
+from addon.scene import reading
+from tests.support import seen_from_sides, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SMALL = Detail(4, 80)
+CLOSE = 0.02
+"""The relative error of means and percentiles that rasterizers may make: corners are rounded to 1/256 pixel, and at outlines
+either pixel may be covered."""
+ASLANT = Matrix.LocRotScale((3.0, -2.0, 5.0), Euler((0.4, -0.3, 0.8)), (1.0, 1.0, 1.0))
+UNEVEN = Matrix.LocRotScale((0.0, 0.0, 0.0), Euler((0.2, 0.3, 0.1)), (1.5, 0.6, 1.1))
+MIRRORED = Matrix.LocRotScale((1.0, 0.0, 0.0), Euler((0.0, 0.0, 0.5)), (-1.2, 0.8, 1.0))
+
+
+def settings(**values):
+    usual = {"method": "CAST", "basis": "MIKKTSPACE", "margin": 4, "depth": 32, "storage": "MEMORY", "material": False}
+    return Settings(**{**usual, "width": 128, "height": 128, **values})
+
+
+def read_and_baked(low, highs, chosen):
+    """The meshes of a bake, and its map as programs read it."""
+    bpy.context.view_layer.update()
+    meshes = reading.read(bpy.context, low, highs, None, chosen)
+    maps = finish(baking.bake(meshes, Run(chosen)))
+    tiles = {tile: each[NORMAL.name][0] for tile, each in maps.items()}
+    return meshes, ShownMap(tiles, normal_space.reading(chosen.map), chosen.sampling.udim)
+
+
+def seen(meshes, shown, detail=SMALL):
+    return finish(measure(meshes.highs, meshes.basis or meshes.low, shown, detail=detail))
+
+
+def check_against_rays(meshes, shown, chosen, detail=SMALL):
+    """Compare a measurement with the oracle. Returns the measurement."""
+    found = seen(meshes, shown, detail)
+    texels = next(iter(shown.tiles.values()))
+    held = seen_from_sides.NormalMap(texels, chosen.map.space, chosen.map.basis, chosen.map.channels)
+    low, *highs = map(seen_from_sides.Surface.of, (meshes.basis or meshes.low, *meshes.highs))
+    degrees, alone, distances = seen_from_sides.measured(highs, low, held, views=detail.views, side=detail.side)
+    assert found.pixels == pytest.approx(len(degrees), rel=0.002)
+    assert found.mean == pytest.approx(degrees.mean(), rel=CLOSE, abs=0.02)
+    for name, share in (("median", 50), ("percentile_95", 95), ("percentile_99", 99)):
+        assert getattr(found, name) == pytest.approx(np.percentile(degrees, share), rel=CLOSE, abs=0.03), name
+    assert found.silhouette == pytest.approx(alone, rel=0.1, abs=0.002)
+    assert found.distance == pytest.approx(np.percentile(distances, 99), rel=CLOSE, abs=1e-4)
+    return found
+
+
+# Against rays
+
+
+@pytest.mark.parametrize("matrix", [Matrix(), ASLANT, UNEVEN, MIRRORED], ids=["plain", "aslant", "uneven", "mirrored"])
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
+def test_objects_anywhere_are_measured_as_rays_see_them(matrix, space):
+    low, high = zoo.terrain("low", 6, height=0.3), zoo.terrain("high", 16, height=0.3)
+    for obj in (low, high):
+        obj.matrix_world = matrix
+    chosen = settings(space=space, basis="CYCLES")
+    found = check_against_rays(*read_and_baked(low, [high], chosen), chosen)
+    assert found.mean > 0.3
+
+
+@pytest.mark.parametrize("basis", ["CYCLES", "MIKKTSPACE", "MIKKTSPACE_VERTEX", "NORMALIZED"])
+def test_each_basis_is_read_by_its_own_rules(basis):
+    low, high = zoo.sphere("low", 10), zoo.sphere("high", 24)
+    chosen = settings(basis=basis, green="-Y")
+    check_against_rays(*read_and_baked(low, [high], chosen), chosen)
+
+
+PAIRS = [
+    "pairs/helmet_23358_6117",
+    "pairs/kepler_199712_9079",
+    "pairs/king_40480_4000",
+    "pairs/normaltangenttest_published",
+    "pairs/shaderball_48048_23378",
+    "pairs/shaderball_61644_20517",
+    "pairs/spot_1696_536",
+    "pairs/spot_control_vs_subd5",
+    "layers/collar",
+    "layers/fingers",
+]
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+@pytest.mark.parametrize("name", PAIRS)
+def test_real_meshes_are_measured_as_rays_see_them(shared_assets, name):
+    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / f"{name}.blend"))
+    low, high = (bpy.data.objects[each] for each in ("lo", "hi"))
+    for obj, most in ((low, 800), (high, 6000)):
+        decimate = obj.modifiers.new("fewer", "DECIMATE")
+        decimate.ratio = min(1.0, most / sum(len(polygon.vertices) - 2 for polygon in obj.data.polygons))
+    chosen = settings(width=256, height=256)
+    found = check_against_rays(*read_and_baked(low, [high], chosen), chosen, Detail(5, 128))
+    print(name, found)
+
+
+# What raises it
+
+
+def report_of(low, highs, **values):
+    bpy.context.view_layer.update()
+    job = Job(low, highs)
+    job.is_measured = True
+    (report,) = bake_jobs.bake_all(bpy.context, [job], settings(**values))
+    return report
+
+
+def moved(low, amount, seed=3):
+    """Move the vertices of `low` by a smooth field, by at most about `amount` of its diagonal."""
+    points = np.empty((len(low.data.vertices), 3), np.float32)
+    low.data.vertices.foreach_get("co", points.reshape(-1))
+    size = np.linalg.norm(np.ptp(points, axis=0))
+    rng = np.random.default_rng(seed)
+    waves = sum(
+        np.outer(np.sin(points @ rng.normal(0.0, 9.0 / size, 3) + rng.uniform(0.0, 6.3)), rng.normal(0.0, 0.25, 3))
+        for _ in range(8)
+    )
+    low.data.vertices.foreach_set("co", (points + amount * size * waves).astype(np.float32).reshape(-1))
+    low.data.update()
+
+
+def shells():
+    """A low sphere around an outer high sphere, and an inner one, which is hidden and has another relief."""
+    outer, inner = zoo.sphere("outer", 64), zoo.sphere("inner", 64)
+    points = np.empty((len(inner.data.vertices), 3), np.float32)
+    inner.data.vertices.foreach_get("co", points.reshape(-1))
+    relief = 0.93 + 0.015 * np.sin(14.0 * points).sum(axis=1, keepdims=True)
+    inner.data.vertices.foreach_set("co", (points * relief).astype(np.float32).reshape(-1))
+    inner.data.update()
+    return zoo.sphere("low", 24), [outer, inner]
+
+
+def test_it_rises_with_each_step_by_which_a_low_mesh_is_moved():
+    found = []
+    for amount in (0.0, 0.01, 0.02, 0.04):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        low, highs = shells()
+        moved(low, amount)
+        found.append(report_of(low, highs, appearance=True).appearance)
+    means, most, wrong = ([each[name] for each in found] for name in ("mean", "percentile_99", "wrong"))
+    assert means == sorted(means) and means[-1] > 3.0 * means[0]
+    assert most == sorted(most)
+    assert wrong[0] < 1e-3 and wrong[-1] > 0.02
+
+
+def ridged(share):
+    """A plane with steep ridges close above and below a part of it. Rays that start below the ridges show the plane."""
+    low, high = zoo.plane("low", 8), zoo.plane("high", 32)
+    ridges = [zoo.terrain(name, 64, height=0.2, waves=4) for name in ("above", "below")]
+    for obj, z in zip(ridges, (0.02, -0.02), strict=True):
+        obj.matrix_world = Matrix.LocRotScale((0.1, 0.1, z), None, (share**0.5, share**0.5, share**0.5))
+    return low, [high, *ridges]
+
+
+def test_a_wrong_layer_that_the_map_shows_exactly_is_seen_where_half_a_percent_is_wrong():
+    low, highs = ridged(0.005)
+    chosen = {"extrusion": 0.002, "max_distance": 0.004, "width": 256, "height": 256, "keep_faces": True}
+    report = report_of(low, highs, appearance=True, **chosen)
+    assert report.missed == 0.0
+    assert 0.003 < report.appearance["wrong"] < 0.008
+    assert report.appearance["maximum"] > 40.0
+    over = [
+        limits.over(limits.parse(each), [report.to_dict()]) for each in ("deviation.p99<2deg", "appearance.wrong<0.1%")
+    ]
+    assert over[0] == []
+    assert over[1][0].startswith("appearance.wrong is 0.")
+
+
+def test_a_map_that_is_right_has_no_wrong_texels():
+    low, high = zoo.terrain("low", 12, height=0.1), zoo.terrain("high", 64, height=0.1)
+    assert report_of(low, [high], appearance=True).appearance["wrong"] == 0.0
+
+
+def test_a_map_that_is_read_wrong_is_seen():
+    chosen = settings()
+    meshes, shown = read_and_baked(zoo.terrain("low", 12, height=0.3), [zoo.terrain("high", 64, height=0.3)], chosen)
+    right = seen(meshes, shown)
+    flipped = replace(
+        shown, tiles={tile: texels * (1, -1, 1, 1) + (0, 1, 0, 0) for tile, texels in shown.tiles.items()}
+    )
+    assert seen(meshes, flipped).mean > 3.0 * right.mean
+
+
+def test_several_low_meshes_are_compared_with_the_same_pictures():
+    chosen = settings()
+    meshes, shown = read_and_baked(zoo.terrain("low", 12, height=0.3), [zoo.terrain("high", 64, height=0.3)], chosen)
+    low = meshes.basis or meshes.low
+    pictures = SeenHighs(meshes.highs, [*meshes.highs, low], SMALL)
+    finish(pictures.draw())
+    with_map, without = (finish(pictures.compare(low, each)) for each in (shown, None))
+    assert with_map == seen(meshes, shown)
+    assert without.mean > 2.0 * with_map.mean
+
+
+# In reports
+
+
+def test_a_bake_that_is_not_asked_measures_nothing(monkeypatch):
+    monkeypatch.setattr(appearance, "SeenHighs", None)
+    monkeypatch.setattr(appearance, "square_means", None)
+    report = report_of(zoo.terrain("low", 6), [zoo.terrain("high", 16)])
+    assert report.appearance == {}
+    assert not any("Shading" in line for line in report.summary())
+
+
+def test_a_report_has_what_the_map_shows():
+    low, high = zoo.terrain("low", 6, height=0.3), zoo.terrain("high", 32, height=0.3)
+    report = report_of(low, [high], appearance=True)
+    measured = seen(*read_and_baked(low, [high], settings()), Detail())
+    assert report.appearance["mean"] == pytest.approx(measured.mean, rel=0.01)
+    assert report.appearance["pixels"] == measured.pixels
+    (line,) = (line for line in report.summary() if line.startswith("Shading error"))
+    assert f"{measured.mean:.2f} degrees" in line
+
+
+def test_the_parts_of_a_flattened_pair_are_compared_in_one_place():
+    low, high = zoo.terrain("low", 12, height=0.3), zoo.terrain("high", 64, height=0.3)
+    near = report_of(low, [high], appearance=True, method="FLATTEN").appearance
+    high.location.x = 4.0
+    apart = report_of(low, [high], appearance=True, method="FLATTEN").appearance
+    assert apart["mean"] == pytest.approx(near["mean"], rel=0.05)
+
+
+def test_without_a_normal_map_a_warning_says_that_nothing_is_measured():
+    report = report_of(
+        zoo.terrain("low", 6), [zoo.terrain("high", 16)], appearance=True, normal=False, maps=("HEIGHT",)
+    )
+    assert report.appearance == {}
+    assert "The shading error was not measured: there is no normal map." in report.warnings

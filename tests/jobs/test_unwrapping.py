@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes without UVs are unwrapped: how well is measured by closed forms, and as the checks of a bake see it."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
+from addon.jobs import Job, bake_jobs, unwrapping
+from addon.mesh import uv_stretch
+from tests.support import zoo
+
+USUAL = {"width": 256, "height": 256, "method": "CAST", "margin": 4, "storage": "MEMORY", "material": False}
+SETTINGS = Settings(**USUAL)
+SQUARE = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], float)
+
+
+def bare(obj):
+    """The object without its UVs."""
+    obj.data.uv_layers.remove(obj.data.uv_layers[0])
+    return obj
+
+
+def state():
+    """What must stay as it was."""
+    return (
+        {kind: len(getattr(bpy.data, kind)) for kind in ("scenes", "objects", "meshes")},
+        bpy.context.scene.name,
+        bpy.context.mode,
+        [obj.name for obj in bpy.context.selected_objects],
+    )
+
+
+@pytest.mark.parametrize(
+    ("scale", "shear", "used", "angle", "sharpness"),
+    [
+        ((1.0, 1.0), 0.0, 1.0, 1.0, 1.0),
+        ((0.5, 0.5), 0.0, 0.25, 1.0, 0.25),
+        ((1.0, 0.5), 0.0, 0.5, 2.0, 0.4),  # distances of 1 and 2: their squares have a mean of 2.5
+        ((0.5, 0.5), 1.0, 0.25, (3.0 + 5.0**0.5) / 2.0, 1.0 / 6.0),
+    ],
+)
+def test_the_layout_of_a_square_is_known(scale, shear, used, angle, sharpness):
+    uv = SQUARE[..., :2] * scale
+    uv[..., 0] += shear * uv[..., 1]
+    found = uv_stretch.measure(SQUARE, uv)
+    assert (found.used, found.angle, found.area) == pytest.approx((used, angle, 1.0))
+    assert found.sharpness == pytest.approx(sharpness)
+
+
+def test_texels_of_two_sizes_have_a_mean():
+    """A square has 4 times the area of another one of the same size on the map: factors 2.5 / 1 and 4 / 2.5."""
+    points = np.concatenate([SQUARE, 2.0 * SQUARE])
+    uv = np.concatenate([SQUARE[..., :2], SQUARE[..., :2]]) * 0.5
+    found = uv_stretch.measure(points, uv)
+    assert (found.used, found.angle) == pytest.approx((0.5, 1.0))
+    assert found.area == pytest.approx(0.2 * 2.5 + 0.8 * 1.6)
+    assert found.sharpness == pytest.approx(5.0 / (0.2 * 4.0 + 0.8 * 16.0))
+
+
+def test_triangles_without_area_do_not_count():
+    flat = SQUARE[:1, [0, 1, 1]]
+    with_flat = uv_stretch.measure(np.concatenate([SQUARE, flat]), np.concatenate([SQUARE, SQUARE[:1]])[..., :2])
+    assert with_flat == uv_stretch.measure(SQUARE, SQUARE[..., :2])
+    assert uv_stretch.measure(flat, flat[..., :2]).sharpness == 0.0
+
+
+def test_a_mesh_is_unwrapped_and_nothing_else_changes():
+    low = bare(zoo.cube("lo"))
+    low.scale = (1.0, 2.0, 3.0)
+    bpy.context.view_layer.update()
+    before = state()
+    said = unwrapping.unwrap(low, SETTINGS)
+    assert state() == before
+    assert said.startswith("'lo' is unwrapped: 6 islands by ")
+    assert "stretch 1.00 (angles), 1.00 (areas)" in said  # at the scale of the object
+    (layer,) = low.data.uv_layers
+    assert low.data.uv_layers.active == layer and layer.active_render
+    assert not any(edge.use_seam for edge in low.data.edges)
+    uv = np.empty((len(low.data.loops), 2), np.float32)
+    layer.uv.foreach_get("vector", uv.reshape(-1))
+    assert uv.min() > 0.0 and uv.max() < 1.0
+
+
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("mips", [1, 4])
+def test_islands_have_the_margin_that_mip_levels_need(mips):
+    low = bare(zoo.terrain("lo", 24, height=0.8))
+    high = zoo.terrain("high", 48, height=0.8)
+    chosen = Settings(**USUAL, mips=mips)
+    unwrapping.unwrap(low, chosen)
+    (report,) = bake_jobs.bake_all(bpy.context, [Job(low, [high])], chosen)
+    assert report.checks["gaps"]["share"] < 1e-3
+    assert report.checks["overlap"]["share"] < 1e-3
+    assert report.checks["no_area"]["count"] == 0
+
+
+def test_the_sharpest_way_wins():
+    low = bare(zoo.terrain("lo", 24, height=0.8))
+    found = list(unwrapping.attempts(low, SETTINGS.sampling))
+    best = max(found, key=lambda each: each.layout.sharpness)
+    assert len({each.layout.sharpness for each in found}) > 1
+    assert f"islands by {best.name}" in unwrapping.unwrap(low, SETTINGS)
+
+
+def test_seams_of_the_mesh_are_tried_and_stay():
+    low = bare(zoo.terrain("lo", 8, height=0.3))
+    for edge in low.data.edges:
+        edge.use_seam = edge.index % 7 == 0
+    seams = [edge.use_seam for edge in low.data.edges]
+    assert any("seams" in each.name for each in unwrapping.attempts(low, SETTINGS.sampling))
+    unwrapping.unwrap(low, SETTINGS)
+    assert [edge.use_seam for edge in low.data.edges] == seams
+
+
+def test_what_cannot_be_unwrapped_stays_as_it_is():
+    empty = bpy.data.objects.new("empty", bpy.data.meshes.new("empty"))
+    bpy.context.scene.collection.objects.link(empty)
+    with pytest.raises(BakeError, match="has no faces"):
+        unwrapping.unwrap(empty, SETTINGS)
+    flat = bare(zoo.plane("flat"))
+    flat.data.vertices.foreach_set("co", np.zeros(12, np.float32))
+    before = state()
+    with pytest.raises(BakeError, match="cannot unwrap it: its faces have no area"):
+        unwrapping.unwrap(flat, SETTINGS)
+    assert not flat.data.uv_layers and state() == before
