@@ -598,7 +598,7 @@ def test_separate_objects_are_refused_even_if_a_few_rays_hit(offset):
         cast(low, high)
 
 
-@pytest.mark.parametrize("name", ["{Low}.png", "{name}.png", "map_{}.png"])
+@pytest.mark.parametrize("name", ["{Low}.png", "{object}.png", "map_{}.png"])
 def test_unknown_placeholders_are_refused(tmp_path, name):
     with pytest.raises(BakeError, match="Unknown placeholder"):
         cast(zoo.plane("low"), zoo.plane("high"), storage="FILE", output=str(tmp_path / name), depth=16)
