@@ -222,7 +222,8 @@ def test_no_part_without_pixels_is_drawn(monkeypatch, split):
 @pytest.mark.parametrize("split", [0.4, 0.95])
 def test_split_shows_the_high_mesh_and_the_low_mesh_with_the_map(split):
     low, high = pair(UNEVEN, n=20)
-    session = session_of(low, [high])
+    # The oracle takes the mesh as it is, where vertices of the high mesh are not joined.
+    session = session_of(low, [high], keep_faces=True)
     eye = eye_on(low)
     pixels = picture(lambda: view_shading.draw([view_shading.Shading(session)], Mode.SPLIT, eye, split=split))
     zones = [pane.columns for pane in view_shading.panes(Mode.SPLIT, SIZE, split)]
