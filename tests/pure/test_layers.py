@@ -384,8 +384,8 @@ def test_no_sentence_of_a_window_names_an_option():
         for path in MODULES
         if not path.as_posix().removeprefix("addon/").startswith(IN_A_SHELL)
         for node in ast.walk(parsed(path))
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and not _is_docstring(path, node)
-        if re.search(r"(?<![\w-])--[a-z]", node.value)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        if re.search(r"(?<![\w-])--[a-z]", node.value) and not _is_docstring(path, node)
     }
     assert named == set()
 
