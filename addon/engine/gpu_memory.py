@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Frees the trees and render targets that bakes cache on the GPU."""
 
+import atexit
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -32,3 +33,6 @@ def free_if_idle(seconds: float) -> None:
     """Free trees and targets if no bake has drawn for this many seconds."""
     if target.common.idle_seconds > seconds:
         free()
+
+
+atexit.register(free)  # Python crashes on exit while GPU objects live, with or without the add-on's registering

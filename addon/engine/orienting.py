@@ -21,6 +21,9 @@ from .outer_skin import may_be_hidden, one_skin
 
 SURE = 0.1
 """A patch that agrees with the low mesh by less than this, from -1 to 1, points to no side."""
+CLEAR = 0.5
+"""A patch that is against the low mesh by less than this, from 0 to 1, lies perhaps between two of its surfaces, as inside a
+shell that stands off: its open side decides."""
 OPENER = 0.1
 """By how much more open one side of a patch is than the other, as a share of a hemisphere, if it is the outer one."""
 DIRTY_LOW = 0.02
@@ -234,8 +237,8 @@ def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings
         for number, is_own in enumerate(patches.is_owned(against)):
             some, ratio = samples[number], samples[number].means(samples[number].cosines, is_own)
             belongs = against[number] & (some.means(is_own) >= ALONE)
-            flips[number] |= belongs & (ratio < -SURE)
-            unclear[number] |= against[number] & ~(belongs & (np.abs(ratio) > SURE))
+            flips[number] |= belongs & (ratio < -CLEAR)
+            unclear[number] |= against[number] & ~(belongs & (np.abs(ratio) > CLEAR))
     is_dirty = any(one.conflicts for one in patches.of)
     for number, (one, some, ratio) in enumerate(zip(patches.of, samples, ratios, strict=True)):
         near = (np.abs(ratio) <= SURE) & (np.bincount(some.patches, some.weights, one.count) > 0.0)

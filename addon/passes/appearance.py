@@ -48,8 +48,7 @@ def draw_high(
     with target.drawing(into, clear=clear, writes_depth=True):
         _see_both_sides()
         for batch, normal_matrix in meshes:
-            matrices = {"view_projection": shader.mat4(view), "shading": shader.mat4(normal_matrix)}
-            target.draw_bound(HIGH, batch, **matrices)
+            target.draw_bound(HIGH, batch, view_projection=shader.mat4(view), shading=shader.mat4(normal_matrix))
 
 
 def compare(
@@ -69,11 +68,13 @@ def compare(
     """
     target.fill(into, HIGH_ALONE_PASS, seen_high=high)
     with target.drawing(into, clear=False, writes_depth=True):
-        into.framebuffer.clear(depth=1.0)
+        gpu.state.active_framebuffer_get().clear(depth=1.0)
         _see_both_sides()
         for batch, normal_map, shading in parts:
-            matrices = {"view_projection": shader.mat4(view), "shading": shader.mat4(shading)}
-            target.draw_bound(LOW, batch, normal_map=normal_map, seen_high=high, **matrices)
+            textures = {"normal_map": normal_map, "seen_high": high}
+            target.draw_bound(
+                LOW, batch, view_projection=shader.mat4(view), shading=shader.mat4(shading), **textures
+            )
 
 
 def low_shading(
