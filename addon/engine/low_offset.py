@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A low mesh that lies at one distance from the high meshes everywhere: its rays start from where it was before that."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..mesh.inputs import Meshes
+from ..mesh.local_space import LocalSpace, local_space_of
 from ..mesh.orientation import face_normals, welded
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 
@@ -25,6 +27,25 @@ def offset(heights: np.ndarray, diagonal: float) -> float:
     if abs(median) < LEAST * diagonal or np.mean(np.abs(heights - median) < 0.5 * abs(median)) < ALIKE:
         return 0.0
     return median
+
+
+def is_around(meshes: Meshes, distance: float) -> bool:
+    """Whether the high meshes end farther outside than the low one by about `distance`, in scene units, on all sides. If they
+    do not, they are not larger or smaller: parts of them are deep, as panels are."""
+    space = local_space_of(meshes.highs)
+    low, high = (_ends([meshes.whole_low], space), _ends(meshes.highs, space))
+    return bool((np.abs((high - low) * space.size - distance) < 0.5 * abs(distance)).all())
+
+
+def _ends(meshes: Sequence[Mesh], space: LocalSpace) -> np.ndarray:
+    """How far meshes reach along each axis and against it, (2, 3) in a local space."""
+    ends = np.full((2, 3), -np.inf)
+    for mesh in meshes:
+        is_used = np.zeros(len(mesh.positions), bool)
+        is_used[np.take(mesh.vertices, mesh.triangles, mode="clip")] = True
+        used = space.points(mesh)[is_used].T  # one axis after another: reducing along a short last axis is slow
+        ends = np.maximum(ends, [[axis.max() for axis in used], [-axis.min() for axis in used]])
+    return ends
 
 
 def moved(meshes: Meshes, distance: float) -> Meshes:

@@ -101,7 +101,7 @@ def check_shown(low, expected):
 @pytest.mark.parametrize("depth", ["8", "16"])
 @pytest.mark.usefixtures("no_bake")
 def test_a_map_is_shown_as_its_image_stores_it(pair, depth):
-    bake(maps={"AO", "CURVATURE"}, rays=32, depth=depth)
+    bake(maps={"AO", "CURVATURE"}, curvature_limited=True, curvature_radius=0.1, rays=32, depth=depth)
     for name, image in (("AO", "lo_ao"), ("CURVATURE", "lo_curvature")):
         show(name)
         assert (viewer.mode, viewer.map) == (Mode.MAP, name)
