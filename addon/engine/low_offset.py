@@ -14,6 +14,8 @@ from ..mesh.triangle_mesh import Mesh, normal_matrix
 LEAST, ALIKE = 0.0045, 0.6
 """A low mesh is off if the median of its distances is at least this share of its diagonal, and this share of them is within
 half of the median."""
+LESS, MORE = 0.25, 1.5
+"""The share of that distance by which the meshes end apart on each side: points move along their normals, which are askew."""
 STEPS = 10
 """The mesh is moved in so many steps, each along the normals that it has after the step before."""
 
@@ -33,8 +35,8 @@ def is_around(meshes: Meshes, distance: float) -> bool:
     """Whether the high meshes end farther outside than the low one by about `distance`, in scene units, on all sides. If they
     do not, they are not larger or smaller: parts of them are deep, as panels are."""
     space = local_space_of(meshes.highs)
-    low, high = (_ends([meshes.whole_low], space), _ends(meshes.highs, space))
-    return bool((np.abs((high - low) * space.size - distance) < 0.5 * abs(distance)).all())
+    shares = (_ends(meshes.highs, space) - _ends([meshes.whole_low], space)) * space.size / distance
+    return bool(((shares > LESS) & (shares < MORE)).all())
 
 
 def _ends(meshes: Sequence[Mesh], space: LocalSpace) -> np.ndarray:
