@@ -216,10 +216,17 @@ def _into_one(
     atlas = Atlas(filled[0])
     for number, (job, settings) in enumerate(zip(jobs, filled, strict=True)):
         run = Run(settings, pace)
-        steps = run.timings.counted(draw_raw(context, job, run))
+        steps = run.timings.counted(relay(draw_raw(context, job, run), partial(_check_lows, jobs)))
         atlas.add(*(yield from part(steps, number / len(jobs), (number + 1) / len(jobs))))
     yield Progress("Storing", 1.0)
     return atlas.store()
+
+
+def _check_lows(jobs: Sequence[Job], step: Progress) -> Progress:
+    """`step` of a bake into the image of all jobs. Raises BakeError if one of their low objects was deleted."""
+    for job in jobs:
+        job.check_low(step)
+    return step
 
 
 def for_low(settings: Settings, name: str, material: str = "") -> Settings:

@@ -17,7 +17,7 @@ from ..core import naming, udim
 from ..core.declarations.choices import Method, Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
 from ..core.naming import MATERIAL, Suffixes, match
-from ..core.progress import Timings
+from ..core.progress import Progress, Timings
 from ..core.report import Report
 from ..core.settings import SamplingSettings, Settings, StorageSettings
 from ..engine import orienting
@@ -96,6 +96,11 @@ class Job:
     @property
     def cage(self) -> bpy.types.Object | None:
         return self.cage_ref.resolve() if self.cage_ref else None
+
+    def check_low(self, step: Progress) -> Progress:
+        """`step` of the bake. Raises BakeError if the low object was deleted: nothing could get the maps."""
+        self.low_ref.check_kept()
+        return step
 
     def renew(self) -> bool:
         """Refer to the same objects by their present session_uid. Returns whether one has changed.

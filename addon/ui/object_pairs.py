@@ -29,7 +29,7 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, PointerPro
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
 from ..scene import object_checks
-from ..scene.object_checks import GONE, ObjectRef
+from ..scene.object_checks import GONE, ObjectRef, is_deleted
 from .declared_properties import declared
 from .texts import labeled
 
@@ -65,13 +65,6 @@ def is_mesh(_owner, obj: bpy.types.Object) -> bool:
 
 def _may_be_high(_owner, obj: bpy.types.Object) -> bool:
     return object_checks.may_show(obj)
-
-
-def is_deleted(obj: bpy.types.Object) -> bool:
-    """Whether the user has deleted a local object that a pointer still keeps: it is in no collection."""
-    if obj.library is not None or bpy.context.view_layer.objects.get(obj.name) == obj:
-        return False
-    return not obj.users_collection  # slower: it goes through all collections
 
 
 class ImprintHigh(bpy.types.PropertyGroup):
