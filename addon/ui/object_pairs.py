@@ -24,7 +24,7 @@ from datetime import UTC, datetime
 from functools import lru_cache
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
@@ -51,6 +51,16 @@ OF_BATCHES = {
         "Size",
         "Width and height of the maps that Bake Pairs by Name bakes for this low object. One image for all has the panel's",
         items=[("0", "–", "The size of the panel"), *((str(size), str(size), "") for size in SIZES)],
+        override=_OVERRIDABLE,
+    ),
+    "imprint_distance": lambda: labeled(
+        FloatProperty,
+        "Distance",
+        "How far outward and inward of this low object Bake Pairs by Name looks for the high ones. 0 for the setting of the "
+        "panel Rays, which measures it by default",
+        min=0.0,
+        subtype="DISTANCE",
+        precision=3,
         override=_OVERRIDABLE,
     ),
 }

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws all panels in a sidebar of 300 pixels, in English and in each language of the interface, for a look at texts that are
-cut off. Not collected by pytest.
+"""Draws all panels in a sidebar of 300 pixels, in a language of the interface, for a look at texts that are cut off. Not
+collected by pytest.
 
-    blender --factory-startup --window-geometry 0 0 700 2200 --python tests/window/narrow_panels.py -- FOLDER [LOCALE ...]
+    blender --factory-startup --window-geometry 0 0 700 2200 --python tests/window/narrow_panels.py -- FOLDER [LOCALE]
 
-Needs X11 (or Xvfb) with a screen of that size, xdotool and ImageMagick. The pictures are FOLDER/LOCALE-GROUP.png.
+Needs X11 (or Xvfb) with a screen of that size, xdotool and ImageMagick. The pictures are FOLDER/LOCALE-GROUP.png. The texts are
+translated before Blender gets them, so a Blender that was built without languages will do.
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import bpy
@@ -16,9 +17,42 @@ import bpy
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from addon.ui import texts  # noqa: E402
+
+
+def speak(locale: str) -> None:
+    """Make the add-on's texts those of a language. Call it before the modules of the interface are imported."""
+    known = texts.read_translations(locale)
+
+    def translated(kind: Callable) -> Callable:
+        def make(**how):
+            for item in (how["items"],) if isinstance(how.get("items"), list) else ():
+                item[:] = [(one[0], known.get((texts.LABEL, one[1]), one[1]), *one[2:]) for one in item]
+            name = how.get("name", "")
+            return kind(**{**how, "name": known.get((texts.LABEL, name), name)})
+
+        return make
+
+    for name in ("Bool", "Int", "Float", "FloatVector", "String", "Enum", "Pointer", "Collection"):
+        setattr(bpy.props, f"{name}Property", translated(getattr(bpy.props, f"{name}Property")))
+    texts.label = lambda text: known.get((texts.LABEL, text), text)
+    texts.message = lambda text: known.get((texts.SENTENCE, text), text)
+    import addon
+
+    for module in addon.modules():
+        for cls in getattr(module, "CLASSES", ()):
+            context = texts.OPERATOR if issubclass(cls, bpy.types.Operator) else texts.LABEL
+            cls.bl_label = known.get((context, getattr(cls, "bl_label", "")), getattr(cls, "bl_label", ""))
+
+
+GIVEN = globals().get("ARGS") or sys.argv[sys.argv.index("--") + 1 :]
+FOLDER, LOCALE = Path(GIVEN[0]), GIVEN[1] if len(GIVEN) > 1 else "en"
+if LOCALE != "en":
+    speak(LOCALE)
+
 import addon  # noqa: E402
 from addon.ui import settings_panels  # noqa: E402
-from addon.ui.texts import SidebarPanel, locales  # noqa: E402
+from addon.ui.texts import SidebarPanel  # noqa: E402
 from scripts.dev.manual import window as screen  # noqa: E402
 from tests.support import window, zoo  # noqa: E402
 
@@ -41,14 +75,12 @@ class OtherMaps(SidebarPanel):
     def draw(self, context: bpy.types.Context) -> None:
         for families in settings_panels.GROUPS.values():
             names = [kind.name for kind in settings_panels.OTHERS if kind.family in families]
-            settings_panels._draw_group(self.layout, context, names, names)
+            settings_panels.draw_group(self.layout, context, names, names)
 
 
 def step() -> Iterator[float]:
-    """Make the pictures of all languages; yields the seconds to wait."""
-    given = globals().get("ARGS") or sys.argv[sys.argv.index("--") + 1 :]
-    folder, wanted = Path(given[0]), given[1:] or ["en_US", *locales()]
-    folder.mkdir(parents=True, exist_ok=True)
+    """Make the pictures; yields the seconds to wait."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
     addon.register()
     with window.at_view():
         bpy.ops.screen.screen_full_area(use_hide_panels=True)
@@ -56,27 +88,22 @@ def step() -> Iterator[float]:
     _prepare()
     yield 0.5
     yield from _narrow()
-    preferences = bpy.context.preferences.view
-    for locale in wanted:
-        preferences.language = locale
-        preferences.use_translate_interface = preferences.use_translate_tooltips = True
-        for group, panels in GROUPS.items():
-            copies = [_copy(group, getattr(bpy.types, f"IMPRINT_PT_{name}")) for name in panels]
-            if group == "bake":
-                copies.append(
-                    type("IMPRINT_PT_others_narrow", (OtherMaps, bpy.types.Panel), {"bl_category": f"N {group}"})
-                )
-            for copy in copies:
-                bpy.utils.register_class(copy)
-            yield 1.0
-            _sidebar().active_panel_category = f"N {group}"
-            _, area, _ = window.view()
-            area.tag_redraw()
-            yield 3.0
-            pixels = screen.crop(screen.box_of(_sidebar()))
-            screen.save(folder / f"{locale}-{group}.png", screen.trimmed(pixels))
-            for copy in reversed(copies):
-                bpy.utils.unregister_class(copy)
+    for group, panels in GROUPS.items():
+        copies = [_copy(group, getattr(bpy.types, f"IMPRINT_PT_{name}")) for name in panels]
+        if group == "bake":
+            others = (OtherMaps, bpy.types.Panel)
+            copies.append(type("IMPRINT_PT_others_narrow", others, {"bl_category": f"N {group}"}))
+        for copy in copies:
+            bpy.utils.register_class(copy)
+        yield 1.0
+        _sidebar().active_panel_category = f"N {group}"
+        _, area, _ = window.view()
+        area.tag_redraw()
+        yield 3.0
+        pixels = screen.crop(screen.box_of(_sidebar()))
+        screen.save(FOLDER / f"{LOCALE}-{group}.png", screen.trimmed(pixels))
+        for copy in reversed(copies):
+            bpy.utils.unregister_class(copy)
     addon.unregister()
 
 
@@ -95,8 +122,10 @@ def _prepare() -> None:
     """A pair that was baked with several maps, another one by name, and all that opens further rows."""
     for obj in list(bpy.data.objects):
         bpy.data.objects.remove(obj)
+    bpy.context.view_layer.update()
     low, high = zoo.terrain("crate_low", n=8), zoo.terrain("crate_high", n=24, height=0.15)
     zoo.plane("barrel_low"), zoo.plane("barrel_high", 4)
+    bpy.context.view_layer.update()
     window.select_only(low)
     settings = bpy.context.scene.imprint
     settings.low = low
