@@ -512,7 +512,8 @@ def _export(
     together = [[low] for low in lows] if naming.has_low(output) else [lows]
     found = {}
     for bakes in together:
-        path = Path(naming.fill(output, bakes[0][0].low)).absolute()
+        report = bakes[0][0]
+        path = Path(naming.fill(output, report.low, low_suffix=report.settings.get("low_suffix", ""))).absolute()
         with standard_streams.silence():
             are_linked = are_levels and len(bakes) > 1
             done = engine_files.export_files(bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside)

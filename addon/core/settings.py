@@ -148,6 +148,8 @@ class StorageSettings:
     dither: bool = _field("dither")
     value_range: float | None = _field("value_range")
     """In scene units. None for the largest value of each bake."""
+    low_suffix: str = _field("low_suffix")
+    """The ending of the low object's name, which NAME leaves out."""
     image: str = _field("image")
     """Name of the image datablock. Empty to name it after the low object."""
     storage: str = _field("storage")

@@ -79,7 +79,8 @@ def bake_job(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     settings: checked, with names filled in. Raises BakeError, and then nothing has changed.
     """
     run = Run(settings, pace)
-    drawn, stored, warnings = yield from run.timings.counted(_bake(context, job, run))
+    steps = relay(_bake(context, job, run), job.check_low)
+    drawn, stored, warnings = yield from run.timings.counted(steps)
     return report_of(drawn, stored, warnings)
 
 

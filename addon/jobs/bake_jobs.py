@@ -176,7 +176,7 @@ def work(
             raise BakeError("Texture sets and one image for all low objects exclude each other: choose one of them.")
         jobs = by_material(jobs, settings.storing)
     filled = [
-        for_low(own if share_image else _of_size(own, job.size), ATLAS if share_image else job.low.name, job.material)
+        for_low(_of_job(own, job, share_image), ATLAS if share_image else job.low.name, job.material)
         for job, own in zip(jobs, weights.settings_by_job(jobs, settings), strict=True)
     ]
     _find_occluders(jobs, settings.tracing)
@@ -196,8 +196,13 @@ def work(
     return reports
 
 
-def _of_size(settings: Settings, size: int) -> Settings:
-    return replace(settings, width=size, height=size) if size else settings
+def _of_job(settings: Settings, job: Job, shares_image: bool) -> Settings:
+    """The settings with the size and the distance that a job has for itself."""
+    if job.size and not shares_image:
+        settings = replace(settings, width=job.size, height=job.size)
+    if job.distance:  # rays start outside, and reach as far inside
+        settings = replace(settings, extrusion=job.distance, max_distance=2.0 * job.distance)
+    return settings
 
 
 def _find_occluders(jobs: Sequence[Job], tracing: TracingSettings) -> None:
@@ -216,10 +221,17 @@ def _into_one(
     atlas = Atlas(filled[0])
     for number, (job, settings) in enumerate(zip(jobs, filled, strict=True)):
         run = Run(settings, pace)
-        steps = run.timings.counted(draw_raw(context, job, run))
+        steps = run.timings.counted(relay(draw_raw(context, job, run), partial(_check_lows, jobs)))
         atlas.add(*(yield from part(steps, number / len(jobs), (number + 1) / len(jobs))))
     yield Progress("Storing", 1.0)
     return atlas.store()
+
+
+def _check_lows(jobs: Sequence[Job], step: Progress) -> Progress:
+    """`step` of a bake into the image of all jobs. Raises BakeError if one of their low objects was deleted."""
+    for job in jobs:
+        job.check_low(step)
+    return step
 
 
 def for_low(settings: Settings, name: str, material: str = "") -> Settings:
@@ -227,7 +239,7 @@ def for_low(settings: Settings, name: str, material: str = "") -> Settings:
     return replace(
         settings,
         image=map_names.name_for(name, settings.storing, material),
-        output=naming.fill(settings.storing.output, name, material),
+        output=naming.fill(settings.storing.output, name, material, low_suffix=settings.storing.low_suffix),
     )
 
 

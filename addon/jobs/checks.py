@@ -15,7 +15,7 @@ from ..audit.severity import Warned
 from ..core import progress
 from ..core.declarations.choices import Method, Modifiers, Space
 from ..core.errors import BakeError, shorten_list
-from ..core.map_types import NORMAL
+from ..core.map_types import BY_NAME, NORMAL
 from ..core.progress import Progress, Task
 from ..core.report import Report
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
@@ -33,6 +33,8 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
 from ..scene import evaluation, mesh_elements, mesh_reader
+from ..scene.high_materials import MaterialNumbers
+from ..scene.textures import ImageTextures
 from . import unwrapping
 from .job import Job, PastBake, check_job, read_as_is, read_meshes
 
@@ -126,6 +128,23 @@ def viewport_flipped(
     each = max(1, before_bake.HIGH_FACES // len(highs))
     on_high = before_bake.joined_faces([_some_faces(high.evaluated_get(depsgraph), each) for high in highs])
     return before_bake.find_flipped(on_low, on_high, repr(low.name), shorten_list(repr(high.name) for high in highs))
+
+
+def viewport_material_notes(
+    low: bpy.types.Object, highs: Sequence[bpy.types.Object], map_settings: MapSettings
+) -> list[str]:
+    """What the chosen maps will not have of the high objects' materials, in the sentences of a bake's report. Materials of
+    instances are left out."""
+    sockets = {BY_NAME[name].socket for name in map_settings.drawn_maps} - {""}
+    if not sockets:
+        return []
+    numbers = MaterialNumbers(ImageTextures(), low, sockets=sockets)
+    for high in highs:
+        if high.type == "MESH" and not high.data.is_editmode:
+            for shown in numbers.of_slots(high, high.data):
+                numbers.read(shown)
+    notes = (note for each in numbers.materials for socket in (*sockets, "") for note in each.notes.get(socket, ()))
+    return list(dict.fromkeys(notes))
 
 
 def _some_faces(obj: bpy.types.Object, most: int) -> Faces:

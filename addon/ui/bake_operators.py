@@ -143,7 +143,7 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
         if not jobs:
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
         for job in jobs:
-            job.size = int(job.low.imprint_size)
+            job.size, job.distance = int(job.low.imprint_size), job.low.imprint_distance
         for problem in problems:
             self.report({"WARNING"}, problem)
         steps = bake_jobs.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)
@@ -194,15 +194,18 @@ class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
 
 
 def _draw_pair(layout: bpy.types.UILayout, context: bpy.types.Context, pair: naming.Pair) -> None:
-    low = context.view_layer.objects[pair.low]
-    row = layout.row()
-    row.prop(low, "imprint_is_baked", text=pair.low, translate=False)
-    size = row.row()
-    size.active = low.imprint_is_baked and not context.scene.imprint.share_image
+    low, settings = context.view_layer.objects[pair.low], context.scene.imprint
+    layout.prop(low, "imprint_is_baked", text=pair.low, translate=False)
+    column = layout.column()
+    column.active = low.imprint_is_baked
+    draw_paragraphs(column, context, [", ".join(pair.highs)], "BLANK1")
+    row = column.row(align=True)
+    size = row.row(align=True)
+    size.active = not settings.share_image
     size.prop(low, "imprint_size", text="")
-    highs = layout.column()
-    highs.active = low.imprint_is_baked
-    draw_paragraphs(highs, context, [", ".join(pair.highs)], "BLANK1")
+    distance = row.row(align=True)
+    distance.active = settings.method != Method.FLATTEN
+    distance.prop(low, "imprint_distance", text="")
 
 
 class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
@@ -210,7 +213,7 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
 
     bl_idname = "IMPRINT_PT_pairs"
     bl_label = "Pairs by Name"
-    bl_order = 1
+    bl_order = 3
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

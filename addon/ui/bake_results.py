@@ -355,7 +355,8 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
 
     def task(self, context: bpy.types.Context, _pace: Pace) -> Task[Exported]:
         reports = results.all_of(context)
-        path = naming.fill(self.filepath or context.scene.imprint.export, reports[0].low)
+        panel = context.scene.imprint
+        path = naming.fill(self.filepath or panel.export, reports[0].low, low_suffix=panel.low_suffix)
         if not path:
             raise BakeError("No file is set for the export: set one.")
         if path.startswith("//") and not bpy.data.filepath:

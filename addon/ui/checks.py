@@ -35,6 +35,8 @@ class PanelFindings:
         self._flipped: list[Finding] = []
         self._looked: tuple = ()
         self._look: list[str] = []
+        self._shown: tuple = ()
+        self._notes: list[str] = []
         self._handlers = Handlers(
             ("depsgraph_update_post", self._after_update), ("undo_post", self._drop), ("redo_post", self._drop)
         )
@@ -81,6 +83,20 @@ class PanelFindings:
             for value in (obj.session_uid, obj.data.session_uid if obj.data else 0, obj.name, obj.mode)
         )
 
+    def material_notes(self, low: bpy.types.Object, highs: list[bpy.types.Object], settings: Settings) -> list[str]:
+        """What the maps will not have of the high objects' materials, from the last time if nothing has changed since."""
+        slots = (slot.material for high in highs for slot in high.material_slots)
+        key = (
+            *self._key_of(low, highs),
+            settings.map.drawn_maps,
+            *((material.session_uid, material.name) for material in slots if material is not None),
+        )
+        if key != self._shown:
+            self._handlers.add()
+            self._notes = checks.viewport_material_notes(low, highs, settings.map)
+            self._shown = key
+        return self._notes
+
     def keep_look(self, low: bpy.types.Object, highs: list[bpy.types.Object], lines: list[str]) -> None:
         """Remember what a look at the high objects found, until one of the objects changes."""
         self._handlers.add()
@@ -116,8 +132,13 @@ class PanelFindings:
         self._key, self.known = None, []
         self._pair, self._flipped = None, []
         self._looked, self._look = (), []
+        self._shown, self._notes = (), []
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        if self._shown and any(
+            isinstance(update.id, (bpy.types.Material, bpy.types.NodeTree)) for update in depsgraph.updates
+        ):
+            self._shown, self._notes = (), []
         if self._key is None and self._pair is None and not self._looked:
             return
         moved = {update.id.original.session_uid for update in depsgraph.updates if update.is_updated_transform}

@@ -41,8 +41,10 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
         row = layout.row()
-        is_of_all_maps = bool(settings.to_settings().map.drawn_maps)
-        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not is_of_all_maps
+        shares_samples = settings.to_settings().map.drawn_maps or (
+            settings.detail_maps and _have_normal_maps(chosen.highs)
+        )
+        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not shares_samples
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")
@@ -59,6 +61,13 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         column.prop(settings, "limited")
         if settings.limited:
             column.prop(settings, "limit")
+
+
+def _have_normal_maps(highs: Sequence[bpy.types.Object]) -> bool:
+    """Whether a material of the high objects has nodes for a normal or bump map, which a bake may follow."""
+    found = (slot.material for high in highs for slot in high.material_slots if slot.material is not None)
+    trees = [material.node_tree for material in found if material.node_tree is not None]
+    return any(node.bl_idname in {"ShaderNodeNormalMap", "ShaderNodeBump"} for tree in trees for node in tree.nodes)
 
 
 class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
@@ -129,10 +138,13 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
             header, body = layout.panel(f"imprint_maps_{group}", default_closed=group != "rays")
             header.label(text=_title(titles[group], settings.maps & set(names)), translate=False)
             if body is not None:
-                _draw_group(body, context, names, drawn)
+                draw_group(body, context, names, drawn)
         chosen = settings.chosen(context)
         if drawn and not bake_panel.bake_problem(context, chosen):
-            _draw_names(layout.box(), bake_panel.planned_images(chosen.low, settings))
+            header, body = layout.panel("imprint_images", default_closed=True)
+            header.label(text=bake_panel.count_images(chosen.low, settings), translate=False)
+            if body is not None:
+                _draw_names(body, bake_panel.planned_images(chosen.low, settings))
 
 
 def _draw_names(layout: bpy.types.UILayout, images: Iterable[bake_panel.PlannedImage]) -> None:
@@ -148,12 +160,13 @@ def _title(text: str, chosen: Collection[str]) -> str:
     return f"{text} ({len(chosen)})" if chosen else text
 
 
-def _draw_group(
+def draw_group(
     layout: bpy.types.UILayout, context: bpy.types.Context, names: Sequence[str], drawn: Collection[str]
 ) -> None:
     """The switches of some maps, with their settings. drawn: all maps that the bake draws, also those that only the packed
     image stores."""
-    grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
+    # Columns of uneven widths hold longer names.
+    grid = layout.grid_flow(row_major=True, columns=2, even_columns=False, align=True)
     for name in names:
         grid.prop(context.scene.imprint, declared_properties.map_switch(name))
     if BY_NAME[names[0]].family.casts_rays:

@@ -20,7 +20,7 @@ from ..engine.bands import BAND_TEXELS
 from ..jobs import live_session
 from ..jobs.job import PastBake
 from ..scene.object_checks import ObjectRef
-from . import object_pairs, stored_maps, view_labels, view_shading
+from . import object_pairs, progress_display, stored_maps, view_labels, view_shading
 from .callbacks import DrawCallbacks, Handlers, Timer, redraw
 from .live import live
 from .local_view import hiding
@@ -359,7 +359,7 @@ class ViewMode:
             self.mode,
             eye(context.region_data, view.light, np.array(view.direction)),
             split=view.split,
-            visible=view_labels.visible_columns(context) if context.area else None,
+            visible=progress_display.visible_columns(context.area, context.region) if context.area else None,
             limit=view.limit,
             is_alone=hiding.are_out(context.space_data, highs),
         )

@@ -260,6 +260,7 @@ def test_adjust_last_operation_shows_the_summary_and_no_settings(pair):
     layout = SimpleNamespace(column=lambda *, align: SimpleNamespace(label=label))
     bake_operators.IMPRINT_OT_bake.draw(SimpleNamespace(layout=layout), bpy.context)
     assert "64 x 64" in " ".join(texts)
+    assert bpy.ops.imprint.bake.get_rna_type().name == "Bake Maps"  # the box's title, whichever maps were baked
     assert max(map(len, texts)) <= modal.LAST_OPERATION
     assert "REGISTER" not in bake_operators.IMPRINT_OT_live.bl_options
 

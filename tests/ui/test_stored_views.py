@@ -10,7 +10,7 @@ from mathutils import Matrix
 
 from addon.core.errors import BakeError
 from addon.jobs import checks, live_session
-from addon.ui import stored_maps, view_gizmos, view_labels, view_shading
+from addon.ui import progress_display, stored_maps, view_gizmos, view_shading
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.stored_maps import maps_of
@@ -300,7 +300,7 @@ def test_a_key_flickers_between_high_and_map(pair):
 @pytest.mark.usefixtures("no_bake")
 def test_side_by_side_shows_the_same_camera_twice(pair, monkeypatch):
     bake()
-    monkeypatch.setattr(view_labels, "visible_columns", lambda _: (0, SIZE[0]))
+    monkeypatch.setattr(progress_display, "visible_columns", lambda *_: (0, SIZE[0]))
     pictures = {}
     for mode in ("MAP", "HIGH", "SIDES"):
         view().mode = mode

@@ -178,13 +178,13 @@ MAP: dict[str, Setting] = {
         ),
     ),
     "keep_faces": Switch(
-        label="Keep Faces as They Are",
+        label="Keep Faces",
         tooltip="Take the faces of the high mesh as they are. Without it, faces that point to the wrong side are turned over "
         "for the bake, and those that are there twice or hidden behind the surface are left out. The object itself does not "
         "change",
     ),
     "smooth_high": WholeNumber(
-        label="Smooth High Normals",
+        label="Smooth High",
         tooltip="How often the normals of the high mesh are averaged with those around them, against noise. The report says by "
         "how many degrees they change. Hard edges stay",
         default=0,
