@@ -28,6 +28,7 @@ import gpu  # noqa: E402
 from mathutils import Quaternion  # noqa: E402
 
 import addon  # noqa: E402
+from addon.core.declarations import targets  # noqa: E402
 from scripts.dev.in_engines import chromium, comparing, drawing, samples  # noqa: E402
 from scripts.dev.in_engines.glb_file import Glb, node_matrix, unit  # noqa: E402
 from tests.support import angles, scenes  # noqa: E402
@@ -211,7 +212,7 @@ def measure(file: Path, modules: Path, texels: int, pixels: int) -> dict[str, np
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     rig = make_rig([low, high])
     covered = samples.bake(low, high, texels, "OBJECT", margin=0)[0][..., 3] > 0.5
-    glb = samples.export(samples.bake(low, high, texels, "TANGENT", "MIKKTSPACE")[1])
+    glb = samples.export(samples.bake(low, high, texels, "TANGENT", targets.BY_NAME["three"].basis.name)[1])
     files, truths = {}, {}
     for name, is_posed in (("rest", False), ("posed", True)):
         pose(rig, [low, high], is_posed=is_posed)
