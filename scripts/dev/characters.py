@@ -5,8 +5,11 @@
 
 Needs Chromium and npm, as engines.py does. Each FILE.blend holds two objects that share UVs, "hi" and "lo"; without files, spot
 of ../shared/assets. Both get the same two bones and shape keys, as functions of the place. The map is baked in the rest pose,
-which the .glb has. The script then turns a joint and sets the weights of the shape keys in the file, three.js draws it, and
-Blender poses the high mesh: at each pixel, the normal is compared with that of the high mesh at the same UV.
+which the .glb has. The script then turns a joint and sets the weights of the shape keys in the file, and three.js draws it: at
+each pixel, the normal is compared with that of the high mesh at the same UV, posed as engines pose it.
+
+Engines turn normals by the mixed rotations of the bones. Blender makes them anew from the posed faces, which differs where
+weights change: the last line compares with those.
 
 Ends with 1 if the pose adds more than 0.5 degrees to the rest pose, in the median or at the 99th percentile.
 """
@@ -40,6 +43,7 @@ KEYS = {"wide": 0.7, "bent": 0.5}
 """The shape keys, and their values in the pose."""
 TURN = Quaternion((0.0, 0.0, 1.0), np.radians(25.0)) @ Quaternion((1.0, 0.0, 0.0), np.radians(20.0))
 """Of the upper bone in the pose, in its own axes."""
+ENGINE = "as engines pose it"
 MORE = 0.5
 """Degrees that the pose may add."""
 TO_GLTF = np.eye(4)
@@ -76,11 +80,15 @@ def make_rig(objects: Sequence[bpy.types.Object]) -> Rig:
     return rig
 
 
+def upper_weights(points: np.ndarray, rig: Rig) -> np.ndarray:
+    """How much of the upper bone there is at points (N, 3)."""
+    share = np.clip(((points[:, 2] - rig.lowest[2]) / rig.size[2] - 0.2) / 0.6, 0.0, 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
 def deform(obj: bpy.types.Object, rig: Rig) -> None:
     """Give an object the weights and the shape keys, as functions of the place."""
-    places = (world_points(obj) - rig.lowest) / rig.size
-    upper = np.clip((places[:, 2] - 0.2) / 0.6, 0.0, 1.0)
-    upper = upper * upper * (3.0 - 2.0 * upper)
+    places, upper = (world_points(obj) - rig.lowest) / rig.size, upper_weights(world_points(obj), rig)
     for name, weights in zip(BONES, (1.0 - upper, upper), strict=True):
         scenes.weigh(obj, name, weights)
     obj.modifiers.new("Armature", "ARMATURE").object = rig.armature
@@ -120,13 +128,36 @@ def world_points(obj: bpy.types.Object) -> np.ndarray:
     return points_of(obj.data) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def true_normals(high: bpy.types.Object, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """The normals (size, size, 3) of the high mesh as it is posed at its UVs, in the axes of glTF, and where there are some."""
+def corner_normals(obj: bpy.types.Object) -> np.ndarray:
+    """The normals (L, 3) of the face corners as the object is now, in the world, in the axes of glTF."""
+    mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    normals = np.array([corner.vector for corner in mesh.corner_normals])
+    return unit(normals @ np.linalg.inv(np.array(obj.matrix_world)[:3, :3])) @ samples.TO_GLTF.T
+
+
+def engine_normals(rig: Rig, high: bpy.types.Object) -> np.ndarray:
+    """As corner_normals in the pose, but as engines pose a mesh: what shape keys change is added up, and bones turn the sum by
+    their rotations, mixed by the weights."""
+    pose(rig, [high], is_posed=False)
+    rest, keys = corner_normals(high), high.data.shape_keys.key_blocks
+    found = rest.copy()
+    for name, value in KEYS.items():
+        keys[name].value = 1.0
+        bpy.context.view_layer.update()
+        found += value * (corner_normals(high) - rest)
+        keys[name].value = 0.0
+    pose(rig, [high], is_posed=True)
+    vertices = np.array([loop.vertex_index for loop in high.data.loops])
+    upper = upper_weights(world_points(high), rig)[vertices, None]
+    lower, tip = (unit(found) @ joint_deltas(rig)[name][:3, :3].T for name in BONES)
+    return unit((1.0 - upper) * lower + upper * tip)
+
+
+def laid_out_normals(high: bpy.types.Object, normals: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Normals of the face corners as a map (size, size, 3) by the UVs, and where there are some."""
     mesh = high.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
     corners = np.array([triangle.loops for triangle in mesh.loop_triangles])
-    normals = np.array([corner.vector for corner in mesh.corner_normals])
     uv = np.array([corner.vector for corner in mesh.uv_layers.active.uv])
-    normals = unit(normals @ np.linalg.inv(np.array(high.matrix_world)[:3, :3])) @ samples.TO_GLTF.T
     laid_out = drawing.lay_out(uv[corners], size)
     there, found = laid_out.there, np.zeros((size, size, 3))
     found[there] = unit(np.einsum("ncx,nc->nx", normals[corners[laid_out.triangle[there]]], laid_out.weights[there]))
@@ -217,7 +248,8 @@ def measure(file: Path, modules: Path, texels: int, pixels: int) -> dict[str, np
     for name, is_posed in (("rest", False), ("posed", True)):
         pose(rig, [low, high], is_posed=is_posed)
         files[name] = posed(glb, joint_deltas(rig), {key: value * is_posed for key, value in KEYS.items()})
-        truths[name] = true_normals(high, texels)
+        truths[name] = laid_out_normals(high, corner_normals(high), texels)
+    truths[ENGINE] = laid_out_normals(high, engine_normals(rig, high), texels)
     surface = glb.surface()
     laid_out = drawing.lay_out(samples.with_v_up(surface.uv), texels)
     sample = samples.Sample(
@@ -239,15 +271,16 @@ def measure(file: Path, modules: Path, texels: int, pixels: int) -> dict[str, np
         shown[name, view] = np.where(values[..., 3:] > 0.5, normals, 0.0)
 
     chromium.render(modules, "three", models, views=len(comparing.DIRECTIONS), size=pixels, keep=keep)
-    found: dict[str, list[np.ndarray]] = {model.name: [] for model in models}
-    for (name, view), normals in shown.items():
-        pose_name = name.split()[0]
-        drawn = sights[pose_name].drawn[view]
-        truth, is_true = truths[pose_name]
-        is_there = comparing.away_from_seams(sample, drawn) & normals.any(axis=-1)
-        uv = np.einsum("ncx,nc->nx", sample.uv[drawn.triangle[is_there]], drawn.weights[is_there])
-        expected, is_known = sampled(truth, is_true, uv)
-        found[name].append(angles.degrees(normals[is_there][is_known], expected[is_known]))
+    compared = [("rest", "rest"), ("rest bare", "rest"), ("posed", ENGINE), ("posed bare", ENGINE), ("posed", "posed")]
+    found: dict[str, list[np.ndarray]] = {}
+    for name, against in compared:
+        for view, drawn in enumerate(sights[name.split()[0]].drawn):
+            normals, (truth, is_true) = shown[name, view], truths[against]
+            is_there = comparing.away_from_seams(sample, drawn) & normals.any(axis=-1)
+            uv = np.einsum("ncx,nc->nx", sample.uv[drawn.triangle[is_there]], drawn.weights[is_there])
+            expected, is_known = sampled(truth, is_true, uv)
+            title = name if against != "posed" else f"{name}, to Blender's"
+            found.setdefault(title, []).append(angles.degrees(normals[is_there][is_known], expected[is_known]))
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
@@ -276,7 +309,7 @@ def main() -> int:
                 print(f"{file.stem}, degrees to the high mesh in three.js (median, 95, 99 percent, pixels):")
                 shares = {name: np.percentile(values, (50, 95, 99)) for name, values in found.items()}
                 for name, values in shares.items():
-                    print(f"  {name:12} {values[0]:6.2f} {values[1]:6.2f} {values[2]:6.2f} {len(found[name]):9,}")
+                    print(f"  {name:22} {values[0]:6.2f} {values[1]:6.2f} {values[2]:6.2f} {len(found[name]):9,}")
                 is_far |= bool((shares["posed"] - shares["rest"] > MORE)[[0, 2]].any())
     except chromium.NoEngine as error:
         sys.exit(f"characters.py: {error}")
