@@ -15,20 +15,21 @@ from .. import flamenco
 from ..core import levels, naming
 from ..core.conversion import ConversionReport, StoredNormals
 from ..core.declarations.choices import Method, Space, Storage
-from ..core.errors import BakeError
+from ..core.errors import BakeError, in_window
 from ..core.levels import ChainReport
 from ..core.progress import Pace, Task
 from ..core.report import Report
 from ..core.settings import Settings
 from ..export import engine_files
-from ..jobs import bake_jobs, convert, lod
+from ..jobs import bake_jobs, convert, lod, weights
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.convert import Conversion
 from ..jobs.job import Job, jobs_by_name
-from ..scene import reading
+from ..scene import object_checks, reading
 from ..scene.object_checks import object_by_name
 from . import bake_results, modal, object_pairs
 from .bake_results import results
+from .checks import draw_fixable
 from .live import live
 from .modal import QuickOperator
 from .preferences import flamenco_address
@@ -130,7 +131,7 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
 
 
 class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
-    """Bake each low object of the scene against the high objects with a matching name"""
+    """Bake each low object of the scene against the high objects with a matching name. Leaves out what cannot be baked"""
 
     bl_idname = "imprint.bake_pairs"
     bl_label = "Bake Pairs by Name"
@@ -144,10 +145,29 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
         for job in jobs:
             job.size, job.distance = int(job.low.imprint_size), job.low.imprint_distance
-        for problem in problems:
-            self.report({"WARNING"}, problem)
-        steps = bake_jobs.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)
-        return (yield from steps)
+        values = settings.to_settings()
+        self._left_out = [("", problem) for problem in problems]
+        if not settings.share_image:  # an atlas is whole, or is not baked
+            jobs = self._ready(context, jobs, weights.settings_by_job(jobs, values))
+        for _, reason in self._left_out:
+            self.report({"WARNING"}, in_window(reason)[0])
+        return (yield from bake_jobs.work(context, jobs, values, pace, share_image=settings.share_image))
+
+    def _ready(self, context: bpy.types.Context, jobs: list[Job], settings: list[Settings]) -> list[Job]:
+        """The jobs that can be baked. The others are left out. Raises BakeError if none can be."""
+        context.view_layer.update()
+        reasons = [
+            object_checks.problem(context, job.low, job.highs, job.cage, of_job.tracing.method)
+            for job, of_job in zip(jobs, settings, strict=True)
+        ]
+        if all(reasons):
+            raise BakeError(reasons[0])
+        self._left_out += [(job.low.name, reason) for job, reason in zip(jobs, reasons, strict=True) if reason]
+        return [job for job, reason in zip(jobs, reasons, strict=True) if not reason]
+
+    def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
+        super().finish(context, result)
+        results.leave_out(self._left_out)
 
 
 class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
@@ -194,7 +214,8 @@ class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
 
 
 def _draw_pair(layout: bpy.types.UILayout, context: bpy.types.Context, pair: naming.Pair) -> None:
-    low, settings = context.view_layer.objects[pair.low], context.scene.imprint
+    objects, settings = context.view_layer.objects, context.scene.imprint
+    low, highs, cage = objects[pair.low], [objects[name] for name in pair.highs], objects.get(pair.cage or "")
     layout.prop(low, "imprint_is_baked", text=pair.low, translate=False)
     column = layout.column()
     column.active = low.imprint_is_baked
@@ -206,6 +227,9 @@ def _draw_pair(layout: bpy.types.UILayout, context: bpy.types.Context, pair: nam
     distance = row.row(align=True)
     distance.active = settings.method != Method.FLATTEN
     distance.prop(low, "imprint_distance", text="")
+    reason = object_checks.problem(context, low, highs, cage, settings.method)
+    if reason and low.imprint_is_baked:
+        draw_fixable(column, context, reason, "ERROR", pair.low)
 
 
 class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):

@@ -2,6 +2,8 @@
 """The last bakes: their reports, which the low objects keep in the file, and the operators that show, connect and export their
 maps."""
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -29,11 +31,23 @@ class BakeResults:
     def remember(self, _context: bpy.types.Context, reports: list[Report]) -> None:
         """Keep the reports of a bake, and its pairs, in place of earlier ones of the same low objects."""
         object_pairs.remember(reports)
+        baked = {ref.name for report in reports for ref in report.refs[:1]}
+        self.leave_out([one for one in self.left_out() if one[0] not in baked])
+
+    def left_out(self) -> list[tuple[str, str]]:
+        """What the last bake of pairs left out: names of low objects, empty where there is no pair, and why in a sentence."""
+        text = bpy.context.window_manager.imprint_left_out
+        found = [(name, reason) for name, reason in json.loads(text)] if text else []
+        return [one for one in found if not one[0] or one[0] in bpy.data.objects]
+
+    def leave_out(self, found: Sequence[tuple[str, str]]) -> None:
+        """Keep what a bake of pairs left out, as `left_out` returns it."""
+        bpy.context.window_manager.imprint_left_out = json.dumps(list(found)) if found else ""
 
     def forget(self) -> None:
         """Clear the lines about the session's last bake: they mean nothing in another file."""
         for manager in bpy.data.window_managers:
-            manager.imprint_summary = manager.imprint_warnings = ""
+            manager.imprint_summary = manager.imprint_warnings = manager.imprint_left_out = ""
 
     def has_any(self, context: bpy.types.Context) -> bool:
         """Whether the panel's low object, or any other one in the context's scene, was baked."""

@@ -273,10 +273,17 @@ def register() -> None:
     bpy.types.WindowManager.imprint_warnings = labeled(
         StringProperty, "Warnings", "Warnings of this session's last bake, one per line", options={"SKIP_SAVE"}
     )
+    bpy.types.WindowManager.imprint_left_out = labeled(
+        StringProperty,
+        "Left Out",
+        "Low objects that this session's last bake of pairs left out, and why, in JSON",
+        options={"SKIP_SAVE"},
+    )
 
 
 def unregister() -> None:
     _handlers.remove()
+    del bpy.types.WindowManager.imprint_left_out
     del bpy.types.WindowManager.imprint_warnings
     del bpy.types.WindowManager.imprint_summary
     del bpy.types.Scene.imprint

@@ -26,15 +26,30 @@ class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return results.has_any(context)
+        return results.has_any(context) or bool(results.left_out())
 
     def draw(self, context: bpy.types.Context) -> None:
-        listed = results.of_scene(context)
+        listed, left_out = results.of_scene(context), results.left_out()
+        if left_out:
+            _draw_left_out(self.layout.box(), context, left_out)
         if len(listed) > 1:
             _draw_list(self.layout, context, listed)
         reports = results.all_of(context)
         if reports:
             draw_result(self.layout, reports)
+
+
+def _draw_left_out(layout: bpy.types.UILayout, context: bpy.types.Context, left_out: Sequence[tuple[str, str]]) -> None:
+    """What the last bake of pairs left out, and why."""
+    for low, reason in left_out:
+        if low:
+            row = layout.row(align=True)
+            button = row.operator("imprint.select_result", text=low, translate=False, icon=ICONS[WRONG])
+            button.low = low
+            mark = row.row()
+            mark.alignment = "RIGHT"
+            mark.label(text=message("not baked"), translate=False)
+        draw_fixable(layout, context, reason, "BLANK1" if low else ICONS[WRONG], low)
 
 
 def _draw_list(

@@ -58,14 +58,21 @@ def press(button: str) -> Iterator[float]:
     yield 0.3
 
 
-def find(button: str) -> Iterator[float]:
-    """Move the mouse to a button of the sidebar's tab Imprint, which is shown. Raises LookupError if it is not in sight."""
-    whole, area, _ = view()
+def open_tab() -> Iterator[float]:
+    """Open the sidebar at the tab Imprint."""
+    _, area, _ = view()
     area.spaces.active.show_region_ui = True
     sidebar = next(region for region in area.regions if region.type == "UI")
     yield 0.5
     sidebar.active_panel_category = "Imprint"
     yield 1.0
+
+
+def find(button: str) -> Iterator[float]:
+    """Move the mouse to a button of the sidebar's tab Imprint, which is shown. Raises LookupError if it is not in sight."""
+    yield from open_tab()
+    whole, area, _ = view()
+    sidebar = next(region for region in area.regions if region.type == "UI")
     top = whole.height - sidebar.y - sidebar.height
     for part in (0.25, 0.7, 0.84):
         for y in range(top + STEP, top + sidebar.height, STEP):

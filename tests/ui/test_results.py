@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.errors import Fix
 from addon.scene.object_checks import ObjectRef
-from addon.ui import bake_results, object_pairs, results_panel
+from addon.ui import bake_operators, bake_results, object_pairs, results_panel
 from addon.ui.bake_results import results
 from tests.export.test_glb import bent_pair
 from tests.support import panel_layout, zoo
@@ -139,6 +139,37 @@ def test_the_list_says_which_results_are_wrong_and_why(batch):
     signs = [results_panel.sign(reports) for _, reports in results.of_scene(bpy.context)]
     assert signs == ["RIGHT", "WRONG", "RIGHT"]
     assert drawn.text.count("2 maps, ") == 3
+
+
+def test_a_batch_bakes_what_can_be_baked_and_names_the_others(batch):
+    """One low object has no UVs and one no high object: the list says so at the top, and the list of pairs before the bake."""
+    low, _ = zoo.plane("d_low", 2), zoo.terrain("d_high", n=8)
+    low.data.uv_layers.remove(low.data.uv_layers[0])
+    zoo.plane("e_low", 2)
+    reason = "'d_low' has no UV layer"
+    pairs = panel_layout.draw(width=2000, panels=[bake_operators.IMPRINT_PT_pairs])
+    assert pairs.text.count(reason) == 1
+    bpy.context.view_layer.objects.active = bpy.data.objects["a_low"]
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    rows, drawn = listed()
+    assert rows == ["d_low", "b_low", "a_low", "c_low"]
+    assert drawn.text.count(reason) == 1
+    assert "'e_low' has no high object" in drawn.text
+    assert drawn.labels.count("not baked") == 1
+    low.data.uv_layers.new()
+    assert bpy.ops.imprint.bake(low="d_low", high=[{"name": "d_high"}]) == {"FINISHED"}
+    assert "'e_low'" in listed()[1].text
+    assert "not baked" not in listed()[1].labels
+    results.forget()
+    assert results.left_out() == []
+
+
+def test_a_batch_without_any_pair_that_can_be_baked_says_why():
+    zoo.plane("a_low").data.uv_layers.remove(bpy.data.meshes["a_low"].uv_layers[0])
+    zoo.plane("a_high")
+    use(size=16, method="CAST")
+    with pytest.raises(RuntimeError, match="'a_low' has no UV layer"):
+        bpy.ops.imprint.bake_pairs()
 
 
 def test_the_list_is_kept_with_the_file(batch, tmp_path):

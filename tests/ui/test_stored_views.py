@@ -187,6 +187,35 @@ def test_maps_are_shown_after_saving_and_opening(pair, tmp_path, monkeypatch):
     assert drawn_pixels().any()
 
 
+@pytest.mark.parametrize("depth", ["8", "16"])
+@pytest.mark.usefixtures("no_bake")
+def test_a_large_image_is_shown_with_fewer_texels_until_a_pause(pair, monkeypatch, depth):
+    bake(maps={"AO", "CURVATURE"}, rays=16, depth=depth, width=32, height=32)
+    show("AO")
+    whole = drawn_pixels()
+    assert not viewer.sharpening.is_running
+    viewer.off()
+    monkeypatch.setattr(stored_maps, "FIRST_SIDE", 16)
+    show("AO")
+    first = drawn_pixels()
+    texels = texels_of(bpy.data.images["lo_ao"])
+    check_shown(pair[0], texels[1::2, 1::2])
+    assert viewer.sharpening.is_running
+    view().mode = "HIGH"
+    drawn_pixels()
+    assert not viewer.sharpening.is_running  # it needs no map
+    view().mode = "MAP"
+    assert np.array_equal(drawn_pixels(), first)
+    assert viewer.sharpen() is None
+    assert np.array_equal(drawn_pixels(), whole)
+    assert not viewer.sharpening.is_running
+    show("CURVATURE")
+    drawn_pixels()
+    assert viewer.sharpening.is_running
+    viewer.off()
+    assert viewer.is_idle
+
+
 @pytest.mark.usefixtures("no_bake")
 def test_the_panel_has_a_button_for_each_map(pair):
     assert "imprint.view_map" not in dict(panel_layout.draw().buttons)

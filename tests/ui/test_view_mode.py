@@ -11,7 +11,7 @@ from mathutils import Matrix, Vector
 
 import addon
 from addon.core.errors import BakeError
-from addon.passes import target
+from addon.passes import allocation, target
 from addon.ui import progress_display, view_labels, views
 from addon.ui.live import live
 from addon.ui.view_panel import HEADLIGHT
@@ -142,6 +142,15 @@ def test_unmeasured_deviations_are_shown_as_text(pair):
     view().mode = "DEVIATION"
     (line,) = view_labels.describe_deviations(viewer.deviations)
     assert line.startswith("Purple: 100.0% shows another place of the high mesh")
+
+
+def test_a_map_of_the_view_is_as_large_as_fits_on_the_gpu_at_once(pair, monkeypatch):
+    monkeypatch.setenv(allocation.VARIABLE, "64")
+    bpy.context.scene.imprint.width = bpy.context.scene.imprint.height = 1024
+    view().mode = "MAP"
+    assert viewer.message == ""
+    assert viewer.session.settings.sampling.size == (512, 512)  # 158 bytes a texel
+    assert drawn_pixels().any()
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ FOLDER/PART/scene.blend, which an earlier part has saved there.
 
 import json
 import math
+import os
 import sys
 import traceback
 from collections.abc import Iterator
@@ -200,6 +201,95 @@ def part_results() -> Steps:
     made = [area for area in whole.screen.areas if area.as_pointer() not in before]
     check("a map opens beside the viewport", [area.type for area in made] == ["IMAGE_EDITOR"])
     check("not over it", len(bpy.context.window_manager.windows) == 1 and viewport.width > made[0].width > 300)
+
+
+def part_seven() -> Steps:
+    """A batch of seven with three wrong ones, in panels as they are at first: Results names them and says why."""
+    small(method="CAST")
+    for number, name in enumerate("abcdefg"):
+        grid(f"{name}_low", 6, x=4.0 * number)
+        if name != "e":
+            grid(f"{name}_high", 40, x=4.0 * number, height=0.2)
+    bpy.data.objects["c_low"].data.flip_normals()
+    layers = bpy.data.meshes["f_low"].uv_layers
+    layers.remove(layers[0])
+    window.select_only()
+    with window.at_view():
+        bpy.ops.imprint.bake_pairs("INVOKE_DEFAULT")
+    yield from finished()
+    yield from window.open_tab()
+    yield 1.0
+    picture("seven")
+    wrong_ones = [low.name for low, found in results.of_scene(bpy.context) if any(one.warnings for one in found)]
+    check("the one that is inside out", wrong_ones == ["c_low"])
+    left_out = results.left_out()
+    check("the one without UVs", ("f_low", "'f_low' has no UV layer: unwrap it first.") in left_out)
+    check("the one without a high object", any("'e_low' has no high object" in reason for _, reason in left_out))
+    check("the others are right", len(results.of_scene(bpy.context)) == 5)
+
+
+def part_quick_start() -> Steps:
+    """The five steps of the README and the first pages of the quick start, by clicks, on the mesh of $PAIR or on two grids."""
+    pair = os.environ.get("PAIR")
+    if pair:
+        with bpy.data.libraries.load(pair) as (_, into):
+            into.objects = ["lo", "hi"]
+        for obj, name in zip(into.objects, ("crate_low", "crate_high"), strict=True):
+            bpy.context.scene.collection.objects.link(obj)
+            obj.name = obj.data.name = name
+    else:
+        small(show_result=True, crate=True)
+    with window.at_view():
+        bpy.ops.view3d.view_all()
+    yield from select_pair()
+    yield from window.open_tab()
+    picture("2 panel")
+    yield from bake()
+    yield 4.0
+    picture("4 result")
+    low, high = bpy.data.objects["crate_low"], bpy.data.objects["crate_high"]
+    trees = [slot.material.node_tree.nodes for slot in low.material_slots]
+    images = [node for nodes in trees for node in nodes if node.type == "TEX_IMAGE"]
+    check("Image Texture, Non-Color", [node.image.colorspace_settings.name for node in images] == ["Non-Color"])
+    check("Normal Map node", any(node.type == "NORMAL_MAP" for nodes in trees for node in nodes))
+    _, area, _ = window.view()
+    check("Material Preview", area.spaces.active.shading.type == "MATERIAL")
+    check("the high object is hidden", not high.visible_get())
+    yield from press("imprint.show_high")
+    check("the eye in Results shows it", high.visible_get())
+    yield from press("imprint.show_high")
+    yield from press("imprint_view.mode")
+    yield 0.5
+    window.mouse("key", "Down", "Down", "Down", "Return")
+    yield 3.0
+    check("View: Split", bpy.context.scene.imprint_view.mode == "SPLIT")
+    picture("5 split")
+    yield from keys("ctrl+alt+h")
+    yield 1.0
+    check("Ctrl Alt H: one after the other", bpy.context.scene.imprint_view.mode == "HIGH")
+    picture("6 flicker")
+    yield from keys("ctrl+alt+h")
+    bpy.context.scene.imprint_view.mode = "OFF"
+    check("the map is packed", bpy.data.images["crate_low_normal"].packed_file is not None)
+    first = contents()["crate_low_normal"]
+    yield from bake()
+    check("bake again: the same image", contents()["crate_low_normal"] == first and len(mine()) == 1)
+    keep_for("quick_start_again")
+    yield from saved_by_key()
+
+
+def part_quick_start_again() -> Steps:
+    """The second day: the map is there, a click shows it on the model, and it is baked again."""
+    same_as_saved()
+    first = contents()["crate_low_normal"]
+    yield from click_row("crate_low")
+    yield from press("imprint.view_map")
+    yield 2.0
+    picture("map")
+    check("the stored map is shown", bpy.context.scene.imprint_view.mode == "MAP")
+    bpy.context.scene.imprint_view.mode = "OFF"
+    yield from bake()
+    check("baked again", contents()["crate_low_normal"] == first)
 
 
 def part_undone() -> Steps:
