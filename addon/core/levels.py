@@ -102,7 +102,7 @@ def _numbers(text: str, what: str, most: float) -> list[float]:
 class Level:
     """One level of a chain.
 
-    name: of its object. limit: what it may deviate. degrees, bare_degrees, distance: as in lod.Deviations.
+    name: of its object. limit: what it may deviate. degrees, bare_degrees, distance: as in level_judge.Deviations.
     beyond: the number of triangles of the coarser mesh that was measured beyond the limit, 0 if there is no coarser one.
     beyond_degrees, beyond_distance: of that mesh. bake: the report of its map.
     """
@@ -223,14 +223,15 @@ Candidate = TypeVar("Candidate", bound=Measured)
 
 
 def search(
-    start: Candidate, attempt: Callable[[Candidate, int, bool], Task[Sequence[Candidate]]]
+    start: Candidate, attempt: Callable[[Candidate, int, bool], Task[Sequence[Candidate]]], share: float = STRIDE
 ) -> Task[tuple[Candidate, Candidate | None]]:
     """The coarsest mesh within the limit, and the mesh with FEWER of its triangles that is beyond it; None if there is none.
 
     start: a mesh within the limit. attempt: makes coarser meshes of one of about as many triangles as it is given, in one or
-    several ways, or with more if it cannot; it is also told whether the step is the last one.
+    several ways, or with more if it cannot; it is also told whether the step is the last one. share: of triangles, that the
+    first step leaves.
     """
-    within, share = start, STRIDE
+    within = start
     while True:
         wanted = max(min(int(share * within.triangles), within.triangles - ODD), LEAST)
         made = yield from attempt(within, wanted, share >= FEWER)
@@ -242,3 +243,54 @@ def search(
             return within, min(coarser, key=lambda each: each.excess, default=None)
         else:
             share = min(math.sqrt(share), FEWER)
+
+
+TRIES = 16
+"""The most meshes that are made for the fewest triangles."""
+CLOSER = 1.5
+"""The least factor between the numbers of triangles of two tries before one is within the limit and one beyond it."""
+
+
+def fewest(
+    first: int, most: int, attempt: Callable[[int], Task[Candidate]]
+) -> Task[tuple[Candidate | None, Candidate | None]]:
+    """The mesh with the fewest triangles within a limit, and the one with more than FEWER of them that is beyond it.
+
+    Each is None if there is none. To be used where each mesh is made anew, of any number of triangles.
+
+    Args:
+        first: the triangles of the first try.
+        most: the most of any.
+        attempt: makes a mesh of about as many triangles.
+    """
+    within, beyond, wanted = None, None, min(first, most)
+    for _ in range(TRIES):
+        found = yield from attempt(wanted)
+        if found.excess <= 1.0:
+            if within is not None and found.triangles >= within.triangles:
+                break  # there is no coarser mesh
+            within = found
+        else:
+            beyond = found
+        if within is None:
+            if wanted >= most:
+                break
+            wanted = min(most, int(wanted * min(max(found.excess**2, CLOSER), 4.0)) + 1)
+        elif beyond is None or beyond.triangles >= within.triangles:
+            wanted = max(LEAST, int(within.triangles / min(max(found.excess**-2.0, CLOSER), 4.0)))
+            if wanted >= within.triangles:
+                break
+        elif beyond.triangles >= FEWER * within.triangles - ODD:
+            break
+        else:
+            wanted = _between(beyond, within)
+    return within, beyond
+
+
+def _between(beyond: Measured, within: Measured) -> int:
+    """The triangles at which a straight line of logarithms meets the limit, but not close to either end."""
+    low, high = math.log(beyond.triangles), math.log(within.triangles)
+    above, below = math.log(beyond.excess), -math.log(max(within.excess, 1e-6))
+    share = above / max(above + below, 1e-6)
+    step = min(0.5 * (high - low), -math.log(FEWER) * 0.9)
+    return round(math.exp(min(max(low + share * (high - low), low + step), high - step)))

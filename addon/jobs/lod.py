@@ -6,60 +6,48 @@ degrees and in distance.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import bpy
-import gpu
 import numpy as np
 from mathutils import Matrix, Vector
 
 from .. import older_blender
 from ..core import levels, udim
-from ..core.declarations.choices import Directions, Hit, Method, Space
+from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.levels import ChainReport, Level, Limit
-from ..core.map_types import NORMAL
 from ..core.progress import Pace, Progress, Task, part, relay
-from ..core.settings import Run, Settings
-from ..engine import baking, gpu_memory, margins, normal_space, separation, sources
-from ..engine.bands import Band
-from ..engine.method_choice import Plan
-from ..engine.sampling import maps_of_bake
-from ..mesh import coarser_uvs, triangle_mesh
-from ..mesh.inputs import Meshes
+from ..core.settings import Settings
+from ..engine import gpu_memory
+from ..mesh import coarser_uvs
 from ..mesh.triangle_mesh import Mesh
 from ..output import map_names, outputs
 from ..output.atomic_file import all_or_none
-from ..passes import audit, data_texture, lit, mesh_upload, target, viewport
+from ..passes import audit
 from ..scene import evaluation, mesh_reader, object_checks
 from ..scene.object_checks import ObjectRef
-from . import bake_jobs
+from . import bake_jobs, level_judge, temporary
 from .job import Job, check_clashes, files_kept
+from .level_judge import Deviations, QuickJudge
+from .temporary import TEMPORARY, TemporaryMeshes
 
-SIDE = 1024
-"""The most texels a side of the map that is measured. It is not filtered, so that a larger one would show the same."""
-PERCENTILE = 99
-"""Of the texels, by which levels are judged."""
-FLAT, TREES = 0.2, 0.4
-"""Which shares of a measurement are done after drawing the map, and after building the trees for rays."""
-MISSED = 180.0
-"""The degrees of a texel whose ray meets no original surface."""
 SEARCHED = 0.85
 """The share of the work that is done before maps are baked."""
 ENDING, COLLECTION = "_LOD", "_LODs"
 """What is added to the object's name in the names of levels, before their number, and of their collection."""
 GAP = 0.2
 """The gap between levels that stand side by side, as a share of the width of the mesh."""
-TEMPORARY = "Imprint level"
-"""Of temporary datablocks, which exist only within one step of a task, except for meshes."""
+MOST_FOR_KEEPING, MOST_FOR_UVS = 1.6, 1.25
+"""The shares of a limit that a mesh takes beyond which more vertices that are kept, and other UVs, hardly bring it within."""
 LAYERS = 4
 """How many triangles on one texel are found: as many as mirrored or repeated parts usually share."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Source:
     """A mesh that coarser ones are made of.
 
@@ -77,58 +65,15 @@ class Source:
         return len(self.surface.triangles)
 
 
-class TemporaryMeshes:
-    """Temporary meshes. They are removed when the block ends, unless they are released."""
-
-    def __init__(self):
-        self._uids: set[int] = set()
-
-    def __enter__(self) -> "Meshes":
-        return self
-
-    def __exit__(self, *_) -> None:
-        for data in [data for data in bpy.data.meshes if data.session_uid in self._uids]:
-            bpy.data.meshes.remove(data)
-
-    def own(self, data: bpy.types.Mesh) -> bpy.types.Mesh:
-        """Remove `data` at the end. Returns it."""
-        self._uids.add(data.session_uid)
-        return data
-
-    def release(self, data: bpy.types.Mesh) -> None:
-        """Keep `data`."""
-        self._uids.discard(data.session_uid)
-
-    def remove(self, data: bpy.types.Mesh) -> None:
-        """Remove `data` now."""
-        self._uids.discard(data.session_uid)
-        bpy.data.meshes.remove(data)
-
-
-@dataclass(frozen=True)
-class Deviations:
-    """How a level with its map differs from the original surface, on the texels of its map.
-
-    degrees: between the normals that the level shows with its map and those of the original surface where a ray from the level
-    meets it, at the 99th percentile. bare_degrees: without the map. distance: along those rays, at the 99th percentile, as a
-    share of the longest side of the original's box. by_texel (height, width) float32: the degrees on each texel, 0 on those
-    that are not covered.
-    """
-
-    degrees: float
-    bare_degrees: float
-    distance: float
-    by_texel: np.ndarray = field(repr=False, compare=False)
-
-
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A mesh that was measured. excess, spent: as levels.Measured has them. is_beyond (height, width) bool: the texels whose
-    normals are beyond the limit."""
+    normals are beyond the limit. factor: on the excess, of exact measurements to quick ones."""
 
     source: Source
     deviations: Deviations
     limit: Limit
+    factor: float = 1.0
 
     @property
     def triangles(self) -> int:
@@ -136,7 +81,7 @@ class Candidate:
 
     @property
     def excess(self) -> float:
-        return self.limit.excess(self.deviations.degrees, self.deviations.distance)
+        return self.factor * self.limit.excess(self.deviations.degrees, self.deviations.distance)
 
     @property
     def is_beyond(self) -> np.ndarray:
@@ -152,7 +97,7 @@ class LevelSearch:
 
     def __init__(self, original: Source, settings: Settings, pace: Pace, meshes: TemporaryMeshes):
         self.original, self.pace, self.meshes, self.count = original, pace, meshes, 0
-        self.settings = settings_for(settings)
+        self.settings = level_judge.settings_for(settings)
         self._found: list[tuple[Source, Deviations]] = []
         """The original, and the levels that were found: a search starts from the coarsest within its limit."""
 
@@ -161,7 +106,11 @@ class LevelSearch:
         self._found.append((self.original, (yield from self._measured(self.original))))
 
     def coarsest(self, limit: Limit) -> Task[tuple[bpy.types.Mesh, Level]]:
-        """The coarsest mesh within a limit. Raises BakeError."""
+        """The coarsest mesh within a limit. Raises BakeError.
+
+        The search measures quickly. Its result, and the mesh beyond the limit, are measured exactly; where both measurements
+        disagree, it goes on with what the exact one says.
+        """
         known = [Candidate(*found, limit) for found in self._found]
         original = known[0]
         if original.excess > 1.0:
@@ -170,9 +119,12 @@ class LevelSearch:
                 f"more than {limit}, or store more bits."
             )
         start = min((each for each in known if each.excess <= 1.0), key=lambda each: each.triangles)
-        made: list[Candidate] = []
-        within, beyond = yield from levels.search(start, self._attempts(limit, made))
-        self._keep(within, made)
+        judge = QuickJudge(self.original.surface, self.settings, self.pace, limit.distance)
+        yield from part(judge.prepare(), 0.0, 0.02)
+        steps = _Steps(self, judge, limit)
+        within, beyond = yield from part(levels.search(start, steps.attempt), 0.02, 0.9)
+        within, beyond = yield from part(self._confirmed(steps, start, within, beyond), 0.9, 1.0)
+        steps.remove_all_but([within])
         self._found.append((within.source, within.deviations))
         found, other = within.deviations, beyond and beyond.deviations
         of_beyond = (beyond.triangles, other.degrees, other.distance) if beyond else ()
@@ -181,94 +133,147 @@ class LevelSearch:
 
     def of_size(self, limit: Limit) -> Task[tuple[bpy.types.Mesh, Level]]:
         """The mesh with the triangles that a limit names, made from the coarsest known one that has more. Raises BakeError."""
-        known = [Candidate(*found, limit) for found in self._found]
-        wanted, made = limit.wanted(self.original.triangles), []
-        finer = [each for each in known if each.triangles > wanted]
+        wanted = limit.wanted(self.original.triangles)
+        finer = [source for source, _ in self._found if source.triangles > wanted]
         if not finer:
             return self.original.data, Level("", limit, self.original.triangles, 0.0, 0.0, 0.0)
         base = min(finer, key=lambda each: each.triangles)
-        level = yield from self._coarser(base, wanted, np.zeros_like(base.is_beyond), limit, made)
-        self._keep(level, made)
-        self._found.append((level.source, level.deviations))
-        found = level.deviations
-        return level.source.data, Level("", limit, level.triangles, found.degrees, found.bare_degrees, found.distance)
+        yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
+        plain = self.meshes.own(decimated(base, wanted, np.zeros(len(base.is_kept), bool)))
+        data = self.meshes.own(with_moved_uvs(plain, self.original.data))
+        self.meshes.remove(plain)
+        level = of_mesh(data, base.layer, base.surface.name, base.surface.to_world)
+        found = yield from self._measured(level)
+        self._found.append((level, found))
+        return data, Level("", limit, level.triangles, found.degrees, found.bare_degrees, found.distance)
 
-    def _attempts(self, limit: Limit, made: list[Candidate]) -> Callable[[Candidate, int, bool], Task[list[Candidate]]]:
-        """Makes the candidates of a step, as levels.search takes it. made: those that exist; the others are removed.
+    def _confirmed(
+        self, steps: "_Steps", start: Candidate, within: Candidate, beyond: Candidate | None
+    ) -> Task[tuple[Candidate, Candidate | None]]:
+        """The result of a search after exact measurements."""
+        while True:
+            if within is not start:
+                exact = yield from self._exact(within)
+                if exact.excess > 1.0:
+                    steps.correct(within, exact)
+                    within, beyond = yield from levels.search(steps.within(start), steps.attempt, levels.FEWER)
+                    continue
+                within = exact
+            if beyond is None:
+                return within, None
+            exact = yield from self._exact(beyond)
+            if exact.excess > 1.0:
+                return within, exact
+            steps.correct(beyond, exact)
+            start = exact
+            within, beyond = yield from levels.search(exact, steps.attempt, levels.FEWER)
 
-        A step is done again without touching the triangles whose texels came to lie beyond the limit: narrow bevels keep their
-        triangles while the rest becomes coarser. Where that leaves too few triangles to remove, or before a search ends, a step
-        is done with all triangles free.
-        """
-        frozen = np.zeros((self.settings.sampling.height, self.settings.sampling.width), bool)
-        shares = self._shares()
+    def _exact(self, candidate: Candidate) -> Task[Candidate]:
+        return replace(candidate, deviations=(yield from self._measured(candidate.source)), factor=1.0)
 
-        def attempt(base: Candidate, wanted: int, is_last: bool) -> Task[list[Candidate]]:
-            nonlocal frozen
-            self._keep(base, made)
-            start, stop = next(shares)
+    def _measured(self, source: Source) -> Task[Deviations]:
+        self.count += 1
+        found = yield from level_judge.measure(
+            self.original.surface, source.data, source.layer, self.settings, self.pace
+        )
+        if found is None:
+            raise BakeError(
+                f"No triangle of {self.original.surface.name!r} lies on the map: its UVs are outside 0 to 1, or empty."
+            )
+        return found
 
-            def coarser(number: int, texels: np.ndarray) -> Task[Candidate]:
-                ends = (start + (stop - start) * share / 3.0 for share in (number, number + 1))
-                return part(self._coarser(base, wanted, texels, limit, made), *ends)
 
-            def has_good() -> bool:
-                return any(each.excess <= 1.0 and each.triangles < base.triangles for each in result)
+class _Steps:
+    """The steps of a search: makes coarser meshes, and measures them quickly.
 
-            result = [(yield from coarser(0, frozen))]
-            has_room = result[0].triangles <= wanted + levels.ODD
-            more = frozen | result[0].is_beyond
-            if has_room and (more & ~frozen).any():
-                result.append((yield from coarser(1, more)))
-            if has_good():
-                frozen = more
-            elif frozen.any() and (is_last or not has_room):
-                result.append((yield from coarser(2, np.zeros_like(frozen))))
-                frozen = np.zeros_like(frozen) if has_good() else frozen
-            return result
+    A step is done again without touching the triangles whose texels came to lie beyond the limit: narrow bevels keep their
+    triangles while the rest becomes coarser. Where that leaves too few triangles to remove, or before a search ends, a step is
+    done with all triangles free. factor: on the excess of all meshes, as Candidate has it.
+    """
 
-        return attempt
+    def __init__(self, search: LevelSearch, judge: QuickJudge, limit: Limit):
+        self.search, self.judge, self.limit, self.factor = search, judge, limit, 1.0
+        self._made: list[Candidate] = []
+        """Those whose meshes exist."""
+        self._passed: list[Candidate] = []
+        """The results of steps that were within the limit."""
+        self._frozen = np.zeros(judge.size[::-1], bool)
+        self._shares = self._shares_of_steps()
+
+    def attempt(self, base: Candidate, wanted: int, is_last: bool) -> Task[list[Candidate]]:
+        """The candidates of a step, as levels.search takes it."""
+        self.remove_all_but([base, *self._passed])
+        start, stop = next(self._shares)
+
+        def coarser(number: int, texels: np.ndarray) -> Task[Candidate]:
+            ends = (start + (stop - start) * share / 3.0 for share in (number, number + 1))
+            return part(self._coarser(base, wanted, texels), *ends)
+
+        def has_good() -> bool:
+            return any(each.excess <= 1.0 and each.triangles < base.triangles for each in result)
+
+        frozen = self._frozen
+        result = [(yield from coarser(0, frozen))]
+        has_room = result[0].triangles <= wanted + levels.ODD
+        more = frozen | result[0].is_beyond
+        if has_room and result[0].excess < MOST_FOR_KEEPING and (more & ~frozen).any():
+            result.append((yield from coarser(1, more)))
+        if has_good():
+            self._frozen = more
+        elif frozen.any() and (is_last or not has_room):
+            result.append((yield from coarser(2, np.zeros_like(frozen))))
+            self._frozen = np.zeros_like(frozen) if has_good() else frozen
+        self._passed += [each for each in result if each.excess <= 1.0]
+        return result
+
+    def correct(self, quick: Candidate, exact: Candidate) -> None:
+        """Judge by how much an exact measurement differs from the quick one of the same mesh, and keep what it found."""
+        self.factor *= exact.excess / quick.excess
+        places = np.argwhere(exact.is_beyond) * self._frozen.shape // exact.is_beyond.shape
+        self._frozen = self._frozen.copy()
+        self._frozen[tuple(places.T)] = True
+        if exact.excess <= 1.0:
+            self._passed.append(exact)
+
+    def within(self, start: Candidate) -> Candidate:
+        """The coarsest mesh of all steps that is within the limit with the present factor; `start` if none is."""
+        now = [replace(each, factor=self.factor) for each in self._passed if each.triangles < start.triangles]
+        return min((each for each in now if each.excess <= 1.0), key=lambda each: each.triangles, default=start)
+
+    def remove_all_but(self, kept: Sequence[Candidate]) -> None:
+        """Remove all meshes that were made but these."""
+        sources = [each.source for each in kept]
+        for each in [each for each in self._made if each.source not in sources]:
+            self.search.meshes.remove(each.source.data)
+            self._made.remove(each)
 
     @staticmethod
-    def _shares() -> Iterator[tuple[float, float]]:
+    def _shares_of_steps() -> Iterator[tuple[float, float]]:
         """Shares of a search, whose number of steps is not known."""
         left = 1.0
         while True:
             yield 1.0 - left, 1.0 - 0.9 * left
             left *= 0.9
 
-    def _coarser(
-        self, base: Candidate, wanted: int, frozen: np.ndarray, limit: Limit, made: list[Candidate]
-    ) -> Task[Candidate]:
+    def _coarser(self, base: Candidate, wanted: int, frozen: np.ndarray) -> Task[Candidate]:
         """A mesh of about `wanted` triangles: with UVs that are moved, or without if those are beyond the limit and this is
         better."""
-        source, found = base.source, []
+        source, meshes, found = base.source, self.search.meshes, []
         is_frozen = frozen_vertices(source, frozen)
-        for moved_to in (self.original.data, None):
-            yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
-            data = self.meshes.own(decimated(source, wanted, is_frozen, moved_to))
+        yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
+        plain = meshes.own(decimated(source, wanted, is_frozen))
+        moved = meshes.own(with_moved_uvs(plain, self.search.original.data))
+        for data in (moved, plain):
+            yield Progress(f"Decimating to {wanted:,} triangles", 0.5)
             coarser = of_mesh(data, source.layer, source.surface.name, source.surface.to_world)
-            found.append(Candidate(coarser, (yield from self._measured(coarser)), limit))
-            made.append(found[-1])
-            if found[-1].excess <= 1.0:
+            self.search.count += 1
+            deviations = self.judge.measure(coarser.surface, mesh_reader.smooth_normals(data, coarser.surface))
+            found.append(Candidate(coarser, deviations, self.limit, self.factor))
+            self._made.append(found[-1])
+            if not 1.0 < found[0].excess < MOST_FOR_UVS:
+                meshes.remove(plain)
                 break
         return min(found, key=lambda each: each.excess)
-
-    def _keep(self, kept: Candidate, made: list[Candidate]) -> None:
-        """Remove all meshes of `made` but one."""
-        for each in made:
-            if each is not kept:
-                self.meshes.remove(each.source.data)
-        made[:] = [each for each in made if each is kept]
-
-    def _measured(self, source: Source) -> Task[Deviations]:
-        self.count += 1
-        found = yield from measure(self.original.surface, source.data, source.layer, self.settings, self.pace)
-        if found is None:
-            raise BakeError(
-                f"No triangle of {self.original.surface.name!r} lies on the map: its UVs are outside 0 to 1, or empty."
-            )
-        return found
 
 
 def work(
@@ -289,7 +294,7 @@ def work(
         search = LevelSearch(original, settings, pace, meshes)
         yield from part(search.measure_original(), 0.0, 0.05)
         found, left_out = yield from part(_search_all(search, limits), 0.05, SEARCHED)
-        with _only_if_finished(), all_or_none():
+        with temporary.only_if_finished(), all_or_none():
             collection, objects = _level_objects(context, ref.resolve(), [level[0] for level in found])
             jobs = [Job(level, [ref.resolve()]) for level in objects]
             baking = bake_jobs.work(context, jobs, settings, pace)
@@ -386,108 +391,6 @@ def _level_objects(
     return collection, objects
 
 
-@contextmanager
-def _only_if_finished() -> Iterator[None]:
-    """Remove all objects, meshes, collections, materials, images and node groups that the block has made, if it fails."""
-    data = bpy.data
-    kinds = (data.objects, data.meshes, data.collections, data.materials, data.images, data.node_groups)
-    before = [{each.session_uid for each in kind} for kind in kinds]
-    is_finished = False
-    try:
-        yield
-        is_finished = True
-    finally:
-        if not is_finished:
-            for kind, known in zip(kinds, before, strict=True):
-                for each in [each for each in kind if each.session_uid not in known]:
-                    kind.remove(each)
-
-
-def settings_for(settings: Settings) -> Settings:
-    """Settings for the normal map alone, by Flatten, on a single tile of at most SIDE texels a side, with one sample."""
-    shrink = max(1.0, max(settings.sampling.size) / SIDE)
-    return replace(
-        settings.without_file().without_other_maps(),
-        method=Method.FLATTEN,
-        width=max(1, round(settings.sampling.width / shrink)),
-        height=max(1, round(settings.sampling.height / shrink)),
-        samples=1,
-        margin=0,
-        normal=True,
-        hit=Hit.OWN,
-        directions=Directions.BLENDED,
-        extrusion=None,
-        max_distance=None,
-        facing_only=False,
-    )
-
-
-def measure(
-    original: Mesh, level: bpy.types.Mesh, layer: str, settings: Settings, pace: Pace
-) -> Task[Deviations | None]:
-    """Measure a level. Returns None if it covers no texel.
-
-    original: with UVs. level: in the original's space. settings: from settings_for.
-    """
-    low = mesh_reader.surface(level, layer, original.name, original.to_world, with_faces=True)
-    is_tangent = settings.map.space == Space.TANGENT
-    basis = mesh_reader.with_tangents(level, layer, original.name, original.to_world) if is_tangent else None
-    if basis is not None:
-        basis = triangle_mesh.with_stretch(basis, settings.map.basis)
-    meshes = Meshes(low, [original], basis, mesh_reader.smooth_normals(level, low), None, layer, False, [])
-    normal_map = yield from part(_flattened(meshes, settings, pace), 0.0, FLAT)
-    casting = replace(settings, method=Method.CAST)
-    plan = Plan(Method.CAST, (udim.FIRST,), meshes)
-    source = yield from part(sources.normal_source(plan, Run(casting, pace)), FLAT, TREES)
-    size = settings.sampling.width, settings.sampling.height
-    for _, rows in source.normals(Band(0, size[1], size, 0)):
-        yield Progress("Measuring", TREES + (1.0 - TREES) * rows.stop / size[1])
-    measured = _compared(basis or low, normal_map, source.drawn().texture, settings)
-    is_covered = measured[..., 3] != 0.0
-    if not is_covered.any():
-        return None
-    measured[measured[..., 3] < 0.0, :2] = MISSED
-    measured[~is_covered, :2] = 0.0
-    degrees, bare = np.percentile(measured[is_covered][:, :2], PERCENTILE, axis=0)
-    probe = separation.full_probe(meshes, source.ray_cast)
-    vectors = separation.sample(probe, size, [udim.FIRST])
-    distances = np.linalg.norm(vectors[vectors[..., 3] > 0.0][:, :3].astype(np.float64), axis=1)
-    distance = float(np.percentile(distances, PERCENTILE)) if len(distances) else np.inf
-    return Deviations(float(degrees), float(bare), distance / longest_side(original), measured[..., 0].copy())
-
-
-def longest_side(mesh: Mesh) -> float:
-    """The longest side of the box around the mesh in its own space, in scene units."""
-    sides = (mesh.box[1] - mesh.box[0]) * np.linalg.norm(mesh.to_world[:3, :3], axis=0)
-    return float(sides.max())
-
-
-def _flattened(meshes: Meshes, settings: Settings, pace: Pace) -> Task[gpu.types.GPUTexture]:
-    """The normal map of the level as it is stored, but not yet rounded."""
-    run = Run(settings, pace)
-    plan = Plan(Method.FLATTEN, (udim.FIRST,), meshes)
-    source = yield from part(sources.normal_source(plan, run), 0.0, 0.5)
-    renderer = baking.Renderer(maps_of_bake(meshes, source, run), run)
-    drawing = renderer.texels(udim.FIRST, margins.for_maps([meshes.low], settings))
-    maps = yield from part(drawing, 0.5, 1.0)
-    return data_texture.image(maps[NORMAL.name][0])
-
-
-def _compared(
-    basis: Mesh, normal_map: gpu.types.GPUTexture, truth: gpu.types.GPUTexture, settings: Settings
-) -> np.ndarray:
-    """What viewport.measure_deviation writes, (height, width, 4) float32. basis: the level, with tangents for tangent space."""
-    read = (255 if settings.storing.depth == 8 else 0, *normal_space.reading(settings.map)[1:])
-    reading = lit.shading(basis.normal_matrix, read=read)
-    level = mesh_upload.upload(basis.triangles, **basis.tangent_space)
-    measured = target.get("deviation", settings.sampling.width, settings.sampling.height, "RGBA32F")
-    nowhere = np.zeros((1, 1), bool)
-    viewport.measure_deviation(measured, level, normal_map, truth, reading, elsewhere=nowhere, stretch=basis.stretch)
-    values = np.empty((settings.sampling.height, settings.sampling.width, 4), np.float32)
-    measured.read(values)
-    return values
-
-
 def read_original(
     context: bpy.types.Context, obj: bpy.types.Object, uv_layer: str, modifiers: str, meshes: TemporaryMeshes
 ) -> Source:
@@ -536,17 +439,13 @@ def _drop_custom_normals(data: bpy.types.Mesh) -> None:
         data.attributes.remove(data.attributes["custom_normal"])
 
 
-def decimated(
-    source: Source, triangles: int, is_frozen: np.ndarray, moved_to: bpy.types.Mesh | None = None
-) -> bpy.types.Mesh:
+def decimated(source: Source, triangles: int, is_frozen: np.ndarray) -> bpy.types.Mesh:
     """A mesh of about this many triangles, or of more where too many vertices are kept. The caller removes it.
 
-    is_frozen (V,) bool: vertices of `source` that are kept beside those on borders. moved_to: the mesh from which vertices
-    inside islands get the UVs of the place where they lie now; None leaves them. Collapsing edges moves vertices off the place
-    that their UVs stand for.
+    is_frozen (V,) bool: vertices of `source` that are kept beside those on borders.
     """
-    with _scene() as scene:
-        obj = _object(scene, source.data.copy())
+    with temporary.scene() as scene:
+        obj = temporary.add_object(scene, source.data.copy())
         remove_group(obj)  # of what making `source` has left
         group = obj.vertex_groups.new(name=TEMPORARY)
         free = np.flatnonzero(~(source.is_kept | is_frozen))
@@ -556,14 +455,29 @@ def decimated(
         decimate.ratio = min(1.0, triangles / source.triangles) if len(free) else 1.0
         decimate.use_collapse_triangulate = True
         decimate.vertex_group = group.name  # weight 0 locks a vertex
-        result = _evaluated(scene, obj)
-        if moved_to is not None:
-            with _uvs_of(_object(scene, moved_to.copy()), group.name) as nodes:
-                obj.modifiers.new(TEMPORARY, "NODES").node_group = nodes
-                moved = _evaluated(scene, obj)
-                _move(result, moved)
-                bpy.data.meshes.remove(moved)
-        return result
+        return temporary.evaluated(scene, obj)
+
+
+def with_moved_uvs(data: bpy.types.Mesh, original: bpy.types.Mesh) -> bpy.types.Mesh:
+    """A copy of a coarser mesh whose vertices have the UVs of the nearest place on the original, where that is safe. The caller
+    removes it.
+
+    Collapsing edges moves vertices off the place that their UVs stand for.
+    """
+    result = data.copy()
+    source = of_mesh(result, result.uv_layers[0].name, result.name, np.eye(4))
+    with temporary.scene() as scene:
+        obj = temporary.add_object(scene, result.copy())
+        with _uvs_of(temporary.add_object(scene, original.copy())) as nodes:
+            obj.modifiers.new(TEMPORARY, "NODES").node_group = nodes
+            nearest = temporary.evaluated(scene, obj)
+    surface = source.surface
+    for layer in result.uv_layers:
+        before, after = (mesh_reader.uvs(mesh, layer.name) for mesh in (result, nearest))
+        uv = coarser_uvs.moved_uvs(before, after, surface.vertices, surface.triangles, source.is_kept)
+        layer.uv.foreach_set("vector", uv.reshape(-1))
+    bpy.data.meshes.remove(nearest)
+    return result
 
 
 def remove_group(level: bpy.types.Object) -> None:
@@ -573,19 +487,9 @@ def remove_group(level: bpy.types.Object) -> None:
         level.vertex_groups.remove(group)
 
 
-def _move(data: bpy.types.Mesh, moved: bpy.types.Mesh) -> None:
-    """Give `data` the UVs of `moved`, which has the same topology, where that is safe."""
-    source = of_mesh(data, data.uv_layers[0].name, data.name, np.eye(4))
-    surface = source.surface
-    for layer in data.uv_layers:
-        before, after = (mesh_reader.uvs(mesh, layer.name) for mesh in (data, moved))
-        uv = coarser_uvs.moved_uvs(before, after, surface.vertices, surface.triangles, source.is_kept)
-        layer.uv.foreach_set("vector", uv.reshape(-1))
-
-
 @contextmanager
-def _uvs_of(target: bpy.types.Object, group: str) -> Iterator[bpy.types.NodeTree]:
-    """Geometry nodes that give each corner in a vertex group the UVs of the nearest point of `target`, in all its layers.
+def _uvs_of(target: bpy.types.Object) -> Iterator[bpy.types.NodeTree]:
+    """Geometry nodes that give each corner the UVs of the nearest point of `target`, in all its layers.
 
     Blender's Data Transfer modifier does the same, but loses memory each time it transfers UVs.
     """
@@ -593,9 +497,8 @@ def _uvs_of(target: bpy.types.Object, group: str) -> Iterator[bpy.types.NodeTree
     try:
         for way in ("INPUT", "OUTPUT"):
             nodes.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-        kinds = "NodeGroupInput", "NodeGroupOutput", "GeometryNodeObjectInfo", "GeometryNodeInputNamedAttribute"
-        start, end, info, chosen = map(nodes.nodes.new, kinds)
-        info.inputs["Object"].default_value, chosen.inputs["Name"].default_value = target, group
+        start, end, info = map(nodes.nodes.new, ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeObjectInfo"))
+        info.inputs["Object"].default_value = target
         geometry = start.outputs[0]
         for layer in target.data.uv_layers:
             uv, sample, store = (
@@ -608,38 +511,12 @@ def _uvs_of(target: bpy.types.Object, group: str) -> Iterator[bpy.types.NodeTree
             nodes.links.new(info.outputs["Geometry"], sample.inputs["Mesh"])
             nodes.links.new(uv.outputs["Attribute"], sample.inputs["Value"])
             nodes.links.new(geometry, store.inputs["Geometry"])
-            nodes.links.new(chosen.outputs["Attribute"], store.inputs["Selection"])
             nodes.links.new(sample.outputs["Value"], store.inputs["Value"])
             geometry = store.outputs["Geometry"]
         nodes.links.new(geometry, end.inputs[0])
         yield nodes
     finally:
         bpy.data.node_groups.remove(nodes)
-
-
-@contextmanager
-def _scene() -> Iterator[bpy.types.Scene]:
-    """An empty scene. At the end it is removed, with its objects and their meshes."""
-    scene = bpy.data.scenes.new(TEMPORARY)
-    try:
-        yield scene
-    finally:
-        for obj in list(scene.collection.objects):
-            bpy.data.meshes.remove(obj.data)  # and the object with it
-        bpy.data.scenes.remove(scene)
-
-
-def _object(scene: bpy.types.Scene, data: bpy.types.Mesh) -> bpy.types.Object:
-    obj = bpy.data.objects.new(TEMPORARY, data)
-    scene.collection.objects.link(obj)
-    return obj
-
-
-def _evaluated(scene: bpy.types.Scene, obj: bpy.types.Object) -> bpy.types.Mesh:
-    """The mesh of `obj` with its modifiers and without its vertex groups."""
-    layer = scene.view_layers[0]
-    layer.update()
-    return bpy.data.meshes.new_from_object(obj.evaluated_get(layer.depsgraph), depsgraph=layer.depsgraph)
 
 
 def frozen_vertices(source: Source, texels: np.ndarray) -> np.ndarray:

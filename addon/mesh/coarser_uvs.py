@@ -54,20 +54,16 @@ def moved_uvs(
     over or lose nearly all of its area.
     """
     moves = (after - before).astype(np.float64)
-    is_free = ~fixed & (_largest(_length(moves), vertices, len(fixed)) > 0.0)
+    largest = _Largest(vertices, len(fixed))
+    farthest = largest.of(_length(moves))
+    is_free = ~fixed & (farthest > 0.0)
     for values in (before, after):
-        lowest = np.full((len(fixed), 2), np.inf)
-        highest = np.full((len(fixed), 2), -np.inf)
-        np.minimum.at(lowest, vertices, values)
-        np.maximum.at(highest, vertices, values)
-        is_free &= ~((highest - lowest) > CONNECTED).any(axis=1)
-    longest = np.zeros(len(fixed))
-    for i in range(3):
-        start, stop = triangles[:, i], triangles[:, i - 2]
-        edge = _length(before[stop] - before[start])
-        np.maximum.at(longest, vertices[start], edge)
-        np.maximum.at(longest, vertices[stop], edge)
-    is_free &= _largest(_length(moves), vertices, len(fixed)) <= REACH * longest
+        for axis in values.T.astype(np.float64):
+            is_free &= largest.of(axis) + largest.of(-axis) <= CONNECTED
+    first, second, third = (_length(before[triangles[:, i]] - before[triangles[:, i - 2]]) for i in range(3))
+    at_corners = np.maximum([first, second, third], [third, first, second]).T
+    longest = _Largest(vertices[triangles.reshape(-1)], len(fixed)).of(at_corners.reshape(-1))
+    is_free &= farthest <= REACH * longest
     areas = _areas(before.astype(np.float64), triangles)
     while True:
         moved = before + np.where(is_free[vertices][:, None], moves, 0.0)
@@ -84,11 +80,20 @@ def _length(vectors: np.ndarray) -> np.ndarray:
     return np.hypot(vectors[:, 0], vectors[:, 1])
 
 
-def _largest(values: np.ndarray, vertices: np.ndarray, count: int) -> np.ndarray:
-    """The largest of the values by corner (C,) at each vertex."""
-    result = np.zeros(count)
-    np.maximum.at(result, vertices, values)
-    return result
+class _Largest:
+    """Finds the largest of values by corner at each of `count` vertices; 0 at vertices without a corner."""
+
+    def __init__(self, vertices: np.ndarray, count: int):
+        self._order = np.argsort(vertices, kind="stable")
+        ordered = vertices[self._order]
+        self._starts = np.flatnonzero(np.diff(ordered, prepend=-1))
+        self._found, self._count = ordered[self._starts], count
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        """values: (C,). Returns (V,)."""
+        result = np.zeros(self._count)
+        result[self._found] = np.maximum.reduceat(values[self._order], self._starts)
+        return result
 
 
 def _areas(uv: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from addon.core.errors import BakeError
 from addon.core.levels import limits
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import bake_jobs, lod
+from addon.jobs import bake_jobs, level_judge, lod
 from addon.scene import mesh_reader
 from tests.support import scenes, zoo
 from tests.support.snapshot import difference, snapshot
@@ -30,8 +30,8 @@ def chain(obj, degrees, percent="", settings=SETTINGS):
 def measured(original, level, settings=SETTINGS):
     """The deviations of the mesh of `level` from that of `original`."""
     surface = mesh_reader.surface(original.data, "UVMap", "original", np.eye(4), with_faces=True)
-    small = lod.settings_for(settings)
-    return finish(lod.measure(surface, level.data, "UVMap", small, Pace()))
+    small = level_judge.settings_for(settings)
+    return finish(level_judge.measure(surface, level.data, "UVMap", small, Pace()))
 
 
 def borders(obj):
@@ -179,9 +179,8 @@ def test_uvs_move_to_where_vertices_lie(monkeypatch):
         original = lod.read_original(bpy.context, obj, "", "RENDER", meshes)
         separation = []
         for moves_uvs in (True, False):
-            moved_to = original.data if moves_uvs else None
-            none = np.zeros(len(original.is_kept), bool)
-            data = meshes.own(lod.decimated(original, 400, none, moved_to))
+            data = meshes.own(lod.decimated(original, 400, np.zeros(len(original.is_kept), bool)))
+            data = meshes.own(lod.with_moved_uvs(data, original.data)) if moves_uvs else data
             surface_of = mesh_reader.surface(data, "UVMap", "level", np.eye(4))
             points = surface_of.positions[surface_of.vertices]
             separation.append(np.abs(2 * surface_of.uv[:, 0] ** 2 - 1 - points[:, 0]).mean())

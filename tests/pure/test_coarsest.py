@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from addon.core.levels import FEWER, LEAST, search
+from addon.core.levels import FEWER, LEAST, TRIES, fewest, search
 from addon.core.progress import finish
 
 
@@ -85,3 +85,50 @@ def test_no_mesh_is_coarser_than_a_tetrahedron():
     (within, beyond), steps = found(12, lambda _: 0.0)
     assert (within.triangles, beyond) == (LEAST, None)
     assert min(wanted for _, wanted, _ in steps) == LEAST
+
+
+def fewest_found(first, most, excess, floor=0):
+    """What the search finds if meshes are made anew, and the numbers of triangles that it asked for."""
+    asked = []
+
+    def attempt(wanted):
+        yield from ()
+        asked.append(wanted)
+        number = max(floor, wanted)
+        return Made(number, excess(number))
+
+    return finish(fewest(first, most, attempt)), asked
+
+
+@pytest.mark.parametrize("power", [0.3, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("first", [100, 4_000, 90_000])
+def test_the_fewest_triangles_are_found_from_any_number(power, first):
+    (within, beyond), asked = fewest_found(first, 100_000, lambda number: (2000.0 / number) ** power)
+    assert within.excess <= 1.0 < beyond.excess
+    assert FEWER * within.triangles - 2 <= beyond.triangles < within.triangles
+    assert len(asked) < TRIES
+
+
+def test_fewest_from_noisy_meshes_seed_3():
+    dice = random.Random(3)
+    for _ in range(200):
+        limit, most = dice.uniform(0.01, 3.0), dice.randrange(10, 100_000)
+        noise = {}
+
+        def excess(number, noise=noise, limit=limit):
+            return 30.0 / number**0.5 * noise.setdefault(number, dice.uniform(0.9, 1.1)) / limit
+
+        (within, beyond), asked = fewest_found(dice.randrange(4, 2000), most, excess)
+        assert len(asked) <= TRIES and max(asked) <= most and min(asked) >= min(LEAST, most)
+        assert within is None or within.excess <= 1.0
+        assert beyond is None or beyond.excess > 1.0
+
+
+def test_a_limit_that_no_mesh_meets_ends_with_the_most_triangles():
+    (within, beyond), asked = fewest_found(500, 3000, lambda number: 9.0)
+    assert within is None and beyond.triangles == asked[-1] == 3000
+
+
+def test_the_coarsest_mesh_that_can_be_made_ends_the_search():
+    (within, beyond), asked = fewest_found(500, 3000, lambda number: 0.1, floor=80)
+    assert within.triangles == 80 and beyond is None and len(asked) < 8

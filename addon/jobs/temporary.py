@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Datablocks that exist only while a mesh is made, or stay only if all of a task succeeds."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+
+TEMPORARY = "Imprint temporary"
+"""The name of datablocks that exist within one step of a task, or as meshes until its end."""
+
+
+class TemporaryMeshes:
+    """Temporary meshes. They are removed when the block ends, unless they are released."""
+
+    def __init__(self):
+        self._uids: set[int] = set()
+
+    def __enter__(self) -> "TemporaryMeshes":
+        return self
+
+    def __exit__(self, *_) -> None:
+        for data in [data for data in bpy.data.meshes if data.session_uid in self._uids]:
+            bpy.data.meshes.remove(data)
+
+    def own(self, data: bpy.types.Mesh) -> bpy.types.Mesh:
+        """Remove `data` at the end. Returns it."""
+        self._uids.add(data.session_uid)
+        return data
+
+    def release(self, data: bpy.types.Mesh) -> None:
+        """Keep `data`."""
+        self._uids.discard(data.session_uid)
+
+    def remove(self, data: bpy.types.Mesh) -> None:
+        """Remove `data` now."""
+        self._uids.discard(data.session_uid)
+        bpy.data.meshes.remove(data)
+
+
+@contextmanager
+def only_if_finished() -> Iterator[None]:
+    """Remove all objects, meshes, collections, materials, images and node groups that the block has made, if it fails."""
+    data = bpy.data
+    kinds = (data.objects, data.meshes, data.collections, data.materials, data.images, data.node_groups)
+    before = [{each.session_uid for each in kind} for kind in kinds]
+    is_finished = False
+    try:
+        yield
+        is_finished = True
+    finally:
+        if not is_finished:
+            for kind, known in zip(kinds, before, strict=True):
+                for each in [each for each in kind if each.session_uid not in known]:
+                    kind.remove(each)
+
+
+@contextmanager
+def scene() -> Iterator[bpy.types.Scene]:
+    """An empty scene. At the end it is removed, with its objects and their meshes."""
+    made = bpy.data.scenes.new(TEMPORARY)
+    try:
+        yield made
+    finally:
+        for obj in list(made.collection.objects):
+            bpy.data.meshes.remove(obj.data)  # and the object with it
+        bpy.data.scenes.remove(made)
+
+
+def add_object(into: bpy.types.Scene, data: bpy.types.Mesh) -> bpy.types.Object:
+    obj = bpy.data.objects.new(TEMPORARY, data)
+    into.collection.objects.link(obj)
+    return obj
+
+
+def evaluated(within: bpy.types.Scene, obj: bpy.types.Object) -> bpy.types.Mesh:
+    """The mesh of `obj` with its modifiers and without its vertex groups."""
+    layer = within.view_layers[0]
+    layer.update()
+    return bpy.data.meshes.new_from_object(obj.evaluated_get(layer.depsgraph), depsgraph=layer.depsgraph)
