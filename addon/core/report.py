@@ -9,7 +9,7 @@ from typing import Any
 from . import udim
 from .declarations import bases, targets
 from .declarations.choices import Space
-from .errors import Length, plain_length
+from .errors import Length, plain_length, shorten_list
 from .map_types import BY_NAME, Kind
 from .progress import STAGES, Timings
 
@@ -17,6 +17,8 @@ VERSION = 1
 """The version of the report's keys in JSON. It increases when a key is removed or changes its meaning, not for new keys."""
 EXACT = 5e-4
 """Degrees below which stored normals are exact, for the summary: nobody sees a thousandth of a degree."""
+BY_IMPRINT, BY_CYCLES, LEFT_OUT = "IMPRINT", "CYCLES", "NONE"
+"""How an input of a material is read."""
 VISIBLE = 1.0
 """Degrees at the 99th percentile from which a file for an engine is worth a word. 8 bits alone cost 0.3."""
 _NORMALS = {name.lower() for name, map_type in BY_NAME.items() if map_type.kind is Kind.NORMAL}
@@ -50,6 +52,9 @@ class Report:
     many (of). parts: connected parts that have such triangles, of so many (of_parts). undecided: parts whose outer side is
     not known. hidden, twice: triangles that were left out since they lie behind the surface, or in the place of others.
     smoothed_median, smoothed_percentile_95: the degrees by which smoothed normals changed."""
+    materials: dict[str, dict[str, str]] = field(default_factory=dict)
+    """How the maps read the inputs of the high meshes' materials, by the names of both: "IMPRINT" follows the nodes, "CYCLES"
+    evaluated them, and "NONE" left the input out."""
     distances: dict[str, float] = field(default_factory=dict)
     """For rays: extrusion and max_distance in scene units, as set or measured."""
     measured: bool = False
@@ -272,7 +277,7 @@ class Report:
             )
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
-        details += self._mended()
+        details += [*self._mended(), *evaluated(self.materials)]
         if self.rays:
             details.append(f"Flatten on {1.0 - self.rays:.1%} of the texels, rays on {self.rays:.1%}")
         if self.distances:
@@ -307,6 +312,16 @@ class Report:
             *details,
             f"{self.seconds['total']:.2f} s ({stages})",
         ]
+
+
+def evaluated(materials: dict[str, dict[str, str]]) -> list[str]:
+    """A line with the inputs that Cycles evaluates, or none. materials: as Report has them."""
+    names = (
+        (material, ", ".join(socket for socket, way in ways.items() if way == BY_CYCLES))
+        for material, ways in materials.items()
+    )
+    listed = [f"{sockets} of {material!r}" for material, sockets in names if sockets]
+    return [f"Baked by Cycles: {shorten_list(listed)}"] if listed else []
 
 
 _LENGTHS = ("height", "distance")

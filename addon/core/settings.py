@@ -42,6 +42,7 @@ class MapSettings:
     """Names among map_types.NAMES, in their order."""
     attribute: str = _field("attribute")
     """Empty for the color attribute that is set to render."""
+    exact_materials: str = _field("exact_materials")
     detail_maps: bool = _field("detail_maps")
     appearance: bool = _field("appearance")
     """Whether the shading error of the normal map is measured."""

@@ -17,7 +17,7 @@ from ..core.declarations.choices import Method, Modifiers, Space
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, NORMAL
 from ..core.progress import Progress, Task
-from ..core.report import Report
+from ..core.report import Report, evaluated
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
 from ..engine import baking, gpu_memory, high_look, separation, stacked_uvs
 from ..engine.bands import Band
@@ -35,7 +35,7 @@ from ..passes import audit, mesh_upload, target
 from ..scene import evaluation, mesh_elements, mesh_reader
 from ..scene.high_materials import MaterialNumbers
 from ..scene.textures import ImageTextures
-from . import unwrapping
+from . import material_inputs, unwrapping
 from .job import Job, PastBake, check_job, read_as_is, read_meshes
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
@@ -49,10 +49,13 @@ MOST_CORNERS = 400_000
 
 def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> HighLook:
     """What the high objects of a job are, and what its bake will change of them. Raises BakeError as the bake does."""
-    settings = settings.without_other_maps().without_file()
+    of_maps, settings = settings.map, settings.without_other_maps().without_file()
     check_job(context, job, settings)
     with gpu_memory.trimmed():
-        return high_look.look(read_as_is(context, job, settings), settings)
+        meshes = read_as_is(context, job, replace(settings, map=of_maps))
+        found = high_look.look(meshes, settings)
+    inputs = [*evaluated(material_inputs.ways(meshes, of_maps)), *material_inputs.notes(meshes, of_maps)]
+    return replace(found, notes=(*found.notes, *inputs))
 
 
 def is_for_others(settings: Settings, *, is_exported: bool) -> bool:

@@ -13,7 +13,7 @@ from ..audit.checks import audit, check_stacked
 from ..audit.severity import Warned
 from ..audit.tally import Tally
 from ..core import progress, udim
-from ..core.declarations.choices import Modifiers, VertexDomain
+from ..core.declarations.choices import ExactMaterials, Modifiers, VertexDomain
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Labeled, Map
 from ..core.progress import Pace, Progress, Task, Timings, part
@@ -109,6 +109,7 @@ class Session:
             settings.read_by(context.scene.render.engine),
             modifiers=Modifiers.VIEWPORT,
             mask=False,
+            exact_materials=ExactMaterials.OFF,  # Cycles would take seconds after each stroke
             vertex_domain=VertexDomain.NONE,
         )
         settings = bake_jobs.for_low(settings, job.low.name)

@@ -67,6 +67,7 @@ SAID = {
     "curvature_radius": ("--curvature-radius 0.05", 0.05),
     "attribute": ("--attribute Col", "Col"),
     "appearance": ("--appearance", True),
+    "exact_materials": ("--exact-materials off", "OFF"),
     "detail_maps": ("--no-detail-maps", False),
     "pack": ("--pack hdrp", "HDRP"),
     "pack_red": ("--pack-red cavity", "CAVITY"),
