@@ -32,7 +32,7 @@ from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
-from ..scene import evaluation, mesh_elements, mesh_reader
+from ..scene import cycles_values, evaluation, mesh_elements, mesh_reader
 from ..scene.high_materials import MaterialNumbers
 from ..scene.textures import ImageTextures
 from . import material_inputs, unwrapping
@@ -141,7 +141,7 @@ def viewport_material_notes(
     sockets = {BY_NAME[name].socket for name in map_settings.drawn_maps} - {""}
     if not sockets:
         return []
-    numbers = MaterialNumbers(ImageTextures(), low, sockets=sockets)
+    numbers = MaterialNumbers(ImageTextures(), low, sockets=sockets, is_exact=cycles_values.is_used(map_settings))
     for high in highs:
         if high.type == "MESH" and not high.data.is_editmode:
             for shown in numbers.of_slots(high, high.data):

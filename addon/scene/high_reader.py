@@ -8,7 +8,7 @@ from operator import attrgetter
 import bpy
 import numpy as np
 
-from ..core.declarations.choices import ExactMaterials, Method, Modifiers
+from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME
 from ..core.material_feeds import HighMaterial, ImagePixels
@@ -53,7 +53,7 @@ class Reader:
             ImageTextures(),
             self.low,
             sockets=sockets,
-            is_exact=self.settings.map.exact_materials == ExactMaterials.AUTO and cycles_values.is_available(),
+            is_exact=cycles_values.is_used(self.settings.map),
             before=self.before,
         )
 

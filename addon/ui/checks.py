@@ -89,6 +89,7 @@ class PanelFindings:
         key = (
             *self._key_of(low, highs),
             settings.map.drawn_maps,
+            settings.map.exact_materials,
             *((material.session_uid, material.name) for material in slots if material is not None),
         )
         if key != self._shown:
