@@ -189,11 +189,11 @@ def _draw_ray_settings(layout: bpy.types.UILayout, settings: ImprintSettings, dr
 def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family: Family) -> None:
     """What the maps of a family need."""
     if family is Family.THICKNESS:
-        _draw_reach(layout, settings, "thickness_distance")
+        _draw_reach(layout, settings, "thickness_distance", label("Thickness"))
     elif family is Family.CURVATURE:
-        _draw_reach(layout, settings, "curvature_radius")
+        _draw_reach(layout, settings, "curvature_radius", label("Curvature"))
     else:
-        _draw_reach(layout, settings, "ao_distance")
+        _draw_reach(layout, settings, "ao_distance", label(DECLARED["ao_distance"].label))
         if settings.ao_limited:
             layout.prop(settings, "ao_fade")
         layout.prop(settings, "bias_angle")
@@ -203,9 +203,9 @@ def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family
     layout.separator()
 
 
-def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: str) -> None:
-    """A distance behind its switch, and its unit."""
-    limited, title = DECLARED[reach].switch, label(DECLARED[reach].label)
+def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: str, title: str) -> None:
+    """A distance behind its switch, and its unit. title: short, since the line is indented."""
+    limited = DECLARED[reach].switch
     column = layout.column(align=True)
     row = column.row(align=True, heading=title, translate=False)
     row.prop(settings, limited, text="")
