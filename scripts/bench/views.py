@@ -33,7 +33,7 @@ from tests.support import zoo  # noqa: E402
 
 VIEWPORT = 1500, 950
 """Pixels of a viewport in a window of 1920 x 1080."""
-BAKED = 512
+BAKED = 64
 """Texels of the bake. Its images are scaled up: for a view, only the size of an image counts."""
 LIMITS = {"view of a map": 50.0, "flicker": 50.0, "switch of object": 100.0}
 """Milliseconds."""
