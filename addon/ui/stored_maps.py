@@ -88,7 +88,7 @@ class StoredBake:
         self.job = Job(low, pair.found())
         self.meshes: Meshes = self._read_low(context, report.uv_layer)
         self._uploads, self._parts, self._tiles, self._bounds = UploadCache(), {}, {}, {}
-        self._first: dict[int, gpu.types.GPUTexture] = {}
+        self._first: dict[int, tuple[gpu.types.GPUTexture, tuple[float, float]]] = {}
         self._whole: set[int] = set()
 
     @property
@@ -153,14 +153,19 @@ class StoredBake:
         if stored.tile == SINGLE and self.is_whole(stored):  # Blender keeps it, and notices changes
             return viewport.texture_of(image), not is_data
         if stored.tile == SINGLE:
-            if image.session_uid not in self._first:
-                self._first[image.session_uid] = data_texture.image(_fewer_texels(image), "RGBA16F")
-            return self._first[image.session_uid], image.is_float and not is_data
+            return self._first_of(image)[0], image.is_float and not is_data
         key = image.session_uid, stored.tile
         if key not in self._tiles:  # Blender gives the first tile alone
             pixels = _pixels(stored)
             self._tiles[key] = data_texture.image(pixels.values, "RGBA16F"), not (is_data or pixels.is_srgb)
         return self._tiles[key]
+
+    def _first_of(self, image: bpy.types.Image) -> tuple[gpu.types.GPUTexture, tuple[float, float]]:
+        """Some of the texels of a large image on the GPU, and their lowest and highest value."""
+        if image.session_uid not in self._first:
+            texels = _fewer_texels(image)
+            self._first[image.session_uid] = data_texture.image(texels, "RGBA16F"), _extent(texels)
+        return self._first[image.session_uid]
 
     def is_whole(self, stored: StoredMap) -> bool:
         """Whether `texture` has all texels of the image."""
@@ -181,13 +186,18 @@ class StoredBake:
         how = maps[0].report.maps[maps[0].name.lower()]
         if (how["midlevel"], how["scale"]) != (0.0, 1.0):
             return 0.0, 1.0  # they are shares of the range
-        if kind.name not in self._bounds:
-            lows, highs = zip(*(_extent(_pixels(stored).values) for stored in maps), strict=True)
+        key = kind.name, all(map(self.is_whole, maps))
+        if key not in self._bounds:
+            extents = (
+                _extent(_pixels(stored).values) if self.is_whole(stored) else self._first_of(stored.image)[1]
+                for stored in maps
+            )
+            lows, highs = zip(*extents, strict=True)
             low, high = min(lows), max(highs)
             if kind.range is Range.SIGNED:  # 0 is gray
                 low, high = -max(-low, high), max(-low, high)
-            self._bounds[kind.name] = (low, high) if high > low else (low, low + 1.0)
-        return self._bounds[kind.name]
+            self._bounds[key] = (low, high) if high > low else (low, low + 1.0)
+        return self._bounds[key]
 
 
 def _fewer_texels(image: bpy.types.Image) -> np.ndarray:
@@ -209,8 +219,9 @@ def _pixels(stored: StoredMap) -> ImagePixels:
 
 def _extent(texels: np.ndarray) -> tuple[float, float]:
     """The lowest and the highest value of the texels (height, width, 4) that have one."""
-    known = texels[texels[..., 3] > 0.0][:, :3]
-    return (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    is_known = texels[..., 3] > 0.0
+    known = (texels if is_known.all() else texels[is_known])[..., :3]
+    return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
 
 
 MASK_COLOR = (0.9, 0.12, 0.0, 1.0)

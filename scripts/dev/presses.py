@@ -19,9 +19,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 HERE = Path(__file__).resolve().parents[2]
-SIDEBAR, WHEEL = 848, 40
+SIDEBAR, WHEEL = 898, 40
 """The height of the sidebar, and how far a wheel click moves it, in pixels."""
-ROW, GAP, BOX, HEADER, PANEL = 20, 2, 8, 24, 10
+ROW, GAP, BOX, HEADER, PANEL = 22, 2, 8, 26, 10
 """Heights of a row, between rows, of the frame of a box, of a panel's header, and below a panel, in pixels."""
 WIDTH = 240
 NORMAL_BAKE = [("imprint.bake", 1)]

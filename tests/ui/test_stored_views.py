@@ -190,7 +190,9 @@ def test_maps_are_shown_after_saving_and_opening(pair, tmp_path, monkeypatch):
 @pytest.mark.parametrize("depth", ["8", "16"])
 @pytest.mark.usefixtures("no_bake")
 def test_a_large_image_is_shown_with_fewer_texels_until_a_pause(pair, monkeypatch, depth):
-    bake(maps={"AO", "CURVATURE"}, rays=16, depth=depth, width=32, height=32)
+    bake(maps={"AO", "CURVATURE", "HEIGHT"}, rays=16, depth=depth, width=32, height=32)
+    show("HEIGHT")
+    heights = drawn_pixels()
     show("AO")
     whole = drawn_pixels()
     assert not viewer.sharpening.is_running
@@ -209,6 +211,10 @@ def test_a_large_image_is_shown_with_fewer_texels_until_a_pause(pair, monkeypatc
     assert viewer.sharpen() is None
     assert np.array_equal(drawn_pixels(), whole)
     assert not viewer.sharpening.is_running
+    show("HEIGHT")
+    assert not np.array_equal(drawn_pixels(), heights)
+    viewer.sharpen()
+    assert np.array_equal(drawn_pixels(), heights)
     show("CURVATURE")
     drawn_pixels()
     assert viewer.sharpening.is_running
