@@ -271,6 +271,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         mended=drawn.meshes.mended.to_dict() if drawn.meshes.mended is not None else {},
         distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
         measured=ray_cast is not None and ray_cast.is_measured,
+        low_offset=ray_cast.offset * ray_cast.ray_scene.local_space.size if ray_cast else 0.0,
         blend_width=ray_cast.blend_width if ray_cast else 0.0,
         rays=drawn.rays,
         missed=findings.missed,
