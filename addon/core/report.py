@@ -59,6 +59,9 @@ class Report:
     """For rays: extrusion and max_distance in scene units, as set or measured."""
     measured: bool = False
     """Whether at least one of `distances` was measured."""
+    low_offset: float = 0.0
+    """How far the high meshes lie outside the low one everywhere, negative inside it, in scene units, if rays started from
+    where it would touch them; else 0."""
     blend_width: float = 0.0
     """The distance from hard edges, in scene units, within which the directions of rays blend; 0 if they do not."""
     rays: float = 0.0
@@ -90,8 +93,8 @@ class Report:
     islands. gaps: the texels near the border, and the number of texels needed between islands.
     far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that
     own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
-    contested, jumps, other_layer) of engine.rays.unsure_texels.Doubts; a texel can have several. uneven: whether the low mesh
-    is the base of its own high one."""
+    contested, jumps, other_layer, covered, beyond) of engine.unsure_texels.Doubts; a texel can have several. uneven: whether
+    the low mesh is the base of its own high one."""
     targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
     normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
@@ -169,6 +172,15 @@ class Report:
     def with_startup(self, seconds: dict[str, float]) -> "Report":
         """The same report with the seconds by stage that went before the bake."""
         return replace(self, startup=seconds)
+
+    def _off(self, length: Length) -> list[str]:
+        if not self.low_offset:
+            return []
+        side = "inside" if self.low_offset > 0.0 else "outside"
+        return [
+            f"{self.low!r} lies {length(abs(self.low_offset))} {side} the high surface everywhere: rays started from where it "
+            "would touch that"
+        ]
 
     def _without_own_hit(self) -> str:
         """How many rays have no own hit, for the summary; empty if all have one."""
@@ -285,7 +297,7 @@ class Report:
                 f"{name.replace('_', ' ')} {length(value)}" for name, value in self.distances.items()
             )
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
-        details += [*self._shared(), *self._seen()]
+        details += [*self._off(length), *self._shared(), *self._seen()]
         if self.stopped_early:
             details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:

@@ -32,7 +32,7 @@ WHOLE_WORLD = 8.0
 """Longer than any distance in the local space of the high meshes, if the low mesh touches them."""
 FARTHEST_PART = 4.0
 """In tree_cache.ROOM. Parts that stand off farther need an extrusion that is set."""
-MOST_PARTS = 0.25
+MOST_PARTS = 0.9
 """The largest share of the low surface that parts may cover. What covers more is another layer, which the low mesh lacks."""
 PART_RESERVE = 1.1
 """Factor on the measured height of parts that stand off."""

@@ -273,6 +273,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         materials=material_inputs.ways(drawn.meshes, settings.map),
         distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
         measured=ray_cast is not None and ray_cast.is_measured,
+        low_offset=ray_cast.offset * ray_cast.ray_scene.local_space.size if ray_cast else 0.0,
         blend_width=ray_cast.blend_width if ray_cast else 0.0,
         rays=drawn.rays,
         missed=findings.missed,

@@ -204,6 +204,11 @@ FIXES = {
         "Set Hit to Own, which chooses the layer that belongs to each texel",
         "SETTINGS",
     ),
+    Fix.NEAREST_HIT.name: (
+        "Use Nearest Hit",
+        "Set Hit to Nearest, which chooses the inner one of two surfaces that a texel can show",
+        "SETTINGS",
+    ),
     Fix.MEASURE.name: (
         "Measure Distances",
         "Measure how far the high surface lies from the low one, instead of using distances that were set",
@@ -333,6 +338,8 @@ REASONS = {
     "contested": "Two own hits: {}",
     "jumps": "Jumps: {}",
     "other_layer": "Not the own hit: {}",
+    "covered": "Another surface below: {}",
+    "beyond": "Another surface beyond the rays: {}",
 }
 """Messages with the share of texels that are unsure for each reason, by the keys of the report."""
 
