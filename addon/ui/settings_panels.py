@@ -18,7 +18,7 @@ from .cage_overlay import overlay
 from .modal import QuickOperator
 from .progress_display import SettingsPanel, display
 from .properties import ImprintSettings
-from .texts import label, split_layout, tooltip
+from .texts import font_size, label, split_layout, text_width, tooltip
 
 
 class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
@@ -106,6 +106,8 @@ GROUPS = {
     "geometry": (Family.POINTS,),
 }
 """The groups of the list, and their families."""
+CHECK_BOX = 25.0
+"""The width of a check box beside its name, in pixels at a scale of 1."""
 INDENT = 2.0
 """The space before the settings of a map."""
 
@@ -165,10 +167,15 @@ def draw_group(
 ) -> None:
     """The switches of some maps, with their settings. drawn: all maps that the bake draws, also those that only the packed
     image stores."""
-    # Columns of uneven widths hold longer names.
-    grid = layout.grid_flow(row_major=True, columns=2, even_columns=False, align=True)
-    for name in names:
-        grid.prop(context.scene.imprint, declared_properties.map_switch(name))
+    columns = [names[::2], names[1::2]]
+    widths = [
+        CHECK_BOX + max(text_width(label(BY_NAME[name].label), font_size(1.0)) for name in each) for each in columns
+    ]
+    split = layout.split(factor=widths[0] / sum(widths), align=True)  # long names are cut off in columns of even widths
+    for each in columns:
+        column = split.column(align=True)
+        for name in each:
+            column.prop(context.scene.imprint, declared_properties.map_switch(name))
     if BY_NAME[names[0]].family.casts_rays:
         _draw_ray_settings(layout, context.scene.imprint, [name for name in names if name in drawn])
     if any(BY_NAME[name].socket for name in names if name in drawn):

@@ -48,6 +48,7 @@ class Layout:
     kind: str = "column"
     columns: int = 1
     use_property_split: bool = False
+    factor: float = 0.5
     parts: list = field(default_factory=list)
 
     def _part(self, kind: str, columns: int = 1) -> "Layout":
@@ -66,8 +67,13 @@ class Layout:
             row.parts.append(Item(name=heading))
         return row
 
-    def grid_flow(self, columns=1, even_columns=False, **_):
-        return self._part("even" if even_columns else "grid", columns)
+    def grid_flow(self, columns=1, **_):
+        return self._part("even", columns)
+
+    def split(self, factor=0.5, **_):
+        part = self._part("split")
+        part.factor = factor
+        return part
 
     def panel(self, _name, **_):
         return self._part("header"), self._part("column")
@@ -141,16 +147,9 @@ class Layout:
             space -= 2.0 * ICON
         elif self.kind == "even":
             space /= self.columns
-        elif self.kind == "grid":
-            columns = [self.parts[at :: self.columns] for at in range(self.columns)]
-            wanted = [max((part.natural for part in column), default=0.0) for column in columns]
-            shares = [space * each / max(1.0, sum(wanted)) for each in wanted]
-            return [
-                text
-                for column, share in zip(columns, shares, strict=True)
-                for part in column
-                for text in part.cut(share)
-            ]
+        elif self.kind == "split":
+            first, second = self.parts
+            return first.cut(self.factor * space) + second.cut((1.0 - self.factor) * space)
         return [text for part in self.parts for text in part.cut(space)]
 
     def _cut_in_row(self, space: float) -> list[str]:
@@ -172,7 +171,7 @@ class Layout:
     def natural(self) -> float:
         """The width that it would like to have."""
         each = [part.natural for part in self.parts] or [0.0]
-        return sum(each) if self.kind == "row" else self.columns * max(each)
+        return sum(each) if self.kind in {"row", "split"} else self.columns * max(each)
 
 
 def _check(title: str, is_split: bool, icon: str) -> Item:
