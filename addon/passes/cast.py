@@ -367,7 +367,7 @@ def heights(into: target.Target, hits: target.Target, rays: target.Target) -> No
 def read_hits(hits: target.Target) -> tuple[np.ndarray, np.ndarray]:
     """The triangles (rows, columns) int32 of hits, in the tree's order and -1 for a miss, and two barycentric coordinates
     (rows, columns, 2) float32, as hit_weights has them."""
-    drawn = target.get("parts of hits", hits.width, hits.height, "RGBA32F")
+    drawn = target.Target(hits.width, hits.height, ("RGBA32F",))
     target.fill(drawn, HIT_PARTS, hits=hits.texture)
     parts = drawn.texels()
     return parts[..., 2].astype(np.int32) + (parts[..., 3].astype(np.int32) << 14) - 1, parts[..., :2]

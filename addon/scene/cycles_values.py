@@ -7,7 +7,7 @@ shows one pixel of an image. All datablocks are made for the call, and removed a
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -19,7 +19,7 @@ from ..core.errors import BakeError
 from ..core.settings import MapSettings
 from ..mesh.inputs import HitsOfFeed
 from ..mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
-from .materials.emitted import emitting
+from .materials.emitted import Keep, emitting
 
 MOST = 2**19
 """Points at a time: a mesh of so many triangles takes 300 MB in Blender and Cycles."""
@@ -29,6 +29,7 @@ WIDTH = 1024
 """Of the image, in pixels."""
 LOOKED_AT = np.array([0.501, 0.502])
 """Where in a pixel Blender's bake looks: a little beside its center, which edges may cross."""
+REFUSED = "Cycles did not bake the materials: wait for a render that runs, or set Exact Materials to Off."
 NAME = "Imprint exact materials"
 
 
@@ -86,60 +87,54 @@ def _part(hits: HitsOfFeed, part: slice) -> HitsOfFeed:
     return HitsOfFeed(hits.feed, hits.mesh, hits.number, hits.triangles[part], hits.weights[part])
 
 
-@dataclass
-class _Temporary:
-    """The datablocks of a call."""
+@contextmanager
+def _temporary() -> Iterator[Keep]:
+    """A function that takes datablocks, which are removed at the end of the block."""
+    blocks: list[bpy.types.ID] = []
 
-    blocks: list[bpy.types.ID] = field(default_factory=list)
-
-    def add(self, block: bpy.types.ID) -> bpy.types.ID:
-        self.blocks.append(block)
+    def keep(block: bpy.types.ID) -> bpy.types.ID:
+        blocks.append(block)
         return block
 
-
-@contextmanager
-def _temporary() -> Iterator[_Temporary]:
-    """Datablocks that are removed at the end of the block."""
-    made = _Temporary()
     try:
-        yield made
+        yield keep
     finally:
-        bpy.data.batch_remove(made.blocks)
+        bpy.data.batch_remove(blocks)
 
 
 def _bake(owner: bpy.types.Object, hits: Sequence[HitsOfFeed]) -> list[np.ndarray]:
     """The values (N, 3) at hits on one object."""
     count = sum(len(one.triangles) for one in hits)
     size = WIDTH, -(-count // WIDTH)
-    with _temporary() as made:
-        scene = made.add(bpy.data.scenes.new(NAME))
+    with _temporary() as keep:
+        scene = keep(bpy.data.scenes.new(NAME))
         _set_up(scene)
-        image = made.add(bpy.data.images.new(NAME, *size, alpha=True, float_buffer=True, is_data=True))
-        mesh = made.add(bpy.data.meshes.new(NAME))
+        image = keep(bpy.data.images.new(NAME, *size, alpha=True, float_buffer=True, is_data=True))
+        mesh = keep(bpy.data.meshes.new(NAME))
         corners = _Corners.of(hits)
         layer = _build(mesh, corners, size)
         feeds = list(dict.fromkeys(one.feed for one in hits))
         for feed in feeds:
             material = _found(bpy.data.materials, feed.material)
-            mesh.materials.append(emitting(material, feed.socket, image, made.add))
+            mesh.materials.append(emitting(material, feed.socket, image, keep))
         slots = np.concatenate([np.full(len(one.triangles), feeds.index(one.feed), np.int32) for one in hits])
         mesh.polygons.foreach_set("material_index", slots)
-        obj = made.add(bpy.data.objects.new(NAME, mesh))
+        obj = keep(bpy.data.objects.new(NAME, mesh))
         _take_after(obj, owner, hits[0].mesh.to_world, corners, mesh)
         scene.collection.objects.link(obj)
-        view = scene.view_layers[0]
-        with (
-            bpy.context.temp_override(
-                scene=scene,
-                view_layer=view,
-                object=obj,
-                active_object=obj,
-                selected_objects=[obj],
-                selected_editable_objects=[obj],
-            ),
-            quiet.silence(1),
-        ):
-            bpy.ops.object.bake(
+        _run(scene, obj, layer)
+        pixels = np.empty(size[0] * size[1] * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+    values = pixels.reshape(-1, 4)[:count, :3]
+    return np.split(values, np.cumsum([len(one.triangles) for one in hits])[:-1])
+
+
+def _run(scene: bpy.types.Scene, obj: bpy.types.Object, layer: str) -> None:
+    """Bake the emission of `obj` into its images. Raises BakeError where Blender refuses."""
+    chosen = {"object": obj, "active_object": obj, "selected_objects": [obj], "selected_editable_objects": [obj]}
+    try:
+        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0], **chosen), quiet.silence(1):
+            done = bpy.ops.object.bake(
                 type="EMIT",
                 target="IMAGE_TEXTURES",
                 save_mode="INTERNAL",
@@ -148,10 +143,10 @@ def _bake(owner: bpy.types.Object, hits: Sequence[HitsOfFeed]) -> list[np.ndarra
                 use_selected_to_active=False,
                 uv_layer=layer,
             )
-        pixels = np.empty(size[0] * size[1] * 4, np.float32)
-        image.pixels.foreach_get(pixels)
-    values = pixels.reshape(-1, 4)[:count, :3]
-    return np.split(values, np.cumsum([len(one.triangles) for one in hits])[:-1])
+    except RuntimeError as error:
+        raise BakeError(f"{REFUSED} {str(error).strip()}") from error
+    if "FINISHED" not in done:
+        raise BakeError(REFUSED)
 
 
 def _set_up(scene: bpy.types.Scene) -> None:
@@ -233,21 +228,29 @@ def _build(mesh: bpy.types.Mesh, corners: _Corners, size: tuple[int, int]) -> st
     on_pixels = mesh.uv_layers.new(name=NAME, do_init=False)
     on_pixels.uv.foreach_set("vector", _on_pixels(count, size).ravel())
     name = on_pixels.name
-    for (kind, of_layer), values in corners.layers.items():
+    # UV maps first: an attribute of the same name is the UV map.
+    for (kind, of_layer), values in sorted(corners.layers.items(), key=lambda item: item[0][0] != UV_LAYER):
         if kind == UV_LAYER:
-            layer = mesh.uv_layers.new(name=of_layer or "render", do_init=False)
-            layer.uv.foreach_set("vector", np.ascontiguousarray(values[..., :2]).ravel())
-            layer.active_render |= not of_layer
+            _add_uv_map(mesh, of_layer, values)
         elif kind == ATTRIBUTE:
             _add_attribute(mesh, of_layer, values)
     mesh.update()
     return name
 
 
+def _add_uv_map(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+    layer = mesh.uv_layers.new(name=name or f"{NAME}: render", do_init=False)
+    if layer is None:
+        raise BakeError("The materials of an object read more than seven UV maps: set Exact Materials to Off.")
+    layer.uv.foreach_set("vector", np.ascontiguousarray(values[..., :2]).ravel())
+    if not name:
+        layer.active_render = True
+
+
 def _add_attribute(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
     if name and name in mesh.attributes:  # a UV map, or the positions
         return
-    attribute = mesh.attributes.new(name or "render", "FLOAT_COLOR", "POINT")
+    attribute = mesh.attributes.new(name or f"{NAME}: color", "FLOAT_COLOR", "POINT")
     attribute.data.foreach_set("color", values.ravel())
     if not name:
         mesh.attributes.default_color_name = attribute.name
