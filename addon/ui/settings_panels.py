@@ -179,7 +179,7 @@ def draw_group(
     if BY_NAME[names[0]].family.casts_rays:
         _draw_ray_settings(layout, context.scene.imprint, [name for name in names if name in drawn])
     if any(BY_NAME[name].socket for name in names if name in drawn):
-        _indented(layout).prop(context.scene.imprint, "exact_materials")
+        layout.prop(context.scene.imprint, "exact_materials")
     if ATTRIBUTE.name in names and ATTRIBUTE.name in drawn:
         _draw_attribute(_indented(layout), context)
 
