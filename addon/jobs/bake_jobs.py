@@ -159,13 +159,15 @@ def work(
     *,
     share_image: bool = False,
     reports: list[Report] | None = None,
+    failures: list[tuple[str, str]] | None = None,
 ) -> Task[list[Report]]:
     """Bake several jobs, each low object only from its own high objects, into an image each, or into a shared one (an atlas).
 
     A generator: Blender can continue between its steps. If it is closed early, finished jobs stay, and nothing else changes.
     "{low}" in the settings' image and output is replaced by the low object's name. All jobs are checked before the first is
     baked. Raises BakeError; jobs before the one that failed stay, unless they share its image. reports: receives the report of
-    each finished job, for a caller that closes the generator early.
+    each finished job, for a caller that closes the generator early. failures: receives the low object's name of each job that
+    fails while it is baked, and why; the next ones are baked all the same, and only if all fail, it raises BakeError.
     """
     settings.check()  # before object names are filled in, which may contain anything
     for job in jobs:
@@ -192,7 +194,14 @@ def work(
     reports = [] if reports is None else reports
     for number, (job, job_settings) in enumerate(zip(jobs, filled, strict=True)):
         steps = part(bake_job(context, job, job_settings, pace), number / len(jobs), (number + 1) / len(jobs))
-        reports.append((yield from relay(steps, partial(replace, finished=number))))
+        name = job.low_ref.name
+        try:
+            reports.append((yield from relay(steps, partial(replace, finished=len(reports)))))
+        except BakeError as error:
+            is_last_hope = number + 1 == len(jobs) and not reports
+            if failures is None or is_last_hope:
+                raise
+            failures.append((name, str(error)))
     return reports
 
 

@@ -146,28 +146,40 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
         for job in jobs:
             job.size, job.distance = int(job.low.imprint_size), job.low.imprint_distance
         values = settings.to_settings()
-        self._left_out = [("", problem) for problem in problems]
-        if not settings.share_image:  # an atlas is whole, or is not baked
-            jobs = self._ready(context, jobs, weights.settings_by_job(jobs, values))
-        for _, reason in self._left_out:
+        left_out = [("", problem) for problem in problems]
+        if settings.share_image:  # an atlas is whole, or is not baked
+            reports = yield from bake_jobs.work(context, jobs, values, pace, share_image=True)
+            return reports, left_out
+        jobs = _ready(context, jobs, weights.settings_by_job(jobs, values), left_out)
+        reports: list[Report] = []
+        try:
+            yield from bake_jobs.work(context, jobs, values, pace, reports=reports, failures=left_out)
+        except GeneratorExit:  # the maps that are done stay
+            results.remember(context, reports)
+            raise
+        return reports, left_out
+
+    def finish(self, context: bpy.types.Context, result: tuple[list[Report], list[tuple[str, str]]]) -> None:
+        reports, left_out = result
+        super().finish(context, reports)
+        results.leave_out(left_out)
+        for _, reason in left_out:
             self.report({"WARNING"}, in_window(reason)[0])
-        return (yield from bake_jobs.work(context, jobs, values, pace, share_image=settings.share_image))
 
-    def _ready(self, context: bpy.types.Context, jobs: list[Job], settings: list[Settings]) -> list[Job]:
-        """The jobs that can be baked. The others are left out. Raises BakeError if none can be."""
-        context.view_layer.update()
-        reasons = [
-            object_checks.problem(context, job.low, job.highs, job.cage, of_job.tracing.method)
-            for job, of_job in zip(jobs, settings, strict=True)
-        ]
-        if all(reasons):
-            raise BakeError(reasons[0])
-        self._left_out += [(job.low.name, reason) for job, reason in zip(jobs, reasons, strict=True) if reason]
-        return [job for job, reason in zip(jobs, reasons, strict=True) if not reason]
 
-    def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
-        super().finish(context, result)
-        results.leave_out(self._left_out)
+def _ready(
+    context: bpy.types.Context, jobs: list[Job], settings: list[Settings], left_out: list[tuple[str, str]]
+) -> list[Job]:
+    """The jobs that can be baked. The others are added to `left_out`. Raises BakeError if none can be."""
+    context.view_layer.update()
+    reasons = [
+        object_checks.problem(context, job.low, job.highs, job.cage, of_job.tracing.method)
+        for job, of_job in zip(jobs, settings, strict=True)
+    ]
+    if all(reasons):
+        raise BakeError(reasons[0])
+    left_out += [(job.low.name, reason) for job, reason in zip(jobs, reasons, strict=True) if reason]
+    return [job for job, reason in zip(jobs, reasons, strict=True) if not reason]
 
 
 class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):

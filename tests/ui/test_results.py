@@ -164,6 +164,17 @@ def test_a_batch_bakes_what_can_be_baked_and_names_the_others(batch):
     assert results.left_out() == []
 
 
+def test_a_pair_that_fails_while_it_is_baked_does_not_end_the_batch(batch):
+    high = bpy.data.objects["b_high"]
+    high.vertex_groups.new(name="none")
+    high.modifiers.new("Mask", "MASK").vertex_group = "none"  # its mesh is empty, which shows when it is read
+    for name in "ac":
+        bpy.data.images.remove(bpy.data.images[f"{name}_low_height"])
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    assert [name for name, _ in results.left_out()] == ["b_low"]
+    assert "a_low_height" in bpy.data.images and "c_low_height" in bpy.data.images
+
+
 def test_a_batch_without_any_pair_that_can_be_baked_says_why():
     zoo.plane("a_low").data.uv_layers.remove(bpy.data.meshes["a_low"].uv_layers[0])
     zoo.plane("a_high")
