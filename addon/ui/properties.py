@@ -87,7 +87,6 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     size: declared("size", get=lambda self: self.width, set=_set_size)
     square: declared("square", update=_make_square)
     show_result: declared("show_result")
-    storage: declared("storage", update=_fit_depth)
     output: declared("output", update=_fit_depth)
     names: labeled(
         StringProperty,
