@@ -168,6 +168,18 @@ def test_samples_are_averaged_and_tiles_have_their_own():
     assert np.abs(both.reshape(64, 64, 2, 3).mean(axis=2) - whole[..., :3]).mean() < 2.0 / 255.0
 
 
+def test_packed_images_and_texture_sets_have_them():
+    low, high = rusty(of_all_inputs)
+    metallic = maps.bake_all_maps(low, high, maps=("METALLIC",), size=32)[1]["metallic"][..., 0]
+    assert metallic.std() > 0.03
+    report, _ = maps.bake_all_maps(low, high, maps=("METALLIC",), size=32, pack="CUSTOM", pack_green="METALLIC")
+    packed = bpy.data.images[report.maps["packed"]["image"]]
+    assert np.abs(maps.pixels(packed)[..., 1] - metallic).max() < 1e-5
+    low.data.materials.append(bpy.data.materials.new("First"))
+    maps.bake_all_maps(low, high, maps=("METALLIC",), size=32, texture_sets=True)
+    assert np.abs(maps.pixels(bpy.data.images["map_metallic"])[..., 0] - metallic).max() < 1e-5
+
+
 def test_nothing_remains_and_nothing_changes(monkeypatch):
     low, high = rusty(of_all_inputs)
     kinds = [name for name in dir(bpy.data) if isinstance(getattr(bpy.data, name), bpy.types.bpy_prop_collection)]
