@@ -89,7 +89,7 @@ class Runner:
             context.window_manager.event_timer_remove(run.timer)
             display.hide(context)
         return "Stopped." + (
-            f" {finished} maps were done before and are kept." if finished else " Nothing was changed."
+            f" Finished before, and kept: {finished}." if finished else " Nothing was changed."
         )
 
 

@@ -12,6 +12,7 @@ from addon.core.errors import BakeError
 from addon.engine import gpu_memory, tree_cache
 from addon.passes import target
 from addon.ui import bake_operators, modal, view_panel
+from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.modal import EVERY, idle_memory
 from addon.ui.progress_display import display
@@ -150,6 +151,24 @@ def test_esc_changes_nothing(pair, name, step):
     assert not live.is_on
     assert viewer.mode is Mode.OFF
     assert difference(before, snapshot()) == {}
+
+
+@pytest.mark.usefixtures("tiny")
+def test_esc_in_a_batch_keeps_the_results_of_what_is_done():
+    for name in ("a", "b"):
+        zoo.plane(f"{name}_low"), zoo.terrain(f"{name}_high", n=8)
+    settings = bpy.context.scene.imprint
+    settings.size, settings.method, settings.storage = 16, "CAST", "MEMORY"
+    button = Button(bake_operators.IMPRINT_OT_bake_pairs)
+    button.press()
+    for _ in range(TICKS):
+        if display.current.finished == 1:
+            break
+        assert button.event() == {"RUNNING_MODAL"}
+    assert button.event("ESC") == {"CANCELLED"}
+    assert button.reports == [("WARNING", "Stopped. Finished before, and kept: 1.")]
+    assert [low.name for low, _ in results.of_scene(bpy.context)] == ["a_low"]
+    assert is_clean()
 
 
 @pytest.mark.usefixtures("tiny")
