@@ -28,7 +28,7 @@ from ..jobs.job import Job, jobs_by_name
 from ..scene import object_checks, reading
 from ..scene.object_checks import object_by_name
 from . import bake_results, modal, object_pairs
-from .bake_results import results
+from .bake_results import Batch, results
 from .checks import draw_fixable
 from .live import live
 from .modal import QuickOperator
@@ -167,7 +167,7 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
 
     def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
         super().finish(context, result)
-        results.leave_out(self._left_out)
+        results.keep_batch(Batch(self._left_out, sorted({report.low for report in result})))
 
 
 class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):

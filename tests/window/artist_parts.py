@@ -222,7 +222,7 @@ def part_seven() -> Steps:
     picture("seven")
     wrong_ones = [low.name for low, found in results.of_scene(bpy.context) if any(one.warnings for one in found)]
     check("the one that is inside out", wrong_ones == ["c_low"])
-    left_out = results.left_out()
+    left_out = results.batch().left_out
     check("the one without UVs", ("f_low", "'f_low' has no UV layer: unwrap it first.") in left_out)
     check("the one without a high object", any("'e_low' has no high object" in reason for _, reason in left_out))
     check("the others are right", len(results.of_scene(bpy.context)) == 5)
