@@ -28,7 +28,7 @@ from ..jobs.job import Job, jobs_by_name
 from ..scene import object_checks, reading
 from ..scene.object_checks import object_by_name
 from . import bake_results, modal, object_pairs
-from .bake_results import results
+from .bake_results import Batch, results
 from .checks import draw_fixable
 from .live import live
 from .modal import QuickOperator
@@ -162,7 +162,7 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
     def finish(self, context: bpy.types.Context, result: tuple[list[Report], list[tuple[str, str]]]) -> None:
         reports, left_out = result
         super().finish(context, reports)
-        results.leave_out(left_out)
+        results.keep_batch(Batch(left_out, sorted({report.low for report in reports})))
         for _, reason in left_out:
             self.report({"WARNING"}, in_window(reason)[0])
 

@@ -26,7 +26,7 @@ from .live import live
 from .modal import QuickOperator
 from .progress_display import MAIN, display
 from .properties import Chosen, ImprintSettings
-from .results_panel import draw_numbers
+from .results_panel import draw_batch, draw_numbers
 from .texts import LABEL, SidebarPanel, draw_paragraphs, label, labeled, message, split_layout
 
 
@@ -349,6 +349,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
         row.prop(settings, "live_every_time")
         _draw_plan(layout.box(), context, chosen, problem, found)
+        draw_batch(layout, context)
         if live.is_on and live.message:
             draw_fixable(layout.box(), context, live.message, "ERROR")
 

@@ -4,6 +4,7 @@ maps."""
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -25,6 +26,18 @@ from .progress_display import display
 from .texts import labeled, message, tooltip
 
 
+@dataclass(frozen=True)
+class Batch:
+    """The session's last bake of pairs.
+
+    left_out: what it left out: names of low objects, empty where there is no pair, and why in a sentence. baked: the names of
+    the low objects that it baked; empty after a later bake.
+    """
+
+    left_out: Sequence[tuple[str, str]] = ()
+    baked: Sequence[str] = ()
+
+
 class BakeResults:
     """The reports of the last bake of each low object: one for each texture set. object_pairs stores them."""
 
@@ -32,22 +45,23 @@ class BakeResults:
         """Keep the reports of a bake, and its pairs, in place of earlier ones of the same low objects."""
         object_pairs.remember(reports)
         baked = {ref.name for report in reports for ref in report.refs[:1]}
-        self.leave_out([one for one in self.left_out() if one[0] not in baked])
+        self.keep_batch(Batch([one for one in self.batch().left_out if one[0] not in baked]))
 
-    def left_out(self) -> list[tuple[str, str]]:
-        """What the last bake of pairs left out: names of low objects, empty where there is no pair, and why in a sentence."""
-        text = bpy.context.window_manager.imprint_left_out
-        found = [(name, reason) for name, reason in json.loads(text)] if text else []
-        return [one for one in found if not one[0] or one[0] in bpy.data.objects]
+    def batch(self) -> Batch:
+        """The last bake of pairs, with the objects that are still there."""
+        text = bpy.context.window_manager.imprint_batch
+        found = Batch(**json.loads(text)) if text else Batch()
+        left_out = [(name, reason) for name, reason in found.left_out if not name or name in bpy.data.objects]
+        return replace(found, left_out=left_out)
 
-    def leave_out(self, found: Sequence[tuple[str, str]]) -> None:
-        """Keep what a bake of pairs left out, as `left_out` returns it."""
-        bpy.context.window_manager.imprint_left_out = json.dumps(list(found)) if found else ""
+    def keep_batch(self, batch: Batch) -> None:
+        """Keep a bake of pairs, until another file is opened."""
+        bpy.context.window_manager.imprint_batch = json.dumps(asdict(batch))
 
     def forget(self) -> None:
         """Clear the lines about the session's last bake: they mean nothing in another file."""
         for manager in bpy.data.window_managers:
-            manager.imprint_summary = manager.imprint_warnings = manager.imprint_left_out = ""
+            manager.imprint_summary = manager.imprint_warnings = manager.imprint_batch = ""
 
     def has_any(self, context: bpy.types.Context) -> bool:
         """Whether the panel's low object, or any other one in the context's scene, was baked."""

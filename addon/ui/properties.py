@@ -272,17 +272,17 @@ def register() -> None:
     bpy.types.WindowManager.imprint_warnings = labeled(
         StringProperty, "Warnings", "Warnings of this session's last bake, one per line", options={"SKIP_SAVE"}
     )
-    bpy.types.WindowManager.imprint_left_out = labeled(
+    bpy.types.WindowManager.imprint_batch = labeled(
         StringProperty,
-        "Left Out",
-        "Low objects that this session's last bake of pairs left out, and why, in JSON",
+        "Last Bake of Pairs",
+        "Low objects that this session's last bake of pairs baked, and those that it left out, and why, in JSON",
         options={"SKIP_SAVE"},
     )
 
 
 def unregister() -> None:
     _handlers.remove()
-    del bpy.types.WindowManager.imprint_left_out
+    del bpy.types.WindowManager.imprint_batch
     del bpy.types.WindowManager.imprint_warnings
     del bpy.types.WindowManager.imprint_summary
     del bpy.types.Scene.imprint

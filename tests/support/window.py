@@ -12,6 +12,8 @@ from addon.ui.texts import SidebarPanel
 
 STEP = 14
 """Pixels between the places where `find` looks for a button, which is 20 high."""
+SCROLLS = 5
+"""How often `find` scrolls the sidebar."""
 
 
 def view() -> tuple[bpy.types.Window, bpy.types.Area, bpy.types.Region]:
@@ -69,18 +71,25 @@ def open_tab() -> Iterator[float]:
 
 
 def find(button: str) -> Iterator[float]:
-    """Move the mouse to a button of the sidebar's tab Imprint, which is shown. Raises LookupError if it is not in sight."""
+    """Move the mouse to a button of the sidebar's tab Imprint, which is shown. Looks at what is in sight, then scrolls down
+    from the top by the wheel. Raises LookupError if there is none."""
     yield from open_tab()
     whole, area, _ = view()
     sidebar = next(region for region in area.regions if region.type == "UI")
-    top = whole.height - sidebar.y - sidebar.height
-    for part in (0.25, 0.7, 0.84):
-        for y in range(top + STEP, top + sidebar.height, STEP):
-            mouse("mousemove", round(sidebar.x + sidebar.width * part), y)
-            yield 0.04
-            if _under_mouse(sidebar).removeprefix("bpy.ops.").partition("(")[0] == button:
-                return
-    raise LookupError(f"{button} is not in sight")
+    left, top = sidebar.x + 4, whole.height - sidebar.y - sidebar.height
+    for turn in range(SCROLLS + 1):
+        if turn:
+            mouse("mousemove", left, top + sidebar.height // 2)
+            yield 0.2
+            mouse("click", "--repeat", 100 if turn == 1 else 8, "--delay", 10, 4 if turn == 1 else 5)
+            yield 0.7
+        for part in (0.25, 0.7, 0.84):
+            for y in range(top + STEP, top + sidebar.height, STEP):
+                mouse("mousemove", round(sidebar.x + sidebar.width * part), y)
+                yield 0.04
+                if _under_mouse(sidebar).removeprefix("bpy.ops.").partition("(")[0] == button:
+                    return
+    raise LookupError(f"{button} is not in the sidebar")
 
 
 def _under_mouse(region: bpy.types.Region) -> str:

@@ -228,7 +228,7 @@ def test_a_pair_by_name_can_have_a_distance_of_its_own():
     assert measured.measured
     low.imprint_distance = 0.25  # ends before the high mesh
     assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
-    ((name, reason),) = results.left_out()
+    ((name, reason),) = results.batch().left_out
     assert name == "a_low"
     assert "'a_low'" in reason
 

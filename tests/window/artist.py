@@ -28,6 +28,7 @@ def main() -> int:
     parser.add_argument("parts", nargs="*")
     parser.add_argument("--blender", default="blender")
     parser.add_argument("--folder", type=Path)
+    parser.add_argument("--size", default="1600x1000", help="of the window, in pixels; default: 1600x1000")
     parser.add_argument("--patience", type=float, default=300.0, help="seconds for a part; default: 300")
     given = parser.parse_args()
     names = re.findall(r"^def part_(\w+)", PARTS.read_text(encoding="utf-8"), re.MULTILINE)
@@ -47,7 +48,7 @@ def main() -> int:
 def play(given: argparse.Namespace, name: str, folder: Path, environment: dict[str, str]) -> bool:
     """Run a part in a new Blender. It opens the file that an earlier part has left for it. Returns whether all was right."""
     file = folder / name / "scene.blend"
-    window = ["--window-geometry", "0", "0", "1600", "1000"]
+    window = ["--window-geometry", "0", "0", *given.size.split("x")]
     command = [
         given.blender,
         *window,

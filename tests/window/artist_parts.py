@@ -24,6 +24,7 @@ from addon.core.declarations import targets  # noqa: E402
 from addon.ui import modal, object_pairs  # noqa: E402
 from addon.ui.bake_results import results  # noqa: E402
 from addon.ui.live import live  # noqa: E402
+from addon.ui.progress_display import display  # noqa: E402
 from tests.support import saved_scenes, window  # noqa: E402
 from tests.support.window import click_row, find, keys, press  # noqa: E402
 from tests.window import live_strokes  # noqa: E402
@@ -222,7 +223,7 @@ def part_seven() -> Steps:
     picture("seven")
     wrong_ones = [low.name for low, found in results.of_scene(bpy.context) if any(one.warnings for one in found)]
     check("the one that is inside out", wrong_ones == ["c_low"])
-    left_out = results.left_out()
+    left_out = results.batch().left_out
     check("the one without UVs", ("f_low", "'f_low' has no UV layer: unwrap it first.") in left_out)
     check("the one without a high object", any("'e_low' has no high object" in reason for _, reason in left_out))
     check("the others are right", len(results.of_scene(bpy.context)) == 5)
@@ -238,38 +239,20 @@ def part_quick_start() -> Steps:
             bpy.context.scene.collection.objects.link(obj)
             obj.name = obj.data.name = name
     else:
-        small(show_result=True, crate=True)
+        small(crate=True, show_result=True, width=2048, height=2048)
     with window.at_view():
         bpy.ops.view3d.view_all()
-    yield from select_pair()
-    yield from window.open_tab()
-    picture("2 panel")
-    yield from bake()
-    yield 4.0
-    picture("4 result")
     low, high = bpy.data.objects["crate_low"], bpy.data.objects["crate_high"]
-    trees = [slot.material.node_tree.nodes for slot in low.material_slots]
-    images = [node for nodes in trees for node in nodes if node.type == "TEX_IMAGE"]
-    check("Image Texture, Non-Color", [node.image.colorspace_settings.name for node in images] == ["Non-Color"])
-    check("Normal Map node", any(node.type == "NORMAL_MAP" for nodes in trees for node in nodes))
-    _, area, _ = window.view()
-    check("Material Preview", area.spaces.active.shading.type == "MATERIAL")
-    check("the high object is hidden", not high.visible_get())
-    yield from press("imprint.show_high")
-    check("the eye in Results shows it", high.visible_get())
-    yield from press("imprint.show_high")
-    yield from press("imprint_view.mode")
-    yield 0.5
-    window.mouse("key", "Down", "Down", "Down", "Return")
-    yield 3.0
-    check("View: Split", bpy.context.scene.imprint_view.mode == "SPLIT")
-    picture("5 split")
-    yield from keys("ctrl+alt+h")
-    yield 1.0
-    check("Ctrl Alt H: one after the other", bpy.context.scene.imprint_view.mode == "HIGH")
-    picture("6 flicker")
-    yield from keys("ctrl+alt+h")
-    bpy.context.scene.imprint_view.mode = "OFF"
+    yield from click_row("crate_high")
+    yield from click_row("crate_low", "shift")
+    check("Shift leaves the high object active", bpy.context.object == high)
+    yield from select_pair()
+    picture("1 select")
+    yield from keys("n")
+    yield from click_tab()
+    picture("2 panel")
+    yield from first_bake(low, high)
+    yield from compare(high)
     check("the map is packed", bpy.data.images["crate_low_normal"].packed_file is not None)
     first = contents()["crate_low_normal"]
     yield from bake()
@@ -290,6 +273,15 @@ def part_quick_start_again() -> Steps:
     bpy.context.scene.imprint_view.mode = "OFF"
     yield from bake()
     check("baked again", contents()["crate_low_normal"] == first)
+    settings = bpy.context.scene.imprint
+    settings.width, settings.height = 256, 256
+    yield from press("imprint.maps")  # the first one
+    check("Ambient Occlusion is on", settings.maps == {"AO"})
+    yield from bake()
+    check("a second map from one press", mine() == ["crate_low_ao", "crate_low_normal"])
+    picture("two maps")
+    yield from keys("ctrl+z")
+    check("Undo takes the bake back", mine() == ["crate_low_normal"] and contents()["crate_low_normal"] == first)
 
 
 def part_undone() -> Steps:
@@ -435,6 +427,82 @@ def select_pair() -> Steps:
     yield from click_row("crate_low", "ctrl")
     selected = sorted(obj.name for obj in bpy.context.selected_objects)
     check("both are selected", selected == ["crate_high", "crate_low"] and bpy.context.object.name == "crate_low")
+
+
+def first_bake(low: bpy.types.Object, high: bpy.types.Object) -> Steps:
+    """A bake that Esc stops, and one to its end, with what the quick start says about its result."""
+    slots = len(low.material_slots)
+    yield from press("imprint.bake")
+    yield from until(lambda: display.current is None or display.current.done > 0.3)
+    check("a bake goes on", modal.runner.run is not None)
+    picture("3 bake")
+    yield from keys("Escape")
+    yield from finished()
+    check("Esc changes nothing", not mine() and high.visible_get() and len(low.material_slots) == slots)
+    yield from bake()
+    yield 4.0
+    picture("4 result")
+    trees = [slot.material.node_tree.nodes for slot in low.material_slots]
+    images = [node for nodes in trees for node in nodes if node.type == "TEX_IMAGE"]
+    check("Image Texture, Non-Color", [node.image.colorspace_settings.name for node in images] == ["Non-Color"])
+    check("Normal Map node", any(node.type == "NORMAL_MAP" for nodes in trees for node in nodes))
+    _, area, _ = window.view()
+    check("Material Preview", area.spaces.active.shading.type == "MATERIAL")
+    check("the high object is hidden", not high.visible_get())
+
+
+def compare(high: bpy.types.Object) -> Steps:
+    """Show, the eye, Split with its line, and the key that shows one after the other."""
+    yield from press("imprint.show_hidden")
+    check("Show shows it", high.visible_get())
+    yield from press("imprint.show_high")
+    check("the eye in Results hides it", not high.visible_get())
+    yield from press("imprint_view.mode")
+    for key in ("Down", "Down", "Down", "Return"):
+        yield 0.5
+        picture("5 menu")
+        window.mouse("key", key)
+    yield 3.0
+    check("View: Split", bpy.context.scene.imprint_view.mode == "SPLIT")
+    picture("5 split")
+    yield from drag_line()
+    yield from keys("ctrl+alt+h")
+    yield 1.0
+    check("Ctrl Alt H: one after the other", bpy.context.scene.imprint_view.mode == "HIGH")
+    picture("6 flicker")
+    yield from keys("ctrl+alt+h")
+    bpy.context.scene.imprint_view.mode = "OFF"
+
+
+def click_tab() -> Steps:
+    """Click the tab Imprint of the sidebar, which is found by clicks on one tab after the other."""
+    whole, area, _ = window.view()
+    sidebar = next(region for region in area.regions if region.type == "UI")
+    top = whole.height - sidebar.y - sidebar.height
+    for y in range(top + 30, top + sidebar.height, 30):
+        window.mouse("mousemove", sidebar.x + sidebar.width - 12, y, "click", 1)
+        yield 0.4
+        if sidebar.active_panel_category == "Imprint":
+            break
+    check("N, and a click on the tab Imprint", sidebar.active_panel_category == "Imprint")
+
+
+def drag_line() -> Steps:
+    """Drag the line of Split to the left."""
+    whole, _, region = window.view()
+    before = bpy.context.scene.imprint_view.split
+    at = region.x + round(before * region.width), whole.height - region.y - region.height // 2
+    window.mouse("mousemove", *at)
+    yield 0.5
+    window.mouse("mousedown", 1)
+    for step in range(1, 6):
+        yield 0.3
+        window.mouse("mousemove", at[0] - 40 * step, at[1])
+    yield 0.3
+    window.mouse("mouseup", 1)
+    yield 1.0
+    moved = before - bpy.context.scene.imprint_view.split
+    check("the line follows the mouse", abs(moved * region.width - 200.0) < 20.0)
 
 
 def bake() -> Steps:
