@@ -87,13 +87,15 @@ class _Walk:
             self._check_image(output)
 
     def _check_image(self, output: Place) -> None:
-        """Raise NotFollowedError for an image without pixels, which Cycles shows in pink, and for movies."""
+        """Raise NotFollowedError for an image without pixels or without some, which Cycles shows in pink, and for movies."""
         if output.node.image is None:
             raise NotFollowedError(f"the node {title(output.node)} has no image")
         try:
-            self.values.images.texture(output.node.image, is_premultiplied=False)
+            found = self.values.images.texture(output.node.image, is_premultiplied=False)
         except UnreadableError as error:
             raise NotFollowedError(str(error)) from error
+        if found.notes:
+            raise NotFollowedError(found.notes[0])
 
     def _default(self, output: Place, layer: tuple[str, str]) -> None:
         """Add a layer that a texture reads where nothing feeds its vector."""
