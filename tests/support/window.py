@@ -10,7 +10,7 @@ import bpy
 
 from addon.ui.texts import SidebarPanel
 
-STEP = 14
+STEP = 18
 """Pixels between the places where `find` looks for a button, which is 20 high."""
 SCROLLS = 4
 """How often `find` scrolls down by nearly the height of the sidebar."""
@@ -84,7 +84,7 @@ def find(button: str) -> Iterator[float]:
         yield 0.2
         mouse("click", "--repeat", turns, "--delay", 10, direction)
         yield 0.7
-        for part in (0.25, 0.7, 0.84):
+        for part in (0.7, 0.25, 0.84):
             for y in range(top + STEP, top + sidebar.height, STEP):
                 mouse("mousemove", round(sidebar.x + sidebar.width * part), y)
                 yield 0.03

@@ -21,7 +21,7 @@ for loaded in [name for name in sys.modules if name.startswith(f"{MODULE}.addon"
 
 import addon  # noqa: E402
 from addon.core.declarations import targets  # noqa: E402
-from addon.ui import modal, object_pairs  # noqa: E402
+from addon.ui import declared_properties, modal, object_pairs  # noqa: E402
 from addon.ui.bake_results import results  # noqa: E402
 from addon.ui.live import live  # noqa: E402
 from addon.ui.progress_display import display  # noqa: E402
@@ -275,7 +275,7 @@ def part_quick_start_again() -> Steps:
     check("baked again", contents()["crate_low_normal"] == first)
     settings = bpy.context.scene.imprint
     settings.width, settings.height = 256, 256
-    yield from press("imprint.maps")  # the first one
+    yield from press(f"imprint.{declared_properties.map_switch('AO')}")
     check("Ambient Occlusion is on", settings.maps == {"AO"})
     yield from bake()
     check("a second map from one press", mine() == ["crate_low_ao", "crate_low_normal"])
@@ -388,6 +388,7 @@ def start_file() -> None:
     """An empty scene, beside a tall Outliner."""
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     bpy.context.preferences.view.show_splash = False
+    bpy.context.scene.eevee.taa_samples = 1  # or software drivers draw the viewport again and again
     bpy.data.batch_remove([*bpy.data.objects, *bpy.data.meshes])
     for area in bpy.context.window_manager.windows[0].screen.areas:
         if area.type == "PROPERTIES":
@@ -458,10 +459,9 @@ def compare(high: bpy.types.Object) -> Steps:
     yield from press("imprint.show_high")
     check("the eye in Results hides it", not high.visible_get())
     yield from press("imprint_view.mode")
-    for key in ("Down", "Down", "Down", "Return"):
-        yield 0.5
-        picture("5 menu")
-        window.mouse("key", key)
+    yield 1.0
+    picture("5 menu")
+    window.mouse("key", "s")  # the underlined letter
     yield 3.0
     check("View: Split", bpy.context.scene.imprint_view.mode == "SPLIT")
     picture("5 split")

@@ -183,7 +183,7 @@ def panels() -> Iterator[Action]:
     with window.override():
         bpy.ops.imprint.bake(width=1024, height=1024, rays=16)  # quickly
     for name in ("crate_low", "crate_high", "crate_high_2", "barrel_low", "barrel_high"):
-        models.add(name, bpy.data.meshes.new(name)).hide_set(True)
+        models.add(name, bpy.data.objects["monkey_low"].data).hide_set(True)  # a mesh that can be baked
     for name in PANELS:
         copies = _copies(f"IMPRINT_PT_{name}")
         if name == "output":
