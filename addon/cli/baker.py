@@ -30,6 +30,7 @@ from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_checks
+from ..scene.materials import exact_nodes
 from ..scene.object_checks import object_by_name
 from ..scene.reading import lengths_of
 from . import (
@@ -106,6 +107,7 @@ class Baker:
         """
         self._files, self._meter, self._folders, self._loader = files, meter, folders, SceneLoader(folders)
         self._options, self._contents = options, Contents()
+        exact_nodes.load_cycles = blender_process.complete
         if needs_all:
             blender_process.complete()  # before a file is opened: Cycles brings its settings in old files up to date
 

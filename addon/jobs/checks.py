@@ -13,7 +13,7 @@ from ..audit.before_bake import FLIPPED, HARD_EDGES, LAYER, MIRRORED, POLYGONS, 
 from ..audit.checks import uv_space
 from ..audit.severity import Warned
 from ..core import progress
-from ..core.declarations.choices import Method, Modifiers, Space
+from ..core.declarations.choices import ExactMaterials, Method, Modifiers, Space
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, NORMAL
 from ..core.progress import Progress, Task
@@ -32,7 +32,7 @@ from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
-from ..scene import cycles_values, evaluation, mesh_elements, mesh_reader
+from ..scene import evaluation, mesh_elements, mesh_reader
 from ..scene.high_materials import MaterialNumbers
 from ..scene.textures import ImageTextures
 from . import material_inputs, unwrapping
@@ -141,7 +141,8 @@ def viewport_material_notes(
     sockets = {BY_NAME[name].socket for name in map_settings.drawn_maps} - {""}
     if not sockets:
         return []
-    numbers = MaterialNumbers(ImageTextures(), low, sockets=sockets, is_exact=cycles_values.is_used(map_settings))
+    is_exact = map_settings.exact_materials == ExactMaterials.AUTO
+    numbers = MaterialNumbers(ImageTextures(), low, sockets=sockets, is_exact=is_exact)
     for high in highs:
         if high.type == "MESH" and not high.data.is_editmode:
             for shown in numbers.of_slots(high, high.data):

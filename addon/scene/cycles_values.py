@@ -14,9 +14,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..core import quiet
-from ..core.declarations.choices import ExactMaterials
 from ..core.errors import BakeError
-from ..core.settings import MapSettings
 from ..mesh.inputs import HitsOfFeed
 from ..mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
 from .materials.emitted import Keep, emitting
@@ -31,16 +29,6 @@ LOOKED_AT = np.array([0.501, 0.502])
 """Where in a pixel Blender's bake looks: a little beside its center, which edges may cross."""
 REFUSED = "Cycles did not bake the materials: wait for a render that runs, or set Exact Materials to Off."
 NAME = "Imprint exact materials"
-
-
-def is_available() -> bool:
-    """Whether this Blender has Cycles, and it is enabled."""
-    return "cycles" in bpy.types.Scene.bl_rna.properties
-
-
-def is_used(map_settings: MapSettings) -> bool:
-    """Whether Cycles evaluates what Imprint does not follow itself."""
-    return map_settings.exact_materials == ExactMaterials.AUTO and is_available()
 
 
 def evaluate(uids: Sequence[int], wanted: Sequence[HitsOfFeed]) -> list[np.ndarray]:

@@ -8,7 +8,7 @@ from operator import attrgetter
 import bpy
 import numpy as np
 
-from ..core.declarations.choices import Method, Modifiers
+from ..core.declarations.choices import ExactMaterials, Method, Modifiers
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME
 from ..core.material_feeds import HighMaterial, ImagePixels
@@ -16,7 +16,7 @@ from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import GENERATED, FaceCorners, Mesh, changed_rows, changed_share
-from . import cycles_values, mesh_reader, object_checks
+from . import mesh_reader, object_checks
 from .high_materials import MaterialNumbers, Shown, read_layers
 from .materials.material_reading import NORMAL
 from .textures import ImageTextures
@@ -53,7 +53,7 @@ class Reader:
             ImageTextures(),
             self.low,
             sockets=sockets,
-            is_exact=cycles_values.is_used(self.settings.map),
+            is_exact=self.settings.map.exact_materials == ExactMaterials.AUTO,
             before=self.before,
         )
 

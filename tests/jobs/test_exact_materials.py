@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What Cycles evaluates of the high meshes' materials, against its own emission bake of the same object."""
 
+import subprocess
+import sys
+
 import bpy
 import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
 from addon.scene import cycles_values
+from addon.scene.materials import exact_nodes
 from addon.scene.materials.material_reading import read_materials
 from addon.scene.textures import ImageTextures
-from tests.support import cycles, exact_setups, maps
+from scripts.imprint import ROOT
+from tests.support import cycles, exact_setups, maps, untrusted
 from tests.support.shader_nodes import add, principled
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -206,6 +211,33 @@ def test_off_leaves_them_out():
     assert not found["base_color"][..., :3].any()
     assert report.materials == {"Rust": {"Base Color": "NONE"}}
     assert any("Base Color is left out" in text for text in report.warnings)
+
+
+@pytest.mark.parametrize(
+    "words", [[], ["--workers", "1"], pytest.param(["--untrusted"], marks=untrusted.needs_sandbox)], ids=str
+)
+def test_a_shell_that_starts_blender_without_cycles_loads_it(tmp_path, words):
+    low, high = rusty(lambda material: feed(material, Base_Color=noise(material).outputs["Color"]))
+    truth = maps.bake_all_maps(low, high, maps=("BASE_COLOR",), size=16)[1]["base_color"]
+    low.name, high.name = "a_low", "a_high"
+    (tmp_path / "in").mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "in" / "a.blend"), copy=True)
+    path = tmp_path / "out" / "a.exr"
+    command = [sys.executable, ROOT / "scripts" / "bake.py", "--", tmp_path / "in" / "a.blend", "--low", "a_low"]
+    command += ["--high", "a_high", "--maps", "base-color", "--size", "16", "--margin", "0", "--output", path, *words]
+    command += ["--output-folder", path.parent] if words == ["--untrusted"] else []
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    texels = maps.pixels(bpy.data.images.load(str(path.with_name("a_base_color.exr"))))[..., :3]
+    assert texels.std() > 0.03
+    assert np.abs(texels - truth[..., :3]).max() < 1e-3
+
+
+def test_without_cycles_the_inputs_are_named(monkeypatch):
+    monkeypatch.setattr(exact_nodes, "has_cycles", lambda: False)
+    report, _ = maps.bake_all_maps(*rusty(of_all_inputs), maps=("BASE_COLOR",), size=16)
+    assert report.materials == {"Rust": {"Base Color": "NONE"}}
+    assert any("Cycles cannot bake it either: Cycles is not enabled" in text for text in report.warnings)
 
 
 def test_generated_coordinates_are_those_before_deformation():

@@ -152,20 +152,24 @@ PANELS = [
 """The panels in the order in which they are registered, without that of the checks."""
 
 
-def draw(width=240, ui_scale=1.0, panels=PANELS):
-    """Draw panels as the sidebar does. Returns what was drawn."""
-    layout = Layout()
+def context_of(width, ui_scale=1.0):
+    """The context of a sidebar of this width: in the background there is none."""
     bpy.context.view_layer.update()
-    context = SimpleNamespace(
+    return SimpleNamespace(
         scene=bpy.context.scene,
         window_manager=bpy.context.window_manager,
         view_layer=bpy.context.view_layer,
         evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
         active_object=bpy.context.active_object,
         selected_objects=bpy.context.selected_objects,
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale), addons={}),  # it is 0 in the background
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale), addons={}),
         region=SimpleNamespace(width=width),
     )
+
+
+def draw(width=240, ui_scale=1.0, panels=PANELS):
+    """Draw panels as the sidebar does. Returns what was drawn."""
+    layout, context = Layout(), context_of(width, ui_scale)
     for panel in panels:
         if hasattr(panel, "poll") and not panel.poll(context):
             continue

@@ -10,7 +10,7 @@ from addon.core import map_types
 from addon.ui import texts
 from tests.support import text_widths, zoo
 from tests.support.panel import use
-from tests.support.panel_layout import PANELS
+from tests.support.panel_layout import PANELS, context_of
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -33,20 +33,6 @@ def known(request, monkeypatch):
     return found
 
 
-def context():
-    bpy.context.view_layer.update()
-    return SimpleNamespace(
-        scene=bpy.context.scene,
-        window_manager=bpy.context.window_manager,
-        view_layer=bpy.context.view_layer,
-        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
-        active_object=bpy.context.active_object,
-        selected_objects=bpy.context.selected_objects,
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), addons={}),
-        region=SimpleNamespace(width=SIDEBAR),
-    )
-
-
 def states():
     """The settings of each look of the panels that has more rows than the usual one."""
     yield {}
@@ -63,8 +49,9 @@ def test_no_text_is_cut_off_in_a_narrow_sidebar(known):
         bpy.context.scene.imprint.highs.clear()
         use(None, high)
         for panel in PANELS:
-            if not hasattr(panel, "poll") or panel.poll(context()):
-                cut = text_widths.cut_texts(panel, context(), known, SIDEBAR)
+            context = context_of(SIDEBAR)
+            if not hasattr(panel, "poll") or panel.poll(context):
+                cut = text_widths.cut_texts(panel, context, known, SIDEBAR)
                 found.setdefault(panel.bl_label, {}).update(dict.fromkeys(cut))
     found = {name: list(cut) for name, cut in found.items() if cut}
     assert found == {}

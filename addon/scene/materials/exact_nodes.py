@@ -1,14 +1,31 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which sockets Cycles can evaluate at single points of a surface, and what of the mesh their nodes read."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+
+import bpy
 
 from ...core.material_feeds import ExactFeed
 from ...mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
 from ..textures import UnreadableError
 from .node_values import NodeValues, Place, title
 from .signals import NotFollowedError
+
+
+def _nothing() -> None:
+    pass
+
+
+load_cycles: Callable[[], None] = _nothing
+"""Loads Cycles where Blender has started without it. The command line replaces it."""
+
+
+def has_cycles() -> bool:
+    """Whether Cycles is enabled in this Blender. Loads it if need be."""
+    load_cycles()
+    return "cycles" in bpy.types.Scene.bl_rna.properties
+
 
 _PLAIN = {
     *("ShaderNodeRGB", "ShaderNodeValue", "ShaderNodeBlackbody", "ShaderNodeWavelength", "ShaderNodeNormal"),
@@ -130,9 +147,12 @@ def _name_of(output: Place) -> str:
 def exact_feed(values: NodeValues, places: Sequence[Place], material: int, socket: str) -> ExactFeed:
     """The feed of a socket whose value depends on the inputs `places`. material: its key.
 
-    Raises NotFollowedError if they need more than a point of the surface: the view, light, or the mesh around it.
+    Raises NotFollowedError if they need more than a point of the surface: the view, light, or the mesh around it; or without
+    Cycles.
     """
     walk = _Walk(values)
     for place in places:
         walk.follow(place)
+    if not has_cycles():
+        raise NotFollowedError("Cycles is not enabled in the preferences")
     return ExactFeed(material, socket, tuple(walk.layers), walk.is_of_object)
