@@ -55,6 +55,8 @@ from .scene_files import SceneLoader
 from .terminal import Meter
 from .work_queue import Chains, WorkQueue
 
+exact_nodes.load_cycles = blender_process.complete
+
 
 def need_all(planned: Iterable[Plan]) -> bool:
     """Whether these plans write files in which Blender's add-ons keep settings."""
@@ -107,7 +109,6 @@ class Baker:
         """
         self._files, self._meter, self._folders, self._loader = files, meter, folders, SceneLoader(folders)
         self._options, self._contents = options, Contents()
-        exact_nodes.load_cycles = blender_process.complete
         if needs_all:
             blender_process.complete()  # before a file is opened: Cycles brings its settings in old files up to date
 

@@ -233,6 +233,17 @@ def test_a_shell_that_starts_blender_without_cycles_loads_it(tmp_path, words):
     assert np.abs(texels - truth[..., :3]).max() < 1e-3
 
 
+def test_a_look_in_a_shell_counts_cycles(tmp_path):
+    low, high = rusty(lambda material: feed(material, Base_Color=noise(material).outputs["Color"]))
+    low.name, high.name = "a_low", "a_high"
+    path = tmp_path / "a.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    words = ["check", path, "--low", "a_low", "--high", "a_high", "--maps", "base-color"]
+    command = [sys.executable, ROOT / "scripts" / "bake.py", "--", *words]
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
+    assert "Baked by Cycles: Base Color of 'Rust'" in done.stdout
+
+
 def test_without_cycles_the_inputs_are_named(monkeypatch):
     monkeypatch.setattr(exact_nodes, "has_cycles", lambda: False)
     report, _ = maps.bake_all_maps(*rusty(of_all_inputs), maps=("BASE_COLOR",), size=16)

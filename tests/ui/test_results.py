@@ -199,15 +199,23 @@ def test_the_main_panel_says_nothing_of_a_batch_without_faults(batch):
     assert not any("pairs" in label for label in drawn.labels)
 
 
-def test_a_pair_that_fails_while_it_is_baked_does_not_end_the_batch(batch):
-    high = bpy.data.objects["b_high"]
+def make_empty(high):
+    """Leave no face of an object, which shows when it is read."""
     high.vertex_groups.new(name="none")
-    high.modifiers.new("Mask", "MASK").vertex_group = "none"  # its mesh is empty, which shows when it is read
+    high.modifiers.new("Mask", "MASK").vertex_group = "none"
+
+
+def test_a_pair_that_fails_while_it_is_baked_does_not_end_the_batch(batch):
+    make_empty(bpy.data.objects["b_high"])
     for name in "ac":
         bpy.data.images.remove(bpy.data.images[f"{name}_low_height"])
     assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
     assert [name for name, _ in results.batch().left_out] == ["b_low"]
     assert "a_low_height" in bpy.data.images and "c_low_height" in bpy.data.images
+    for name in "ac":
+        make_empty(bpy.data.objects[f"{name}_high"])
+    with pytest.raises(RuntimeError, match="c_high"):  # what the last one says, if all fail
+        bpy.ops.imprint.bake_pairs()
 
 
 def test_a_batch_without_any_pair_that_can_be_baked_says_why():
