@@ -251,12 +251,9 @@ def problem(
             return (
                 f"{low.name!r} is both the low object and one of several high objects: remove it from the high objects."
             )
-        if _has_other_uvs(low):
-            pass  # from one UV map to another
-        elif not low.modifiers:
-            return f"{low.name!r} is both high and low and has no modifiers: choose another high object, or add some."
-        elif not is_added(low):
-            return f"{low.name!r} is both high and low, {without_detail(low)}: choose another high object."
+        if not (is_added(low) or _has_other_uvs(low)):
+            why = f", {without_detail(low)}" if low.modifiers else " and has no modifiers"
+            return f"{low.name!r} is both high and low{why}: choose another high object."
     for obj in (low, *highs, *([cage] if cage else [])):
         needs_uv = obj == low or (obj in highs and method == Method.FLATTEN)
         reason = _mesh_problem(obj, evaluated=low not in highs, needs_uv=needs_uv)
@@ -292,8 +289,8 @@ def warnings(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> list[s
 
 
 def own_highs(low: bpy.types.Object | None) -> list[bpy.types.Object]:
-    """The high objects of `low` if no others are chosen: itself, if it has modifiers that add detail, or if its active UV map is
-    another one than its materials show."""
+    """The high objects of `low` if no others are chosen: itself, if it has modifiers that add detail, or if its active UV map
+    is not the one that its materials show."""
     return [low] if low is not None and (is_added(low) or _shows_other_uvs(low)) else []
 
 
