@@ -48,6 +48,8 @@ def pack(lows: Sequence[bpy.types.Object], settings: Settings) -> str:
 
 def _check(lows: Sequence[bpy.types.Object]) -> None:
     for low in lows:
+        if low.mode != "OBJECT":
+            raise BakeError(f"{low.name!r} is not in Object Mode: go there first.")
         if low.type != "MESH" or not low.data.polygons:
             raise BakeError(f"{low.name!r} has no faces: leave it out.")
         if not low.data.uv_layers:

@@ -104,15 +104,18 @@ def test_what_does_not_fit_is_refused_and_changes_nothing():
     assert atlas.LAYER not in more.data.uv_layers
 
 
-@pytest.mark.parametrize("case", ["no faces", "no UV map", "shared"])
+@pytest.mark.parametrize("case", ["no faces", "no UV map", "shared", "Edit Mode"])
 def test_wrong_objects_are_named(case):
     low, other = zoo.plane("low"), zoo.plane("other")
     if case == "no faces":
         low.data = bpy.data.meshes.new("empty")
     elif case == "no UV map":
         low.data.uv_layers.remove(low.data.uv_layers[0])
-    else:
+    elif case == "shared":
         low.data = other.data
+    else:
+        bpy.context.view_layer.objects.active = low
+        bpy.ops.object.mode_set(mode="EDIT")
     with pytest.raises(BakeError, match="'low'"):
         atlas.pack([low, other], SETTINGS)
     assert atlas.LAYER not in other.data.uv_layers
