@@ -72,8 +72,7 @@ def patches(points: np.ndarray, triangles: np.ndarray, size: float) -> Patches:
     places = welded(points, is_open, size)
     if not has_conflict(columns, is_open, places):
         if (places != np.arange(len(places))).any():
-            columns = tuple(places[column] for column in columns)
-            is_open = open_vertices(columns, len(points))
+            columns, is_open = _welded(columns, is_open, places)
         labels, count = _components(columns, len(points))
         is_closed = np.full(count, count > 1 or not is_open.any())
         for column in columns if count > 1 else ():
@@ -118,6 +117,16 @@ def welded(points: np.ndarray, chosen: np.ndarray, size: float) -> np.ndarray:
         first = first[lowest[which.reshape(-1)]]
     places[some] = some[first]
     return places
+
+
+def _welded(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> tuple[Columns, np.ndarray]:
+    """`columns` and `is_open` for vertices at their places. Closed vertices stay closed, and most triangles have no other."""
+    a, b, c = (np.take(is_open, column) for column in columns)
+    some = np.flatnonzero(a | b | c)
+    few = tuple(np.take(places, column[some]) for column in columns)
+    for column, values in zip(columns, few, strict=True):
+        column[some] = values
+    return columns, open_vertices(few, len(is_open)) & is_open
 
 
 def copies(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -145,10 +145,10 @@ def soup(folder: Path, size: int) -> Iterator[str]:
         clean = spoiled.build("clean", high, like=high)
         dirty = spoiled.build("dirty", spoiled.all_together(high, np.random.default_rng(SEED)), like=high)
         truth, truths = cast(low, clean, size), maps.bake_all_maps(low, clean, **wanted)[1]
-        cells = []
+        cells, is_covered = [], truth[..., 3] > 0.0
         for kept in (False, True):
             _, found = maps.bake_all_maps(low, dirty, keep_faces=kept, **wanted)
-            far = [255.0 * np.abs(truths[each] - found[each])[..., :3].mean() for each in truths]
+            far = [255.0 * np.abs(truths[each] - found[each])[is_covered, :3].mean() for each in truths]
             wrong = percent(spoiled.wrong(truth, cast(low, dirty, size, keep_faces=kept)))
             cells.append((wrong, ", ".join(f"{value:.2f}" for value in far)))
         yield f"| {name} | {cells[0][0]} | {cells[1][0]} | {cells[0][1]} | {cells[1][1]} |"
