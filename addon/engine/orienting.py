@@ -15,12 +15,10 @@ from ..mesh.inputs import Mended, Meshes
 from ..mesh.triangle_mesh import Mesh
 from . import stacked_uvs, tree_cache, uv_agreement
 from .face_openness import openness
-from .high_patches import HighPatches, corners_in, patches_of, places_of
+from .high_patches import SURE, HighPatches, corners_in, patches_of, places_of
 from .method_choice import tiles_to_bake
 from .outer_skin import may_be_hidden, one_skin
 
-SURE = 0.1
-"""A patch that agrees with the low mesh by less than this, from -1 to 1, points to no side."""
 CLEAR = 0.5
 """A patch that is against the low mesh by less than this, from 0 to 1, lies perhaps between two of its surfaces, as inside a
 shell that stands off: its open side decides."""
