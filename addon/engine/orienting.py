@@ -241,7 +241,9 @@ def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings
     for number, (one, some, ratio) in enumerate(zip(patches.of, samples, ratios, strict=True)):
         near = (np.abs(ratio) <= SURE) & (np.bincount(some.patches, some.weights, one.count) > 0.0)
         if near.any():
-            unclear[number] |= near & np.where(one.is_closed, _volumes(patches, number) < 0.0, is_dirty)
+            closed = near & one.is_closed
+            unclear[number] |= (near & ~one.is_closed) if is_dirty else False
+            unclear[number] |= closed & (_volumes(patches, number, closed) < 0.0)
     undecided = [np.zeros(one.count, bool) for one in patches.of]
     if any(each.any() for each in unclear) and tree_cache.fits(patches.meshes.highs):
         undecided = _by_openness(patches, flips, unclear, timings)
@@ -249,11 +251,18 @@ def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings
     return _with_turned(patches, masks, undecided)
 
 
-def _volumes(patches: HighPatches, number: int) -> np.ndarray:
-    """The volumes (count,) that the patches of a mesh enclose; negative if they point inward."""
-    one, corners = patches.of[number], patches.corners(number, slice(None))
-    volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    return np.bincount(one.labels, volumes * np.where(one.is_against, -1.0, 1.0), one.count)
+def _volumes(patches: HighPatches, number: int, asked: np.ndarray | None = None) -> np.ndarray:
+    """The volumes (count,) that the patches of a mesh enclose; negative if they point inward. asked (count,) bool: 0 for the
+    others."""
+    one = patches.of[number]
+    if asked is not None and not asked.any():
+        return np.zeros(one.count)
+    some = slice(None) if asked is None or asked.all() else np.flatnonzero(asked[one.labels])
+    a, b, c = patches.corners(number, some).transpose(1, 2, 0)
+    volumes = (
+        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    return np.bincount(one.labels[some], volumes * np.where(one.is_against[some], -1.0, 1.0), one.count)
 
 
 def _by_openness(

@@ -114,9 +114,12 @@ class _Search:
             left = ~seen[some.patches]
             if left.any():
                 corners = corners_in(self._highs[number], some.triangles[left], self._scene.local_space)
-                both = openness(self._scene.tables, np.concatenate([corners, corners[:, ::-1]]), count)
-                front, back = np.split(both, 2)
-                is_open[left] = np.where(has_back[left], np.maximum(front, back), front) > HIDDEN
+                backs = corners[has_back[left]][:, ::-1]
+                front, back = np.split(
+                    openness(self._scene.tables, np.concatenate([corners, backs]), count), [len(corners)]
+                )
+                front[has_back[left]] = np.maximum(front[has_back[left]], back)
+                is_open[left] = front > HIDDEN
                 seen = seen | (some.shares(is_open) > PEEPING)
         return seen
 

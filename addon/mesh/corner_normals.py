@@ -83,8 +83,7 @@ def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.n
     whole = np.flatnonzero(orientation.has_corners(vertices))
     pairs, cosines = edge_pairs(vertices[whole], units[whole])
     # Corners of one vertex have one normal, unless the mesh says otherwise.
-    nodes, numbers = np.unique(of_corners if mesh.normals_domain == "POINT" else corners, return_inverse=True)
-    numbers = numbers.reshape(corners.shape)
+    nodes, numbers = _numbered(of_corners if mesh.normals_domain == "POINT" else corners)
     # Both sides of an edge: the corner at its start and at its end; the other side runs the other way.
     starts, ends = numbers.reshape(-1), np.roll(numbers, -1, axis=1).reshape(-1)
     one, other = (3 * whole[side // 3] + side % 3 for side in (pairs.first, pairs.second))
@@ -120,12 +119,24 @@ def _touching(mesh: Mesh, chosen: np.ndarray) -> np.ndarray:
     return np.flatnonzero(a | b | c)
 
 
+def _numbered(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The different ones of some small numbers, ascending, and which of them each one is, without sorting."""
+    is_there = np.zeros(int(values.max(initial=-1)) + 1, bool)
+    is_there[values] = True
+    return np.flatnonzero(is_there), (np.cumsum(is_there) - 1)[values]
+
+
 def _angles(mesh: Mesh, corners: np.ndarray) -> np.ndarray:
     """The angles (T, 3) of triangles (T, 3), indices of corners."""
-    points = mesh.positions[mesh.vertices[corners]].astype(np.float64)
-    along = np.roll(points, -1, axis=1) - points
-    along /= np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-300)
-    return np.arccos(np.clip(-(along * np.roll(along, 1, axis=1)).sum(axis=2), -1.0, 1.0))
+    points = mesh.positions[mesh.vertices[corners.T]].astype(np.float64)
+    along = np.moveaxis(np.roll(points, -1, axis=0) - points, 2, 0)
+    along = along / np.maximum(np.sqrt(_dot(along, along)), 1e-300)
+    return np.arccos(np.clip(-_dot(along, np.roll(along, 1, axis=1)), -1.0, 1.0)).T
+
+
+def _dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The products of vectors, whose axes come first: sums along a short last axis take long."""
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
 
 def smoothed(mesh: Mesh, rounds: int) -> tuple[Mesh, np.ndarray]:
