@@ -21,6 +21,8 @@ FEW, MANY = 64, 4096
 """How many triangles of all high meshes are compared with the low mesh, if they agree with each other, and if not."""
 OF_PATCH = 8
 """The least of them in a patch, if it has so many."""
+SURE = 0.1
+"""A patch that agrees with the low mesh by less than this, from -1 to 1, points to no side."""
 NEAREST, NEAR = 1.5, 5e-4
 """A triangle belongs to its place on the low mesh if no other is nearer by this factor and this share of the radius."""
 

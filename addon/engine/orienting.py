@@ -15,12 +15,10 @@ from ..mesh.inputs import Mended, Meshes
 from ..mesh.triangle_mesh import Mesh
 from . import stacked_uvs, tree_cache, uv_agreement
 from .face_openness import openness
-from .high_patches import HighPatches, corners_in, patches_of, places_of
+from .high_patches import SURE, HighPatches, corners_in, patches_of, places_of
 from .method_choice import tiles_to_bake
 from .outer_skin import may_be_hidden, one_skin
 
-SURE = 0.1
-"""A patch that agrees with the low mesh by less than this, from -1 to 1, points to no side."""
 CLEAR = 0.5
 """A patch that is against the low mesh by less than this, from 0 to 1, lies perhaps between two of its surfaces, as inside a
 shell that stands off: its open side decides."""
@@ -249,7 +247,9 @@ def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings
     for number, (one, some, ratio) in enumerate(zip(patches.of, samples, ratios, strict=True)):
         near = (np.abs(ratio) <= SURE) & (np.bincount(some.patches, some.weights, one.count) > 0.0)
         if near.any():
-            unclear[number] |= near & np.where(one.is_closed, _volumes(patches, number) < 0.0, is_dirty)
+            closed = near & one.is_closed
+            unclear[number] |= (near & ~one.is_closed) if is_dirty else False
+            unclear[number] |= closed & (_volumes(patches, number, closed) < 0.0)
     undecided = [np.zeros(one.count, bool) for one in patches.of]
     if any(each.any() for each in unclear) and tree_cache.fits(patches.meshes.highs):
         undecided = _by_openness(patches, flips, unclear, timings)
@@ -257,11 +257,18 @@ def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings
     return _with_turned(patches, masks, undecided)
 
 
-def _volumes(patches: HighPatches, number: int) -> np.ndarray:
-    """The volumes (count,) that the patches of a mesh enclose; negative if they point inward."""
-    one, corners = patches.of[number], patches.corners(number, slice(None))
-    volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    return np.bincount(one.labels, volumes * np.where(one.is_against, -1.0, 1.0), one.count)
+def _volumes(patches: HighPatches, number: int, asked: np.ndarray | None = None) -> np.ndarray:
+    """The volumes (count,) that the patches of a mesh enclose; negative if they point inward. asked (count,) bool: 0 for the
+    others."""
+    one = patches.of[number]
+    if asked is not None and not asked.any():
+        return np.zeros(one.count)
+    some = slice(None) if asked is None or asked.all() else np.flatnonzero(asked[one.labels])
+    a, b, c = patches.corners(number, some).transpose(1, 2, 0)
+    volumes = (
+        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    return np.bincount(one.labels[some], volumes * np.where(one.is_against[some], -1.0, 1.0), one.count)
 
 
 def _by_openness(

@@ -15,7 +15,7 @@ from ..mesh.local_space import FARTHEST
 from ..passes import cast, rays, target
 from . import tree_cache
 from .face_openness import openness
-from .high_patches import HighPatches, Samples, corners_in
+from .high_patches import SURE, HighPatches, Samples, corners_in
 
 FIRST_RAYS, ALL_RAYS = 8, 64
 """From each side of a triangle, to see the outside: first for all, then for those that seem to be hidden."""
@@ -74,7 +74,7 @@ def one_skin(
         mask[same] = False
         twice += int(np.count_nonzero(same))
     if patches.count > 1 and tree_cache.fits(meshes.highs):
-        search = _Search(meshes, patches, timings)
+        search = _Search(meshes, patches, timings, is_clean=asked is not None)
         for number, mask in enumerate(kept):
             one = patches.of[number]
             found = search.hidden(number, np.ones(one.count, bool) if asked is None else asked[number])
@@ -94,8 +94,8 @@ def one_skin(
 class _Search:
     """Finds hidden patches with rays."""
 
-    def __init__(self, meshes: Meshes, patches: HighPatches, timings: Timings):
-        self._highs, self._patches, self._timings = meshes.highs, patches, timings
+    def __init__(self, meshes: Meshes, patches: HighPatches, timings: Timings, *, is_clean: bool):
+        self._highs, self._patches, self._timings, self._is_clean = meshes.highs, patches, timings, is_clean
         self._scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, like=patches.scene(timings))
 
     def hidden(self, number: int, asked: np.ndarray) -> np.ndarray:
@@ -107,12 +107,19 @@ class _Search:
     def _sees_outside(self, number: int, some: Samples, seen: np.ndarray) -> np.ndarray:
         """Which patches (count,) bool see something of the outside. seen: those that are known to."""
         is_open = np.zeros(len(some.triangles), bool)
+        # What covers the front is hit by the rays that come from the back, too: without the patch, they see about the same. So
+        # the back counts only where the front is not known, and for meshes that nobody spoiled.
+        has_back = self._is_clean | (np.abs(some.means(some.cosines)) <= SURE)[some.patches]
         for count in (FIRST_RAYS, ALL_RAYS):  # most see much of it
             left = ~seen[some.patches]
             if left.any():
                 corners = corners_in(self._highs[number], some.triangles[left], self._scene.local_space)
-                both = openness(self._scene.tables, np.concatenate([corners, corners[:, ::-1]]), count)
-                is_open[left] = np.maximum(*np.split(both, 2)) > HIDDEN
+                backs = corners[has_back[left]][:, ::-1]
+                front, back = np.split(
+                    openness(self._scene.tables, np.concatenate([corners, backs]), count), [len(corners)]
+                )
+                front[has_back[left]] = np.maximum(front[has_back[left]], back)
+                is_open[left] = front > HIDDEN
                 seen = seen | (some.shares(is_open) > PEEPING)
         return seen
 

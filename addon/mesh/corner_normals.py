@@ -74,52 +74,69 @@ def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.n
     """
     if not is_bad.any():
         return mesh
-    vertices = places[mesh.vertices[mesh.triangles]]
-    some = np.flatnonzero(is_bad[vertices].any(axis=1))
-    corners, vertices = mesh.triangles[some], vertices[some]
-    faces = face_normals(mesh.positions, mesh.vertices[corners])
+    some = _touching(mesh, is_bad[places])
+    corners = mesh.triangles[some]
+    of_corners = mesh.vertices[corners]
+    vertices = places[of_corners]
+    faces = face_normals(mesh.positions, of_corners)
     units = faces / np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-300)
     whole = np.flatnonzero(orientation.has_corners(vertices))
     pairs, cosines = edge_pairs(vertices[whole], units[whole])
+    # Corners of one vertex have one normal, unless the mesh says otherwise.
+    nodes, numbers = _numbered(of_corners if mesh.normals_domain == "POINT" else corners)
     # Both sides of an edge: the corner at its start and at its end; the other side runs the other way.
-    starts, ends = corners.reshape(-1), np.roll(corners, -1, axis=1).reshape(-1)
+    starts, ends = numbers.reshape(-1), np.roll(numbers, -1, axis=1).reshape(-1)
     one, other = (3 * whole[side // 3] + side % 3 for side in (pairs.first, pairs.second))
     beside = (
         np.where(pairs.is_against, starts[other], ends[other]),
         np.where(pairs.is_against, ends[other], starts[other]),
     )
-    corner = np.concatenate([starts[one], ends[one]])
-    next_to = np.concatenate(beside)
+    first, next_to = np.concatenate([starts[one], ends[one]]), np.concatenate(beside)
     is_soft = np.tile(cosines >= FLAT, 2)
-    if mesh.normals_domain == "POINT":
-        # Corners of one vertex have one normal.
-        of_vertex = orientation.connected(len(places), mesh.vertices[corner[is_soft]], mesh.vertices[next_to[is_soft]])
-        groups = of_vertex[mesh.vertices]
-    else:
+    if mesh.normals_domain != "POINT":
         is_mixed = is_turned[some[one // 3]] != is_turned[some[other // 3]]
-        is_known = np.tile(~is_mixed, 2) & (mesh.vertices[corner] == mesh.vertices[next_to])
-        differs = differ(mesh.normals[corner], mesh.normals[next_to]).reshape(2, -1).any(axis=0)
+        corner, across = nodes[first], nodes[next_to]
+        is_known = np.tile(~is_mixed, 2) & (mesh.vertices[corner] == mesh.vertices[across])
+        differs = differ(mesh.normals[corner], mesh.normals[across]).reshape(2, -1).any(axis=0)
         is_soft = np.where(is_known, ~np.tile(differs, 2), is_soft)
-        groups = orientation.connected(len(mesh.vertices), corner[is_soft], next_to[is_soft])
+    groups = orientation.connected(len(nodes), first[is_soft], next_to[is_soft])[numbers]
     weighted = _angles(mesh, corners)[:, :, None] * units[:, None]
     sums = np.stack(
-        [np.bincount(groups[corners.reshape(-1)], weighted[..., axis].reshape(-1), len(groups)) for axis in range(3)],
-        axis=1,
+        [np.bincount(groups.reshape(-1), weighted[..., axis].reshape(-1), len(nodes)) for axis in range(3)], axis=1
     )
-    used = corners[is_bad[vertices]]
-    found = sums[groups[used]]
+    is_used = is_bad[vertices]
+    used, found = corners[is_used], sums[groups[is_used]]
     lengths = np.linalg.norm(found, axis=1)
     normals, is_known = mesh.normals.copy(), lengths > 1e-6
     normals[used[is_known]] = (found[is_known] / lengths[is_known, None]).astype(np.float32)
     return replace(mesh, normals=normals, normals_domain="" if mesh.normals_domain == "POINT" else mesh.normals_domain)
 
 
+def _touching(mesh: Mesh, chosen: np.ndarray) -> np.ndarray:
+    """The triangles (N,) int that have one of the chosen vertices (V,) bool."""
+    is_chosen = chosen[mesh.vertices]
+    a, b, c = (is_chosen[mesh.triangles[:, corner]] for corner in range(3))
+    return np.flatnonzero(a | b | c)
+
+
+def _numbered(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The different ones of some small numbers, ascending, and which of them each one is, without sorting."""
+    is_there = np.zeros(int(values.max(initial=-1)) + 1, bool)
+    is_there[values] = True
+    return np.flatnonzero(is_there), (np.cumsum(is_there) - 1)[values]
+
+
 def _angles(mesh: Mesh, corners: np.ndarray) -> np.ndarray:
     """The angles (T, 3) of triangles (T, 3), indices of corners."""
-    points = mesh.positions[mesh.vertices[corners]].astype(np.float64)
-    along = np.roll(points, -1, axis=1) - points
-    along /= np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-300)
-    return np.arccos(np.clip(-(along * np.roll(along, 1, axis=1)).sum(axis=2), -1.0, 1.0))
+    points = mesh.positions[mesh.vertices[corners.T]].astype(np.float64)
+    along = np.moveaxis(np.roll(points, -1, axis=0) - points, 2, 0)
+    along = along / np.maximum(np.sqrt(_dot(along, along)), 1e-300)
+    return np.arccos(np.clip(-_dot(along, np.roll(along, 1, axis=1)), -1.0, 1.0)).T
+
+
+def _dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The products of vectors, whose axes come first: sums along a short last axis take long."""
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
 
 def smoothed(mesh: Mesh, rounds: int) -> tuple[Mesh, np.ndarray]:

@@ -72,8 +72,7 @@ def patches(points: np.ndarray, triangles: np.ndarray, size: float) -> Patches:
     places = welded(points, is_open, size)
     if not has_conflict(columns, is_open, places):
         if (places != np.arange(len(places))).any():
-            columns = tuple(places[column] for column in columns)
-            is_open = open_vertices(columns, len(points))
+            columns, is_open = _welded(columns, is_open, places)
         labels, count = _components(columns, len(points))
         is_closed = np.full(count, count > 1 or not is_open.any())
         for column in columns if count > 1 else ():
@@ -120,13 +119,25 @@ def welded(points: np.ndarray, chosen: np.ndarray, size: float) -> np.ndarray:
     return places
 
 
+def _welded(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> tuple[Columns, np.ndarray]:
+    """`columns` and `is_open` for vertices at their places. Closed vertices stay closed, and most triangles have no other."""
+    a, b, c = (np.take(is_open, column) for column in columns)
+    some = np.flatnonzero(a | b | c)
+    few = tuple(np.take(places, column[some]) for column in columns)
+    for column, values in zip(columns, few, strict=True):
+        column[some] = values
+    return columns, open_vertices(few, len(is_open)) & is_open
+
+
 def copies(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Which triangles (T,) bool are in the place of an earlier one and point to the same side, and which are in the place of
     one that points to the other side."""
     same, other = np.zeros((2, len(triangles)), bool)
-    places = np.unique(hashes(points + np.float32(0.0)), return_inverse=True)[1].reshape(-1)
-    if int(places.max(initial=-1)) + 1 == len(places):  # no two vertices are in one place
+    keys = hashes(points + np.float32(0.0))
+    ordered = np.sort(keys)
+    if not (ordered[1:] == ordered[:-1]).any():  # no two vertices are in one place
         return same, other
+    places = np.unique(keys, return_inverse=True)[1].reshape(-1)
     is_shared = (np.bincount(places) > 1)[places]
     # Copies can share their vertices, too: then all of them are of one patch, and one edge has more than two triangles.
     some = np.flatnonzero(is_shared[triangles].all(axis=1))
@@ -172,8 +183,13 @@ def has_corners(vertices: np.ndarray) -> np.ndarray:
 def _runs(low: np.ndarray, high: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Edges sorted by their ends: the sorted keys, the order, and where runs of the same begin, and their lengths."""
     keys = low.astype(np.int64) * count + high
-    order = np.argsort(keys, kind="stable")
-    keys = keys[order]
+    bits = len(keys).bit_length()
+    if (count * count).bit_length() + bits < 63:  # values sort faster than indices of them
+        packed = np.sort((keys << bits) | np.arange(len(keys)))
+        keys, order = packed >> bits, packed & ((1 << bits) - 1)
+    else:
+        order = np.argsort(keys, kind="stable")
+        keys = keys[order]
     begins = np.flatnonzero(np.diff(keys, prepend=-1))
     return keys, order, begins, np.diff(begins, append=len(keys))
 
@@ -354,9 +370,9 @@ def _signs(count: int, pairs: Pairs, cosines: np.ndarray) -> tuple[np.ndarray, n
 
     Triangles are joined along the edges that are least folded, so that errors stay where edges are sharp.
     """
+    by_rank = np.argsort(-cosines, kind="stable")
     rank = np.empty(len(cosines), np.int64)
-    rank[np.argsort(-cosines, kind="stable")] = np.arange(len(cosines))
-    by_rank = np.argsort(rank)
+    rank[by_rank] = np.arange(len(cosines))
     parents, is_against = np.arange(count), np.zeros(count, bool)
     one, other, against = pairs.first // 3, pairs.second // 3, pairs.is_against
     left = np.arange(len(one))

@@ -104,7 +104,9 @@ def _bake(owner: bpy.types.Object, hits: Sequence[HitsOfFeed]) -> list[np.ndarra
         feeds = list(dict.fromkeys(one.feed for one in hits))
         for feed in feeds:
             material = _found(bpy.data.materials, feed.material)
-            mesh.materials.append(emitting(material, feed.socket, image, keep))
+            shown = emitting(material, feed.socket, image, keep)
+            shown.cycles.emission_sampling = "NONE"
+            mesh.materials.append(shown)
         slots = np.concatenate([np.full(len(one.triangles), feeds.index(one.feed), np.int32) for one in hits])
         mesh.polygons.foreach_set("material_index", slots)
         obj = keep(bpy.data.objects.new(NAME, mesh))
@@ -143,6 +145,7 @@ def _set_up(scene: bpy.types.Scene) -> None:
     cycles = scene.cycles
     cycles.device, cycles.samples = "CPU", 1
     cycles.use_denoising = cycles.use_adaptive_sampling = False
+    cycles.use_light_tree = False  # of as many lights as there are triangles, which light nothing
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     scene.frame_current, scene.frame_subframe = (
         before.frame_current,

@@ -262,6 +262,26 @@ def test_what_lies_behind_the_surface_is_left_out_seed_9(name):
         assert np.abs(truth["thickness"] - kept["thickness"]).mean() > 0.05
 
 
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_what_an_open_sheet_covers_from_the_front_is_left_out_seed_3(is_turned):
+    """From below, it sees the outside. Turned over, it can be the other wall of a plate."""
+    uv, quads = zoo.grid_uv(24, 24), zoo.grid_faces(24, 24)
+    points = np.column_stack([2.0 * uv - 1.0, 0.02 * np.sin(9.0 * uv).prod(axis=1)])
+    sheet = spoiled.Soup(points, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+    is_inner = np.abs(points[sheet.triangles, :2]).max(axis=(1, 2)) < 0.7
+    below = spoiled.replace(sheet, points=points - (0.0, 0.0, 0.03)).at(is_inner)
+    if is_turned:
+        below = spoiled.flipped(below, np.ones(len(below.triangles), bool))
+    dirty = spoiled.flipped_in_regions(sheet, np.random.default_rng(3), 0.2)
+    low, dirty = zoo.plane("lo"), spoiled.joined(dirty, below)
+    wanted = {"maps": ("AO", "THICKNESS"), "size": 32, "method": "CAST", "rays": 16}
+    _, truth = maps.bake_all_maps(low, spoiled.build("clean", sheet), **wanted)
+    report, found = maps.bake_all_maps(low, spoiled.build("hi", dirty), **wanted)
+    assert report.mended["hidden"] == (0 if is_turned else len(below.triangles))
+    for each in truth if not is_turned else ():
+        assert np.abs(truth[each] - found[each]).max() < 2.0 / 255.0
+
+
 def test_a_wall_inside_is_left_out():
     clean, more, count = inner_wall()
     low = zoo.cube("lo")

@@ -3,6 +3,9 @@
 
 import numpy as np
 
+MOST_SEEN = 2**28
+"""Triangles that searches mark at once, one byte each."""
+
 
 def across(points, triangles):
     """The triangles (T, 3) int beyond the edges from corner k to the next, -1 where the surface ends. Points in one place are
@@ -29,9 +32,20 @@ def are_connected(corners, beyond, one, other):
     (points, triangles), (goals, last) = one, other
     middle, radius = (points + goals) / 2.0, np.linalg.norm(points - goals, axis=1)
     result = triangles == last
+    at_once = max(1, MOST_SEEN // len(corners))
+    for first in range(0, len(result), at_once):
+        part = slice(first, first + at_once)
+        result[part] = _search(corners, beyond, (triangles[part], last[part]), (middle[part], radius[part]))
+    return result
+
+
+def _search(corners, beyond, ends, balls):
+    (triangles, last), (middle, radius) = ends, balls
+    result = triangles == last
     texel = np.flatnonzero(~result)
     triangle = triangles[texel]
-    seen = np.unique(texel * len(corners) + triangle)
+    seen = np.zeros(len(result) * len(corners), bool)
+    seen[texel * len(corners) + triangle] = True
     while len(texel):
         found = []
         for k in range(3):
@@ -41,8 +55,9 @@ def are_connected(corners, beyond, one, other):
             is_near = np.linalg.norm(start + way * share - middle[texel], axis=1) <= radius[texel]
             goes = is_near & (beyond[triangle, k] >= 0)
             found.append(texel[goes] * len(corners) + beyond[triangle[goes], k])
-        new = np.setdiff1d(np.concatenate(found), seen)
-        seen = np.union1d(seen, new)
+        new = np.concatenate(found)
+        new = np.unique(new[~seen[new]])
+        seen[new] = True
         texel, triangle = np.divmod(new, len(corners))
         result[texel[triangle == last[texel]]] = True
         texel, triangle = texel[~result[texel]], triangle[~result[texel]]
