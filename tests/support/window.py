@@ -62,8 +62,8 @@ def keys(*combinations: str) -> Iterator[float]:
 
 
 def press(button: str) -> Iterator[float]:
-    """Click a button of the sidebar, as "imprint.bake" for an operator, also with its arguments, or "imprint.low" for a
-    property."""
+    """Click a button of the sidebar, as "imprint.bake" for an operator, also with its first arguments, or "imprint.low"
+    for a property."""
     yield from find(button)
     mouse("click", 1)
     yield 0.3
@@ -156,9 +156,11 @@ def find(button: str) -> Iterator[float]:
 def _is_under_mouse(button: str, sidebar: bpy.types.Region, at: tuple[int, int]) -> bool:
     """Whether the mouse, which is `at` a place, is over a button."""
     found = _under_mouse(sidebar).removeprefix("bpy.ops.")
-    names = {found, found.partition("(")[0]} - {""}
-    _seen.update(dict.fromkeys(names, at))
-    return button in names
+    name = found.partition("(")[0]
+    is_wanted = found.startswith(button) if "(" in button else name == button
+    if is_wanted or name:
+        _seen[button if is_wanted else name] = at
+    return is_wanted
 
 
 def _under_mouse(region: bpy.types.Region) -> str:

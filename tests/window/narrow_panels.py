@@ -114,7 +114,7 @@ def _sidebar() -> bpy.types.Region:
 def _copy(group: str, original: type) -> type:
     """An open copy of a panel in the tab of its picture."""
     fields = {"bl_category": f"N {group}", "bl_options": set(), "bl_parent_id": "", "bl_order": 0}
-    return type(f"{original.__name__}_narrow", (original,), fields | {"bl_idname": f"{original.__name__}_narrow"})
+    return screen.copy_of(original, **fields, bl_idname=f"{original.__name__}_narrow")
 
 
 def _prepare() -> None:
