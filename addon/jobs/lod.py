@@ -151,9 +151,10 @@ class LevelSearch:
         self, steps: "_Steps", start: Candidate, within: Candidate, beyond: Candidate | None
     ) -> Task[tuple[Candidate, Candidate | None]]:
         """The result of a search after exact measurements."""
+        steps.shares = shares_of_steps()
         while True:
             if within is not start:
-                exact = yield from self._exact(within)
+                exact = yield from part(self._exact(within), *next(steps.shares))
                 if exact.excess > 1.0:
                     steps.correct(within, exact)
                     within, beyond = yield from levels.search(steps.within(start), steps.attempt, levels.FEWER)
@@ -161,7 +162,7 @@ class LevelSearch:
                 within = exact
             if beyond is None:
                 return within, None
-            exact = yield from self._exact(beyond)
+            exact = yield from part(self._exact(beyond), *next(steps.shares))
             if exact.excess > 1.0:
                 return within, exact
             steps.correct(beyond, exact)
@@ -198,12 +199,13 @@ class _Steps:
         self._passed: list[Candidate] = []
         """The results of steps that were within the limit."""
         self._frozen = np.zeros(judge.size[::-1], bool)
-        self._shares = self._shares_of_steps()
+        self.shares = shares_of_steps()
+        """Where the progress of each step begins and ends."""
 
     def attempt(self, base: Candidate, wanted: int, is_last: bool) -> Task[list[Candidate]]:
         """The candidates of a step, as levels.search takes it."""
         self.remove_all_but([base, *self._passed])
-        start, stop = next(self._shares)
+        start, stop = next(self.shares)
 
         def coarser(number: int, texels: np.ndarray) -> Task[Candidate]:
             ends = (start + (stop - start) * share / 3.0 for share in (number, number + 1))
@@ -247,14 +249,6 @@ class _Steps:
             self.search.meshes.remove(each.source.data)
             self._made.remove(each)
 
-    @staticmethod
-    def _shares_of_steps() -> Iterator[tuple[float, float]]:
-        """Shares of a search, whose number of steps is not known."""
-        left = 1.0
-        while True:
-            yield 1.0 - left, 1.0 - 0.9 * left
-            left *= 0.9
-
     def _coarser(self, base: Candidate, wanted: int, frozen: np.ndarray) -> Task[Candidate]:
         """A mesh of about `wanted` triangles: with UVs that are moved, or without if those are beyond the limit and this is
         better."""
@@ -274,6 +268,18 @@ class _Steps:
                 meshes.remove(plain)
                 break
         return min(found, key=lambda each: each.excess)
+
+
+SHARE_LEFT = 0.8
+"""The share of what is left that the steps after one take: the more steps, the less each of them."""
+
+
+def shares_of_steps() -> Iterator[tuple[float, float]]:
+    """Where the progress of one step after another begins and ends, of steps whose number is not known."""
+    left = 1.0
+    while True:
+        yield 1.0 - left, 1.0 - SHARE_LEFT * left
+        left *= SHARE_LEFT
 
 
 def work(

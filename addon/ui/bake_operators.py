@@ -5,7 +5,6 @@ Here are also the panels of pairs, sequences, levels and conversions, and the bu
 """
 
 from dataclasses import fields
-from functools import lru_cache
 from pathlib import Path
 
 import bpy
@@ -274,7 +273,7 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
         for name in ("low_suffix", "high_suffix", "cage_suffix"):
             row.prop(settings, name, text="")
         try:
-            found, problems = pairs(tuple(context.view_layer.objects.keys()), settings.suffixes())
+            found, problems = settings.pairs_by_name(context)
         except BakeError as error:
             found, problems = [], [str(error)]
         box = layout.box()
@@ -290,19 +289,11 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
             layout.operator("imprint.send_to_flamenco", icon="EXPORT")
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        settings = context.scene.imprint
-        names = tuple(context.view_layer.objects.keys())
         try:
-            found = bool(pairs(names, settings.suffixes())[0])
+            found = bool(context.scene.imprint.pairs_by_name(context)[0])
         except BakeError:  # the box says it
             found = False
         display.draw_operator(layout, "imprint.bake_pairs", enabled=found, icon="RENDER_STILL")
-
-
-@lru_cache(maxsize=1)
-def pairs(names: tuple[str, ...], suffixes: naming.Suffixes) -> tuple[list[naming.Pair], list[str]]:
-    """As naming.match. Cached: a redraw matches names only if a name or a suffix has changed."""
-    return naming.match(names, suffixes)
 
 
 class IMPRINT_PT_more(SidebarPanel, bpy.types.Panel):
@@ -381,7 +372,6 @@ class IMPRINT_PT_levels(SettingsPanel, bpy.types.Panel):
     bl_idname = "IMPRINT_PT_levels"
     bl_parent_id = "IMPRINT_PT_more"
     bl_label = "Levels of Detail"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         column, settings = split_layout(layout.column()), context.scene.imprint
@@ -443,6 +433,7 @@ class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):
         display.draw_operator(layout, "imprint.convert", enabled=is_possible, icon="FILE_REFRESH")
 
 
+# Blender draws panels of one order in that of registration.
 CLASSES = (
     IMPRINT_OT_bake,
     IMPRINT_OT_bake_sequence,
@@ -452,10 +443,10 @@ CLASSES = (
     IMPRINT_OT_send_to_flamenco,
     IMPRINT_PT_pairs,
     IMPRINT_PT_more,
-    IMPRINT_PT_sequence,
     IMPRINT_OT_make_levels,
     IMPRINT_PT_levels,
     IMPRINT_OT_convert,
     IMPRINT_PT_convert,
+    IMPRINT_PT_sequence,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -40,18 +40,15 @@ class IMPRINT_UL_highs(bpy.types.UIList):
 
 
 class IMPRINT_OT_show_hidden(QuickOperator, bpy.types.Operator):
-    """Show the hidden high objects in the viewport. Without others, they are selected"""
+    """Show the hidden high objects in the viewport"""
 
     bl_idname = "imprint.show_hidden"
     bl_label = "Show"
     bl_options = {"REGISTER", "UNDO"}
 
     def apply(self, context: bpy.types.Context) -> str:
-        chosen = context.scene.imprint.chosen(context)
-        for obj in chosen.hidden(context):
+        for obj in context.scene.imprint.chosen(context).hidden(context):
             evaluation.show_object(context, obj)
-            if not chosen.highs:
-                obj.select_set(True)
         return ""
 
 
@@ -190,8 +187,6 @@ def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
     except BakeError as error:
         return str(error)
     reason = message(object_pairs.MISSING).format(repr(chosen.missing[0])) if chosen.missing else ""
-    if not reason and low is not None and not highs and (waiting := chosen.hidden(context)):
-        reason = describe_hidden(waiting)
     reason = reason or object_checks.problem(context, low, highs, chosen.cage, values.tracing.method)
     if not reason and _is_unsaved(chosen):
         reason = message("The files of the bake go beside the .blend file: save it first.")

@@ -12,7 +12,7 @@ from ..core import file_formats, naming
 from ..core.declarations import targets
 from ..core.declarations.choices import Method, Storage
 from ..core.errors import BakeError
-from ..core.naming import Suffixes
+from ..core.naming import Pair, Suffixes
 from ..core.settings import Settings
 from ..jobs.job import Job
 from ..scene import evaluation, object_checks
@@ -124,8 +124,9 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     def chosen(self, context: bpy.types.Context, low: bpy.types.Object | None = None) -> "Chosen":
         """The low object and the high ones: from the slots, else the active and the other selected objects.
 
-        Without high objects, those of the low object's pair are used, whether they are hidden or not. A low object without a
-        pair whose modifiers add detail is its own high one. low: overrides the slot.
+        Without high objects, those of the low object's pair are used, whether they are hidden or not. For a low object without
+        a pair, they are those that are called as it is, as crate_high for crate_low; else it is its own high object if its
+        modifiers add detail. low: overrides the slot.
         """
         low = low or self.low or context.active_object
         if any(slot.title for slot in self.highs):
@@ -137,7 +138,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         # A light or a camera that is selected too is no high object; where nothing else is, it is named as what it is.
         highs = list(filter(object_checks.may_show, selected))
         if pair is None or not pair.is_kept:
-            return Chosen(self, low, highs or object_checks.own_highs(low) or selected)
+            return Chosen(self, low, highs or self._called_as(context, low) or object_checks.own_highs(low) or selected)
         highs = highs or pair.found()
         pair = self._pair_of(low, highs)
         return Chosen(self, low, highs, pair, pair.missing() if pair is not None else [])
@@ -154,6 +155,21 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         if found and pair is not None and not any(map(evaluation.is_visible, pair.found())):
             return [obj for obj in found if (other := object_pairs.of(obj)) is None or not other.is_kept]
         return found
+
+    def _called_as(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
+        """The high objects of `low` by name."""
+        try:
+            found, _ = self.pairs_by_name(context)
+        except BakeError:  # suffixes that are the same; the panel Pairs by Name says so
+            return []
+        highs = next((pair.highs for pair in found if low is not None and pair.low == low.name), ())
+        objects = (context.view_layer.objects[name] for name in highs)
+        return list(filter(object_checks.may_show, objects))
+
+    def pairs_by_name(self, context: bpy.types.Context) -> tuple[list[Pair], list[str]]:
+        """The pairs of the view layer's objects, and sentences about objects without a match. Raises BakeError for suffixes
+        that are the same."""
+        return matched(tuple(context.view_layer.objects.keys()), self.suffixes())
 
     def _pair_of(self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> ImprintPair | None:
         """The pair of `low` if these are its high objects, else None: then the low object gets other ones."""
@@ -201,13 +217,8 @@ class Chosen:
         return self.panel.to_settings(own=self.rays, of_own=object_pairs.CHOSEN)
 
     def hidden(self, context: bpy.types.Context) -> list[bpy.types.Object]:
-        """The high objects that the view layer does not show; without any high object, the hidden objects that are called as
-        the high objects of `low` are."""
-        highs = self.highs
-        if not highs and self.low is not None:
-            names = _partners(self.low.name, tuple(context.view_layer.objects.keys()), self.panel.suffixes())
-            highs = [context.view_layer.objects[name] for name in names]
-        return [high for high in highs if high != self.low and not evaluation.is_visible(high)]
+        """The high objects that the view layer does not show."""
+        return [high for high in self.highs if high != self.low and not evaluation.is_visible(high)]
 
     def check(self, context: bpy.types.Context) -> None:
         """Raise BakeError without a low object, or if a high object is missing."""
@@ -221,13 +232,9 @@ class Chosen:
 
 
 @lru_cache(maxsize=1)
-def _partners(low: str, names: tuple[str, ...], suffixes: Suffixes) -> list[str]:
-    """The high objects of `low` by name. Cached: a redraw matches names only if one has changed."""
-    try:
-        pairs, _ = naming.match(names, suffixes)
-    except BakeError:  # suffixes that are the same; the panel Pairs by Name says so
-        return []
-    return next((pair.highs for pair in pairs if pair.low == low), [])
+def matched(names: tuple[str, ...], suffixes: Suffixes) -> tuple[list[Pair], list[str]]:
+    """As naming.match. Cached: a redraw matches names only if a name or a suffix has changed."""
+    return naming.match(names, suffixes)
 
 
 def _found(name: str):

@@ -18,7 +18,7 @@ from .cage_overlay import overlay
 from .modal import QuickOperator
 from .progress_display import SettingsPanel, display
 from .properties import ImprintSettings
-from .texts import font_size, label, split_layout, text_width, tooltip
+from .texts import font_size, label, room, split_layout, text_width, tooltip
 
 
 class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
@@ -106,8 +106,8 @@ GROUPS = {
     "geometry": (Family.POINTS,),
 }
 """The groups of the list, and their families."""
-CHECK_BOX = 25.0
-"""The width of a check box beside its name, in pixels at a scale of 1."""
+CHECK_BOX = 28.0
+"""The width of a check box and of the margins beside its name, in pixels at a scale of 1."""
 INDENT = 2.0
 """The space before the settings of a map."""
 
@@ -167,10 +167,10 @@ def draw_group(
 ) -> None:
     """The switches of some maps, with their settings. drawn: all maps that the bake draws, also those that only the packed
     image stores."""
-    columns = [names[::2], names[1::2]]
-    widths = [
-        CHECK_BOX + max(text_width(label(BY_NAME[name].label), font_size(1.0)) for name in each) for each in columns
-    ]
+    columns, widths = _two_columns(names, names[::2])
+    if sum(widths) > room(context):  # long names beside short ones
+        longest = sorted(names, key=_switch_width, reverse=True)[: len(columns[0])]
+        columns, widths = _two_columns(names, longest)
     split = layout.split(factor=widths[0] / sum(widths), align=True)  # long names are cut off in columns of even widths
     for each in columns:
         column = split.column(align=True)
@@ -179,9 +179,20 @@ def draw_group(
     if BY_NAME[names[0]].family.casts_rays:
         _draw_ray_settings(layout, context.scene.imprint, [name for name in names if name in drawn])
     if any(BY_NAME[name].socket for name in names if name in drawn):
-        layout.prop(context.scene.imprint, "exact_materials")
+        split_layout(layout.column()).prop(context.scene.imprint, "exact_materials")
     if ATTRIBUTE.name in names and ATTRIBUTE.name in drawn:
         _draw_attribute(_indented(layout), context)
+
+
+def _two_columns(names: Sequence[str], left: Collection[str]) -> tuple[list[list[str]], list[float]]:
+    """The names that are on the left, and the others; and how wide their switches are, in pixels at a scale of 1."""
+    columns = [[name for name in names if (name in left) == is_left] for is_left in (True, False)]
+    return columns, [max(map(_switch_width, column)) for column in columns]
+
+
+def _switch_width(name: str) -> float:
+    """The width of the switch of a map, in pixels at a scale of 1."""
+    return CHECK_BOX + text_width(label(BY_NAME[name].label), font_size(1.0))
 
 
 def _draw_ray_settings(layout: bpy.types.UILayout, settings: ImprintSettings, drawn: Sequence[str]) -> None:

@@ -109,6 +109,15 @@ def split_layout(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     return layout
 
 
+BESIDE_PANEL = 54.0
+"""What tabs and margins take of the sidebar's width, in pixels at a scale of 1."""
+
+
+def room(context: bpy.types.Context) -> float:
+    """The width of what a panel draws, in pixels at a scale of 1."""
+    return context.region.width / context.preferences.system.ui_scale - BESIDE_PANEL
+
+
 BESIDE_TEXT = 93.0
 """What tabs, margins, a box and an icon take of the sidebar's width beside a line of text, in pixels at a scale of 1."""
 LEAST = 100.0

@@ -27,11 +27,13 @@ WIDTH = 240
 NORMAL_BAKE = [("imprint.bake", 1)]
 OUTLINER = [("", 2)]
 """A click, and one with Ctrl."""
+LOW_ALONE = [("", 1)]
+"""A click: the high object is found by its name."""
 SIX = [(f"bakes_{name}", 1) for name in ("ao", "curvature", "thickness", "base_color", "roughness")]
 STEPS: dict[str, tuple[str, list[tuple[str, int]], list[tuple[str, int]]]] = {
     # task: the state it begins in, the steps of version 0.2, and those of this one
-    "bake a normal map of a pair": ("pair", OUTLINER + NORMAL_BAKE, OUTLINER + NORMAL_BAKE),
-    "bake six maps": ("pair", OUTLINER + SIX + NORMAL_BAKE, OUTLINER + SIX + NORMAL_BAKE),
+    "bake a normal map of a pair": ("pair", OUTLINER + NORMAL_BAKE, LOW_ALONE + NORMAL_BAKE),
+    "bake six maps": ("pair", OUTLINER + SIX + NORMAL_BAKE, LOW_ALONE + SIX + NORMAL_BAKE),
     # Version 0.2 has no view of it: Shading workspace, the image's node, its link to the output, Material Preview.
     "look at occlusion on the model": ("baked", [("", 4)], [("imprint.view_map", 1)]),
     "compare high and low": ("baked", [("mode", 2)], [("", 1)]),  # Ctrl Alt H

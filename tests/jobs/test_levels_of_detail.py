@@ -92,6 +92,13 @@ def test_levels_are_objects_of_a_collection_with_maps_of_their_own_and_nothing_e
     assert len(bpy.data.scenes) == 1
 
 
+def test_the_bar_never_goes_back_and_makes_no_leap():
+    steps = lod.work(bpy.context, zoo.terrain("Hill", 12), limits("1, 4", ""), SETTINGS, Pace(0.0))
+    done = [each.done for each in steps]
+    assert done == sorted(done) and done[-1] == 1.0
+    assert max(np.diff(done)) < 0.15
+
+
 def step():
     """A gentle wave with a low, curved step, whose wall has 6 % of the texels and needs more triangles than the rest."""
 

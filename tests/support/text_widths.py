@@ -9,23 +9,25 @@ import bpy
 
 from addon.ui import texts
 
-CONTENT = 55.0
-"""What tabs and margins take of the sidebar's width, in pixels."""
-LABELS = 0.4
+LABELS = 0.425
 """The share of the width that names of properties get on the left of fields."""
-BOX, ICON, CHECK, MARGIN, ARROW, SPACE = 10.0, 20.0, 17.0, 8.0, 18.0, 14.0
+UNSPLIT = 0.25
+"""The same in a layout that is not split."""
+BOX, ICON, CHECK, MARGIN, ARROW, SPACE = 10.0, 20.0, 20.0, 8.0, 16.0, 10.0
 """Widths in pixels: the edges of a box, an icon, a check box, what is empty beside a text, the arrow of a menu, and a separator
 of the factor 1."""
 
 
 @dataclass
 class Item:
-    """A button or a label. text: drawn in it. name: drawn on the left of it, in a split layout. beside: what else it takes."""
+    """A button or a label. text: drawn in it. name: drawn on the left of it. beside: what else it takes. share: that of the
+    name."""
 
     text: str = ""
     name: str = ""
     beside: float = MARGIN
     is_fixed: bool = False
+    share: float = LABELS
 
     @property
     def natural(self) -> float:
@@ -36,8 +38,8 @@ class Item:
         """Its texts that are cut off in a space of this width."""
         if not self.name:
             return [self.text] if self.text and self.natural > space else []
-        found = [self.name] if width(self.name) + MARGIN > LABELS * space else []
-        return found + ([self.text] if self.text and self.natural > (1.0 - LABELS) * space else [])
+        found = [self.name] if width(self.name) + MARGIN > self.share * space else []
+        return found + ([self.text] if self.text and self.natural > (1.0 - self.share) * space else [])
 
 
 @dataclass
@@ -126,9 +128,11 @@ class Layout:
                 row.parts += [Item(name=title)] if is_named else []
                 row.parts += [Item(word) for word in words]
                 return
-            value, beside = max(words, key=width), ARROW + MARGIN
-        elif not is_named and title and prop.type in {"INT", "FLOAT"}:
-            value, beside = f"{title}  0.0000", 2.0 * ARROW
+            share = LABELS if self.use_property_split else UNSPLIT
+            self.parts.append(Item(max(words, key=width), title, ARROW + MARGIN, share=share))
+            return
+        if not is_named and title and prop.type in {"INT", "FLOAT"}:
+            value, beside = f"{title}  {'0.0000' if prop.type == 'FLOAT' else '0000'}", 2.0 * ARROW
         self.parts.append(Item(value, title if is_named else "", beside))
 
     def prop_search(self, data, name, *_, **__):
@@ -192,7 +196,7 @@ def cut_texts(panel: type, context: SimpleNamespace, known: dict, sidebar: float
     """The texts of a panel that are cut off in a sidebar of this width."""
     layout = Layout(known)
     panel.draw(_Drawn(panel, layout), context)
-    return layout.cut(sidebar - CONTENT)
+    return layout.cut(sidebar - texts.BESIDE_PANEL)
 
 
 class _Drawn:

@@ -40,8 +40,14 @@ def open_alone(*names: str) -> None:
             panel.bl_options = set() if panel.__name__ in names else {"DEFAULT_CLOSED"}
 
 
+presses: list[str] = []
+"""The clicks and the keys so far, without the wheel and without keys that are held for a click."""
+
+
 def mouse(*words: object) -> None:
     """Call xdotool."""
+    if words[0] == "key" or (words[0] == "click" and words[-1] == 1):
+        presses.append(" ".join(map(str, words)))
     subprocess.run(["xdotool", *map(str, words)], check=True)
 
 
@@ -56,28 +62,81 @@ def keys(*combinations: str) -> Iterator[float]:
 
 
 def press(button: str) -> Iterator[float]:
-    """Click a button of the sidebar, as "imprint.bake" for an operator or "imprint.low" for a property."""
+    """Click a button of the sidebar, as "imprint.bake" for an operator, also with its first arguments, or "imprint.low"
+    for a property."""
     yield from find(button)
     mouse("click", 1)
     yield 0.3
+
+
+def press_beside(button: str, *, right: int = 0, below: int = 0) -> Iterator[float]:
+    """Click what is so many pixels beside a button, at a scale of 1: headers and menus, which have no name to be found by."""
+    yield from find(button)
+    scale = bpy.context.preferences.system.ui_scale
+    mouse("mousemove_relative", "--", round(right * scale), round(below * scale))
+    yield 0.3
+    mouse("click", 1)
+    yield 0.7
+
+
+HEADER = 13
+"""How far the middle of the last header is above the end of the sidebar, in pixels at a scale of 1."""
+
+
+def press_last_header() -> Iterator[float]:
+    """Click the header of the last panel, which is closed, in a sidebar that the panels fill."""
+    yield from open_tab()
+    whole, area, _ = view()
+    sidebar = next(region for region in area.regions if region.type == "UI")
+    mouse("mousemove", sidebar.x + sidebar.width // 2, whole.height - sidebar.y - sidebar.height // 2)
+    yield 0.3
+    mouse("click", "--repeat", 100, "--delay", 10, DOWN)
+    yield 1.0
+    above = HEADER * bpy.context.preferences.system.ui_scale
+    mouse("mousemove", sidebar.x + sidebar.width // 2, round(whole.height - sidebar.y - above))
+    yield 0.3
+    mouse("click", 1)
+    yield 0.7
+
+
+MENU = 21, 20
+"""How far the first item of a menu is below its button, and the height of an item, in pixels at a scale of 1."""
+
+
+def choose(index: int) -> Iterator[float]:
+    """Click the item of this index in the menu that a click on its button has just opened below it."""
+    below = (MENU[0] + MENU[1] * index) * bpy.context.preferences.system.ui_scale
+    mouse("mousemove_relative", "--", 0, round(below))
+    yield 0.3
+    mouse("click", 1)
+    yield 0.7
 
 
 def open_tab() -> Iterator[float]:
     """Open the sidebar at the tab Imprint."""
     _, area, _ = view()
     area.spaces.active.show_region_ui = True
-    sidebar = next(region for region in area.regions if region.type == "UI")
     yield 0.5
-    sidebar.active_panel_category = "Imprint"
+    _, area, _ = view()  # again: another file brings other areas
+    next(region for region in area.regions if region.type == "UI").active_panel_category = "Imprint"
     yield 1.0
 
 
+_seen: dict[str, tuple[int, int]] = {}
+"""Where the mouse has met buttons, in pixels. They may have moved since."""
+
+
 def find(button: str) -> Iterator[float]:
-    """Move the mouse to a button of the sidebar's tab Imprint, which is shown. The wheel goes to its top, and down as far
-    as it takes. Raises LookupError if there is no such button."""
+    """Move the mouse to a button of the sidebar's tab Imprint, which is shown. Where it was seen before comes first; then the
+    wheel goes to the top, and down as far as it takes. Raises LookupError if there is no such button."""
     yield from open_tab()
     whole, area, _ = view()
     sidebar = next(region for region in area.regions if region.type == "UI")
+    if button in _seen:
+        mouse("mousemove", *_seen[button])
+        yield 0.3
+        if _is_under_mouse(button, sidebar, _seen[button]):
+            return
     left, top = sidebar.x + 4, whole.height - sidebar.y - sidebar.height
     for direction, turns in ((UP, 100), *[(DOWN, sidebar.height // 50)] * SCROLLS):
         mouse("mousemove", left, top + sidebar.height // 2)
@@ -86,11 +145,22 @@ def find(button: str) -> Iterator[float]:
         yield 0.7
         for part in (0.7, 0.25, 0.84):
             for y in range(top + STEP, top + sidebar.height, STEP):
-                mouse("mousemove", round(sidebar.x + sidebar.width * part), y)
-                yield 0.03
-                if _under_mouse(sidebar).removeprefix("bpy.ops.").partition("(")[0] == button:
+                at = round(sidebar.x + sidebar.width * part), y
+                mouse("mousemove", *at)
+                yield 0.06  # with less, a busy machine has not noticed it
+                if _is_under_mouse(button, sidebar, at):
                     return
     raise LookupError(f"{button} is not in the sidebar")
+
+
+def _is_under_mouse(button: str, sidebar: bpy.types.Region, at: tuple[int, int]) -> bool:
+    """Whether the mouse, which is `at` a place, is over a button."""
+    found = _under_mouse(sidebar).removeprefix("bpy.ops.")
+    name = found.partition("(")[0]
+    is_wanted = found.startswith(button) if "(" in button else name == button
+    if is_wanted or name:
+        _seen[button if is_wanted else name] = at
+    return is_wanted
 
 
 def _under_mouse(region: bpy.types.Region) -> str:

@@ -496,15 +496,51 @@ def test_a_hidden_high_object_has_a_button_that_shows_it(crate):
     assert "hidden" not in draw(2000).text
 
 
-def test_a_hidden_high_object_is_found_by_its_name(crate):
-    """In files of older versions, which have no pairs."""
+# High objects by name
+
+
+@pytest.mark.parametrize("is_hidden", [False, True])
+def test_the_low_object_alone_finds_its_high_objects_by_name(crate, is_hidden):
+    """Also in files of older versions, which have no pairs."""
+    low, high = crate
+    first = texels("crate_low_normal")
+    low.property_unset("imprint")
+    high.hide_set(is_hidden)
+    zoo.plane("other_high")
+    zoo.plane("crate_high_2").location.z = -5.0
+    select(low)
+    assert chosen() == ["crate_high", "crate_high_2"]
+    assert "Casts rays from 'crate_low' to 'crate_high', 'crate_high_2'" in draw(2000).text
+    assert ("imprint.bake", True) in draw().buttons
+    assert ("'crate_high' is hidden." in draw(2000).text) == is_hidden
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    assert [item.object.name for item in pair().highs] == ["crate_high", "crate_high_2"]
+    np.testing.assert_array_equal(texels("crate_low_normal"), first)
+
+
+def test_what_is_selected_wins_over_names_and_names_over_modifiers(crate):
+    low, _ = crate
+    low.property_unset("imprint")
+    other = zoo.plane("sculpt")
+    low.modifiers.new("Bevel", "BEVEL")
+    select(low, other)
+    assert chosen() == ["sculpt"]
+    select(low)
+    assert chosen() == ["crate_high"]
+    bpy.context.scene.imprint.high_suffix = "_sculpt"
+    assert chosen() == ["crate_low"]
+    bpy.context.scene.imprint.high_suffix = "_low"  # as that of low objects: nothing is matched
+    assert chosen() == ["crate_low"]
+
+
+def test_a_light_that_is_called_as_a_high_object_is_none(crate):
     low, high = crate
     low.property_unset("imprint")
+    delete(high)
+    light = bpy.data.objects.new("crate_high_light", bpy.data.lights.new("light", "POINT"))
+    bpy.context.scene.collection.objects.link(light)
+    select(low)
     assert chosen() == []
-    assert "'crate_high' is hidden." in draw(2000).text
-    assert ("imprint.bake", False) in draw().buttons
-    assert bpy.ops.imprint.show_hidden() == {"FINISHED"}
-    assert chosen() == ["crate_high"]
 
 
 def test_a_high_object_in_a_hidden_collection_cannot_be_shown(crate):

@@ -11,7 +11,7 @@ from addon import flamenco
 from addon.core import map_types, naming, progress
 from addon.core.declarations.all_settings import FORMER
 from addon.core.errors import BakeError
-from addon.ui import bake_operators, preferences
+from addon.ui import bake_operators, preferences, properties
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
@@ -557,7 +557,7 @@ def test_names_are_matched_again_only_after_a_change(pair, monkeypatch):
     asked = []
     match = naming.match
     monkeypatch.setattr(naming, "match", lambda *names: asked.append(names) or match(*names))
-    bake_operators.pairs.cache_clear()
+    properties.matched.cache_clear()
     low, high = pair
     for _ in range(3):
         draw()

@@ -7,7 +7,10 @@ import bpy
 import pytest
 
 from addon.core import map_types
+from addon.core.settings import Settings
 from addon.ui import texts
+from addon.ui.view_shading import Mode
+from addon.ui.views import viewer
 from tests.support import text_widths, zoo
 from tests.support.panel import use
 from tests.support.panel_layout import PANELS, context_of
@@ -41,6 +44,17 @@ def states():
     yield {"storage": "FILE", "output": "//a.png", "udim": True, "square": False}
 
 
+@pytest.fixture(params=[Mode.OFF, Mode.SPLIT, Mode.DEVIATION])
+def shown(request, monkeypatch):
+    """What the 3D viewport shows."""
+    monkeypatch.setattr(viewer, "mode", request.param)
+    monkeypatch.setattr(type(viewer), "settings", property(lambda _: Settings()))
+    monkeypatch.setattr(type(viewer), "is_outdated", lambda *_: True)
+    yield
+    monkeypatch.undo()
+
+
+@pytest.mark.usefixtures("shown")
 def test_no_text_is_cut_off_in_a_narrow_sidebar(known):
     low, high = zoo.plane("lo"), zoo.plane("hi", 2)
     found = {}

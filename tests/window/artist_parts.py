@@ -25,8 +25,10 @@ from addon.ui import declared_properties, modal, object_pairs  # noqa: E402
 from addon.ui.bake_results import results  # noqa: E402
 from addon.ui.live import live  # noqa: E402
 from addon.ui.progress_display import display  # noqa: E402
+from addon.ui.views import viewer  # noqa: E402
 from tests.support import saved_scenes, window  # noqa: E402
-from tests.support.window import click_row, find, keys, press  # noqa: E402
+from tests.support.daily_tasks import PRESSES  # noqa: E402
+from tests.support.window import click_row, find, keys, mouse, press  # noqa: E402
 from tests.window import live_strokes  # noqa: E402
 
 PART, FOLDER = sys.argv[sys.argv.index("--") + 1], Path(sys.argv[sys.argv.index("--") + 2])
@@ -175,10 +177,7 @@ def part_engine() -> Steps:
 
 def part_results() -> Steps:
     """A batch of three with a wrong one: the list says which; clicks select it and open its map beside the viewport."""
-    addon.modules()
-    addon.unregister()
-    window.open_alone("IMPRINT_PT_bake", "IMPRINT_PT_pairs", "IMPRINT_PT_results")
-    addon.register()
+    open_again("bake", "pairs", "results")
     small(method="CAST")
     for number, name in enumerate("abc"):
         grid(f"{name}_low", 6, x=4.0 * number)
@@ -207,14 +206,7 @@ def part_results() -> Steps:
 def part_seven() -> Steps:
     """A batch of seven with three wrong ones, in panels as they are at first: Results names them and says why."""
     small(method="CAST")
-    for number, name in enumerate("abcdefg"):
-        grid(f"{name}_low", 6, x=4.0 * number)
-        if name != "e":
-            grid(f"{name}_high", 40, x=4.0 * number, height=0.2)
-    bpy.data.objects["c_low"].data.flip_normals()
-    layers = bpy.data.meshes["f_low"].uv_layers
-    layers.remove(layers[0])
-    window.select_only()
+    seven()
     with window.at_view():
         bpy.ops.imprint.bake_pairs("INVOKE_DEFAULT")
     yield from finished()
@@ -327,9 +319,7 @@ def part_bevel() -> Steps:
 
 def part_names() -> Steps:
     """Pairs by name, with numbers at the end."""
-    addon.unregister()
-    window.open_alone("IMPRINT_PT_bake", "IMPRINT_PT_pairs")
-    addon.register()
+    open_again("bake", "pairs")
     small()
     for number, name in enumerate(("pipe_low", "pipe_high", "pipe_low.001", "pipe_high.001")):
         grid(name, 40 if "high" in name else 6, x=4.0 * (number // 2), height=0.1 + 0.05 * number)
@@ -381,7 +371,217 @@ def part_after_live() -> Steps:
     check("a bake draws the map of Live", contents()["crate_low_normal"] == first)
 
 
+def part_daily() -> Steps:
+    """Daily tasks about maps, with as many presses as scripts/dev/presses.py counts. The window has 1920 x 1080 pixels."""
+    small(crate=True)
+    yield from task("bake a normal map of a pair", click_row("crate_low"), press("imprint.bake"), finished())
+    check("with the high object of that name", results.of(bpy.context).high == ["crate_high"])
+    switches = [press(f"imprint.bakes_{name}") for name in ("ao", "curvature", "thickness")]
+    more = [press(f"imprint.bakes_{name}") for name in ("base_color", "roughness")]
+    header = window.press_beside("imprint.rays", below=27)
+    row = click_row("crate_low")
+    yield from task("bake six maps", row, *switches, header, *more, press("imprint.bake"), finished())
+    check("six maps", len(mine()) == 6)
+    yield from task("look at occlusion on the model", press('imprint.view_map(map="AO")'))
+    yield 2.0
+    picture("occlusion")
+    check("it is shown", (bpy.context.scene.imprint_view.mode, viewer.map) == ("MAP", "AO"))
+    yield from task("compare high and low", keys("ctrl+alt+h"))
+    yield 2.0
+    check("the high object is shown", bpy.context.scene.imprint_view.mode == "HIGH")
+
+
+def part_daily_files() -> Steps:
+    """Daily tasks with files, counted as those of part_daily."""
+    small(crate=True)
+    yield from click_row("crate_low")
+    yield from bake()
+    yield from task("make levels of detail", window.press_last_header(), press("imprint.make_levels"), finished())
+    check("levels", "crate_low_LODs" in bpy.data.collections)
+    yield from click_row("crate_low")
+    yield from task("export a .glb", press("imprint.export"), browser())
+    yield from finished()
+    check("a file", bool(list(FOLDER.glob("**/crate_low.glb"))))
+    settings, menu = bpy.context.scene.imprint, window.press_beside("imprint.size", right=31)
+    yield from task("change the size", menu, window.choose(0))
+    check("the size", (settings.width, settings.height) == (512, 512))
+    engine = 1 + list(targets.CHOICES).index("Unreal Engine")
+    yield from task("switch to Unreal Engine", press("imprint.engine"), window.choose(engine))
+    check("the engine", settings.engine == "Unreal Engine")
+
+
+def part_daily_inside_out() -> Steps:
+    """A daily task with a closed high mesh, counted as those of part_daily."""
+    small()
+    for name, segments in (("ball_low", 16), ("ball_high", 64)):
+        with window.at_view():
+            bpy.ops.mesh.primitive_uv_sphere_add(segments=segments, ring_count=segments // 2)
+        bpy.context.object.name = name
+        bpy.context.object.data.shade_smooth()
+    bpy.data.objects["ball_high"].data.flip_normals()
+    yield from click_row("ball_low")
+    yield from task("bake a high mesh that is inside out", press("imprint.bake"), finished())
+    check("without a warning", not results.of(bpy.context).warnings)
+
+
+def part_daily_batch() -> Steps:
+    """The batch of the daily tasks, counted as those of part_daily."""
+    small()
+    seven()
+    yield from task(
+        "batch of seven, find the wrong two",
+        window.press_beside("imprint_view.mode", below=30),
+        press("imprint.bake_pairs"),
+        finished(),
+    )
+    check("the wrong ones are named", len(results.batch().left_out) == 2)
+    yield from find("imprint.bake")
+    picture("batch")
+
+
+def part_engines() -> Steps:
+    """Each choice of Engine, by the mouse, is one step: a single Ctrl Z has all settings as they were."""
+    small(crate=True)
+    yield from click_row("crate_low")
+    yield from keys("g", "x", "1", "Return")  # a step before
+    first = values()
+    for name in EIGHT:  # Blender, which is chosen at first, comes after another one
+        if name == "Blender":
+            yield from press("imprint.engine")
+            yield from window.choose(1 + list(targets.CHOICES).index("Godot"))
+            first = values()
+        yield from press("imprint.engine")
+        yield from window.choose(1 + list(targets.CHOICES).index(name))
+        chosen = values()
+        changed = [setting for setting in first if first[setting] != chosen[setting]]
+        check(f"{name} sets {len(changed)} settings", chosen["engine"] == name and len(changed) > 3)
+        picture(name)
+        yield from keys("ctrl+z")
+        check(f"{name}: undone at once", values() == first)
+    check("not further", bpy.data.objects["crate_low"].location.x == 1.0)
+
+
+def part_store() -> Steps:
+    """Store: File by the mouse. The file is asked to be saved first, and the maps go beside it."""
+    open_again("bake", "output")
+    small(crate=True)
+    yield from click_row("crate_low")
+    yield from press("imprint.storage")
+    yield from window.choose(1)
+    settings = bpy.context.scene.imprint
+    check("Store: File", settings.storage == "FILE")
+    settings.output = "//maps/{name}.png"
+    yield from press("wm.save_mainfile")
+    yield from browser()
+    check("saved by the button of the box", bool(bpy.data.filepath))
+    yield from bake()
+    picture("file")
+    path = Path(bpy.path.abspath("//maps/crate.png"))
+    check("a file", path.is_file())
+    image = bpy.data.images["crate_low_normal"]
+    check("the image is that of the file", Path(bpy.path.abspath(image.filepath)) == path and not image.packed_file)
+    path.unlink()
+    Path(bpy.data.filepath).unlink()
+
+
+def part_checks() -> Steps:
+    """Report and Checks: a button that cures what a warning names, faces in Edit Mode, a mask beside the viewport."""
+    open_again("results", "report", "checks")
+    small(crate=True, method="FLATTEN")
+    layer = bpy.data.meshes["crate_low"].uv_layers[0]
+    for corner in layer.uv:
+        corner.vector.x = abs(corner.vector.x - 0.4)  # folded: two fifths lie on others
+    window.select_only(bpy.data.objects["crate_low"], bpy.data.objects["crate_high"])
+    with window.at_view():
+        bpy.ops.imprint.bake("INVOKE_DEFAULT")
+    yield from finished()
+
+    def method() -> str:  # an Undo makes other settings
+        return bpy.context.scene.imprint.chosen(bpy.context).rays.method
+
+    yield from press("imprint.cure(kind='AUTO'")
+    picture("report")
+    check("the report's button", method() == "AUTO")
+    yield from keys("ctrl+z")
+    check("is undone at once", method() == "FLATTEN")
+    faces = "imprint.select_flaws(kind='OVERLAP'"
+    yield from window.press_beside(faces, right=-18)
+    yield 1.0
+    picture("mask")
+    areas = bpy.context.window_manager.windows[0].screen.areas
+    shown = [area.spaces.active.image.name for area in areas if area.type == "IMAGE_EDITOR"]
+    check("a mask beside the viewport", any("overlap" in name for name in shown))
+    yield from press(faces)
+    yield 0.5
+    picture("faces")
+    low = bpy.data.objects["crate_low"]
+    check("Edit Mode", low.mode == "EDIT")
+    low.update_from_editmode()
+    chosen = sum(polygon.select for polygon in low.data.polygons)
+    check(f"{chosen} faces are selected", 0 < chosen < len(low.data.polygons))
+
+
 # What they are made of
+
+
+EIGHT = ("Unreal Engine", "Unity URP", "Unity Built-in", "Godot", "glTF", "Substance 3D", "Marmoset Toolbag", "Blender")
+"""Engines that are chosen and undone."""
+
+
+def values() -> dict[str, object]:
+    """All settings of the scene that have one value."""
+    settings = bpy.context.scene.imprint
+    kinds = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
+    known = [one for one in settings.bl_rna.properties if one.type in kinds and not one.is_readonly]
+    found = {one.identifier: getattr(settings, one.identifier) for one in known}
+    return {
+        name: tuple(value) if isinstance(value, bpy.types.bpy_prop_array) else value for name, value in found.items()
+    }
+
+
+def open_again(*names: str) -> None:
+    """Register the add-on again, with these panels alone open."""
+    addon.modules()
+    addon.unregister()
+    window.open_alone(*(f"IMPRINT_PT_{name}" for name in names))
+    addon.register()
+
+
+def task(name: str, *steps: Steps) -> Steps:
+    """Play a daily task, and compare the number of its presses."""
+    window.presses.clear()
+    for each in steps:
+        yield from each
+    check(f"{name}: {len(window.presses)}", len(window.presses) == PRESSES[name])
+
+
+ACCEPT = 63, 19
+"""How far the button that accepts is from the lower right corner of a file browser, in pixels at a scale of 1."""
+
+
+def browser() -> Steps:
+    """Click the button that accepts, in the file browser, which is a window of its own."""
+    yield 1.5
+    picture("file browser")
+    whole, browser = bpy.context.window_manager.windows
+    right, above = (length * bpy.context.preferences.system.ui_scale for length in ACCEPT)
+    top = whole.y + whole.height
+    mouse("mousemove", round(browser.x + browser.width - right), round(top - browser.y - above))
+    yield 0.5
+    mouse("click", 1)
+    yield 1.5
+
+
+def seven() -> None:
+    """Seven low objects: one is inside out, one has no UVs, one has no high object."""
+    for number, name in enumerate("abcdefg"):
+        grid(f"{name}_low", 6, x=4.0 * number)
+        if name != "e":
+            grid(f"{name}_high", 40, x=4.0 * number, height=0.2)
+    bpy.data.objects["c_low"].data.flip_normals()
+    layers = bpy.data.meshes["f_low"].uv_layers
+    layers.remove(layers[0])
+    window.select_only()
 
 
 def start_file() -> None:

@@ -86,7 +86,7 @@ def views():
 def follow():
     """Live bakes again when the high mesh changes."""
     press("live")
-    live, runner = part("ui.live_switch").live, part("ui.modal").runner
+    live, runner = part("ui.live").live, part("ui.modal").runner
     yield from until(lambda: live.is_on and runner.run is None)
     before = bpy.data.images["lo_normal"].pixels[:]
     bpy.data.objects["hi"].scale.z = 2.0

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws all panels in a sidebar of 300 pixels, in a language of the interface, for a look at texts that are cut off. Not
-collected by pytest.
+"""Draws all panels in a sidebar as Blender opens it, of 280 pixels, in a language of the interface, for a look at texts that
+are cut off. Not collected by pytest.
 
     blender --factory-startup --window-geometry 0 0 700 2200 --python tests/window/narrow_panels.py -- FOLDER [LOCALE]
 
-Needs X11 (or Xvfb) with a screen of that size, xdotool and ImageMagick. The pictures are FOLDER/LOCALE-GROUP.png. The texts are
-translated before Blender gets them, so a Blender that was built without languages will do.
+Needs ImageMagick, and X11 (or Xvfb) with a screen of that size and of 96 dpi (Xvfb -dpi 96), or Blender draws at another
+scale. The pictures are FOLDER/LOCALE-GROUP.png. The texts are translated before Blender gets them, so a Blender that was built
+without languages will do.
 """
 
 import sys
@@ -56,8 +57,6 @@ from addon.ui.texts import SidebarPanel  # noqa: E402
 from scripts.dev.manual import window as screen  # noqa: E402
 from tests.support import window, zoo  # noqa: E402
 
-WIDTH = 300
-"""Pixels of the sidebar with its tabs."""
 GROUPS = {
     "bake": ("bake", "maps", "packing"),
     "map": ("map", "rays", "channels", "targets", "output"),
@@ -87,7 +86,7 @@ def step() -> Iterator[float]:
     yield 0.5
     _prepare()
     yield 0.5
-    yield from _narrow()
+    yield from _open()
     for group, panels in GROUPS.items():
         copies = [_copy(group, getattr(bpy.types, f"IMPRINT_PT_{name}")) for name in panels]
         if group == "bake":
@@ -115,7 +114,7 @@ def _sidebar() -> bpy.types.Region:
 def _copy(group: str, original: type) -> type:
     """An open copy of a panel in the tab of its picture."""
     fields = {"bl_category": f"N {group}", "bl_options": set(), "bl_parent_id": "", "bl_order": 0}
-    return type(f"{original.__name__}_narrow", (original,), fields | {"bl_idname": f"{original.__name__}_narrow"})
+    return screen.copy_of(original, **fields, bl_idname=f"{original.__name__}_narrow")
 
 
 def _prepare() -> None:
@@ -140,28 +139,17 @@ def _prepare() -> None:
     settings.storage, settings.depth, settings.udim, settings.square = "FILE", "8", True, False
     settings.output = "/tmp/maps/{name}.png"
     settings.convert_image = bpy.data.images["crate_low_normal"]
+    settings.pack_red, settings.basis = "WIDENED_ROUGHNESS", "MIKKTSPACE_VERTEX"  # the longest choices
+    bpy.context.scene.imprint_view.target = "substance-per-fragment"
     settings.from_space = "TANGENT"
 
 
-def _narrow() -> Iterator[float]:
-    """Drag the edge of the sidebar until it has WIDTH pixels."""
-    whole, area, _ = window.view()
+def _open() -> Iterator[float]:
+    """Open the sidebar, which has the width that Blender gives it."""
+    _, area, _ = window.view()
     area.spaces.active.show_region_ui = True
     yield 1.0
-    for _ in range(4):
-        sidebar = _sidebar()
-        y = whole.height - sidebar.y - sidebar.height // 2
-        if sidebar.width == WIDTH:
-            break
-        window.mouse("mousemove", sidebar.x, y)
-        yield 0.3
-        window.mouse("mousedown", 1)
-        yield 0.3
-        window.mouse("mousemove", sidebar.x + sidebar.width - WIDTH, y)
-        yield 0.3
-        window.mouse("mouseup", 1)
-        yield 0.5
-    print(f"the sidebar has {_sidebar().width} pixels", flush=True)
+    print(f"the sidebar has {_sidebar().width} pixels, at {bpy.context.preferences.system.ui_scale:.3f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -241,9 +241,9 @@ def _copies(idname: str) -> list[type]:
     original = getattr(bpy.types, idname)
     category = f"Imprint {original.bl_label}" if original.bl_label != "Imprint" else "Imprint "
     fields = {"bl_idname": f"{idname}_picture", "bl_category": category, "bl_options": set(), "bl_parent_id": ""}
-    copies = [type(f"{idname}_picture", (original,), fields)]
+    copies = [window.copy_of(original, **fields)]
     if idname in BELOW:
         below = getattr(bpy.types, BELOW[idname])
         fields = {"bl_idname": f"{BELOW[idname]}_picture", "bl_category": category, "bl_options": set()}
-        copies.append(type(fields["bl_idname"], (below,), fields | {"bl_parent_id": copies[0].bl_idname}))
+        copies.append(window.copy_of(below, **fields, bl_parent_id=copies[0].bl_idname))
     return copies

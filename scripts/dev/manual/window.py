@@ -44,6 +44,13 @@ def box_of(place: bpy.types.Area | bpy.types.Region) -> Box:
     return place.x, place.y, place.width, place.height
 
 
+def copy_of(panel: type, **fields: object) -> type:
+    """A class like that of a registered panel, with other fields. No subclass: Blender forgets the class of the panel when a
+    subclass of it is unregistered."""
+    own = {name: value for name, value in vars(panel).items() if name not in {"bl_rna", "__dict__", "__weakref__"}}
+    return type(str(fields["bl_idname"]), panel.__bases__, own | fields)
+
+
 def is_working() -> bool:
     """Whether a bake, or the first map of a view, is going on in slices."""
     with override():
