@@ -27,6 +27,8 @@ OTHER_TEXEL = 36
 """Those of each other map that are read from the GPU."""
 TEXTURE_PIXEL, TEXTURE_PIXEL_ON_GPU = 25, 10
 """Bytes for each pixel of the largest image of the high meshes: one is in memory at a time."""
+EXACT_POINTS, EXACT_POINT = 2**19, 1900
+"""The points at a time at which Cycles evaluates materials, and bytes for each, in Blender and Cycles."""
 GIGABYTE = 10**9
 
 
@@ -34,7 +36,7 @@ GIGABYTE = 10**9
 class Amounts:
     """The sizes of a bake. triangles: of all meshes. texels: of one map. band_texels: that are drawn at once. texel_bytes: of
     each of these, see the function. other_maps: beside the normal map. texture_pixels: of the largest image that the maps show.
-    is_flat: whether Flatten draws the normal map alone, without a tree."""
+    is_flat: whether Flatten draws the normal map alone, without a tree. is_exact: whether Cycles evaluates materials."""
 
     triangles: int
     texels: int
@@ -43,6 +45,7 @@ class Amounts:
     other_maps: int = 0
     texture_pixels: int = 0
     is_flat: bool = False
+    is_exact: bool = False
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,8 @@ class Need:
     texture: int
     on_gpu: int
     """Those of the above that are on the GPU."""
+    exact: int = 0
+    """What Cycles takes that evaluates materials, beside the maps."""
 
     @classmethod
     def of(cls, amounts: Amounts) -> "Need":
@@ -73,12 +78,13 @@ class Need:
             storing=amounts.texels * TEXEL_STORED,
             texture=amounts.texture_pixels * TEXTURE_PIXEL + texture_on_gpu,
             on_gpu=meshes_on_gpu + maps_on_gpu + texture_on_gpu,
+            exact=min(amounts.texels, EXACT_POINTS) * EXACT_POINT * amounts.is_exact,
         )
 
     @property
     def peak(self) -> int:
         """The most bytes at once, on the machine and on the GPU together."""
-        return self.program + self.meshes + max(self.tree, self.maps + max(self.texture, self.storing))
+        return self.program + self.meshes + max(self.tree, self.maps + max(self.texture, self.storing, self.exact))
 
     def of_machine(self, *, is_software: bool) -> int:
         """The most bytes at once in the machine's memory. is_software: whether the GPU is a program on the CPU."""

@@ -16,6 +16,7 @@ from ..core import progress
 from ..core.declarations.choices import ExactMaterials, Method, Modifiers, Space
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, NORMAL
+from ..core.material_feeds import ExactFeed, HighMaterial
 from ..core.progress import Progress, Task
 from ..core.report import Report, evaluated
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
@@ -138,17 +139,31 @@ def viewport_material_notes(
 ) -> list[str]:
     """What the chosen maps will not have of the high objects' materials, in the sentences of a bake's report. Materials of
     instances are left out."""
+    sockets, materials = _viewport_materials(low, highs, map_settings)
+    notes = (note for each in materials for socket in (*sockets, "") for note in each.notes.get(socket, ()))
+    return list(dict.fromkeys(notes))
+
+
+def evaluates_materials(low: bpy.types.Object, highs: Sequence[bpy.types.Object], map_settings: MapSettings) -> bool:
+    """Whether Cycles evaluates materials of the high objects for the chosen maps. Those of instances are left out."""
+    sockets, materials = _viewport_materials(low, highs, map_settings)
+    return any(isinstance(each.feeds.get(socket), ExactFeed) for each in materials for socket in sockets)
+
+
+def _viewport_materials(
+    low: bpy.types.Object, highs: Sequence[bpy.types.Object], map_settings: MapSettings
+) -> tuple[set[str], list[HighMaterial]]:
+    """The inputs that the chosen maps show, and what the materials of the high objects have in them."""
     sockets = {BY_NAME[name].socket for name in map_settings.drawn_maps} - {""}
     if not sockets:
-        return []
+        return sockets, []
     is_exact = map_settings.exact_materials == ExactMaterials.AUTO
     numbers = MaterialNumbers(ImageTextures(), low, sockets=sockets, is_exact=is_exact)
     for high in highs:
         if high.type == "MESH" and not high.data.is_editmode:
             for shown in numbers.of_slots(high, high.data):
                 numbers.read(shown)
-    notes = (note for each in numbers.materials for socket in (*sockets, "") for note in each.notes.get(socket, ()))
-    return list(dict.fromkeys(notes))
+    return sockets, numbers.materials
 
 
 def _some_faces(obj: bpy.types.Object, most: int) -> Faces:

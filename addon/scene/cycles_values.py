@@ -15,12 +15,11 @@ from mathutils import Matrix
 
 from ..core import quiet
 from ..core.errors import BakeError
+from ..core.preflight import EXACT_POINTS
 from ..mesh.inputs import HitsOfFeed
 from ..mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
 from .materials.emitted import Keep, emitting
 
-MOST = 2**19
-"""Points at a time: a mesh of so many triangles takes 300 MB in Blender and Cycles."""
 SMALL = 0.1
 """The size of a triangle around a point, as a share of the one that it is on, large enough for the normal of its plane."""
 WIDTH = 1024
@@ -55,16 +54,16 @@ def _found(blocks: Iterable[bpy.types.ID], uid: int) -> bpy.types.ID:
 
 
 def _pieces(counts: Sequence[tuple[int, int]]) -> Iterator[list[tuple[int, slice]]]:
-    """Parts of several arrays with these numbers and lengths, together at most MOST long."""
+    """Parts of several arrays with these numbers and lengths, together at most EXACT_POINTS long."""
     piece, size = [], 0
     for i, count in counts:
         first = 0
         while first < count:
-            part = slice(first, min(count, first + MOST - size))
+            part = slice(first, min(count, first + EXACT_POINTS - size))
             piece.append((i, part))
             size += part.stop - part.start
             first = part.stop
-            if size == MOST:
+            if size == EXACT_POINTS:
                 yield piece
                 piece, size = [], 0
     if piece:

@@ -16,9 +16,10 @@ from addon.cli.scan_files import Texture
 from addon.cli.scene_files import SceneLoader
 from addon.core.errors import BakeError
 from addon.core.file_structure import mesh_references
-from addon.core.preflight import TEXTURE_PIXEL, TEXTURE_PIXEL_ON_GPU
+from addon.core.preflight import EXACT_POINT, TEXTURE_PIXEL, TEXTURE_PIXEL_ON_GPU
 from addon.core.settings import Settings
 from tests.support import angles, maps, reports, scans
+from tests.support.shader_nodes import add, principled
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -483,6 +484,20 @@ def test_flatten_needs_no_tree_unless_more_than_the_normal_map_is_drawn(incomple
     assert tree(method="FLATTEN", detail_maps=False, maps=("POSITION",)) > 0
     assert tree(method="FLATTEN", detail_maps=True) > 0
     assert tree(method="CAST") > 0
+
+
+def test_cycles_needs_memory_for_materials_that_it_evaluates(incomplete):
+    job = SceneLoader().job("low.obj", ["scan.obj"])
+    material = job.highs[0].material_slots[0].material
+
+    def exact(**settings):
+        return input_checks.need_of(job, Settings(width=64, height=64, **settings)).exact
+
+    assert exact(maps=("BASE_COLOR",)) == 0
+    noise = add(material, "TexNoise")
+    material.node_tree.links.new(noise.outputs["Color"], principled(material).inputs["Base Color"])
+    assert exact(maps=("BASE_COLOR",)) == 64 * 64 * EXACT_POINT
+    assert exact(maps=("BASE_COLOR",), exact_materials="OFF") == exact(maps=("ROUGHNESS",)) == exact() == 0
 
 
 def test_modifiers_leave_the_size_of_a_mesh_open(incomplete):
