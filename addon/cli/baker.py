@@ -17,6 +17,7 @@ import numpy as np
 
 from .. import older_blender
 from ..core import levels, naming, progress, udim
+from ..core.asset import Wanted
 from ..core.conversion import ConversionReport
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
@@ -380,6 +381,8 @@ def _kind(options: argparse.Namespace) -> str:
 
 def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     """The names of the low objects in those of files."""
+    if options.asset and jobs[0].low in jobs[0].highs:
+        return [naming.low_name_of(jobs[0].low.name, options.suffixes)]
     if options.levels:
         from ..jobs import lod  # here, since a bake does not need it
 
@@ -418,6 +421,12 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
     speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
     if options.convert:
         return _Baked([progress.finish(_convert_map(bpy.context, jobs[0], options, settings), on_step)])
+    if options.asset:
+        from ..jobs import asset  # likewise
+
+        wanted = Wanted.of_texts(*options.asset)
+        making = asset.work(bpy.context, jobs[0], wanted, settings, speed, suffixes=options.suffixes)
+        return _Baked([progress.finish(making, on_step)])
     if options.levels:
         from ..jobs import lod  # likewise
 
@@ -483,11 +492,30 @@ def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], 
         loader.take()
     if options.pairs:
         return jobs_by_name(bpy.context, options.suffixes)
+    if options.asset:
+        return [_job_of_asset(options)], []
     low = object_by_name(options.low)
     highs = [object_by_name(name) for name in options.high] or [low]
     if not (options.high or options.convert or options.levels):
         input_checks.check_own_high(low, "--high")
     return [Job(low, highs, object_by_name(options.cage) if options.cage else None)], []
+
+
+def _job_of_asset(options: argparse.Namespace) -> Job:
+    """The high objects that are named, or all visible ones, with the low object that is named or belongs to them by its name.
+    If there is none, one of the high objects is in its place."""
+    from ..jobs import asset  # here, since a bake does not need it
+
+    visible = [obj for obj in bpy.context.view_layer.objects if obj.type == "MESH" and obj.visible_get()]
+    low = object_by_name(options.low) if options.low else None
+    lows = {naming.low_name_of(obj.name, options.suffixes) for obj in visible}
+    highs = [object_by_name(name) for name in options.high]
+    highs = highs or [obj for obj in visible if obj != low and obj.name not in lows]
+    if not highs:
+        raise BakeError(
+            "There is no visible mesh to make an asset of: give a FILE that has one, or name it with --high."
+        )
+    return Job(low or asset.known_low(bpy.context, highs, options.suffixes) or highs[0], highs)
 
 
 EXPORTERS = {".fbx": ("io_scene_fbx",)}

@@ -122,6 +122,10 @@ class Report:
     compared) and degrees: by basis, the median, percentile_95, percentile_99 and maximum of the angles between the normals that
     an engine with this basis shows of the file and those that were baked; targets: the same of the target engines that the
     settings name. Empty without such a file."""
+    asset: dict[str, Any] = field(default_factory=dict)
+    """How a game asset was made: is_made, whether the low mesh is new, or was there; is_remeshed, whether it is made of voxels,
+    and of how many triangles of the high meshes; measured, how many low meshes were compared; degrees, the limit, if there is
+    one; unwrapped, a sentence about the new UV map; seconds, before the bake. Empty for other bakes."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
@@ -232,6 +236,15 @@ class Report:
         how = f", which differs from theirs on {differing:.1%} of their texels" if differing else ""
         return [f"Shared UVs: {overlap['hidden']:,} triangles show the detail of other parts{how}"]
 
+    def _made(self) -> list[str]:
+        """How the low mesh of an asset was made, for the summary."""
+        how, lines = self.asset, []
+        if how.get("is_made"):
+            way = "remeshed by voxels and decimated" if how["is_remeshed"] else "decimated"
+            tries = f"; {how['measured']} meshes were compared" if how["measured"] else ""
+            lines.append(f"{self.low}: {self.triangles['low']:,} of {how['of']:,} triangles, {way}{tries}")
+        return lines + [how["unwrapped"]] * bool(how.get("unwrapped"))
+
     def _seen(self) -> list[str]:
         """The shading error, for the summary."""
         if not self.appearance:
@@ -260,7 +273,7 @@ class Report:
         parts = {stage: self.seconds[stage] for stage in STAGES if self.seconds[stage]}
         parts["other"] = max(0.0, self.seconds["total"] - sum(parts.values()))
         stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in parts.items())
-        details = []
+        details = self._made()
         has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
         if isinstance(basis, str) and basis in bases.BY_NAME:

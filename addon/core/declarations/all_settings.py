@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All settings by the panels that show them: here those of Output, Rays, Imprint, Pairs by Name and Levels of Detail."""
+"""All settings by the panels that show them: here those of Output, Rays, Imprint, pairs, levels and assets."""
 
 from dataclasses import dataclass
 
-from .. import file_formats, levels, udim
+from .. import asset, file_formats, levels, udim
 from ..file_formats import USUAL_DEPTH
 from ..naming import Suffixes
 from ..udim import TOKEN
@@ -81,6 +81,27 @@ LEVELS: dict[str, Setting] = {
     "level_beside": Switch(
         label="Side by Side",
         tooltip="Put the levels in a row beside the mesh, and not into it. A file of the export has all of them in one place",
+        option=None,
+    ),
+}
+ASSET: dict[str, Setting] = {
+    "asset_triangles": Text(
+        label="Triangles",
+        tooltip="How many triangles the low mesh has. With degrees it is the most, and empty stands for no such limit",
+        default=str(asset.TRIANGLES),
+        option=None,
+    ),
+    "asset_degrees": Text(
+        label="Degrees",
+        tooltip="The shading error that 99 % of the pixels may have, seen from all sides: the fewest triangles within it are "
+        "searched",
+        empty="no limit",
+        option=None,
+    ),
+    "asset_fits_size": Switch(
+        label="Size by Detail",
+        tooltip="Make the maps as large as it takes for texels as small as the triangles of the high objects, from "
+        f"{asset.SIZES[0]} to {asset.SIZES[1]}",
         option=None,
     ),
 }
@@ -291,6 +312,7 @@ PANELS = {
     "rays": PanelSettings("Rays", RAYS),
     "pairs": PanelSettings("Pairs by Name", PAIRS),
     "levels": PanelSettings("Levels of Detail", LEVELS),
+    "asset": PanelSettings("Game Asset", ASSET),
     "convert": PanelSettings("Convert Map", CONVERT),
 }
 """In the order of the sidebar."""

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the command `asset`: maps, a file for an engine, a scene and a report, and no file if something fails."""
+
+import json
+
+import bpy
+import pytest
+
+from addon.cli import command
+from scripts.imprint import ROOT
+from tests.support import glb, json_schema, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SCHEMA = json.loads((ROOT / "docs" / "report.schema.json").read_text(encoding="utf-8"))
+ASSET = ["asset", "ball.blend", "--triangles", "200", "--size", "64", "--export", "out/ball.glb"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with ball.blend: a ball, and a hidden object."""
+    monkeypatch.chdir(tmp_path)
+    zoo.ball("Ball_high", 16)
+    zoo.cube("Hidden").hide_set(True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "ball.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return tmp_path
+
+
+def files(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def test_a_file_of_a_high_mesh_becomes_a_file_for_an_engine(folder, capfd):
+    words = [*ASSET, "--maps", "ao", "--save-blend", "asset.blend", "--report", "report.json"]
+    assert command.run(words) == 0
+    assert files(folder) == sorted(
+        ["asset.blend", "ball.blend", "out/ball.glb", "out/ball.png", "out/ball_ao.png", "report.json"]
+    )
+    whole = json.loads((folder / "report.json").read_text())
+    assert list(json_schema.faults(whole, SCHEMA)) == []
+    (entry,) = whole["bakes"]
+    assert (entry["state"], entry["problems"]) == ("done", [])
+    (report,) = entry["reports"]
+    assert report["low"] == "Ball_low" and report["high"] == ["Ball_high"]
+    assert report["triangles"]["low"] == pytest.approx(200, abs=4) == report["export"]["triangles"]
+    assert report["asset"]["is_made"] and report["appearance"]["pixels"] > 0
+    assert "Ball_low: 2" in capfd.readouterr().out
+    tree, _ = glb.parse(folder / "out" / "ball.glb")
+    assert len(tree["meshes"]) == 1 and len(tree["images"]) == 2
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "asset.blend"))
+    assert len(bpy.data.objects["Ball_low"].data.uv_layers) == 1
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        (["--cage", "Ball"], "--cage is not for asset"),
+        (["--low-file", "ball.obj"], "--low-file is not for asset"),
+        (["--pairs"], "--pairs is not for asset"),
+        (["--degrees", "two"], "is not degrees"),
+        (["--degrees", "0"], "cannot be a limit"),
+        (["--triangles", "2"], "enclose nothing"),
+        (["--size", "huge"], "--size"),
+        (["--export", "ball.obj"], "does not end in"),
+        (["--sise", "64"], "did you mean"),
+    ],
+)
+def test_wrong_usage(folder, capfd, more, text):
+    assert command.run([*ASSET, *more]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert text in line
+    assert files(folder) == ["ball.blend"]
+
+
+def test_without_a_place_for_the_result(folder, capfd):
+    assert command.run(ASSET[:-2]) == 2
+    assert "--output is required" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        (["--high", "Bal"], "did you mean 'Ball_high'"),
+        (["--high", "Ball_high", "--low", "Nothing"], "no object called 'Nothing'"),
+        (["--udim"], "turn UDIM Tiles and Texture Sets off"),
+    ],
+)
+def test_what_fails_writes_nothing(folder, capfd, more, text):
+    assert command.run([*ASSET, *more]) == 1
+    assert text in capfd.readouterr().err
+    assert files(folder) == ["ball.blend"]
+
+
+def test_a_limit_of_strict_that_is_missed_is_the_exit_code(folder):
+    assert command.run([*ASSET, "--strict", "appearance.p99<0.001deg"]) == 4
