@@ -72,9 +72,7 @@ def compare(
         _see_both_sides()
         for batch, normal_map, shading in parts:
             textures = {"normal_map": normal_map, "seen_high": high}
-            target.draw_bound(
-                LOW, batch, view_projection=shader.mat4(view), shading=shader.mat4(shading), **textures
-            )
+            target.draw_bound(LOW, batch, view_projection=shader.mat4(view), shading=shader.mat4(shading), **textures)
 
 
 def low_shading(
