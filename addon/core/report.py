@@ -243,7 +243,7 @@ class Report:
             way = "remeshed by voxels and decimated" if how["is_remeshed"] else "decimated"
             tries = f"; {how['measured']} meshes were compared" if how["measured"] else ""
             lines.append(f"{self.low}: {self.triangles['low']:,} of {how['of']:,} triangles, {way}{tries}")
-        return lines + [how["unwrapped"]] * bool(how.get("unwrapped"))
+        return [*lines, *filter(None, [how.get("unwrapped")])]
 
     def _seen(self) -> list[str]:
         """The shading error, for the summary."""

@@ -137,6 +137,7 @@ def known_low(
     context: bpy.types.Context, highs: Sequence[bpy.types.Object], suffixes: Suffixes
 ) -> bpy.types.Object | None:
     """The low object that belongs to the first of these by its name; None without one."""
+    context.view_layer.update()  # a script may have made objects
     found = context.view_layer.objects.get(naming.low_name_of(highs[0].name, suffixes))
     return found if found is not None and found.type == "MESH" and found not in highs else None
 

@@ -104,20 +104,6 @@ def test_faces_that_are_turned_over_are_turned_back():
     assert outwards(*arrays(low)).all() and all_near(*arrays(low))
 
 
-def test_triangles_that_share_edges_with_many_are_remeshed():
-    """A sphere with a fin on many of its edges, inwards: its volume is that of the sphere."""
-    ball = zoo.ball("Ball", 24)
-    points, corners = arrays(ball)
-    fins = np.stack([corners[::8, 0], corners[::8, 1], np.full(len(corners[::8]), len(points))], axis=1)
-    soup = zoo.build("Soup", np.concatenate([points, [[0.0, 0.0, 0.0]]]), np.concatenate([corners, fins]))
-    report, low = made([soup])
-    assert report.asset["is_remeshed"]
-    points, triangles = arrays(low)
-    around = np.linalg.norm(points[triangles].mean(axis=1), axis=1) > 0.9
-    assert around.any() and outwards(points, triangles[around]).all()
-    assert "remeshed" in "\n".join(report.summary())
-
-
 def test_a_mesh_of_fewer_triangles_keeps_them_and_the_report_says_so():
     report, low = made([zoo.cube()], Wanted(triangles=400))
     assert len(low.data.polygons) == 12
