@@ -7,6 +7,7 @@ The fixtures import bpy, not this module: tests/pure does not use them, and runs
 import atexit
 import os
 import shutil
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -19,6 +20,11 @@ from scripts import imprint
 _profile = tempfile.mkdtemp(prefix="imprint-profile-")
 atexit.register(shutil.rmtree, _profile, ignore_errors=True)
 os.environ["BLENDER_USER_RESOURCES"] = _profile
+
+# Shells ignore these for what they start in the background, and with nohup.
+for _name, _handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    if signal.getsignal(getattr(signal, _name, signal.SIGTERM)) is signal.SIG_IGN:
+        signal.signal(getattr(signal, _name), _handler)
 
 ASSETS = imprint.ROOT.parent / "shared" / "assets"
 

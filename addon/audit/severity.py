@@ -70,6 +70,10 @@ def warning(kind: str, check: Check, low: str, settings: Settings, length: Lengt
         sentence = _OTHER_LAYER
     elif kind == "unsure" and check["backs"] > 0.5 * check["count"]:
         sentence = _BACKS
+    elif kind == "unsure" and check["covered"] > 0.5 * check["count"]:
+        sentence = _COVERED
+    elif kind == "unsure" and check["beyond"] > 0.5 * check["count"]:
+        sentence = _BEYOND
     return sentence.format(low=repr(low), **values)
 
 
@@ -126,6 +130,13 @@ _OTHER_LAYER = Fix.OWN_HIT.after(
 _BACKS = (
     "{share:.2%} of the texels of {low} may be wrong: most of their rays hit only backs of high faces. Recalculate the normals "
     "of the high mesh."
+)
+_COVERED = Fix.NEAREST_HIT.after(
+    "{share:.2%} of the texels of {low} can show two surfaces of the high mesh: the map has the outer one."
+)
+_BEYOND = (
+    "{share:.2%} of the texels of {low} can show two surfaces of the high mesh: the map has the inner one. Increase the "
+    "extrusion to have the outer one."
 )
 HARD_EDGES = (
     "{low} has {count:,} hard edges without a UV seam. Each shows as a line in tangent space: mark seams and unwrap there, or "

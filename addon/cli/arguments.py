@@ -14,7 +14,7 @@ from ..core import asset, file_formats, levels, naming, udim
 from ..core.conversion import StoredNormals
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError, warn_of_former
-from ..core.naming import did_you_mean
+from ..core.naming import Suffixes, did_you_mean
 from ..core.settings import PART_OF, Settings
 from . import limits
 from .options import FILE, FORMER_WORDS, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, SUBJECTS, RunOptions
@@ -24,12 +24,18 @@ def settings(options: argparse.Namespace) -> Settings:
     """The settings of the bake. The map goes to a file, of the format's usual depth if no depth is given."""
     given = vars(options)
     values = {name: given[name] for name in PART_OF if name in given}
+    values["low_suffix"] = low_suffix(options)
     values["width"], values["height"] = options.size
     values["storage"], values["output"] = Storage.FILE, os.path.abspath(options.output)
     values["udim"] = options.udim or bool(options.tiles) or udim.TOKEN in options.output
     if options.depth is None:
         values["depth"] = file_formats.usual_depth(options.output)
     return Settings(**values)
+
+
+def low_suffix(options: argparse.Namespace) -> str:
+    """The ending of the names of low objects."""
+    return vars(options).get("suffixes", Suffixes()).low
 
 
 def stored_normals(options: argparse.Namespace) -> StoredNormals:

@@ -31,6 +31,7 @@ from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_checks
+from ..scene.materials import exact_nodes
 from ..scene.object_checks import object_by_name
 from ..scene.reading import lengths_of
 from . import (
@@ -54,6 +55,8 @@ from .run_report import STDOUT, Entry, State, Totals, report_path
 from .scene_files import SceneLoader
 from .terminal import Meter
 from .work_queue import Chains, WorkQueue
+
+exact_nodes.load_cycles = blender_process.complete
 
 
 def need_all(planned: Iterable[Plan]) -> bool:
@@ -540,7 +543,8 @@ def _export(
     together = [[low] for low in lows] if naming.has_low(output) else [lows]
     found = {}
     for bakes in together:
-        path = Path(naming.fill(output, bakes[0][0].low)).absolute()
+        report = bakes[0][0]
+        path = Path(naming.fill(output, report.low, low_suffix=report.settings.get("low_suffix", ""))).absolute()
         with standard_streams.silence():
             are_linked = are_levels and len(bakes) > 1
             done = engine_files.export_files(bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside)

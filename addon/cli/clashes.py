@@ -66,7 +66,8 @@ def map_files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = 
     """The files that a bake of the object `low` writes, as planned_files.files returns them."""
     settings = arguments.settings(options)
     if not of_frames:
-        yield from map_names.planned_files(replace(settings, output=naming.fill(settings.storing.output, low)))
+        output = naming.fill(settings.storing.output, low, low_suffix=settings.storing.low_suffix)
+        yield from map_names.planned_files(replace(settings, output=output))
     for frame in of_frames:
         yield from map_names.planned_files(map_names.of_frame(map_names.with_low_name(settings, low), frame))
 
@@ -180,7 +181,7 @@ class RunFiles:
         if not found:
             found = [path for path, _ in map_files(options, low, plans.frames(options))]
         if options.export:
-            found.append(naming.fill(options.export, low))
+            found.append(naming.fill(options.export, low, low_suffix=arguments.low_suffix(options)))
         found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
         return found
 
@@ -265,7 +266,9 @@ class RunFiles:
         for low, found in files:
             for path, what in found:
                 self._write_file(path, _of(f"{what} of {low!r}" if several else what, name), name)
-        for path in dict.fromkeys(naming.fill(options.export, low) for low in lows) if options.export else ():
+        suffix = arguments.low_suffix(options)
+        exports = (naming.fill(options.export, low, low_suffix=suffix) for low in lows) if options.export else ()
+        for path in dict.fromkeys(exports):
             self._write_file(path, _of("the file for an engine", name), name)
 
 

@@ -263,6 +263,10 @@ class Record:
     """The bake's entry of the report."""
 
 
+def _filled(options: argparse.Namespace, output: str, low: str) -> str:
+    return naming.fill(output, low, low_suffix=arguments.low_suffix(options)) if low else output
+
+
 def record_path(options: argparse.Namespace, records: str | None = None) -> Path:
     """The path of a bake's record: that of its map, with another ending. records: the folder of all records; None if each is
     beside its map.
@@ -273,7 +277,7 @@ def record_path(options: argparse.Namespace, records: str | None = None) -> Path
     """
     output = os.path.abspath(options.output)
     low = "" if options.levels else options.low or (Path(options.low_file).stem if options.low_file else "")
-    folder, name = os.path.split(naming.fill(output, low) if low else output)
+    folder, name = os.path.split(_filled(options, output, low))
     plain = naming.file_name(name)
     is_long = len(os.fsencode(plain)) > LONGEST
     if is_long:

@@ -58,6 +58,12 @@ def usual_depth(path: str) -> int:
     return found.usual_depth if found else USUAL_DEPTH
 
 
+def takes(path: str, depth: int) -> bool:
+    """Whether a file at `path` stores so many bits per channel; True for a path without a known ending."""
+    found = BY_ENDING.get(PurePath(path).suffix.lower())
+    return found is None or depth in found.depths
+
+
 def listed_meshes(or_word: str = "or") -> str:
     """MESHES in a sentence. or_word: that word in the sentence's language."""
     *first, last = MESHES

@@ -96,7 +96,21 @@ class AttributeFeed:
     limits: Limits = NO_LIMITS
 
 
-Feed: TypeAlias = Constant | ImageFeed | AttributeFeed
+@dataclass(frozen=True)
+class ExactFeed:
+    """A value that Cycles evaluates at the hits.
+
+    material: HighMaterial.key. socket: whose value it is. layers: the keys of Mesh.layers that its nodes read. is_of_object:
+    whether they read the object, so that the instances of a mesh differ.
+    """
+
+    material: int
+    socket: str
+    layers: tuple[tuple[str, str], ...] = ()
+    is_of_object: bool = False
+
+
+Feed: TypeAlias = Constant | ImageFeed | AttributeFeed | ExactFeed
 LUMINANCE, AVERAGE = -1, -2
 """The `channel` of a color that feeds a number, and that of a vector: the mean of red, green and blue."""
 LUMINANCE_WEIGHTS = (0.2126390, 0.7151687, 0.0721923)

@@ -34,15 +34,17 @@ def file_name(name: str) -> str:
     return _DEVICE.sub(r"\1_", _REFUSED.sub("_", name))
 
 
-def fill(path: str, low_name: str, material: str = "") -> str:
-    """`path` with the low object's name in its placeholders and, for a texture set, the material's in place of MATERIAL."""
+def fill(path: str, low_name: str, material: str = "", *, low_suffix: str = "") -> str:
+    """`path` with the low object's name in its placeholders and, for a texture set, the material's in place of MATERIAL.
+    low_suffix: as in without_suffix."""
     filled = path.replace(MATERIAL, file_name(material)) if material else path
-    return fill_low(filled, file_name(low_name)) if has_low(filled) else filled
+    return fill_low(filled, file_name(low_name), low_suffix) if has_low(filled) else filled
 
 
-def fill_low(text: str, low_name: str) -> str:
-    """`text` with the low object's name in place of LOW, and without its suffix in place of NAME."""
-    return text.replace(LOW, low_name).replace(NAME, without_suffix(low_name))
+def fill_low(text: str, low_name: str, low_suffix: str = "") -> str:
+    """`text` with the low object's name in place of LOW, and without its suffix in place of NAME. low_suffix: as in
+    without_suffix."""
+    return text.replace(LOW, low_name).replace(NAME, without_suffix(low_name, low_suffix))
 
 
 def has_low(text: str) -> bool:
@@ -50,9 +52,10 @@ def has_low(text: str) -> bool:
     return LOW in text or NAME in text
 
 
-def without_suffix(low_name: str) -> str:
-    """The name of a low object without its usual ending: "crate" for "crate_low", "crate_2" for "crate_low_2"."""
-    role, key = _role(low_name, Suffixes())
+def without_suffix(low_name: str, low_suffix: str = "") -> str:
+    """The name of a low object without its ending: "crate" for "crate_low", "crate_2" for "crate_low_2". low_suffix: the ending
+    as in Suffixes; empty for the usual ones."""
+    role, key = _role(low_name, Suffixes(low_suffix) if low_suffix else Suffixes())
     return key.name() if role == "low" and key is not None else low_name
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from . import udim
 from .declarations import bases, targets
 from .declarations.choices import Space
-from .errors import Length, plain_length
+from .errors import Length, plain_length, shorten_list
 from .map_types import BY_NAME, Kind
 from .progress import STAGES, Timings
 
@@ -17,6 +17,8 @@ VERSION = 1
 """The version of the report's keys in JSON. It increases when a key is removed or changes its meaning, not for new keys."""
 EXACT = 5e-4
 """Degrees below which stored normals are exact, for the summary: nobody sees a thousandth of a degree."""
+BY_IMPRINT, BY_CYCLES, LEFT_OUT = "IMPRINT", "CYCLES", "NONE"
+"""How an input of a material is read."""
 VISIBLE = 1.0
 """Degrees at the 99th percentile from which a file for an engine is worth a word. 8 bits alone cost 0.3."""
 _NORMALS = {name.lower() for name, map_type in BY_NAME.items() if map_type.kind is Kind.NORMAL}
@@ -50,10 +52,16 @@ class Report:
     many (of). parts: connected parts that have such triangles, of so many (of_parts). undecided: parts whose outer side is
     not known. hidden, twice: triangles that were left out since they lie behind the surface, or in the place of others.
     smoothed_median, smoothed_percentile_95: the degrees by which smoothed normals changed."""
+    materials: dict[str, dict[str, str]] = field(default_factory=dict)
+    """How the maps read the inputs of the high meshes' materials, by the names of both: "IMPRINT" follows the nodes, "CYCLES"
+    evaluated them, and "NONE" left the input out."""
     distances: dict[str, float] = field(default_factory=dict)
     """For rays: extrusion and max_distance in scene units, as set or measured."""
     measured: bool = False
     """Whether at least one of `distances` was measured."""
+    low_offset: float = 0.0
+    """How far the high meshes lie outside the low one everywhere, negative inside it, in scene units, if rays started from
+    where it would touch them; else 0."""
     blend_width: float = 0.0
     """The distance from hard edges, in scene units, within which the directions of rays blend; 0 if they do not."""
     rays: float = 0.0
@@ -85,8 +93,8 @@ class Report:
     islands. gaps: the texels near the border, and the number of texels needed between islands.
     far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that
     own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
-    contested, jumps, other_layer) of engine.rays.unsure_texels.Doubts; a texel can have several. uneven: whether the low mesh
-    is the base of its own high one."""
+    contested, jumps, other_layer, covered, beyond) of engine.unsure_texels.Doubts; a texel can have several. uneven: whether
+    the low mesh is the base of its own high one."""
     targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
     normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
@@ -168,6 +176,15 @@ class Report:
     def with_startup(self, seconds: dict[str, float]) -> "Report":
         """The same report with the seconds by stage that went before the bake."""
         return replace(self, startup=seconds)
+
+    def _off(self, length: Length) -> list[str]:
+        if not self.low_offset:
+            return []
+        side = "inside" if self.low_offset > 0.0 else "outside"
+        return [
+            f"{self.low!r} lies {length(abs(self.low_offset))} {side} the high surface everywhere: rays started from where it "
+            "would touch that"
+        ]
 
     def _without_own_hit(self) -> str:
         """How many rays have no own hit, for the summary; empty if all have one."""
@@ -285,7 +302,7 @@ class Report:
             )
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
-        details += self._mended()
+        details += [*self._mended(), *evaluated(self.materials)]
         if self.rays:
             details.append(f"Flatten on {1.0 - self.rays:.1%} of the texels, rays on {self.rays:.1%}")
         if self.distances:
@@ -293,7 +310,7 @@ class Report:
                 f"{name.replace('_', ' ')} {length(value)}" for name, value in self.distances.items()
             )
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
-        details += [*self._shared(), *self._seen()]
+        details += [*self._off(length), *self._shared(), *self._seen()]
         if self.stopped_early:
             details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:
@@ -320,6 +337,16 @@ class Report:
             *details,
             f"{self.seconds['total']:.2f} s ({stages})",
         ]
+
+
+def evaluated(materials: dict[str, dict[str, str]]) -> list[str]:
+    """A line with the inputs that Cycles evaluates, or none. materials: as Report has them."""
+    names = (
+        (material, ", ".join(socket for socket, way in ways.items() if way == BY_CYCLES))
+        for material, ways in materials.items()
+    )
+    listed = [f"{sockets} of {material!r}" for material, sockets in names if sockets]
+    return [f"Baked by Cycles: {shorten_list(listed)}"] if listed else []
 
 
 _LENGTHS = ("height", "distance")

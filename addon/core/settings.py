@@ -42,6 +42,7 @@ class MapSettings:
     """Names among map_types.NAMES, in their order."""
     attribute: str = _field("attribute")
     """Empty for the color attribute that is set to render."""
+    exact_materials: str = _field("exact_materials")
     detail_maps: bool = _field("detail_maps")
     appearance: bool = _field("appearance")
     """Whether the shading error of the normal map is measured."""
@@ -148,6 +149,8 @@ class StorageSettings:
     dither: bool = _field("dither")
     value_range: float | None = _field("value_range")
     """In scene units. None for the largest value of each bake."""
+    low_suffix: str = _field("low_suffix")
+    """The ending of the low object's name, which NAME leaves out."""
     image: str = _field("image")
     """Name of the image datablock. Empty to name it after the low object."""
     storage: str = _field("storage")

@@ -9,8 +9,10 @@ import gpu
 import numpy as np
 
 from ..core import threads
+from ..core.material_feeds import ExactFeed
 from ..core.progress import Timings
 from ..mesh import shared_values, uv_layout
+from ..mesh.inputs import HitsOfFeed
 from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER, Mesh, normal_matrix
 from ..passes import cast, data_texture, high_in_uv, mesh_upload, shader, surface_tables, target
@@ -167,6 +169,26 @@ class HighSurface:
         numbers = np.empty(len(self.ray_scene.order), np.int32)
         numbers[self.ray_scene.order] = np.arange(len(numbers), dtype=np.int32)
         return numbers
+
+    @cached_property
+    def material_numbers(self) -> np.ndarray:
+        """The number of each triangle's material (T,) int, in the order of the hits."""
+        return self._materials.astype(np.int64)
+
+    def hits_of(
+        self, feed: ExactFeed, triangles: np.ndarray, weights: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, HitsOfFeed]]:
+        """Hits (N,), as cast.read_hits has them, mesh by mesh, each with the places of its hits in (N,)."""
+        whole = self.ray_scene.order[triangles]
+        starts = np.cumsum([0, *(len(high.triangles) for high in self.highs)])
+        of_corners = np.concatenate([1.0 - weights.sum(axis=1, keepdims=True), weights], axis=1, dtype=np.float32)
+        of_mesh = np.searchsorted(starts, whole, side="right") - 1
+        for mesh in np.unique(of_mesh).tolist():
+            high, places = self.highs[mesh], np.flatnonzero(of_mesh == mesh)
+            own, mixed = whole[places] - starts[mesh], of_corners[places]
+            is_mirrored = high.front_triangles is not high.triangles
+            number = int(high.labels[own[0], 0])
+            yield places, HitsOfFeed(feed, high, number, own, mixed[:, ::-1] if is_mirrored else mixed)
 
     @property
     def uv(self) -> np.ndarray:

@@ -145,7 +145,7 @@ def patches_of(mesh: Mesh) -> Patches:
 
 def places_of(mesh: Mesh) -> np.ndarray:
     """As Patches has them."""
-    columns = tuple(np.take(mesh.vertices, mesh.triangles, mode="clip").T)
+    columns = orientation.columns_of(np.take(mesh.vertices, mesh.triangles, mode="clip"))
     is_open = orientation.open_vertices(columns, len(mesh.positions))
     return orientation.welded(mesh.positions, is_open, _diagonal(mesh))
 

@@ -224,9 +224,13 @@ MOST_DRAWN = 0.5
 
 def kept_map(settings: Settings) -> "KeptMap | MapInBands":
     """What draws the normal map of `settings`, which have no other maps, again and again."""
+    return KeptMap(settings) if is_whole(settings) else MapInBands()
+
+
+def is_whole(settings: Settings) -> bool:
+    """Whether the normal map of `settings`, which have no other maps, is whole on the GPU, and not drawn in bands."""
     sampling, size = settings.sampling, texel_bytes(settings, Method.AUTO, has_detail=settings.map.detail_maps)
-    is_whole = next(bands(*sampling.size, sampling.margin, texel_bytes=size)).is_whole
-    return KeptMap(settings) if is_whole else MapInBands()
+    return next(bands(*sampling.size, sampling.margin, texel_bytes=size)).is_whole
 
 
 class MapInBands:

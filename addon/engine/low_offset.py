@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A low mesh that lies at one distance from the high meshes everywhere: its rays start from where it was before that."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..mesh.inputs import Meshes
+from ..mesh.local_space import LocalSpace, local_space_of
 from ..mesh.orientation import face_normals, welded
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 
 LEAST, ALIKE = 0.0045, 0.6
 """A low mesh is off if the median of its distances is at least this share of its diagonal, and this share of them is within
 half of the median."""
+LESS, MORE = 0.25, 1.5
+"""The share of that distance by which the meshes end apart on each side: points move along their normals, which are askew."""
 STEPS = 10
 """The mesh is moved in so many steps, each along the normals that it has after the step before."""
 
@@ -25,6 +29,25 @@ def offset(heights: np.ndarray, diagonal: float) -> float:
     if abs(median) < LEAST * diagonal or np.mean(np.abs(heights - median) < 0.5 * abs(median)) < ALIKE:
         return 0.0
     return median
+
+
+def is_around(meshes: Meshes, distance: float) -> bool:
+    """Whether the high meshes end farther outside than the low one by about `distance`, in scene units, on all sides. If they
+    do not, they are not larger or smaller: parts of them are deep, as panels are."""
+    space = local_space_of(meshes.highs)
+    shares = (_ends(meshes.highs, space) - _ends([meshes.whole_low], space)) * space.size / distance
+    return bool(((shares > LESS) & (shares < MORE)).all())
+
+
+def _ends(meshes: Sequence[Mesh], space: LocalSpace) -> np.ndarray:
+    """How far meshes reach along each axis and against it, (2, 3) in a local space."""
+    ends = np.full((2, 3), -np.inf)
+    for mesh in meshes:
+        is_used = np.zeros(len(mesh.positions), bool)
+        is_used[np.take(mesh.vertices, mesh.triangles, mode="clip")] = True
+        used = space.points(mesh)[is_used].T  # one axis after another: reducing along a short last axis is slow
+        ends = np.maximum(ends, [[axis.max() for axis in used], [-axis.min() for axis in used]])
+    return ends
 
 
 def moved(meshes: Meshes, distance: float) -> Meshes:

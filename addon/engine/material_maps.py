@@ -15,6 +15,7 @@ from ..core.material_feeds import (
     BumpFeed,
     Constant,
     DetailFeed,
+    ExactFeed,
     Feed,
     HighMaterial,
     ImageFeed,
@@ -22,8 +23,8 @@ from ..core.material_feeds import (
 )
 from ..core.progress import Progress, Task, part
 from ..core.settings import Run, Settings
-from ..mesh.inputs import LoadImage, Meshes
-from ..passes import low_in_uv, mesh_upload, samples, surface_tables, surface_values, target
+from ..mesh.inputs import HitsOfFeed, LoadImage, Meshes
+from ..passes import cast, data_texture, low_in_uv, mesh_upload, samples, surface_tables, surface_values, target
 from ..passes.surface_tables import MaterialTable
 from ..passes.surface_values import ImageAtHits
 from .bands import Band
@@ -97,6 +98,13 @@ class MaterialMaps(MapFamily):
         self.surface, self.run, self.load_image = surface, run, meshes.load_image
         self.maps = [_map_of(BY_NAME[name], meshes.materials, run.settings) for name in names]
         self.has_images = any(isinstance(feed, ImageFeed) for one in self.maps for feed in one.feeds)
+        self.evaluate = meshes.evaluate
+        self.exact = [
+            (one, feed, number)
+            for one in self.maps
+            for feed, number in one.feeds.items()
+            if isinstance(feed, ExactFeed)
+        ]
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
         surface = self.surface
@@ -131,6 +139,37 @@ class MaterialMaps(MapFamily):
             if isinstance(feed, ImageFeed)
         )
         yield from draw_images(uses, drawn, surface, self.load_image, self.run)
+        for done, sample in enumerate(drawn if self.exact else ()):
+            yield Progress("Cycles evaluates the materials", done / len(drawn))
+            with self.run.timings.timed("textures"):
+                self._add_exact(sample)
+
+    def _add_exact(self, sample: Sample) -> None:
+        """Add what Cycles evaluates at the hits of a sample."""
+        triangles, weights = cast.read_hits(sample.hits)
+        materials = np.where(triangles < 0, 0, self.surface.material_numbers[np.maximum(triangles, 0)])
+        wanted: list[HitsOfFeed] = []
+        shown: list[tuple[_Map, np.ndarray]] = []
+        for one, feed, number in self.exact:
+            places = np.flatnonzero((one.table.feeds[materials] == number).ravel() & (triangles >= 0).ravel())
+            if not len(places):
+                continue
+            found = self.surface.hits_of(feed, triangles.reshape(-1)[places], weights.reshape(-1, 2)[places])
+            for some, hits in found:
+                wanted.append(hits)
+                shown.append((one, places[some]))
+        values = self.evaluate(wanted) if wanted else []
+        for one in self.maps:
+            texels = np.zeros((*triangles.shape, 4), np.float32)
+            for (of_map, places), found in zip(shown, values, strict=True):
+                if of_map is one:
+                    texels.reshape(-1, 4)[places] = np.pad(
+                        surface_tables.finite(found), ((0, 0), (0, 1)), constant_values=1.0
+                    )
+            if texels.any():
+                sums = one.mean.sums(sample.band)
+                samples.add(sums, data_texture.image(texels), range(sums.height), is_first=False)
+                sums.finish()  # before the texture is freed
 
     def finished(self, band: Band, _known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         for one in self.maps:

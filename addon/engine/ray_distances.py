@@ -32,7 +32,7 @@ WHOLE_WORLD = 8.0
 """Longer than any distance in the local space of the high meshes, if the low mesh touches them."""
 FARTHEST_PART = 4.0
 """In tree_cache.ROOM. Parts that stand off farther need an extrusion that is set."""
-MOST_PARTS = 0.25
+MOST_PARTS = 0.9
 """The largest share of the low surface that parts may cover. What covers more is another layer, which the low mesh lacks."""
 PART_RESERVE = 1.1
 """Factor on the measured height of parts that stand off."""
@@ -70,7 +70,7 @@ def measured_rays(
             heights = measured_heights(probe, has_cage=has_cage, facing_only=settings.tracing.facing_only)
             if settings.tracing.hit == Hit.OWN and not has_cage:
                 off = low_offset.offset(heights, 2.0 * local_space_of([meshes.low]).size / unit)
-            if off:
+            if off and low_offset.is_around(meshes, off * unit):
                 off = rounded(off)
                 meshes = low_offset.moved(meshes, off * unit)
                 low_surface = tree_cache.trees.low_surface_of(meshes.whole_low, space, timings)
@@ -79,6 +79,8 @@ def measured_rays(
                 unpainted = ray_casting.upload_ray_mesh(replace(meshes, offset=None), low_surface, space)
                 probe = replace(probe, ray_mesh=unpainted, directions=directions)
                 heights = measured_heights(probe, has_cage=False, facing_only=settings.tracing.facing_only)
+            else:
+                off = 0.0
             outside, inside = distances(heights, has_cage=has_cage)
             if settings.tracing.hit == Hit.OWN and not has_cage:
                 length = None if max_distance is None else max_distance / unit

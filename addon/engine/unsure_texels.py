@@ -21,6 +21,10 @@ AS_NEAR = 2.0
 """A hit that is farther from the low surface than the nearest one, by this factor, is no choice in its place."""
 ON_LAYER = 0.125
 """A hit is on another layer of the low mesh if that is closer to it than this share of its distance from the texel."""
+MUCH_COVERED = 0.25
+"""The share of the low surface from which parts that stand off may also be another layer, which the low mesh lacks."""
+BEYOND = 8.0
+"""How far outside the low mesh surfaces are looked for that rays do not reach, in times of the room that they have at least."""
 STEEP = 2.0
 """The least slope of a jump: the difference of two heights, in distances between the texels."""
 
@@ -37,7 +41,9 @@ class Doubts:
     of the low mesh. backs: the ray hits only backs of triangles. contested: the texel owns several hits, and one of them may
     belong to another layer of the low mesh, which is on the ray as well. jumps: a texel next to it on the surface has a hit
     at another height, and there are several hits and layers. other_layer: the settings choose hits by another rule than OWN,
-    and the texel's own hit is another.
+    and the hit is not the texel's own. covered: the texel owns a hit that stands off and one below it, and such parts cover
+    much of the low mesh. beyond: the texel owns a surface farther outside than its ray starts. The last two are reasons only
+    where distances were measured.
     """
 
     triangles: np.ndarray
@@ -49,6 +55,8 @@ class Doubts:
     contested: np.ndarray
     jumps: np.ndarray
     other_layer: np.ndarray
+    covered: np.ndarray
+    beyond: np.ndarray
 
     @property
     def on_low(self) -> np.ndarray:
@@ -140,13 +148,17 @@ class Explorer:
         on_low = doubts.on_low
         doubts.missed[:] = on_low & ~first.is_hit
         if self._ray_cast.hit != Hit.OWN:
-            own = _cast(replace(self._ray_cast, hit=Hit.OWN), places[on_low], away[on_low])
-            doubts.other_layer[on_low] = self._differ(first.at(on_low), own)
+            here, starts = first.at(on_low), away[on_low][:, 3]
+            starts = np.where(here.is_hit, np.minimum(here.heights + self._gap, starts), starts)
+            own = self._cast_later(replace(self._ray_cast, hit=Hit.OWN), places[on_low], away[on_low], starts)
+            doubts.other_layer[on_low] = self._differ(here, own)
             return doubts, np.zeros_like(on_low)
         is_layered, is_on_layer = self._other_layers(places, away, first)
         # Elsewhere, more hits are no reason for doubt: parts stand off the surface on purpose.
         matter = first.is_hit & (is_layered | first.is_not_owned)
         doubts.not_owned[:], doubts.backs[:] = first.is_not_owned, first.is_back
+        if self._ray_cast.is_measured and not self._ray_cast.has_cage:
+            self._look_for_covers(places, away, first, doubts)
         if not matter.any():
             return doubts, matter
         places, away, here = places[matter], away[matter], first.at(matter)
@@ -162,6 +174,22 @@ class Explorer:
         may_jump = np.zeros_like(matter)
         may_jump[matter] = is_several
         return doubts, may_jump
+
+    def _look_for_covers(self, places: np.ndarray, away: np.ndarray, first: _Hits, doubts: Doubts) -> None:
+        """Find the texels with a surface below what they show, or above it, that they could show as well."""
+        on_low, own = doubts.on_low, replace(self._ray_cast, facing_only=True)
+        room = own.low.owners.room
+        stands = first.is_hit & ~first.is_not_owned & (first.heights > room)
+        if np.count_nonzero(stands) > MUCH_COVERED * np.count_nonzero(on_low):
+            following = self._cast_later(own, places[stands], away[stands], first.heights[stands] - self._gap)
+            covered = np.zeros_like(stands)
+            covered[stands] = following.is_hit & ~following.is_not_owned
+            if np.count_nonzero(covered) > MUCH_COVERED * np.count_nonzero(on_low):
+                doubts.covered[:] = covered
+        # These rays end where those of the bake start.
+        outside = replace(own, max_distance=0.0)
+        above = self._cast_later(outside, places[on_low], away[on_low], np.float32(BEYOND * room))
+        doubts.beyond[on_low] = above.is_hit & ~above.is_not_owned
 
     def _other_layers(self, places: np.ndarray, away: np.ndarray, first: _Hits) -> tuple[np.ndarray, np.ndarray]:
         """Where another layer of the low mesh, which faces the ray too, is on the ray, and where the hit lies on it.

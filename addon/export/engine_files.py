@@ -271,7 +271,8 @@ def export_levels(context: bpy.types.Context, reports: Sequence[Report], path: s
     done = []
     with all_or_none():
         for group in groups:
-            target = Path(bpy.path.abspath(naming.fill(path, group[0].low))).absolute()
+            suffix = group[0].settings.get("low_suffix", "")
+            target = Path(bpy.path.abspath(naming.fill(path, group[0].low, low_suffix=suffix))).absolute()
             bakes = [[report] for report in group]
             done += export_files(context, bakes, target, are_levels=len(group) > 1)
     return done

@@ -37,7 +37,7 @@ from ..output.materials import into_materials
 from ..output.outputs import HIDDEN_MISSES, Outputs, Stored, kept
 from ..passes import surface_tables
 from ..scene import object_checks, reading
-from . import checks
+from . import checks, material_inputs
 from .job import Job, check_job, read_meshes, set_numbers
 
 READY = 0.2
@@ -79,7 +79,8 @@ def bake_job(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     settings: checked, with names filled in. Raises BakeError, and then nothing has changed.
     """
     run = Run(settings, pace)
-    drawn, stored, warnings = yield from run.timings.counted(_bake(context, job, run))
+    steps = relay(_bake(context, job, run), job.check_low)
+    drawn, stored, warnings = yield from run.timings.counted(steps)
     return report_of(drawn, stored, warnings)
 
 
@@ -269,8 +270,10 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         why=plan.why,
         triangles=findings.triangles,
         mended=drawn.meshes.mended.to_dict() if drawn.meshes.mended is not None else {},
+        materials=material_inputs.ways(drawn.meshes, settings.map),
         distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
         measured=ray_cast is not None and ray_cast.is_measured,
+        low_offset=ray_cast.offset * ray_cast.ray_scene.local_space.size if ray_cast else 0.0,
         blend_width=ray_cast.blend_width if ray_cast else 0.0,
         rays=drawn.rays,
         missed=findings.missed,
@@ -297,7 +300,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         warnings=severity.remaining(
             (
                 *drawn.warnings,
-                *map(Warned, material_notes(drawn.meshes, settings.map)),
+                *map(Warned, material_inputs.notes(drawn.meshes, settings.map)),
                 *map(Warned, attribute_notes(drawn.meshes, settings.map)),
                 *map(Warned, slope_notes(settings)),
                 *map(Warned, plan.warnings),
@@ -307,15 +310,6 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
             )
         ),
     )
-
-
-def material_notes(meshes: Meshes, map_settings: MapSettings) -> list[str]:
-    """What could not be read of the high meshes' materials, of those parts that the bake wanted."""
-    wanted = [BY_NAME[name].socket for name in map_settings.drawn_maps if BY_NAME[name].socket]
-    sockets = [*wanted, ""] if wanted else []
-    sockets += ["Normal"] if map_settings.detail_maps else []
-    notes = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))
-    return list(dict.fromkeys(notes))
 
 
 def attribute_notes(meshes: Meshes, map_settings: MapSettings) -> list[str]:

@@ -159,13 +159,15 @@ def work(
     *,
     share_image: bool = False,
     reports: list[Report] | None = None,
+    failures: list[tuple[str, str]] | None = None,
 ) -> Task[list[Report]]:
     """Bake several jobs, each low object only from its own high objects, into an image each, or into a shared one (an atlas).
 
     A generator: Blender can continue between its steps. If it is closed early, finished jobs stay, and nothing else changes.
     "{low}" in the settings' image and output is replaced by the low object's name. All jobs are checked before the first is
     baked. Raises BakeError; jobs before the one that failed stay, unless they share its image. reports: receives the report of
-    each finished job, for a caller that closes the generator early.
+    each finished job, for a caller that closes the generator early. failures: receives the low object's name of each job that
+    fails while it is baked, and why; the next ones are baked all the same, and only if all fail, it raises BakeError.
     """
     settings.check()  # before object names are filled in, which may contain anything
     for job in jobs:
@@ -176,7 +178,7 @@ def work(
             raise BakeError("Texture sets and one image for all low objects exclude each other: choose one of them.")
         jobs = by_material(jobs, settings.storing)
     filled = [
-        for_low(own if share_image else _of_size(own, job.size), ATLAS if share_image else job.low.name, job.material)
+        for_low(_of_job(own, job, share_image), ATLAS if share_image else job.low.name, job.material)
         for job, own in zip(jobs, weights.settings_by_job(jobs, settings), strict=True)
     ]
     _find_occluders(jobs, settings.tracing)
@@ -192,12 +194,24 @@ def work(
     reports = [] if reports is None else reports
     for number, (job, job_settings) in enumerate(zip(jobs, filled, strict=True)):
         steps = part(bake_job(context, job, job_settings, pace), number / len(jobs), (number + 1) / len(jobs))
-        reports.append((yield from relay(steps, partial(replace, finished=number))))
+        name = job.low_ref.name
+        try:
+            reports.append((yield from relay(steps, partial(replace, finished=len(reports)))))
+        except BakeError as error:
+            is_last_hope = number + 1 == len(jobs) and not reports
+            if failures is None or is_last_hope:
+                raise
+            failures.append((name, str(error)))
     return reports
 
 
-def _of_size(settings: Settings, size: int) -> Settings:
-    return replace(settings, width=size, height=size) if size else settings
+def _of_job(settings: Settings, job: Job, shares_image: bool) -> Settings:
+    """The settings with the size and the distance that a job has for itself."""
+    if job.size and not shares_image:
+        settings = replace(settings, width=job.size, height=job.size)
+    if job.distance:  # rays start outside, and reach as far inside
+        settings = replace(settings, extrusion=job.distance, max_distance=2.0 * job.distance)
+    return settings
 
 
 def _find_occluders(jobs: Sequence[Job], tracing: TracingSettings) -> None:
@@ -216,10 +230,17 @@ def _into_one(
     atlas = Atlas(filled[0])
     for number, (job, settings) in enumerate(zip(jobs, filled, strict=True)):
         run = Run(settings, pace)
-        steps = run.timings.counted(draw_raw(context, job, run))
+        steps = run.timings.counted(relay(draw_raw(context, job, run), partial(_check_lows, jobs)))
         atlas.add(*(yield from part(steps, number / len(jobs), (number + 1) / len(jobs))))
     yield Progress("Storing", 1.0)
     return atlas.store()
+
+
+def _check_lows(jobs: Sequence[Job], step: Progress) -> Progress:
+    """`step` of a bake into the image of all jobs. Raises BakeError if one of their low objects was deleted."""
+    for job in jobs:
+        job.check_low(step)
+    return step
 
 
 def for_low(settings: Settings, name: str, material: str = "") -> Settings:
@@ -227,7 +248,7 @@ def for_low(settings: Settings, name: str, material: str = "") -> Settings:
     return replace(
         settings,
         image=map_names.name_for(name, settings.storing, material),
-        output=naming.fill(settings.storing.output, name, material),
+        output=naming.fill(settings.storing.output, name, material, low_suffix=settings.storing.low_suffix),
     )
 
 

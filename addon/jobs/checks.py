@@ -13,11 +13,11 @@ from ..audit.before_bake import FLIPPED, HARD_EDGES, LAYER, MIRRORED, POLYGONS, 
 from ..audit.checks import uv_space
 from ..audit.severity import Warned
 from ..core import progress
-from ..core.declarations.choices import Method, Modifiers, Space
+from ..core.declarations.choices import ExactMaterials, Method, Modifiers, Space
 from ..core.errors import BakeError, shorten_list
-from ..core.map_types import NORMAL
+from ..core.map_types import BY_NAME, NORMAL
 from ..core.progress import Progress, Task
-from ..core.report import Report
+from ..core.report import Report, evaluated
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
 from ..engine import baking, gpu_memory, high_look, separation, stacked_uvs
 from ..engine.bands import Band
@@ -33,7 +33,9 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
 from ..scene import evaluation, mesh_elements, mesh_reader
-from . import unwrapping
+from ..scene.high_materials import MaterialNumbers
+from ..scene.textures import ImageTextures
+from . import material_inputs, unwrapping
 from .job import Job, PastBake, check_job, read_as_is, read_meshes
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
@@ -47,10 +49,13 @@ MOST_CORNERS = 400_000
 
 def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> HighLook:
     """What the high objects of a job are, and what its bake will change of them. Raises BakeError as the bake does."""
-    settings = settings.without_other_maps().without_file()
+    of_maps, settings = settings.map, settings.without_other_maps().without_file()
     check_job(context, job, settings)
     with gpu_memory.trimmed():
-        return high_look.look(read_as_is(context, job, settings), settings)
+        meshes = read_as_is(context, job, replace(settings, map=of_maps))
+        found = high_look.look(meshes, settings)
+    inputs = [*evaluated(material_inputs.ways(meshes, of_maps)), *material_inputs.notes(meshes, of_maps)]
+    return replace(found, notes=(*found.notes, *inputs))
 
 
 def is_for_others(settings: Settings, *, is_exported: bool) -> bool:
@@ -126,6 +131,24 @@ def viewport_flipped(
     each = max(1, before_bake.HIGH_FACES // len(highs))
     on_high = before_bake.joined_faces([_some_faces(high.evaluated_get(depsgraph), each) for high in highs])
     return before_bake.find_flipped(on_low, on_high, repr(low.name), shorten_list(repr(high.name) for high in highs))
+
+
+def viewport_material_notes(
+    low: bpy.types.Object, highs: Sequence[bpy.types.Object], map_settings: MapSettings
+) -> list[str]:
+    """What the chosen maps will not have of the high objects' materials, in the sentences of a bake's report. Materials of
+    instances are left out."""
+    sockets = {BY_NAME[name].socket for name in map_settings.drawn_maps} - {""}
+    if not sockets:
+        return []
+    is_exact = map_settings.exact_materials == ExactMaterials.AUTO
+    numbers = MaterialNumbers(ImageTextures(), low, sockets=sockets, is_exact=is_exact)
+    for high in highs:
+        if high.type == "MESH" and not high.data.is_editmode:
+            for shown in numbers.of_slots(high, high.data):
+                numbers.read(shown)
+    notes = (note for each in numbers.materials for socket in (*sockets, "") for note in each.notes.get(socket, ()))
+    return list(dict.fromkeys(notes))
 
 
 def _some_faces(obj: bpy.types.Object, most: int) -> Faces:

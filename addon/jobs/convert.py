@@ -290,10 +290,11 @@ def _ending(settings: Settings, before: StoredNormals) -> str:
 
 def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image, before: StoredNormals) -> Settings:
     """The settings of the new map alone, with names filled in. before: of the map that is converted."""
-    name = naming.fill_low(settings.storing.image, low.name)
+    suffix = settings.storing.low_suffix
+    name = naming.fill_low(settings.storing.image, low.name, suffix)
     if name in ("", image.name):
         name = f"{image.name.removesuffix(Path(image.name).suffix)}_{_ending(settings, before)}"
-    output = naming.fill(settings.storing.output, low.name)
+    output = naming.fill(settings.storing.output, low.name, low_suffix=suffix)
     if settings.storing.storage == Storage.FILE and output and image.filepath:
         old, new = (os.path.realpath(bpy.path.abspath(path)) for path in (image.filepath, output))
         if old == new:

@@ -17,7 +17,7 @@ from ..core import naming, udim
 from ..core.declarations.choices import Method, Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
 from ..core.naming import MATERIAL, Suffixes, match
-from ..core.progress import Timings
+from ..core.progress import Progress, Timings
 from ..core.report import Report
 from ..core.settings import SamplingSettings, Settings, StorageSettings
 from ..engine import orienting
@@ -42,6 +42,7 @@ class Job:
     shading error is measured, also if the settings do not ask for it. is_pictured: whether the report has a picture, and that.
     must_be_whole: whether it is an error if objects lack files, or what their modifiers need. hints: why low and high
     meshes may not fit, in sentences, if rays are cast. size: of its square maps in texels; 0 for that of the settings.
+    distance: how far its rays reach outward and inward, in scene units; 0 for that of the settings.
     The attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
     """
 
@@ -52,6 +53,7 @@ class Job:
         self.is_exported = self.is_for_others = self.is_measured = self.is_seen = self.is_pictured = False
         self.must_be_whole = False
         self.size = 0
+        self.distance = 0.0
         self.hints: list[str] = []
 
     def of_set(self, texture_set: MaterialSet) -> "Job":
@@ -102,6 +104,11 @@ class Job:
     @property
     def cage(self) -> bpy.types.Object | None:
         return self.cage_ref.resolve() if self.cage_ref else None
+
+    def check_low(self, step: Progress) -> Progress:
+        """`step` of the bake. Raises BakeError if the low object was deleted: nothing could get the maps."""
+        self.low_ref.check_kept()
+        return step
 
     def renew(self) -> bool:
         """Refer to the same objects by their present session_uid. Returns whether one has changed.

@@ -21,7 +21,7 @@ from ..engine.sampling import maps_of_bake
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..passes import cast, lit, mesh_upload, target, viewport
+from ..passes import cast, data_texture, lit, mesh_upload, target, viewport
 from ..scene import mesh_reader
 
 SIDE = 512
@@ -124,9 +124,7 @@ def _flattened(meshes: Meshes, settings: Settings, pace: Pace) -> Task[gpu.types
     renderer = baking.Renderer(maps_of_bake(meshes, source, run), run)
     drawing = renderer.texels(udim.FIRST, margins.for_maps([meshes.low], settings))
     maps = yield from part(drawing, 0.5, 1.0)
-    texels = maps[NORMAL.name][0]
-    data = gpu.types.Buffer("FLOAT", texels.size, texels)
-    return gpu.types.GPUTexture(settings.sampling.size, format="RGBA32F", data=data)
+    return data_texture.image(maps[NORMAL.name][0])
 
 
 def _compared(

@@ -9,11 +9,15 @@ import bpy
 import gpu
 import numpy as np
 
+from ..audit.checks import audit, check_stacked
+from ..audit.severity import Warned
+from ..audit.tally import Tally
 from ..core import progress, udim
-from ..core.declarations.choices import Modifiers, VertexDomain
+from ..core.declarations.choices import ExactMaterials, Modifiers, VertexDomain
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Labeled, Map
 from ..core.progress import Pace, Progress, Task, Timings, part
+from ..core.report import Report
 from ..core.settings import Run, Settings
 from ..engine import baking, live_redraw, margins, orienting, sampling, sources, stacked_uvs
 from ..engine.bands import Band
@@ -29,8 +33,8 @@ from ..passes import data_texture, target
 from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
 from . import bake_jobs
-from .bake import READY
-from .job import Job, check_clashes, check_job, files_kept
+from .bake import READY, DrawnJob, report_of
+from .job import Job, check_clashes, check_job, files_kept, set_numbers
 
 
 class LiveMaps:
@@ -105,6 +109,7 @@ class Session:
             settings.read_by(context.scene.render.engine),
             modifiers=Modifiers.VIEWPORT,
             mask=False,
+            exact_materials=ExactMaterials.OFF,  # Cycles would take seconds after each stroke
             vertex_domain=VertexDomain.NONE,
         )
         settings = bake_jobs.for_low(settings, job.low.name)
@@ -115,6 +120,8 @@ class Session:
         check_job(context, job, settings)
         self.pace = pace
         self.drawn = 0
+        self._timings = Timings()
+        """The seconds of the last normal map."""
         self.plan: Plan | None = None
         self.meshes: Meshes | None = None
         self._as_read: Meshes | None = None
@@ -143,7 +150,11 @@ class Session:
 
         Raises BakeError.
         """
-        run = Run(replace(self.settings, method=self._method), self.pace)
+        self._timings = Timings()
+        yield from self._timings.counted(self._draw(context, changed))
+
+    def _draw(self, context: bpy.types.Context, changed: Collection[int] | None) -> Task[None]:
+        run = Run(replace(self.settings, method=self._method), self.pace, self._timings)
         length = reading.lengths_of(context.scene)
         yield Progress(f"Reading {self.job.low.name}", 0.0)
         meshes = self._read(context, changed, replace(self.others.settings, method=self._method))
@@ -346,19 +357,43 @@ class Session:
         """Put the other maps into their image datablocks and, the first time, into the material if the settings say so."""
         self.others.store(self._kept.map, self._labels, self.job.low, self._meshes.uv_layer)
 
-    def commit(self) -> None:
-        """Store the last maps as a bake does: in their files, or packed. Raises BakeError."""
+    def commit(self) -> outputs.Stored | None:
+        """Store the last maps as a bake does: in their files, or packed. Returns None if there is none. Raises BakeError."""
         low = self.job.low_ref.find()
-        settings = self._all_settings
-        others = self.others.drawn
-        if not others:
-            settings = settings.without_other_maps()
-        if self.texels is None or low is None or not (settings.map.normal or others):
-            return
+        settings = self._stored_settings
+        if self.texels is None or low is None or not (settings.map.normal or self.others.drawn):
+            return None
         with outputs.Outputs(settings) as writers:
             writers.add(udim.FIRST, {NORMAL.name: self._kept.map, **self.others.copies()})
             stored = writers.commit(self._labels, [low])
             materials.into_materials(low, stored, self._meshes.uv_layer, settings)
+        return stored
+
+    @property
+    def _stored_settings(self) -> Settings:
+        """The settings of the maps that there are to store."""
+        return self._all_settings if self.others.drawn else self._all_settings.without_other_maps()
+
+    def report(self, context: bpy.types.Context, stored: outputs.Stored) -> Report:
+        """The report of the last maps, as a bake of them has it. stored: from `commit`, with the same maps."""
+        tally = Tally()
+        tally.add(self._kept.map, self.settings.map)
+        with target.using(self._pool):
+            drawer, hidden = self._true_drawer(), self.hidden_parts()
+            rays = self.ray_cast if self._source is not None else drawer.source.ray_cast
+            numbers = set_numbers(self.job.low, self.plan.meshes)
+            stacked = check_stacked(self.plan, hidden, drawer, self.settings, numbers)
+            length = reading.lengths_of(context.scene)
+            findings = audit(self.plan, tally, self.settings, rays, length=length, stacked=stacked)
+        drawn = DrawnJob(
+            self.job, self._stored_settings, self._mended, self.plan, rays, findings, self._timings, self._warnings()
+        )
+        return report_of(drawn, stored, stored.warnings)
+
+    def _warnings(self) -> list[Warned]:
+        """Those about the objects, as a bake has them."""
+        found = [*self._mended.lacks, *object_checks.warnings(self.job.low, self.job.highs)]
+        return [Warned(text) for text in (*found, *orienting.notes(self._mended))]
 
     @property
     def _labels(self) -> dict[Labeled, list[str]]:

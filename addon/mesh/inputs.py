@@ -6,14 +6,37 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..core.material_feeds import HighMaterial, ImagePixels
+from ..core.material_feeds import ExactFeed, HighMaterial, ImagePixels
 from .triangle_mesh import MaybeArray, Mesh
 
 LoadImage = Callable[[str, int], ImagePixels]
 
 
+@dataclass(frozen=True)
+class HitsOfFeed:
+    """Hits on the triangles of one mesh whose value an ExactFeed has.
+
+    number: of the high object, from 1. triangles (N,) int: in the mesh. weights (N, 3) float32: of the corners of each of them,
+    in the order of `mesh.triangles`.
+    """
+
+    feed: ExactFeed
+    mesh: Mesh
+    number: int
+    triangles: np.ndarray
+    weights: np.ndarray
+
+
+Evaluate = Callable[[Sequence[HitsOfFeed]], list[np.ndarray]]
+"""Returns the values (N, 3) float32 at the hits of each."""
+
+
 def _no_image(key: str, _tile: int) -> ImagePixels:
     raise LookupError(key)
+
+
+def _no_values(wanted: Sequence[HitsOfFeed]) -> list[np.ndarray]:
+    raise LookupError(wanted[0].feed.socket)
 
 
 @dataclass(frozen=True)
@@ -80,6 +103,7 @@ class Meshes:
     `low`, or None. is_own_base: whether the high mesh is the low object's own surface with modifiers. materials: those behind
     the material labels of the high meshes, which count from 1. others: the high meshes of other low objects, if they are
     occluders. load_image: loads the pixels of an image of the materials, by its key and its UDIM tile (0 without tiles).
+    evaluate: the values of materials at hits, by Cycles.
     whole, kept, material: for a texture set, `low` has only the triangles of one material; then the low mesh with all of them,
     the indices of those that were kept, and the material's name. shown: with is_own_base, the high mesh with the UVs that
     modifiers moved, as the viewport shows it; None if no modifier moves UVs. lacks: what the objects lack, in sentences.
@@ -103,6 +127,7 @@ class Meshes:
     straight: np.ndarray | None = None
     others: list[Mesh] = field(default_factory=list)
     load_image: LoadImage = _no_image
+    evaluate: Evaluate = _no_values
     whole: Mesh | None = None
     kept: np.ndarray | None = None
     material: str = ""

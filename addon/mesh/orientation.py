@@ -18,7 +18,7 @@ MOST_AT_EDGE = 8
 FOLDED = 0.5
 """The cosine below which two triangles of a patch that contradicts itself do not belong together."""
 Columns: TypeAlias = "tuple[np.ndarray, ...]"
-"""The three vertices of triangles, (T,) int each: rows of three are slow to work on."""
+"""The three vertices of triangles, (T,) intp each: rows of three are slow to work on, and indices of another type, too."""
 _MIX = np.uint64(0x9E3779B97F4A7C15)
 
 
@@ -67,7 +67,7 @@ def patches(points: np.ndarray, triangles: np.ndarray, size: float) -> Patches:
         triangles: (T, 3) int, indices of points.
         size: the diagonal of the box around the triangles.
     """
-    columns = tuple(np.ascontiguousarray(column) for column in triangles.T)
+    columns = columns_of(triangles)
     is_open = open_vertices(columns, len(points))
     places = welded(points, is_open, size)
     if not has_conflict(columns, is_open, places):
@@ -80,6 +80,11 @@ def patches(points: np.ndarray, triangles: np.ndarray, size: float) -> Patches:
             is_closed[labels[np.take(is_open, column)]] = False
         return Patches(labels, count, np.zeros(len(triangles), bool), is_closed, places)
     return _flooded(points, triangles, places)
+
+
+def columns_of(triangles: np.ndarray) -> Columns:
+    """The columns of triangles (T, 3) int."""
+    return tuple(column.astype(np.intp) for column in triangles.T)
 
 
 def open_vertices(columns: Columns, count: int) -> np.ndarray:
@@ -178,7 +183,7 @@ def _components(columns: Columns, count: int) -> tuple[np.ndarray, int]:
 
     count: of the vertices.
     """
-    roots = _joined(np.arange(count, dtype=np.int32), columns[0], columns[1], is_new=True)
+    roots = _joined(np.arange(count), columns[0], columns[1], is_new=True)
     roots = np.take(_joined(roots, columns[0], columns[2]), columns[0])
     if len(roots) and (roots == roots[0]).all():
         return np.zeros(len(roots), np.int32), 1
@@ -197,11 +202,11 @@ def _joined(roots: np.ndarray, first: np.ndarray, last: np.ndarray, *, is_new: b
     while True:
         if not is_new:
             first, last = np.take(roots, first), np.take(roots, last)
+            differ = np.flatnonzero(first != last)
+            if not len(differ):
+                return roots
+            first, last = first[differ], last[differ]
         is_new = False
-        differ = np.flatnonzero(first != last)
-        if not len(differ):
-            return roots
-        first, last = first[differ], last[differ]
         # Each root that is the higher end of an edge hangs on one of the lower ends, whichever is written last. Links lead
         # down, so that there is no circle.
         roots[np.maximum(first, last)] = np.minimum(first, last)

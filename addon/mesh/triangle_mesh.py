@@ -64,8 +64,9 @@ def _ranges(starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
 
 MaybeArray: TypeAlias = Any
 """np.ndarray | None. Functions say what a mesh must have; type checkers need not ask at each use."""
-UV_LAYER, ATTRIBUTE, TANGENTS = "UV map", "attribute", "tangents"
-"""The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), and tangents (C, 4) of a UV map, w the sign of the bitangent."""
+UV_LAYER, ATTRIBUTE, TANGENTS, GENERATED = "UV map", "attribute", "tangents", "generated"
+"""The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), tangents (C, 4) of a UV map, w the sign of the bitangent, and
+generated texture coordinates (C, 3)."""
 
 BLOCK = 2**20
 """Triangles that Mesh.box looks at together."""
@@ -80,9 +81,9 @@ class Mesh:
     triangles (T, 3) int32, indices into the corners; faces (T,) int32, the face of each triangle, or None if not read;
     labels (T, n), numbers that go with each triangle, or None. to_world (4, 4) float64. not_finite: the number of triangles
     left out for NaN or infinite values. instances: the number of instances joined; 0 for the object's own mesh.
-    layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE or TANGENTS) and name. normals_domain:
-    "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions alone, "CORNER" if
-    hard edges and flat faces count, too, and empty for the mesh's own normals.
+    layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE, TANGENTS or GENERATED) and name.
+    normals_domain: "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions
+    alone, "CORNER" if hard edges and flat faces count, too, and empty for the mesh's own normals.
     face_corners: which faces the corners belong to, or None if not read. stretch (3, 3): None, or the scale of the object that
     normals and tangents already have, see mesh.stretch.
     """

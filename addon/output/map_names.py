@@ -33,7 +33,7 @@ def name_for(low_name: str, storing: StorageSettings, material: str = "") -> str
     """
     pattern = storing.image or (of_texture_sets(USUAL) if material else USUAL)
     filled = pattern.replace(MATERIAL, material) if material else pattern
-    name = fill_low(filled, low_name)
+    name = fill_low(filled, low_name, storing.low_suffix)
     letters = name.encode()
     if len(letters) <= LONGEST:
         return name
@@ -152,7 +152,9 @@ def output_of_frame(output: str, frame: int) -> str:
 
 def with_low_name(settings: Settings, low_name: str) -> Settings:
     """The settings with the low object's name in the path. A # in that name is replaced, because it means a frame."""
-    return replace(settings, output=naming.fill(settings.storing.output, low_name.replace("#", "_")))
+    storing = settings.storing
+    output = naming.fill(storing.output, low_name.replace("#", "_"), low_suffix=storing.low_suffix)
+    return replace(settings, output=output)
 
 
 def of_frame(settings: Settings, frame: int) -> Settings:

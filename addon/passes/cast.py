@@ -171,6 +171,13 @@ POINTS = Program(
     outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
     cost=0.1,
 )
+HIT_PARTS = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="bake/hit_parts_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    texels=(("RGBA32UI", "UINT_2D", "hits"),),
+    outputs=(("VEC4", "hit_out"),),
+)
 PACKET_SIDE = 4
 """Texels along each side of a packet, as in shaders/lib/packet_lib.glsl."""
 LEAST_PACKETS = 2**15
@@ -355,6 +362,15 @@ def heights(into: target.Target, hits: target.Target, rays: target.Target) -> No
     Green is 1 where the texel does not own its hit, blue where the ray hit only backs. Alpha is as in `look_up`.
     """
     target.fill(into, HEIGHT, hits=hits.texture, positions=rays.textures[0])
+
+
+def read_hits(hits: target.Target) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles (rows, columns) int32 of hits, in the tree's order and -1 for a miss, and two barycentric coordinates
+    (rows, columns, 2) float32, as hit_weights has them."""
+    drawn = target.Target(hits.width, hits.height, ("RGBA32F",))
+    target.fill(drawn, HIT_PARTS, hits=hits.texture)
+    parts = drawn.texels()
+    return parts[..., 2].astype(np.int32) + (parts[..., 3].astype(np.int32) << 14) - 1, parts[..., :2]
 
 
 def points(into: target.Target, hits: target.Target, tables: Tables, labels: gpu.types.GPUTexture) -> None:

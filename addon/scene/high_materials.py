@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which materials high meshes have, which UV maps, attributes and tangents those need, and the faces of one material."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -10,10 +10,19 @@ import numpy as np
 
 from ..core.errors import BakeError
 from ..core.map_types import BASE_COLOR, BY_NAME, MARK
-from ..core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, Feed, HighMaterial, ImageFeed, NormalMapFeed
+from ..core.material_feeds import (
+    AttributeFeed,
+    BumpFeed,
+    DetailFeed,
+    ExactFeed,
+    Feed,
+    HighMaterial,
+    ImageFeed,
+    NormalMapFeed,
+)
 from ..core.settings import MapSettings
 from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER, Mesh
+from ..mesh.triangle_mesh import ATTRIBUTE, GENERATED, TANGENTS, UV_LAYER, Mesh
 from . import mesh_elements, mesh_reader
 from .materials.material_reading import NORMAL, read_materials
 from .textures import ImageTextures
@@ -27,10 +36,13 @@ READERS = {
 
 
 def read_layers(
-    data: bpy.types.Mesh, materials: Iterable[HighMaterial], map_settings: MapSettings
+    obj: bpy.types.Object, data: bpy.types.Mesh, materials: Iterable[HighMaterial], map_settings: MapSettings
 ) -> dict[tuple[str, str], np.ndarray]:
-    """Those of `data` that its materials need for the maps of the settings, as Mesh.layers has them."""
-    found = {key: READERS[key[0]](data, key[1]) for key in _needed(materials, map_settings)}
+    """Those of `data`, the mesh of `obj`, that its materials need for the maps of the settings, as Mesh.layers has them."""
+    found = {
+        key: mesh_elements.generated_by_corner(obj, data) if key[0] == GENERATED else READERS[key[0]](data, key[1])
+        for key in _needed(materials, map_settings)
+    }
     return {key: values for key, values in found.items() if values is not None}
 
 
@@ -53,6 +65,8 @@ def _of_feed(feed: Feed | None) -> Iterator[tuple[str, str]]:
         yield UV_LAYER, feed.uv_layer
     elif isinstance(feed, AttributeFeed):
         yield ATTRIBUTE, feed.name
+    elif isinstance(feed, ExactFeed):
+        yield from feed.layers
 
 
 def _of_detail(detail: DetailFeed) -> Iterator[tuple[str, str]]:
@@ -79,7 +93,7 @@ Shown = bpy.types.Material | Bare
 class MaterialNumbers:
     """The materials by their numbers, which count from 1.
 
-    sockets: those to read, as read_materials takes them. low: the low object; what the bake leaves in its materials is no
+    sockets, is_exact: as read_materials takes them. low: the low object; what the bake leaves in its materials is no
     detail of a high object that shows the same material. before: those of an earlier reading, which keep their numbers.
     """
 
@@ -89,9 +103,10 @@ class MaterialNumbers:
         low: bpy.types.Object,
         *,
         sockets: Collection[str],
+        is_exact: bool = False,
         before: Sequence[HighMaterial] = (),
     ):
-        self.images, self.sockets = images, sockets
+        self.images, self.sockets, self.is_exact = images, sockets, is_exact
         self._of_low = {slot.material for slot in low.material_slots if slot.material}
         self._found: dict[int, HighMaterial] = {material.key: material for material in before}
 
@@ -111,7 +126,8 @@ class MaterialNumbers:
         key = _material_key(material)
         if key not in self._found:
             is_bare = isinstance(material, Bare)
-            found = read_materials([None if is_bare else material], self.images, self.sockets)[0]
+            plain = None if is_bare else material
+            found = read_materials([plain], self.images, self.sockets, is_exact=self.is_exact)[0]
             if material is Bare.COLORED:
                 found = replace(found, feeds=found.feeds | {BASE_COLOR.socket: AttributeFeed("")})
             if material in self._of_low:
@@ -124,6 +140,17 @@ class MaterialNumbers:
                 found = replace(found, detail=detail, notes=notes | self._notes_on_maps(found))
             self._found[key] = replace(found, key=key)
         return self._found[key]
+
+    def give_up(self, numbers: Collection[int], is_unknown: Callable[[ExactFeed], bool], why: str) -> None:
+        """Leave out what Cycles would evaluate on materials with these numbers, where `is_unknown`. why: a clause."""
+        for number in numbers:
+            material = self.materials[number - 1]
+            lost = [
+                socket for socket, feed in material.feeds.items() if isinstance(feed, ExactFeed) and is_unknown(feed)
+            ]
+            feeds = {socket: feed for socket, feed in material.feeds.items() if socket not in lost}
+            notes = {socket: (f'Material "{material.name}": {socket} is left out, because {why}.',) for socket in lost}
+            self._found[material.key] = replace(material, feeds=feeds, notes=material.notes | notes)
 
     def _replaced(self, detail: DetailFeed | None) -> NormalMapFeed | None:
         """The part of `detail` that the baked map takes the place of: a normal map that Imprint did not bake.

@@ -3,18 +3,19 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import bpy
 import numpy as np
 
-from ..core.declarations.choices import Method, Modifiers
+from ..core.declarations.choices import ExactMaterials, Method, Modifiers
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME
 from ..core.material_feeds import HighMaterial, ImagePixels
 from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
-from ..mesh.triangle_mesh import FaceCorners, Mesh, changed_rows, changed_share
+from ..mesh.triangle_mesh import GENERATED, FaceCorners, Mesh, changed_rows, changed_share
 from . import mesh_reader, object_checks
 from .high_materials import MaterialNumbers, Shown, read_layers
 from .materials.material_reading import NORMAL
@@ -48,7 +49,13 @@ class Reader:
         sockets = {BY_NAME[name].socket for name in self.settings.map.drawn_maps} - {""}
         if self.settings.map.detail_maps:
             sockets.add(NORMAL)
-        self.materials = MaterialNumbers(ImageTextures(), self.low, sockets=sockets, before=self.before)
+        self.materials = MaterialNumbers(
+            ImageTextures(),
+            self.low,
+            sockets=sockets,
+            is_exact=self.settings.map.exact_materials == ExactMaterials.AUTO,
+            before=self.before,
+        )
 
     def read(self, highs: Mapping[int, bpy.types.Object]) -> list[Mesh]:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""
@@ -84,6 +91,10 @@ class Reader:
             raise BakeError(
                 f"{high.name!r} has more than {MOST:,} triangles with its instances: reduce the number of instances."
             )
+        labeled = [part.mesh.labels[:, 1].astype(np.int64) for part in parts if part.mesh.labels is not None]
+        if labeled:
+            why = f"its nodes read the object, which differs between the instances of {high.name!r}"
+            self.materials.give_up(np.unique(np.concatenate(labeled)).tolist(), attrgetter("is_of_object"), why)
         if mesh is not None:
             parts = [Part(mesh, to_world[None]), *parts]
         if self.settings.tracing.method == Method.AUTO and max(len(part.matrices) for part in parts) > 1:
@@ -129,7 +140,13 @@ class Reader:
             )
         if not has_labels:
             return mesh
-        return replace(self._labeled(mesh, number, slots, data), layers=read_layers(data, shown, self.settings.map))
+        mesh = self._labeled(mesh, number, slots, data)
+        layers = read_layers(obj.original, data, shown, self.settings.map)
+        if (GENERATED, "") not in layers:
+            why = f"the generated coordinates of {obj.name!r} are not known after its modifiers"
+            used = [self.materials.number(material) for material in slots]
+            self.materials.give_up(used, lambda feed: (GENERATED, "") in feed.layers, why)
+        return replace(mesh, layers=layers)
 
     def _labeled(self, mesh: Mesh, number: int, slots: Sequence[Shown], data: bpy.types.Mesh) -> Mesh:
         """`mesh` labeled with the numbers of its high object and of its materials."""

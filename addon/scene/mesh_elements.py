@@ -118,6 +118,44 @@ def uv_by_corner(data: bpy.types.Mesh, layer: str) -> np.ndarray | None:
     return None if found is None else np.ascontiguousarray(found[:, :2])
 
 
+_DEFORMING = {
+    *("ARMATURE", "CAST", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LAPLACIANSMOOTH"),
+    *(
+        "LATTICE",
+        "MESH_DEFORM",
+        "SHRINKWRAP",
+        "SIMPLE_DEFORM",
+        "SMOOTH",
+        "SURFACE_DEFORM",
+        "VOLUME_DISPLACE",
+        "WARP",
+        "WAVE",
+    ),
+}
+_ADDING = {"ARRAY", "BEVEL", "DECIMATE", "EDGE_SPLIT", "MIRROR", "MULTIRES", "SOLIDIFY", "SUBSURF", "TRIANGULATE"}
+"""Modifiers that move generated coordinates with the surface. Those of others stay where the vertices were before."""
+_NEITHER = {"WEIGHTED_NORMAL", "NORMAL_EDIT", "UV_PROJECT", "UV_WARP", "DATA_TRANSFER", "VERTEX_WEIGHT_EDIT"}
+
+
+def generated_by_corner(obj: bpy.types.Object, data: bpy.types.Mesh) -> np.ndarray | None:
+    """The generated texture coordinates (C, 3) float32, by corner of `data`, the evaluated mesh of the original `obj`.
+
+    They are those before deformation, in the texture space of the object's own mesh. None where Blender does not tell them.
+    """
+    if obj.type != "MESH":
+        return None
+    kinds = {modifier.type for modifier in obj.modifiers if modifier.show_viewport} - _NEITHER
+    is_deformed = bool(kinds & _DEFORMING) or obj.data.shape_keys is not None
+    if not kinds <= _DEFORMING | _ADDING or (is_deformed and kinds & _ADDING):
+        return None
+    if is_deformed and len(obj.data.vertices) != len(data.vertices):
+        return None
+    points = mesh_reader.points(obj.data if is_deformed else data)
+    middle, half = (np.array(values, np.float32) for values in (obj.data.texspace_location, obj.data.texspace_size))
+    half[half == 0.0] = 1.0
+    return (((points - middle) / half + 1.0) * np.float32(0.5))[corner_vertices(data)]
+
+
 def render_layer(data: bpy.types.Mesh) -> str:
     """The name of the UV layer that Blender renders, or "" if there is none."""
     return next((layer.name for layer in data.uv_layers if layer.active_render), "")

@@ -51,8 +51,23 @@ class ObjectRef:
             return object_by_name(self.name)
         found = self.find()
         if found is None:
-            raise BakeError(f"{self.name!r} was deleted: bring it back with Undo, or choose another object.")
+            raise self._deleted()
         return found
+
+    def check_kept(self) -> None:
+        """Raise BakeError if the object was deleted, also while a slot of the panel still keeps it in the file."""
+        if is_deleted(self.resolve()):
+            raise self._deleted()
+
+    def _deleted(self) -> BakeError:
+        return BakeError(f"{self.name!r} was deleted: bring it back with Undo, or choose another object.")
+
+
+def is_deleted(obj: bpy.types.Object) -> bool:
+    """Whether the user has deleted a local object that a pointer still keeps: it is in no collection."""
+    if obj.library is not None or bpy.context.view_layer.objects.get(obj.name) == obj:
+        return False
+    return not obj.users_collection  # slower: it goes through all collections
 
 
 def object_by_name(name: str) -> bpy.types.Object:

@@ -3,6 +3,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 
 import bpy
 import numpy as np
@@ -14,7 +15,7 @@ from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import complaints, evaluation, high_materials, mesh_reader
+from . import complaints, cycles_values, evaluation, high_materials, mesh_reader
 from .high_materials import MaterialSet
 from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
@@ -140,7 +141,13 @@ def _read(
     meshes = read_low(depsgraph, low, cage, settings, is_own_base=low in highs)
     reader = Reader(depsgraph, low, meshes.uv_layer, settings)
     read = reader.read(dict(enumerate(highs, start=1)))
-    meshes = replace(meshes, highs=read, materials=reader.materials.materials, load_image=reader.load_image)
+    meshes = replace(
+        meshes,
+        highs=read,
+        materials=reader.materials.materials,
+        load_image=reader.load_image,
+        evaluate=partial(cycles_values.evaluate, [high.session_uid for high in highs]),
+    )
     _check_triangles([meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])])
     return meshes
 

@@ -16,20 +16,21 @@ from ..core import levels, naming
 from ..core.asset import AUTO, Wanted
 from ..core.conversion import ConversionReport, StoredNormals
 from ..core.declarations.choices import Method, Space, Storage
-from ..core.errors import BakeError
+from ..core.errors import BakeError, in_window
 from ..core.levels import ChainReport
 from ..core.progress import Pace, Task
 from ..core.report import Report
 from ..core.settings import Settings
 from ..export import engine_files
-from ..jobs import asset, bake_jobs, convert, lod
+from ..jobs import asset, bake_jobs, convert, lod, weights
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.convert import Conversion
 from ..jobs.job import Job, jobs_by_name
-from ..scene import reading
+from ..scene import object_checks, reading
 from ..scene.object_checks import object_by_name
 from . import bake_results, modal, object_pairs
-from .bake_results import results
+from .bake_results import Batch, results
+from .checks import draw_fixable
 from .live import live
 from .modal import QuickOperator
 from .preferences import flamenco_address
@@ -131,7 +132,7 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
 
 
 class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
-    """Bake each low object of the scene against the high objects with a matching name"""
+    """Bake each low object of the scene against the high objects with a matching name. Leaves out what cannot be baked"""
 
     bl_idname = "imprint.bake_pairs"
     bl_label = "Bake Pairs by Name"
@@ -144,11 +145,42 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
         if not jobs:
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
         for job in jobs:
-            job.size = int(job.low.imprint_size)
-        for problem in problems:
-            self.report({"WARNING"}, problem)
-        steps = bake_jobs.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)
-        return (yield from steps)
+            job.size, job.distance = int(job.low.imprint_size), job.low.imprint_distance
+        values = settings.to_settings()
+        left_out = [("", problem) for problem in problems]
+        if settings.share_image:  # an atlas is whole, or is not baked
+            reports = yield from bake_jobs.work(context, jobs, values, pace, share_image=True)
+            return reports, left_out
+        jobs = _ready(context, jobs, weights.settings_by_job(jobs, values), left_out)
+        reports: list[Report] = []
+        try:
+            yield from bake_jobs.work(context, jobs, values, pace, reports=reports, failures=left_out)
+        except GeneratorExit:  # the maps that are done stay
+            results.remember(context, reports)
+            raise
+        return reports, left_out
+
+    def finish(self, context: bpy.types.Context, result: tuple[list[Report], list[tuple[str, str]]]) -> None:
+        reports, left_out = result
+        super().finish(context, reports)
+        results.keep_batch(Batch(left_out, sorted({report.low for report in reports})))
+        for _, reason in left_out:
+            self.report({"WARNING"}, in_window(reason)[0])
+
+
+def _ready(
+    context: bpy.types.Context, jobs: list[Job], settings: list[Settings], left_out: list[tuple[str, str]]
+) -> list[Job]:
+    """The jobs that can be baked. The others are added to `left_out`. Raises BakeError if none can be."""
+    context.view_layer.update()
+    reasons = [
+        object_checks.problem(context, job.low, job.highs, job.cage, of_job.tracing.method)
+        for job, of_job in zip(jobs, settings, strict=True)
+    ]
+    if all(reasons):
+        raise BakeError(reasons[0])
+    left_out += [(job.low.name, reason) for job, reason in zip(jobs, reasons, strict=True) if reason]
+    return [job for job, reason in zip(jobs, reasons, strict=True) if not reason]
 
 
 class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
@@ -195,15 +227,22 @@ class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
 
 
 def _draw_pair(layout: bpy.types.UILayout, context: bpy.types.Context, pair: naming.Pair) -> None:
-    low = context.view_layer.objects[pair.low]
-    row = layout.row()
-    row.prop(low, "imprint_is_baked", text=pair.low, translate=False)
-    size = row.row()
-    size.active = low.imprint_is_baked and not context.scene.imprint.share_image
+    objects, settings = context.view_layer.objects, context.scene.imprint
+    low, highs, cage = objects[pair.low], [objects[name] for name in pair.highs], objects.get(pair.cage or "")
+    layout.prop(low, "imprint_is_baked", text=pair.low, translate=False)
+    column = layout.column()
+    column.active = low.imprint_is_baked
+    draw_paragraphs(column, context, [", ".join(pair.highs)], "BLANK1")
+    row = column.row(align=True)
+    size = row.row(align=True)
+    size.active = not settings.share_image
     size.prop(low, "imprint_size", text="")
-    highs = layout.column()
-    highs.active = low.imprint_is_baked
-    draw_paragraphs(highs, context, [", ".join(pair.highs)], "BLANK1")
+    distance = row.row(align=True)
+    distance.active = settings.method != Method.FLATTEN
+    distance.prop(low, "imprint_distance", text="")
+    reason = object_checks.problem(context, low, highs, cage, settings.method)
+    if reason and low.imprint_is_baked:
+        draw_fixable(column, context, reason, "ERROR", pair.low)
 
 
 class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
@@ -211,7 +250,7 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
 
     bl_idname = "IMPRINT_PT_pairs"
     bl_label = "Pairs by Name"
-    bl_order = 1
+    bl_order = 3
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

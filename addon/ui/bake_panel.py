@@ -26,7 +26,7 @@ from .live import live
 from .modal import QuickOperator
 from .progress_display import MAIN, display
 from .properties import Chosen, ImprintSettings
-from .results_panel import draw_numbers
+from .results_panel import draw_batch, draw_numbers
 from .texts import LABEL, SidebarPanel, draw_paragraphs, label, labeled, message, split_layout
 
 
@@ -327,10 +327,12 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         settings = context.scene.imprint
         chosen = settings.chosen(context)
         problem = "" if live.is_on else bake_problem(context, chosen)  # Live does not depend on the selection
-        found = [] if live.is_on or problem else _findings(context, chosen)
+        is_planned = not (live.is_on or problem)
+        found = _findings(context, chosen) if is_planned else []
+        notes = _material_notes(chosen) if is_planned else []
         column = layout.column()
         column.enabled = display.current is None and not live.is_on
-        _draw_slots(column, settings, _sign(problem, found))
+        _draw_slots(column, settings, _sign(problem, found, notes))
         column = split_layout(layout.column())
         column.enabled = display.current is None
         row = column.row(align=True)
@@ -347,6 +349,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
         row.prop(settings, "live_every_time")
         _draw_plan(layout.box(), context, chosen, problem, found)
+        draw_batch(layout, context)
         if live.is_on and live.message:
             draw_fixable(layout.box(), context, live.message, "ERROR")
 
@@ -355,9 +358,13 @@ def _findings(context: bpy.types.Context, chosen: Chosen) -> list[Finding]:
     return findings.of(context, chosen.low, chosen.highs, chosen.settings, is_exported=bool(chosen.panel.export))
 
 
-def _sign(problem: str, found: Sequence[Finding]) -> str:
+def _material_notes(chosen: Chosen) -> list[str]:
+    return findings.material_notes(chosen.low, chosen.highs, chosen.settings)
+
+
+def _sign(problem: str, found: Sequence[Finding], notes: Sequence[str]) -> str:
     """The icon of a pair: whether it can be baked, and will look right."""
-    if problem or any(finding.harms for finding in found):
+    if problem or notes or any(finding.harms for finding in found):
         return "ERROR"
     return "INFO" if found else "CHECKMARK"
 
@@ -376,8 +383,16 @@ def _draw_slots(layout: bpy.types.UILayout, settings: ImprintSettings, sign: str
     row.label(text="", icon=sign)
 
 
+MOST_NOTES = 3
+"""The sentences about materials that the panel shows before a bake, whose report has all of them."""
+
+
 def _draw_plan(
-    box: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen, problem: str, found: Sequence[Finding]
+    box: bpy.types.UILayout,
+    context: bpy.types.Context,
+    chosen: Chosen,
+    problem: str,
+    found: Sequence[Finding],
 ) -> None:
     """What the button will do, or why it cannot, with buttons for what cures it."""
     if live.is_on:
@@ -391,6 +406,7 @@ def _draw_plan(
         draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
         draw_hidden(box, context, chosen.hidden(context))
         draw_findings(box, context, found)
+        draw_paragraphs(box, context, _material_notes(chosen)[:MOST_NOTES], "ERROR")
         box.operator("imprint.look_at_high", icon="VIEWZOOM")
         draw_paragraphs(box, context, findings.look_of(chosen.low, chosen.highs), "BLANK1")
         if reports := results.all_of(context, chosen.low):

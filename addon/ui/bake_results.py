@@ -2,6 +2,9 @@
 """The last bakes: their reports, which the low objects keep in the file, and the operators that show, connect and export their
 maps."""
 
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -23,17 +26,42 @@ from .progress_display import display
 from .texts import labeled, message, tooltip
 
 
+@dataclass(frozen=True)
+class Batch:
+    """The session's last bake of pairs.
+
+    left_out: what it left out: names of low objects, empty where there is no pair, and why in a sentence. baked: the names of
+    the low objects that it baked; empty after a later bake.
+    """
+
+    left_out: Sequence[tuple[str, str]] = ()
+    baked: Sequence[str] = ()
+
+
 class BakeResults:
     """The reports of the last bake of each low object: one for each texture set. object_pairs stores them."""
 
     def remember(self, _context: bpy.types.Context, reports: list[Report]) -> None:
         """Keep the reports of a bake, and its pairs, in place of earlier ones of the same low objects."""
         object_pairs.remember(reports)
+        baked = {ref.name for report in reports for ref in report.refs[:1]}
+        self.keep_batch(Batch([one for one in self.batch().left_out if one[0] not in baked]))
+
+    def batch(self) -> Batch:
+        """The last bake of pairs, with the objects that are still there."""
+        text = bpy.context.window_manager.imprint_batch
+        found = Batch(**json.loads(text)) if text else Batch()
+        left_out = [(name, reason) for name, reason in found.left_out if not name or name in bpy.data.objects]
+        return replace(found, left_out=left_out)
+
+    def keep_batch(self, batch: Batch) -> None:
+        """Keep a bake of pairs, until another file is opened."""
+        bpy.context.window_manager.imprint_batch = json.dumps(asdict(batch))
 
     def forget(self) -> None:
         """Clear the lines about the session's last bake: they mean nothing in another file."""
         for manager in bpy.data.window_managers:
-            manager.imprint_summary = manager.imprint_warnings = ""
+            manager.imprint_summary = manager.imprint_warnings = manager.imprint_batch = ""
 
     def has_any(self, context: bpy.types.Context) -> bool:
         """Whether the panel's low object, or any other one in the context's scene, was baked."""
@@ -355,7 +383,8 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
 
     def task(self, context: bpy.types.Context, _pace: Pace) -> Task[Exported]:
         reports = results.all_of(context)
-        path = naming.fill(self.filepath or context.scene.imprint.export, reports[0].low)
+        panel = context.scene.imprint
+        path = naming.fill(self.filepath or panel.export, reports[0].low, low_suffix=panel.low_suffix)
         if not path:
             raise BakeError("No file is set for the export: set one.")
         if path.startswith("//") and not bpy.data.filepath:

@@ -35,6 +35,8 @@ class PanelFindings:
         self._flipped: list[Finding] = []
         self._looked: tuple = ()
         self._look: list[str] = []
+        self._shown: tuple = ()
+        self._notes: list[str] = []
         self._handlers = Handlers(
             ("depsgraph_update_post", self._after_update), ("undo_post", self._drop), ("redo_post", self._drop)
         )
@@ -81,6 +83,21 @@ class PanelFindings:
             for value in (obj.session_uid, obj.data.session_uid if obj.data else 0, obj.name, obj.mode)
         )
 
+    def material_notes(self, low: bpy.types.Object, highs: list[bpy.types.Object], settings: Settings) -> list[str]:
+        """What the maps will not have of the high objects' materials, from the last time if nothing has changed since."""
+        slots = (slot.material for high in highs for slot in high.material_slots)
+        key = (
+            *self._key_of(low, highs),
+            settings.map.drawn_maps,
+            settings.map.exact_materials,
+            *((material.session_uid, material.name) for material in slots if material is not None),
+        )
+        if key != self._shown:
+            self._handlers.add()
+            self._notes = checks.viewport_material_notes(low, highs, settings.map)
+            self._shown = key
+        return self._notes
+
     def keep_look(self, low: bpy.types.Object, highs: list[bpy.types.Object], lines: list[str]) -> None:
         """Remember what a look at the high objects found, until one of the objects changes."""
         self._handlers.add()
@@ -116,8 +133,13 @@ class PanelFindings:
         self._key, self.known = None, []
         self._pair, self._flipped = None, []
         self._looked, self._look = (), []
+        self._shown, self._notes = (), []
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        if self._shown and any(
+            isinstance(update.id, (bpy.types.Material, bpy.types.NodeTree)) for update in depsgraph.updates
+        ):
+            self._shown, self._notes = (), []
         if self._key is None and self._pair is None and not self._looked:
             return
         moved = {update.id.original.session_uid for update in depsgraph.updates if update.is_updated_transform}
@@ -180,6 +202,11 @@ FIXES = {
     Fix.OWN_HIT.name: (
         "Use Own Hit",
         "Set Hit to Own, which chooses the layer that belongs to each texel",
+        "SETTINGS",
+    ),
+    Fix.NEAREST_HIT.name: (
+        "Use Nearest Hit",
+        "Set Hit to Nearest, which chooses the inner one of two surfaces that a texel can show",
         "SETTINGS",
     ),
     Fix.MEASURE.name: (
@@ -311,6 +338,8 @@ REASONS = {
     "contested": "Two own hits: {}",
     "jumps": "Jumps: {}",
     "other_layer": "Not the own hit: {}",
+    "covered": "Another surface below: {}",
+    "beyond": "Another surface beyond the rays: {}",
 }
 """Messages with the share of texels that are unsure for each reason, by the keys of the report."""
 

@@ -191,8 +191,13 @@ class Options:
             values |= {former: _plain(DECLARED[FORMER[former]], getattr(self, former)) for former in given}
         if fallback is not None and owner("output") is self and owner("storage") is fallback:
             values["storage"] = Storage.FILE  # if a script sets a file name, the file is written
-        if values["storage"] == Storage.FILE and not _is_set(owner("depth"), "depth"):
-            values["depth"] = file_formats.usual_depth(values["output"])  # Targa has only 8 bits
+        is_named = fallback is not None and owner("depth") is self
+        if values["storage"] == Storage.FILE and not is_named:
+            is_other = owner("output") is not owner("depth") and not file_formats.takes(
+                values["output"], values["depth"]
+            )
+            if is_other or not _is_set(owner("depth"), "depth"):
+                values["depth"] = file_formats.usual_depth(values["output"])  # Targa has only 8 bits
         return Settings(**values).read_by((fallback or self).id_data.render.engine)
 
 

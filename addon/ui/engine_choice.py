@@ -55,9 +55,9 @@ def choose_engine(settings: bpy.types.PropertyGroup, name: str) -> None:
         setattr(settings, setting, value)
     settings.engine_name = name
     if engine.export:
-        settings.storage = Storage.FILE
-        if not _takes(settings.output, int(settings.depth)):
+        if not _is_file(settings.output) or not file_formats.takes(settings.output, int(settings.depth)):
             settings.output = f"{_without_ending(settings.output) or '//map'}.png"
+        settings.storage = Storage.FILE
     else:
         settings.storage = Storage.PACK
     settings.names = engine.names
@@ -66,10 +66,9 @@ def choose_engine(settings: bpy.types.PropertyGroup, name: str) -> None:
     )
 
 
-def _takes(path: str, depth: int) -> bool:
-    """Whether a file of this path stores so many bits."""
-    known = file_formats.BY_ENDING.get(PurePath(path).suffix.lower())
-    return known is not None and depth in known.depths
+def _is_file(path: str) -> bool:
+    """Whether a path is that of an image file."""
+    return PurePath(path).suffix.lower() in file_formats.BY_ENDING
 
 
 def _without_ending(path: str) -> str:

@@ -170,13 +170,17 @@ class Following:
             else:
                 self._strokes.note(obj)
 
-    def keep(self) -> None:
-        """Store the maps as a bake does, and the pair with the low object. Raises BakeError."""
-        self.session.commit()
+    def keep(self, *, is_reported: bool = False) -> None:
+        """Store the maps as a bake does, and the pair with the low object. Raises BakeError. is_reported: whether their report
+        replaces that of the last bake."""
+        stored = self.session.commit()
         found = [ref.find() for ref in self.session.job.refs]
-        if None not in found:  # a pair of which an object was deleted stays as it was
-            job = self.session.job
-            object_pairs.remember_objects(job.low, job.highs, job.cage, self._settings.flat(), {})
+        if None in found:  # a pair of which an object was deleted stays as it was
+            return
+        job = self.session.job
+        object_pairs.remember_objects(job.low, job.highs, job.cage, self._settings.flat(), {})
+        if is_reported and stored is not None:
+            object_pairs.keep_reports(job.low, [self.session.report(bpy.context, stored)])
 
     def note_undo(self) -> None:
         """Note that any object may have changed, or been deleted or restored."""
@@ -416,7 +420,7 @@ class LiveController:
         """Store the last maps as a bake does, in their files or packed, and stop. Raises BakeError if they cannot be stored."""
         try:
             if self._following is not None:
-                self._following.keep()
+                self._following.keep(is_reported=True)
         finally:
             self.stop()
 

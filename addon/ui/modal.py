@@ -88,9 +88,7 @@ class Runner:
         finally:
             context.window_manager.event_timer_remove(run.timer)
             display.hide(context)
-        return "Stopped." + (
-            f" {finished} maps were done before and are kept." if finished else " Nothing was changed."
-        )
+        return "Stopped." + (f" Finished before, and kept: {finished}." if finished else " Nothing was changed.")
 
 
 runner = Runner()

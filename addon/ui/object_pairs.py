@@ -24,12 +24,12 @@ from datetime import UTC, datetime
 from functools import lru_cache
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
 from ..scene import object_checks
-from ..scene.object_checks import GONE, ObjectRef
+from ..scene.object_checks import GONE, ObjectRef, is_deleted
 from .declared_properties import declared
 from .texts import labeled
 
@@ -53,6 +53,16 @@ OF_BATCHES = {
         items=[("0", "–", "The size of the panel"), *((str(size), str(size), "") for size in SIZES)],
         override=_OVERRIDABLE,
     ),
+    "imprint_distance": lambda: labeled(
+        FloatProperty,
+        "Distance",
+        "How far outward and inward of this low object Bake Pairs by Name looks for the high ones. 0 for the setting of the "
+        "panel Rays, which measures it by default",
+        min=0.0,
+        subtype="DISTANCE",
+        precision=3,
+        override=_OVERRIDABLE,
+    ),
 }
 """Properties of a low object that bakes of pairs by name use. They are no part of its pair, which only a bake makes."""
 MISSING = "{} was deleted: bring it back, or remove it."
@@ -65,13 +75,6 @@ def is_mesh(_owner, obj: bpy.types.Object) -> bool:
 
 def _may_be_high(_owner, obj: bpy.types.Object) -> bool:
     return object_checks.may_show(obj)
-
-
-def is_deleted(obj: bpy.types.Object) -> bool:
-    """Whether the user has deleted a local object that a pointer still keeps: it is in no collection."""
-    if obj.library is not None or bpy.context.view_layer.objects.get(obj.name) == obj:
-        return False
-    return not obj.users_collection  # slower: it goes through all collections
 
 
 class ImprintHigh(bpy.types.PropertyGroup):

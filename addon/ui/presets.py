@@ -53,6 +53,9 @@ def read_preset(path: Path) -> dict[str, Any]:
 def apply_preset(settings: bpy.types.PropertyGroup, values: Mapping[str, Any]) -> None:
     """Set settings. Raises BakeError for a value that is not possible, and changes nothing then."""
     known = {name: value for name, value in values.items() if name in settings.bl_rna.properties}
+    known = dict(
+        sorted(known.items(), key=lambda item: item[0] == "depth")
+    )  # a path sets it, if the one before does not fit
     before = {name: getattr(settings, name) for name in known}
     try:
         for name, value in known.items():

@@ -139,14 +139,33 @@ class ProgressDisplay:
         return f"{self.current.done:.0%}{time_left(self.current.done, time.monotonic() - self._began)}"
 
     def _draw(self) -> None:
-        picture = self.picture
-        if picture is None:
+        picture, context = self.picture, bpy.context
+        if picture is None or context.area is None or not is_first(context.area, context.region):
             return
-        scale = bpy.context.preferences.system.ui_scale
+        scale = context.preferences.system.ui_scale
         longer = max(picture.width, picture.height)
         width, height = (SIDE * scale * side / longer for side in (picture.width, picture.height))
-        draw_texture_2d(picture, (EDGE * scale, EDGE * scale), width, height)
-        write_text(self.text(), EDGE * scale, EDGE * scale + height + 8 * scale, scale)
+        left = visible_columns(context.area, context.region)[0] + EDGE * scale
+        draw_texture_2d(picture, (left, EDGE * scale), width, height)
+        write_text(self.text(), left, EDGE * scale + height + 8 * scale, scale)
+
+
+def is_first(area: bpy.types.Area, region: bpy.types.Region) -> bool:
+    """Whether a part of an editor is that at the lower left: Quad View has four."""
+    parts = [part for part in area.regions if part.type == "WINDOW" and part.width > 1]
+    return not parts or region == min(parts, key=lambda part: (part.x, part.y))
+
+
+def visible_columns(area: bpy.types.Area, region: bpy.types.Region) -> tuple[int, int]:
+    """The first and last x, in pixels of the region, between the toolbar and the sidebar that lie over it."""
+    left, right = 0, region.width
+    for other in area.regions:
+        if other.type in {"TOOLS", "UI"} and other.width > 1:  # 1 where it is hidden
+            if other.alignment == "LEFT":
+                left = max(left, min(region.width, other.x + other.width - region.x))
+            elif other.alignment == "RIGHT":
+                right = min(right, max(0, other.x - region.x))
+    return left, right
 
 
 def time_left(done: float, seconds: float) -> str:

@@ -8,9 +8,9 @@ from functools import lru_cache
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from ..core import naming
+from ..core import file_formats, naming
 from ..core.declarations import targets
-from ..core.declarations.choices import Method
+from ..core.declarations.choices import Method, Storage
 from ..core.errors import BakeError
 from ..core.naming import Suffixes
 from ..core.settings import Settings
@@ -45,6 +45,12 @@ def _set_names(settings: "ImprintSettings", names: str) -> None:
         filled = naming.of_texture_sets(names) if settings.texture_sets else names
         settings.image = "" if names == naming.USUAL else filled
         settings.output = naming.renamed(settings.output, filled)
+
+
+def _fit_depth(settings: "ImprintSettings", _context: bpy.types.Context) -> None:
+    """Set a depth that the file can have: .tga has 8 bits alone, whether a preset has set 16 or nobody."""
+    if settings.storage == Storage.FILE and not file_formats.takes(settings.output, int(settings.depth)):
+        settings.depth = str(file_formats.usual_depth(settings.output))
 
 
 def _choose(name: str):
@@ -84,6 +90,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     size: declared("size", get=lambda self: self.width, set=_set_size)
     square: declared("square", update=_make_square)
     show_result: declared("show_result")
+    output: declared("output", update=_fit_depth)
     names: labeled(
         StringProperty,
         "Names of Maps",
@@ -129,23 +136,24 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
             missing = [slot.title for slot in self.highs if slot.title and slot.find() is None]
             return Chosen(self, low, highs, self._pair_of(low, highs), missing)
         pair = object_pairs.of(low)
+        selected = self._selected(context, low, pair if pair is not None and pair.is_kept else None)
+        # A light or a camera that is selected too is no high object; where nothing else is, it is named as what it is.
+        highs = list(filter(object_checks.may_show, selected))
         if pair is None or not pair.is_kept:
-            return Chosen(self, low, self._selected(context, low, None) or object_checks.own_highs(low))
-        highs = self._selected(context, low, pair) or pair.found()
+            return Chosen(self, low, highs or object_checks.own_highs(low) or selected)
+        highs = highs or pair.found()
         pair = self._pair_of(low, highs)
         return Chosen(self, low, highs, pair, pair.missing() if pair is not None else [])
 
     def _selected(
         self, context: bpy.types.Context, low: bpy.types.Object | None, pair: ImprintPair | None
     ) -> list[bpy.types.Object]:
-        """The selected objects that can be meant as high ones.
+        """The selected objects that can be meant as high ones, also those without a surface.
 
         While the high objects of `pair` are hidden, the low objects of other pairs are not: "select all" selects these alone.
         """
         cages = {self.cage, pair and pair.cage}
         found = [obj for obj in context.view_layer.objects.selected if obj != low and obj not in cages]
-        # A light or a camera that is selected too is none of them; alone, it is named as what it is.
-        found = list(filter(object_checks.may_show, found)) or found
         if found and pair is not None and not any(map(evaluation.is_visible, pair.found())):
             return [obj for obj in found if (other := object_pairs.of(obj)) is None or not other.is_kept]
         return found
@@ -267,10 +275,17 @@ def register() -> None:
     bpy.types.WindowManager.imprint_warnings = labeled(
         StringProperty, "Warnings", "Warnings of this session's last bake, one per line", options={"SKIP_SAVE"}
     )
+    bpy.types.WindowManager.imprint_batch = labeled(
+        StringProperty,
+        "Last Bake of Pairs",
+        "Low objects that this session's last bake of pairs baked, and those that it left out, and why, in JSON",
+        options={"SKIP_SAVE"},
+    )
 
 
 def unregister() -> None:
     _handlers.remove()
+    del bpy.types.WindowManager.imprint_batch
     del bpy.types.WindowManager.imprint_warnings
     del bpy.types.WindowManager.imprint_summary
     del bpy.types.Scene.imprint

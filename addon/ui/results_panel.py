@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import bpy
 
+from ..core.errors import in_window
 from ..core.report import Report
 from ..output import materials
 from ..scene import reading
@@ -26,15 +27,62 @@ class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return results.has_any(context)
+        return results.has_any(context) or bool(results.batch().left_out)
 
     def draw(self, context: bpy.types.Context) -> None:
-        listed = results.of_scene(context)
+        listed, left_out = results.of_scene(context), results.batch().left_out
+        if left_out:
+            _draw_left_out(self.layout.box(), context, left_out)
         if len(listed) > 1:
             _draw_list(self.layout, context, listed)
         reports = results.all_of(context)
         if reports:
             draw_result(self.layout, reports)
+
+
+def _draw_left_out(layout: bpy.types.UILayout, context: bpy.types.Context, left_out: Sequence[tuple[str, str]]) -> None:
+    """What the last bake of pairs left out, and why."""
+    for low, reason in left_out:
+        if low:
+            row = layout.row(align=True)
+            button = row.operator("imprint.select_result", text=low, translate=False, icon=ICONS[WRONG])
+            button.low = low
+            mark = row.row()
+            mark.alignment = "RIGHT"
+            mark.label(text=message("not baked"), translate=False)
+        draw_fixable(layout, context, reason, "BLANK1" if low else ICONS[WRONG], low)
+
+
+MOST_WRONG = 6
+"""Pairs that the main panel names after a bake of pairs, of those that were left out and of those with warnings."""
+
+
+def draw_batch(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Which pairs of the last bake of pairs are wrong, and why, in a box. Nothing if none is, and after another bake."""
+    batch = results.batch()
+    warned = [
+        (low.name, _warnings(reports)[0])
+        for low, reports in results.of_scene(context)
+        if low.name in batch.baked and sign(reports) == WRONG
+    ]
+    if not (batch.baked and (batch.left_out or warned)):
+        return
+    box, number = layout.box(), len(batch.baked) + len(batch.left_out)
+    for text, pairs in (
+        (message("Not baked: {} of {} pairs"), batch.left_out),
+        (message("With warnings: {} of {} pairs"), warned),
+    ):
+        if pairs:
+            box.label(text=text.format(len(pairs), number), icon=ICONS[WRONG], translate=False)
+            lines = [_of_low(low, in_window(reason)[0]) for low, reason in pairs[:MOST_WRONG]]
+            if len(pairs) > MOST_WRONG:
+                lines.append(message("And {} more in Results").format(len(pairs) - MOST_WRONG))
+            draw_paragraphs(box, context, lines, "BLANK1")
+
+
+def _of_low(low: str, sentence: str) -> str:
+    """A sentence that names its low object."""
+    return sentence if not low or repr(low) in sentence else f"{low}: {sentence}"
 
 
 def _draw_list(

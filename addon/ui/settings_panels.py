@@ -18,7 +18,7 @@ from .cage_overlay import overlay
 from .modal import QuickOperator
 from .progress_display import SettingsPanel, display
 from .properties import ImprintSettings
-from .texts import label, split_layout, tooltip
+from .texts import font_size, label, split_layout, text_width, tooltip
 
 
 class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
@@ -41,8 +41,10 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
         row = layout.row()
-        is_of_all_maps = bool(settings.to_settings().map.drawn_maps)
-        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not is_of_all_maps
+        shares_samples = settings.to_settings().map.drawn_maps or (
+            settings.detail_maps and _have_normal_maps(chosen.highs)
+        )
+        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not shares_samples
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")
@@ -59,6 +61,13 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         column.prop(settings, "limited")
         if settings.limited:
             column.prop(settings, "limit")
+
+
+def _have_normal_maps(highs: Sequence[bpy.types.Object]) -> bool:
+    """Whether a material of the high objects has nodes for a normal or bump map, which a bake may follow."""
+    found = (slot.material for high in highs for slot in high.material_slots if slot.material is not None)
+    trees = [material.node_tree for material in found if material.node_tree is not None]
+    return any(node.bl_idname in {"ShaderNodeNormalMap", "ShaderNodeBump"} for tree in trees for node in tree.nodes)
 
 
 class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
@@ -97,6 +106,8 @@ GROUPS = {
     "geometry": (Family.POINTS,),
 }
 """The groups of the list, and their families."""
+CHECK_BOX = 25.0
+"""The width of a check box beside its name, in pixels at a scale of 1."""
 INDENT = 2.0
 """The space before the settings of a map."""
 
@@ -129,10 +140,13 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
             header, body = layout.panel(f"imprint_maps_{group}", default_closed=group != "rays")
             header.label(text=_title(titles[group], settings.maps & set(names)), translate=False)
             if body is not None:
-                _draw_group(body, context, names, drawn)
+                draw_group(body, context, names, drawn)
         chosen = settings.chosen(context)
         if drawn and not bake_panel.bake_problem(context, chosen):
-            _draw_names(layout.box(), bake_panel.planned_images(chosen.low, settings))
+            header, body = layout.panel("imprint_images", default_closed=True)
+            header.label(text=bake_panel.count_images(chosen.low, settings), translate=False)
+            if body is not None:
+                _draw_names(body, bake_panel.planned_images(chosen.low, settings))
 
 
 def _draw_names(layout: bpy.types.UILayout, images: Iterable[bake_panel.PlannedImage]) -> None:
@@ -148,16 +162,24 @@ def _title(text: str, chosen: Collection[str]) -> str:
     return f"{text} ({len(chosen)})" if chosen else text
 
 
-def _draw_group(
+def draw_group(
     layout: bpy.types.UILayout, context: bpy.types.Context, names: Sequence[str], drawn: Collection[str]
 ) -> None:
     """The switches of some maps, with their settings. drawn: all maps that the bake draws, also those that only the packed
     image stores."""
-    grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
-    for name in names:
-        grid.prop(context.scene.imprint, declared_properties.map_switch(name))
+    columns = [names[::2], names[1::2]]
+    widths = [
+        CHECK_BOX + max(text_width(label(BY_NAME[name].label), font_size(1.0)) for name in each) for each in columns
+    ]
+    split = layout.split(factor=widths[0] / sum(widths), align=True)  # long names are cut off in columns of even widths
+    for each in columns:
+        column = split.column(align=True)
+        for name in each:
+            column.prop(context.scene.imprint, declared_properties.map_switch(name))
     if BY_NAME[names[0]].family.casts_rays:
         _draw_ray_settings(layout, context.scene.imprint, [name for name in names if name in drawn])
+    if any(BY_NAME[name].socket for name in names if name in drawn):
+        layout.prop(context.scene.imprint, "exact_materials")
     if ATTRIBUTE.name in names and ATTRIBUTE.name in drawn:
         _draw_attribute(_indented(layout), context)
 
@@ -174,11 +196,11 @@ def _draw_ray_settings(layout: bpy.types.UILayout, settings: ImprintSettings, dr
 def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family: Family) -> None:
     """What the maps of a family need."""
     if family is Family.THICKNESS:
-        _draw_reach(layout, settings, "thickness_distance")
+        _draw_reach(layout, settings, "thickness_distance", label("Thickness"))
     elif family is Family.CURVATURE:
-        _draw_reach(layout, settings, "curvature_radius")
+        _draw_reach(layout, settings, "curvature_radius", label("Curvature"))
     else:
-        _draw_reach(layout, settings, "ao_distance")
+        _draw_reach(layout, settings, "ao_distance", label(DECLARED["ao_distance"].label))
         if settings.ao_limited:
             layout.prop(settings, "ao_fade")
         layout.prop(settings, "bias_angle")
@@ -188,9 +210,9 @@ def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family
     layout.separator()
 
 
-def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: str) -> None:
-    """A distance behind its switch, and its unit."""
-    limited, title = DECLARED[reach].switch, label(DECLARED[reach].label)
+def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: str, title: str) -> None:
+    """A distance behind its switch, and its unit. title: short, since the line is indented."""
+    limited = DECLARED[reach].switch
     column = layout.column(align=True)
     row = column.row(align=True, heading=title, translate=False)
     row.prop(settings, limited, text="")

@@ -29,6 +29,9 @@ Part = tuple[tuple[int, ...], int]
 """A part of a low mesh that shows one image: its material slots, none for all, and its UDIM tile, or SINGLE."""
 WHOLE: Part = (), SINGLE
 """The whole low mesh."""
+FIRST_SIDE = 1024
+"""Texels of the longer side of the texture that is shown first of a larger image. For its own, Blender makes all mip levels, in
+a second or two for 4096 x 4096 texels on a software driver."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,8 @@ class StoredBake:
         self.job = Job(low, pair.found())
         self.meshes: Meshes = self._read_low(context, report.uv_layer)
         self._uploads, self._parts, self._tiles, self._bounds = UploadCache(), {}, {}, {}
+        self._first: dict[int, tuple[gpu.types.GPUTexture, tuple[float, float]]] = {}
+        self._whole: set[int] = set()
 
     @property
     def low(self) -> Mesh:
@@ -140,16 +145,38 @@ class StoredBake:
         return self._parts[part]
 
     def texture(self, stored: StoredMap) -> tuple[gpu.types.GPUTexture, bool]:
-        """The image on the GPU, and whether its texels have linear colors, rather than values as they are stored."""
-        image = stored.image
-        if stored.tile == SINGLE:  # Blender keeps it, and notices changes
-            return viewport.texture_of(image), not image.colorspace_settings.is_data
+        """The image on the GPU, and whether its texels have linear colors, rather than values as they are stored.
+
+        A large image has fewer texels there until `load_whole`.
+        """
+        image, is_data = stored.image, stored.image.colorspace_settings.is_data
+        if stored.tile == SINGLE and self.is_whole(stored):  # Blender keeps it, and notices changes
+            return viewport.texture_of(image), not is_data
+        if stored.tile == SINGLE:
+            return self._first_of(image)[0], image.is_float and not is_data
         key = image.session_uid, stored.tile
         if key not in self._tiles:  # Blender gives the first tile alone
             pixels = _pixels(stored)
-            is_linear = not (image.colorspace_settings.is_data or pixels.is_srgb)
-            self._tiles[key] = data_texture.image(pixels.values, "RGBA16F"), is_linear
+            self._tiles[key] = data_texture.image(pixels.values, "RGBA16F"), not (is_data or pixels.is_srgb)
         return self._tiles[key]
+
+    def _first_of(self, image: bpy.types.Image) -> tuple[gpu.types.GPUTexture, tuple[float, float]]:
+        """Some of the texels of a large image on the GPU, and their lowest and highest value."""
+        if image.session_uid not in self._first:
+            texels = _fewer_texels(image)
+            self._first[image.session_uid] = data_texture.image(texels, "RGBA16F"), _extent(texels)
+        return self._first[image.session_uid]
+
+    def is_whole(self, stored: StoredMap) -> bool:
+        """Whether `texture` has all texels of the image."""
+        is_small = stored.tile != SINGLE or max(stored.image.size) <= FIRST_SIDE
+        return is_small or stored.image.session_uid in self._whole
+
+    def load_whole(self, stored: StoredMap) -> None:
+        """Let `texture` have all texels of the image. This may take seconds. Do not call it while a view is being drawn."""
+        viewport.texture_of(stored.image)
+        self._whole.add(stored.image.session_uid)
+        self._first.pop(stored.image.session_uid, None)
 
     def bounds(self, maps: Sequence[StoredMap]) -> tuple[float, float]:
         """The values of the images of a map that are black and white. Images of floats have lengths in scene units."""
@@ -159,13 +186,31 @@ class StoredBake:
         how = maps[0].report.maps[maps[0].name.lower()]
         if (how["midlevel"], how["scale"]) != (0.0, 1.0):
             return 0.0, 1.0  # they are shares of the range
-        if kind.name not in self._bounds:
-            lows, highs = zip(*(_extent(_pixels(stored).values) for stored in maps), strict=True)
+        key = kind.name, all(map(self.is_whole, maps))
+        if key not in self._bounds:
+            extents = (
+                _extent(_pixels(stored).values) if self.is_whole(stored) else self._first_of(stored.image)[1]
+                for stored in maps
+            )
+            lows, highs = zip(*extents, strict=True)
             low, high = min(lows), max(highs)
             if kind.range is Range.SIGNED:  # 0 is gray
                 low, high = -max(-low, high), max(-low, high)
-            self._bounds[kind.name] = (low, high) if high > low else (low, low + 1.0)
-        return self._bounds[kind.name]
+            self._bounds[key] = (low, high) if high > low else (low, low + 1.0)
+        return self._bounds[key]
+
+
+def _fewer_texels(image: bpy.types.Image) -> np.ndarray:
+    """Every so many texels of an image, (height, width, 4) float32, at most FIRST_SIDE to a side."""
+    width, height = image.size
+    texels = np.empty((height, width, 4), np.float32)
+    image.pixels.foreach_get(texels.reshape(-1))
+    rows, columns = (
+        ((np.arange(count) + 0.5) * side / count).astype(int)
+        for side in (height, width)
+        for count in (max(1, side * FIRST_SIDE // max(width, height)),)
+    )
+    return texels[rows[:, None], columns]
 
 
 def _pixels(stored: StoredMap) -> ImagePixels:
@@ -174,8 +219,9 @@ def _pixels(stored: StoredMap) -> ImagePixels:
 
 def _extent(texels: np.ndarray) -> tuple[float, float]:
     """The lowest and the highest value of the texels (height, width, 4) that have one."""
-    known = texels[texels[..., 3] > 0.0][:, :3]
-    return (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    is_known = texels[..., 3] > 0.0
+    known = (texels if is_known.all() else texels[is_known])[..., :3]
+    return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
 
 
 MASK_COLOR = (0.9, 0.12, 0.0, 1.0)
@@ -209,6 +255,15 @@ class StoredShading(view_shading.Drawing):
         low = self.bake.job.low_ref.find()
         maps = maps_of(low)
         return maps.get(self.name) or next(iter(maps.values()), [])
+
+    @property
+    def is_whole(self) -> bool:
+        return all(self.bake.is_whole(stored) for stored in self.shown())
+
+    def load_whole(self) -> None:
+        coarse = next((stored for stored in self.shown() if not self.bake.is_whole(stored)), None)
+        if coarse is not None:
+            self.bake.load_whole(coarse)
 
     def draw_map(self, scene: ViewScene, matrix: np.ndarray, light: np.ndarray) -> None:
         normals, shown = scene.low[1], self.shown()

@@ -5,11 +5,12 @@ addon/locale/ has the translations. Blender looks up by itself what it draws of 
 """
 
 import json
-import textwrap
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import blf
 import bpy
 
 FOLDER = Path(__file__).parents[1] / "locale"
@@ -108,10 +109,46 @@ def split_layout(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     return layout
 
 
+BESIDE_TEXT = 93.0
+"""What tabs, margins, a box and an icon take of the sidebar's width beside a line of text, in pixels at a scale of 1."""
+LEAST = 100.0
+"""The least width of a line, in pixels at a scale of 1."""
+
+
 def draw_paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: list[str], icon: str) -> None:
     """Draw lines, translated and wrapped to the width of the sidebar; Blender's labels do not wrap by themselves."""
-    width = max(20, int(context.region.width / (7.0 * context.preferences.system.ui_scale)) - 6)
+    scale = context.preferences.system.ui_scale
+    width = max(LEAST * scale, context.region.width - BESIDE_TEXT * scale)
     column = layout.column(align=True)
     for line in lines:
-        for number, part in enumerate(textwrap.wrap(message(line), width)):
+        for number, part in enumerate(wrapped(message(line), width, font_size(scale))):
             column.label(text=part, icon="BLANK1" if number else icon, translate=False)
+
+
+def font_size(scale: float) -> float:
+    """The size of the letters of buttons and labels, in pixels."""
+    return bpy.context.preferences.ui_styles[0].widget.points * scale
+
+
+def text_width(text: str, size: float) -> float:
+    """The width of a line of this size, in pixels."""
+    blf.size(0, size)
+    return blf.dimensions(0, text)[0]
+
+
+@lru_cache(maxsize=2**12)  # a panel asks at each redraw
+def wrapped(text: str, width: float, size: float) -> list[str]:
+    """The lines of a text that is not to be wider than `width` in letters of this size, both in pixels. Words that are too
+    long, as paths, are divided."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".lstrip()
+        if text_width(longer, size) <= width:
+            lines[-1] = longer
+            continue
+        lines.append(word)
+        while text_width(lines[-1], size) > width and len(lines[-1]) > 1:
+            rest = lines[-1]
+            count = next((at for at in range(2, len(rest)) if text_width(rest[:at], size) > width), len(rest)) - 1
+            lines[-1:] = [rest[:count], rest[count:]]
+    return [line for line in lines if line]

@@ -33,7 +33,7 @@ def title(lows: Sequence[str], name: str) -> str:
 def draw(context: bpy.types.Context, mode: Mode, shown: str, deviations: view_shading.Deviations | None) -> None:
     """Write the texts of a mode over a view. shown: from `title`."""
     view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
-    visible = visible_columns(context)
+    visible = progress_display.visible_columns(context.area, context.region)
     if mode.is_deviation:
         _draw_deviations(context, [shown, *describe_deviations(deviations)])
         return
@@ -83,19 +83,6 @@ def describe_deviations(deviations: view_shading.Deviations | None) -> list[str]
             (message("Without: mean {}, 99 % below {}"), deviations.bare_mean, deviations.bare_percentile_99),
         )
     ]
-
-
-def visible_columns(context: bpy.types.Context) -> tuple[int, int]:
-    """The first and last x, in pixels of the region, between the toolbar and the sidebar that lie over it."""
-    region = context.region
-    left, right = 0, region.width
-    for other in context.area.regions:
-        if other.type in {"TOOLS", "UI"} and other.width > 1:  # 1 where it is hidden
-            if other.alignment == "LEFT":
-                left = max(left, other.x + other.width - region.x)
-            elif other.alignment == "RIGHT":
-                right = min(right, other.x - region.x)
-    return left, right
 
 
 def label_position(zone: range, width: float, share: float, visible: tuple[int, int], gap: float) -> float | None:

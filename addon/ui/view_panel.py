@@ -268,7 +268,7 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
 
     bl_idname = "IMPRINT_PT_view"
     bl_label = "View"
-    bl_order = 3
+    bl_order = 1
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, view = split_layout(self.layout), context.scene.imprint_view

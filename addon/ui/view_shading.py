@@ -14,8 +14,8 @@ from ..core.declarations import targets
 from ..core.declarations.choices import Pack, Space, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
-from ..engine import normal_space, uv_agreement
-from ..engine.bands import BAND_TEXELS, Band
+from ..engine import live_redraw, normal_space, uv_agreement
+from ..engine.bands import Band
 from ..jobs.live_session import Session
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -123,6 +123,14 @@ class Drawing:
     def __init__(self, subject: Subject):
         self.subject, self.objects = subject, ViewObjects(subject)
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether it draws the map with all its texels."""
+        return True
+
+    def load_whole(self) -> None:
+        """Load all texels of one image of the map that is not whole. Do not call this while a view is being drawn."""
+
     def draw(self, mode: Mode, eye: Eye, *, limit: float = 5.0, is_alone: bool = False) -> None:
         """Draw a mode of one picture into the bound framebuffer, which has depth.
 
@@ -216,13 +224,8 @@ class Deviations:
 
 def settings_for(settings: Settings) -> Settings:
     """Settings for the same map in memory only, with one tile, and small enough for a single band."""
-    width, height = settings.sampling.size
-    while width * height > BAND_TEXELS:
-        width, height = width // 2, height // 2
-    return replace(
+    found = replace(
         settings,
-        width=width,
-        height=height,
         udim=False,
         tiles=(),
         normal=True,
@@ -233,6 +236,10 @@ def settings_for(settings: Settings) -> Settings:
         storage=Storage.MEMORY,
         output="",
     )
+    while not live_redraw.is_whole(found):
+        width, height = found.sampling.size
+        found = replace(found, width=width // 2, height=height // 2)
+    return found
 
 
 class Shading(Drawing):

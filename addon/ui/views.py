@@ -20,7 +20,7 @@ from ..engine.bands import BAND_TEXELS
 from ..jobs import live_session
 from ..jobs.job import PastBake
 from ..scene.object_checks import ObjectRef
-from . import object_pairs, stored_maps, view_labels, view_shading
+from . import object_pairs, progress_display, stored_maps, view_labels, view_shading
 from .callbacks import DrawCallbacks, Handlers, Timer, redraw
 from .live import live
 from .local_view import hiding
@@ -31,6 +31,8 @@ from .view_shading import OWN, Drawing, Mode
 
 RETRY = 0.5
 """Seconds until a view that waits for a bake checks again."""
+REST = 0.5
+"""Seconds without a drawing until a view has all texels of a large image."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class ViewMode:
         self.own: OwnMap | None = None
         self.stored: dict[int, StoredShading] = {}
         self.timer = Timer(self.catch_up)
+        self.sharpening = Timer(self.sharpen)
         self._drawings: list[Drawing] = []
         self._shown: tuple = ()
         """What was prepared: see `_wanted`."""
@@ -84,7 +87,8 @@ class ViewMode:
     @property
     def is_idle(self) -> bool:
         """Whether the view is off, and no map, draw callback, handler or timer remains."""
-        is_used = self.own or self.shading or self.stored or self._draw_callbacks.are_added or self.timer.is_running
+        is_waiting = self.timer.is_running or self.sharpening.is_running
+        is_used = self.own or self.shading or self.stored or self._draw_callbacks.are_added or is_waiting
         return self.mode is Mode.OFF and not is_used and not self._handlers.are_added
 
     @property
@@ -206,6 +210,7 @@ class ViewMode:
         self._draw_callbacks.remove()
         self._handlers.remove()
         self.timer.stop()
+        self.sharpening.stop()
         hiding.stop()
         self.free()
         redraw()
@@ -244,6 +249,16 @@ class ViewMode:
         except BakeError as error:
             self.off()
             self.message = str(error)
+        return None
+
+    def sharpen(self) -> float | None:
+        """Show a large image with all its texels. The next drawing asks for the next one."""
+        if display.current is not None:
+            return RETRY
+        coarse = next((drawing for drawing in self._drawings if not drawing.is_whole), None)
+        if coarse is not None:
+            coarse.load_whole()
+            redraw()
         return None
 
     def read_again(self) -> None:
@@ -359,10 +374,13 @@ class ViewMode:
             self.mode,
             eye(context.region_data, view.light, np.array(view.direction)),
             split=view.split,
-            visible=view_labels.visible_columns(context) if context.area else None,
+            visible=progress_display.visible_columns(context.area, context.region) if context.area else None,
             limit=view.limit,
             is_alone=hiding.are_out(context.space_data, highs),
         )
+        self.sharpening.stop()
+        if self.mode is not Mode.HIGH and not all(drawing.is_whole for drawing in drawings):
+            self.sharpening.start(REST)
         if self.mode.is_deviation:
             view_labels.draw_legend(context)
 

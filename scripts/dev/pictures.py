@@ -4,8 +4,8 @@
 blender --factory-startup --window-geometry 0 0 1280 800 --python scripts/dev/pictures.py -- [PART ...]
 
 PART is one of those in WINDOW or RENDERED below; without one, all are made. "panels" and "findings" need a window 1600 pixels
-high. The pictures go into docs/images/ and docs/extension/. A virtual screen will do (xvfb-run); ImageMagick then takes the
-screenshots. With --background, the parts in RENDERED are made alone, by Cycles.
+high, and a Blender each. The pictures go into docs/images/ and docs/extension/. A virtual screen will do (xvfb-run);
+ImageMagick then takes the screenshots. With --background, the parts in RENDERED are made alone, by Cycles.
 """
 
 import sys

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
+from addon.engine.unsure_texels import REASONS
 from addon.jobs import bake_pair
 from tests.support import maps, zoo
 
@@ -46,7 +47,10 @@ def test_the_extrusion_for_far_parts_is_rounded():
 
 def test_a_plate_beyond_them_needs_an_extrusion():
     height = 1.1 * FARTHEST
-    assert (np.abs(bake(height)[0]) < 1e-4).all()
+    heights, report = bake(height)
+    assert (np.abs(heights) < 1e-4).all()
+    assert report.checks["unsure"]["beyond"] == report.checks["unsure"]["count"] == SIZE * SIZE / 16
+    assert any("the map has the inner one. Increase the extrusion" in warning for warning in report.warnings)
     heights, _ = bake(height, extrusion=1.2 * FARTHEST, max_distance=2.0 * FARTHEST)
     assert np.count_nonzero(np.abs(heights - height) < 1e-4) == SIZE * SIZE / 16
 
@@ -63,11 +67,41 @@ def test_with_a_length_that_is_set_rays_still_reach_what_was_measured_inside():
     assert report.missed == 0.0
 
 
-@pytest.mark.parametrize(("size", "is_part"), [(0.45, True), (0.55, False), (1.0, False)])
-def test_what_covers_more_than_a_quarter_is_another_layer(size, is_part):
+@pytest.mark.parametrize(
+    ("size", "is_part", "reason", "sentence"),
+    [
+        (0.45, True, None, None),
+        (0.6, True, "covered", "the map has the outer one; --hit nearest chooses the inner one"),
+        (0.75, True, "covered", "the map has the outer one; --hit nearest chooses the inner one"),
+        (1.0, False, "beyond", "the map has the inner one. Increase the extrusion"),
+    ],
+)
+def test_what_covers_much_is_named_and_what_covers_all_is_another_layer(size, is_part, reason, sentence):
     height = 0.07 * DIAGONAL
-    heights, _ = bake(height, size=size)
-    assert (np.abs(heights - height) < 1e-4).any() == is_part
+    heights, report = bake(height, size=size)
+    stands = np.abs(heights - height) < 1e-4
+    below = np.abs(2.0 * maps.texel_uv(SIZE, SIZE) - 1.0).max(axis=2) < size
+    np.testing.assert_array_equal(stands, below & is_part)
+    check = report.checks["unsure"]
+    assert {name: check[name] for name in REASONS if check[name]} == ({reason: check["count"]} if reason else {})
+    if sentence is None:
+        assert not any("two surfaces" in warning for warning in report.warnings)
+    else:
+        assert check["share"] == below.mean()
+        assert any(sentence in warning for warning in report.warnings)
+
+
+def test_the_inner_one_of_two_surfaces_can_be_chosen():
+    heights, report = bake(0.07 * DIAGONAL, size=0.75, hit="NEAREST")
+    assert (np.abs(heights) < 1e-4).all()
+    assert report.checks["unsure"]["count"] == 0
+
+
+def test_with_distances_that_are_set_there_is_no_doubt_about_what_covers_much():
+    height = 0.07 * DIAGONAL
+    heights, report = bake(height, size=0.75, extrusion=FARTHEST, max_distance=2.0 * FARTHEST)
+    assert (np.abs(heights - height) < 1e-4).any()
+    assert report.checks["unsure"]["count"] == 0
 
 
 def test_what_belongs_to_another_part_of_the_low_mesh_is_no_part_that_stands_off():

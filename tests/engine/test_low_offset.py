@@ -90,6 +90,16 @@ def test_heights_are_those_above_the_low_mesh_as_it_is():
     assert np.abs(found["height"][..., 0] + share).mean() < 0.1 * share
 
 
+@pytest.mark.parametrize(("share", "side"), [(0.02, "outside"), (-0.02, "inside"), (0.0, None)])
+def test_the_report_says_how_far_the_low_mesh_is_off(share, side):
+    distance = share * np.linalg.norm((2.2, 2.2, 0.2))
+    report = scenes.bake(ring("lo", 96, 32, 0.1 + distance), ring("hi", 192, 64, 0.1), method="CAST")
+    assert report.low_offset == pytest.approx(-distance, rel=0.05)
+    told = [line for line in report.summary() if "the high surface everywhere" in line]
+    assert len(told) == (side is not None)
+    assert all("'lo' lies" in line and f" {side} the high surface" in line for line in told)
+
+
 def test_a_low_ring_that_is_inside_out_is_named():
     low, high = ring("lo", 48, 12, 0.1), ring("hi", 192, 48, 0.1, 0.004)
     assert scenes.bake(low, high, method="CAST").warnings == []

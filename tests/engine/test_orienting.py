@@ -14,8 +14,6 @@ from tests.support import angles, maps, oracle, scenes, spoiled, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-WRONG = 30.0
-"""Degrees from the clean map's normal that no rounding makes: the texel shows another place, or the other side."""
 SAME = 1e-4
 """Of a channel from 0 to 1: sums of normals in another order round differently."""
 
@@ -38,14 +36,6 @@ def cast(low, *highs, **settings):
     return maps.bake(low, *highs, **{"method": "CAST", "space": "OBJECT"} | settings)
 
 
-def wrong(clean, other):
-    """The share of texels whose normal is wrong, or that are covered in one of two maps."""
-    both = (clean[..., 3] > 0) & (other[..., 3] > 0)
-    far = angles.degrees(angles.decode(clean), angles.decode(other)) > WRONG
-    covered = np.count_nonzero(clean[..., 3] > 0)
-    return (np.count_nonzero(both & far) + np.count_nonzero((clean[..., 3] > 0) != (other[..., 3] > 0))) / covered
-
-
 SPOILED = {
     "flipped at random": lambda soup, rng: spoiled.flipped_at_random(soup, rng, 0.3),
     "flipped in regions": lambda soup, rng: spoiled.flipped_in_regions(soup, rng, 0.3),
@@ -65,7 +55,7 @@ def test_turned_faces_leave_the_map_as_it_is_seed_7(name, method):
     mended = cast(low, spoiled.build("spoiled", SPOILED[name](soup, np.random.default_rng(7))), method=method)
     assert np.abs(clean - mended).max() < SAME
     kept = cast(low, bpy.data.objects["spoiled"], method=method, keep_faces=True)
-    assert wrong(clean, kept) > 0.01
+    assert spoiled.wrong(clean, kept) > 0.01
 
 
 def test_a_mesh_without_conflicts_stays_as_it_was_read():
@@ -103,7 +93,7 @@ def test_flatten_turns_faces_over_seed_3():
     clean = maps.bake(low, spoiled.build("clean", soup))
     dirty = spoiled.build("dirty", spoiled.flipped_in_regions(soup, np.random.default_rng(3), 0.3))
     assert np.abs(clean - maps.bake(low, dirty)).max() < SAME
-    assert wrong(clean, maps.bake(low, dirty, keep_faces=True)) > 0.2
+    assert spoiled.wrong(clean, maps.bake(low, dirty, keep_faces=True)) > 0.2
 
 
 def test_other_maps_are_those_of_the_clean_mesh_seed_5():
@@ -395,7 +385,7 @@ def test_flipped_faces_of_real_meshes_seed_7(file, shared_assets):
     for share in (0.05, 0.15, 0.3):
         for spoil in (spoiled.flipped_at_random, spoiled.flipped_in_regions):
             dirty = spoiled.build("dirty", spoil(soup, np.random.default_rng(7), share))
-            assert wrong(clean, cast(low, dirty, **size)) <= MORE_WRONG
+            assert spoiled.wrong(clean, cast(low, dirty, **size)) <= MORE_WRONG
             bpy.data.objects.remove(dirty)
 
 
@@ -412,4 +402,4 @@ def test_real_meshes_with_all_flaws_together_seed_7(file, shared_assets):
     for name, most in (("ao", 4.0), ("thickness", 4.0), ("base_color", 2.0)):
         assert 255.0 * np.abs(clean[name] - found[name])[..., :3].mean() <= most, name
     size = {"size": (512, 512)}
-    assert wrong(cast(low, bpy.data.objects["clean"], **size), cast(low, dirty, **size)) <= SOUP_WRONG
+    assert spoiled.wrong(cast(low, bpy.data.objects["clean"], **size), cast(low, dirty, **size)) <= SOUP_WRONG

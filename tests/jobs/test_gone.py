@@ -90,6 +90,25 @@ def test_deleting_an_object_of_the_only_job_changes_nothing(name):
     assert difference(before, snapshot()) == {}
 
 
+@pytest.mark.parametrize("share_image", [False, True], ids=["several", "atlas"])
+@pytest.mark.parametrize("is_kept", [False, True], ids=["removed", "in a slot"])
+def test_a_bake_ends_at_the_step_after_its_low_object_was_deleted(registered, share_image, is_kept):
+    """As in a second window while the first one bakes: with X, which leaves an object that a slot of the panel points to."""
+    jobs = pairs()
+    deleted = "b" if share_image else "a"
+    if is_kept:
+        bpy.context.scene.imprint.low = bpy.data.objects[deleted]
+    work = bake_jobs.work(bpy.context, jobs, settings(), Pace(SLICED), share_image=share_image)
+    while next(work).what != "Drawing":
+        pass
+    with bpy.context.temp_override(selected_objects=[bpy.data.objects[deleted]]):
+        bpy.ops.object.delete()
+    assert (deleted in bpy.data.objects) == is_kept
+    with pytest.raises(BakeError, match=f"'{deleted}' was deleted"):
+        next(work)
+    assert not bpy.data.images
+
+
 def test_maps_of_finished_jobs_stay():
     work = bake_jobs.work(bpy.context, pairs(), settings(), Pace(SLICED))
     while next(work).finished < 1:

@@ -8,7 +8,7 @@ import pytest
 from addon.core import map_types
 from addon.core.material_feeds import HighMaterial
 from addon.core.settings import Settings
-from addon.jobs import bake
+from addon.jobs import material_inputs
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -22,8 +22,8 @@ def test_notes_have_the_order_of_the_maps():
     }
     meshes = SimpleNamespace(materials=[HighMaterial("Rust", notes=notes)])
     names = tuple(map_type.name for map_type in chosen)
-    found = bake.material_notes(meshes, Settings(maps=names).map)
+    found = material_inputs.notes(meshes, Settings(maps=names).map)
     assert found == [*(f"{socket} is left out" for socket in sockets), "shader", "detail"]
-    widened = bake.material_notes(meshes, Settings(maps=(map_types.WIDENED_ROUGHNESS.name,)).map)
+    widened = material_inputs.notes(meshes, Settings(maps=(map_types.WIDENED_ROUGHNESS.name,)).map)
     assert widened[0] == "Roughness is left out"
-    assert bake.material_notes(meshes, Settings(detail_maps=False).map) == []
+    assert material_inputs.notes(meshes, Settings(detail_maps=False).map) == []

@@ -306,9 +306,9 @@ def missing_image():
     return case(zoo.plane("lo"), high, maps=("BASE_COLOR",))
 
 
-def procedural():
+def of_the_view():
     high = terrain()
-    material(high, "ShaderNodeTexNoise")
+    material(high, "ShaderNodeLayerWeight")
     return case(zoo.plane("lo"), high, maps=("BASE_COLOR",))
 
 
@@ -485,7 +485,10 @@ WRONG = {
         Fix.OWN_HIT.name,
     ),
     "image missing": (missing_image, 'Material "Paint": Base Color is left out, because the image "rock"'),
-    "procedural material": (procedural, 'Material "Paint": Base Color is left out, because Imprint cannot follow'),
+    "material that looks at the view": (
+        of_the_view,
+        'Material "Paint": Base Color is left out, because Imprint cannot follow',
+    ),
     "NaN in an attribute": (attribute_with_nan, "The attribute 'Dirt' of 'hi' is not finite"),
     "attribute missing": (
         lambda: case(zoo.plane("lo"), terrain(), maps=("ATTRIBUTE",), attribute="Dirt"),

@@ -537,12 +537,14 @@ def test_the_legend_runs_from_left_to_right():
     assert np.abs(pixels[25, 99, :3] - (0.7, 0.0, 0.0)).max() < 0.02
 
 
-def test_a_view_limits_the_map_size_and_keeps_the_map_in_memory():
+@pytest.mark.parametrize(("budget", "size"), [("16000", (8192, 2048)), ("1000", (4096, 1024))])
+def test_a_view_limits_the_map_size_and_keeps_the_map_in_memory(monkeypatch, budget, size):
+    monkeypatch.setenv("IMPRINT_GPU_MEMORY", budget)
     settings = view_shading.settings_for(
         Settings(width=16384, height=4096, udim=True, tiles=(1002,), storage="FILE", output="x.png")
     )
     settings.check()
-    assert settings.sampling.size == (8192, 2048)
+    assert settings.sampling.size == size
     assert (settings.sampling.udim, settings.storing.storage, settings.storing.material) == (False, "MEMORY", False)
 
 

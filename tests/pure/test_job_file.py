@@ -67,6 +67,7 @@ SAID = {
     "curvature_radius": ("--curvature-radius 0.05", 0.05),
     "attribute": ("--attribute Col", "Col"),
     "appearance": ("--appearance", True),
+    "exact_materials": ("--exact-materials off", "OFF"),
     "detail_maps": ("--no-detail-maps", False),
     "pack": ("--pack hdrp", "HDRP"),
     "pack_red": ("--pack-red cavity", "CAVITY"),
@@ -103,7 +104,12 @@ SAID = {
 
 
 def test_every_setting_has_an_option():
-    assert set(SAID) | {"storage"} == set(PART_OF)
+    assert set(SAID) | {"storage", "low_suffix"} == set(PART_OF)  # --suffixes has the ending of low objects
+
+
+def test_the_ending_of_low_objects_is_that_of_pairs_by_name():
+    options = arguments.parse(["a.blend", "--pairs", "--suffixes", ".lp,.hp,.cg", "--output", "{name}_n.png"])
+    assert arguments.settings(options).storing.low_suffix == ".lp"
 
 
 @pytest.mark.parametrize("name", SAID)

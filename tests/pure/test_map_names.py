@@ -6,7 +6,7 @@ import pytest
 from addon.core import naming
 from addon.core.declarations.targets import TARGETS
 from addon.core.map_types import BY_NAME
-from addon.core.settings import Settings
+from addon.core.settings import Settings, StorageSettings
 from addon.output import map_names
 from addon.output.map_names import settings_by_map
 
@@ -169,6 +169,14 @@ def test_a_name_without_its_suffix_fills_paths_and_images(low, name):
     assert naming.fill("maps/T_{name}_N.png", low) == f"maps/T_{name}_N.png"
     assert map_names.name_for(low, Settings(image="{name}_{low}").storing) == f"{name}_{low}"
     Settings(image="{name}").check()
+
+
+def test_a_chosen_ending_is_left_out_of_the_name():
+    assert naming.fill("//{name}_N.png", "crate_game", low_suffix="_game") == "//crate_N.png"
+    assert naming.fill("//{name}_N.png", "crate_game_2", low_suffix="_GAME") == "//crate_2_N.png"
+    assert naming.fill("//{name}_N.png", "crate_game") == "//crate_game_N.png"
+    assert map_names.name_for("crate.lp", StorageSettings(image="T_{name}", low_suffix=".lp")) == "T_crate"
+    assert map_names.name_for("crate_low", StorageSettings(image="T_{name}")) == "T_crate"
 
 
 def test_names_without_suffixes_tell_low_objects_apart():

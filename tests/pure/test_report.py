@@ -31,6 +31,7 @@ from tests.support import json_schema, reports
 PAST_BAKES = {
     "addon/jobs/job.py": "finds the objects of a past bake, to locate its issues",
     "addon/jobs/bake_jobs.py": "shows the frames that are done",
+    "addon/jobs/lod.py": "finds the levels that are done, to put them side by side",
 }
 """Modules below ui/ and cli/ that read a report, and why."""
 BELOW = ("mesh", "passes", "engine", "audit", "scene", "output", "jobs")

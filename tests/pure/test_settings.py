@@ -136,7 +136,7 @@ def test_each_declaration_is_a_field_or_used_only_by_the_panel():
     """Only the panel uses its switches and slots, settings with another option or none in a bake."""
     more = {name for name, setting in DECLARED.items() if name not in FIELDS and setting.option}
     assert more == {"low", "highs", "cage", "size", "export", *CONVERT}
-    assert {name for name in FIELDS if not DECLARED[name].option} == {"width", "height", "storage"}
+    assert {name for name in FIELDS if not DECLARED[name].option} == {"width", "height", "storage", "low_suffix"}
 
 
 def test_no_two_panels_show_the_same_setting():

@@ -15,7 +15,7 @@ class Layout:
 
     ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
 
-    def __init__(self, drawn=None, is_in_row=False, enabled=True):
+    def __init__(self, drawn=None, is_in_row=False, enabled=True, active=True):
         self.drawn = (
             drawn
             if drawn is not None
@@ -27,6 +27,7 @@ class Layout:
                 given=[],
                 properties=[],
                 bright=[],
+                dim=[],
                 files=[],
                 red=[],
                 order=[],
@@ -34,6 +35,7 @@ class Layout:
         )
         self._is_above_enabled = self._is_enabled = enabled
         self.is_in_row = is_in_row
+        self.active = active
 
     @property
     def enabled(self):
@@ -44,12 +46,12 @@ class Layout:
         self._is_enabled = is_enabled and self._is_above_enabled
 
     def _part(self, **_):
-        return Layout(self.drawn, self.is_in_row, self.enabled)
+        return Layout(self.drawn, self.is_in_row, self.enabled, self.active)
 
     column = box = split = grid_flow = _part
 
     def row(self, **_):
-        return Layout(self.drawn, is_in_row=True, enabled=self.enabled)
+        return Layout(self.drawn, is_in_row=True, enabled=self.enabled, active=self.active)
 
     def panel(self, _name, **_):
         return self._part(), self._part()
@@ -94,6 +96,8 @@ class Layout:
     def _note(self, name):
         """Note that a property or a button is drawn here, and whether it looks on."""
         self.drawn.order.append(name)
+        if not self.active:
+            self.drawn.dim.append(name)
         if self.enabled:
             self.drawn.bright.append(name)
 
@@ -148,20 +152,24 @@ PANELS = [
 """The panels in the order in which they are registered, without that of the checks."""
 
 
-def draw(width=240, ui_scale=1.0, panels=PANELS):
-    """Draw panels as the sidebar does. Returns what was drawn."""
-    layout = Layout()
+def context_of(width, ui_scale=1.0):
+    """The context of a sidebar of this width: in the background there is none."""
     bpy.context.view_layer.update()
-    context = SimpleNamespace(
+    return SimpleNamespace(
         scene=bpy.context.scene,
         window_manager=bpy.context.window_manager,
         view_layer=bpy.context.view_layer,
         evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
         active_object=bpy.context.active_object,
         selected_objects=bpy.context.selected_objects,
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale), addons={}),  # it is 0 in the background
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale), addons={}),
         region=SimpleNamespace(width=width),
     )
+
+
+def draw(width=240, ui_scale=1.0, panels=PANELS):
+    """Draw panels as the sidebar does. Returns what was drawn."""
+    layout, context = Layout(), context_of(width, ui_scale)
     for panel in panels:
         if hasattr(panel, "poll") and not panel.poll(context):
             continue

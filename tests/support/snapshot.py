@@ -18,6 +18,7 @@ FLEETING = {
     "face_count",
     "bound_box",
     "dimensions",
+    "is_library_indirect",  # Blender clears it with the first local user, and finds it anew when the file is saved
     "pixels",  # reading them loads the image: see `pixels` below
 }
 

@@ -11,9 +11,11 @@ import bpy
 import numpy as np
 
 from addon.mesh import edges
-from tests.support import zoo
+from tests.support import angles, zoo
 
 COLOR = "Color"
+WRONG = 30.0
+"""Degrees from the clean map's normal that no rounding makes: the texel shows another place, or the other side."""
 
 
 @dataclass(frozen=True)
@@ -177,3 +179,11 @@ def all_together(soup: Soup, rng: np.random.Generator) -> Soup:
     soup = with_crumbs(soup, rng, len(soup.triangles) // 200)
     soup = flipped_in_regions(flipped_at_random(soup, rng, 0.05), rng, 0.1)
     return with_holes(unwelded(soup, rng, 0.1), rng, 0.0005)
+
+
+def wrong(clean: np.ndarray, other: np.ndarray) -> float:
+    """The share of the texels of a map in object or world space whose normal is wrong, or that one of two maps lacks."""
+    both = (clean[..., 3] > 0) & (other[..., 3] > 0)
+    far = angles.degrees(angles.decode(clean), angles.decode(other)) > WRONG
+    covered = np.count_nonzero(clean[..., 3] > 0)
+    return (np.count_nonzero(both & far) + np.count_nonzero((clean[..., 3] > 0) != (other[..., 3] > 0))) / covered

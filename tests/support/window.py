@@ -10,8 +10,12 @@ import bpy
 
 from addon.ui.texts import SidebarPanel
 
-STEP = 14
+STEP = 18
 """Pixels between the places where `find` looks for a button, which is 20 high."""
+SCROLLS = 4
+"""How often `find` scrolls down by nearly the height of the sidebar."""
+UP, DOWN = 4, 5
+"""The wheel's numbers as buttons of the mouse."""
 
 
 def view() -> tuple[bpy.types.Window, bpy.types.Area, bpy.types.Region]:
@@ -58,22 +62,35 @@ def press(button: str) -> Iterator[float]:
     yield 0.3
 
 
-def find(button: str) -> Iterator[float]:
-    """Move the mouse to a button of the sidebar's tab Imprint, which is shown. Raises LookupError if it is not in sight."""
-    whole, area, _ = view()
+def open_tab() -> Iterator[float]:
+    """Open the sidebar at the tab Imprint."""
+    _, area, _ = view()
     area.spaces.active.show_region_ui = True
     sidebar = next(region for region in area.regions if region.type == "UI")
     yield 0.5
     sidebar.active_panel_category = "Imprint"
     yield 1.0
-    top = whole.height - sidebar.y - sidebar.height
-    for part in (0.25, 0.7, 0.84):
-        for y in range(top + STEP, top + sidebar.height, STEP):
-            mouse("mousemove", round(sidebar.x + sidebar.width * part), y)
-            yield 0.04
-            if _under_mouse(sidebar).removeprefix("bpy.ops.").partition("(")[0] == button:
-                return
-    raise LookupError(f"{button} is not in sight")
+
+
+def find(button: str) -> Iterator[float]:
+    """Move the mouse to a button of the sidebar's tab Imprint, which is shown. The wheel goes to its top, and down as far
+    as it takes. Raises LookupError if there is no such button."""
+    yield from open_tab()
+    whole, area, _ = view()
+    sidebar = next(region for region in area.regions if region.type == "UI")
+    left, top = sidebar.x + 4, whole.height - sidebar.y - sidebar.height
+    for direction, turns in ((UP, 100), *[(DOWN, sidebar.height // 50)] * SCROLLS):
+        mouse("mousemove", left, top + sidebar.height // 2)
+        yield 0.2
+        mouse("click", "--repeat", turns, "--delay", 10, direction)
+        yield 0.7
+        for part in (0.7, 0.25, 0.84):
+            for y in range(top + STEP, top + sidebar.height, STEP):
+                mouse("mousemove", round(sidebar.x + sidebar.width * part), y)
+                yield 0.03
+                if _under_mouse(sidebar).removeprefix("bpy.ops.").partition("(")[0] == button:
+                    return
+    raise LookupError(f"{button} is not in the sidebar")
 
 
 def _under_mouse(region: bpy.types.Region) -> str:

@@ -17,6 +17,7 @@ from addon.ui.checks import FIXES, findings
 from addon.ui.properties import Chosen
 from tests.support import panel_layout, zoo
 from tests.support.panel import use
+from tests.support.panel_layout import draw
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -493,6 +494,28 @@ def test_the_panel_looks_again_when_an_object_turns():
     high.data.update()
     bpy.context.view_layer.update()
     assert drawn_fixes()[1] == ["FLIPPED"]
+
+
+def test_materials_that_cannot_be_followed_are_named_before_the_bake():
+    low, high = zoo.plane("lo"), zoo.plane("hi", 2)
+    material = bpy.data.materials.new("rust")
+    high.data.materials.append(material)
+    settings = use(low, high, size=16, method="CAST", maps={"BASE_COLOR"})
+    text = 'Material "rust": Base Color is left out'
+    assert text not in draw().text
+    tree = material.node_tree
+    noise = tree.nodes.new("ShaderNodeTexNoise")
+    shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+    tree.links.new(noise.outputs["Color"], shader.inputs["Base Color"])
+    assert text not in draw().text  # Cycles evaluates it
+    settings.exact_materials = "OFF"
+    assert text in draw().text
+    settings.maps = {"ROUGHNESS"}
+    assert text not in draw().text
+    settings.maps = {"BASE_COLOR"}
+    assert text in draw().text
+    tree.nodes.remove(noise)
+    assert text not in draw().text
 
 
 def test_sheets_with_two_sides_are_no_finding():

@@ -8,8 +8,8 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
+from addon.ui import bake_results, results_panel
 from addon.ui import live as live_module
-from addon.ui import results_panel
 from addon.ui.live import LiveState, live
 from tests.support import panel_layout, zoo
 from tests.support.following import follow
@@ -79,6 +79,26 @@ def test_maps_of_live_have_buttons_too(pair):
     live.stop()
     drawn = panel_layout.draw(panels=[results_panel.IMPRINT_PT_results])
     assert [given.image for name, given in drawn.given if name == "imprint.show_map"] == ["lo_normal", "lo_ao"]
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+@pytest.mark.parametrize("was_baked", [False, True], ids=["no bake before", "another bake before"])
+def test_after_live_the_results_are_those_of_its_maps(pair, method, was_baked):
+    settings = use(method=method)
+    if was_baked:
+        assert bpy.ops.imprint.bake() == {"FINISHED"}
+    settings.space, settings.maps = "OBJECT", {"AO"}
+    bpy.ops.imprint.live()
+    follow()
+    bpy.ops.imprint.live()
+    drawn = panel_layout.draw(panels=[results_panel.IMPRINT_PT_results])
+    assert [given.image for name, given in drawn.given if name == "imprint.show_map"] == ["lo_normal", "lo_ao"]
+    of_live = bake_results.results.of(bpy.context).to_dict()
+    assert bpy.ops.imprint.bake(modifiers="VIEWPORT") == {"FINISHED"}
+    of_bake = bake_results.results.of(bpy.context).to_dict()
+    assert of_live["space"] == "OBJECT"
+    differing = {name for name, value in of_bake.items() if of_live[name] != value}
+    assert differing <= {"seconds", "settings"}
 
 
 def test_the_normal_map_comes_first_and_a_change_drops_the_others(pair, monkeypatch):

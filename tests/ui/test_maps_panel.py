@@ -55,6 +55,26 @@ def test_a_map_that_is_only_packed_shows_its_settings(settings):
     assert {*draw().properties} & OF_MAPS == NEEDS["AO"]
 
 
+def test_adaptive_samples_look_off_where_they_have_no_effect(settings):
+    settings.samples = "16"
+    assert "adaptive" not in draw().dim
+    settings.maps = {"AO"}
+    assert "adaptive" in draw().dim
+    settings.maps = set()
+    settings.samples = "1"
+    assert "adaptive" in draw().dim
+    settings.samples, settings.method = "16", "FLATTEN"
+    assert "adaptive" in draw().dim
+    settings.method = "CAST"
+    material = bpy.data.materials.new("own normals")
+    material.use_nodes = True
+    material.node_tree.nodes.new("ShaderNodeNormalMap")
+    bpy.data.objects["hi"].data.materials.append(material)
+    assert "adaptive" in draw().dim
+    settings.detail_maps = False
+    assert "adaptive" not in draw().dim
+
+
 def test_only_a_custom_layout_shows_its_channels(settings):
     channels = {"pack_red", "pack_green", "pack_blue", "pack_alpha"}
     settings.pack = "GLTF"

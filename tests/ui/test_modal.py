@@ -12,6 +12,7 @@ from addon.core.errors import BakeError
 from addon.engine import gpu_memory, tree_cache
 from addon.passes import target
 from addon.ui import bake_operators, modal, view_panel
+from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.modal import EVERY, idle_memory
 from addon.ui.progress_display import display
@@ -153,6 +154,24 @@ def test_esc_changes_nothing(pair, name, step):
 
 
 @pytest.mark.usefixtures("tiny")
+def test_esc_in_a_batch_keeps_the_results_of_what_is_done():
+    for name in ("a", "b"):
+        zoo.plane(f"{name}_low"), zoo.terrain(f"{name}_high", n=8)
+    settings = bpy.context.scene.imprint
+    settings.size, settings.method, settings.storage = 16, "CAST", "MEMORY"
+    button = Button(bake_operators.IMPRINT_OT_bake_pairs)
+    button.press()
+    for _ in range(TICKS):
+        if display.current.finished == 1:
+            break
+        assert button.event() == {"RUNNING_MODAL"}
+    assert button.event("ESC") == {"CANCELLED"}
+    assert button.reports == [("WARNING", "Stopped. Finished before, and kept: 1.")]
+    assert [low.name for low, _ in results.of_scene(bpy.context)] == ["a_low"]
+    assert is_clean()
+
+
+@pytest.mark.usefixtures("tiny")
 def test_esc_keeps_the_previous_view(pair):
     viewer.switch(bpy.context, Mode.MAP)
     own = viewer.own
@@ -260,6 +279,7 @@ def test_adjust_last_operation_shows_the_summary_and_no_settings(pair):
     layout = SimpleNamespace(column=lambda *, align: SimpleNamespace(label=label))
     bake_operators.IMPRINT_OT_bake.draw(SimpleNamespace(layout=layout), bpy.context)
     assert "64 x 64" in " ".join(texts)
+    assert bpy.ops.imprint.bake.get_rna_type().name == "Bake Maps"  # the box's title, whichever maps were baked
     assert max(map(len, texts)) <= modal.LAST_OPERATION
     assert "REGISTER" not in bake_operators.IMPRINT_OT_live.bl_options
 

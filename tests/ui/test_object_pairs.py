@@ -214,6 +214,33 @@ def test_a_pair_by_name_can_be_left_out_or_have_a_size_of_its_own(tmp_path):
         bpy.ops.imprint.bake_pairs()
 
 
+def test_a_pair_by_name_can_have_a_distance_of_its_own():
+    for name in ("a", "b"):
+        zoo.plane(f"{name}_low")
+        zoo.plane(f"{name}_high").location.z = 0.5
+    use(size=16, method="CAST")
+    low, other = bpy.data.objects["a_low"], bpy.data.objects["b_low"]
+    low.imprint_distance = 0.75
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    (report,), (measured,) = (object_pairs.of(obj).reports() for obj in (low, other))
+    assert (report.distances, report.measured) == ({"extrusion": 0.75, "max_distance": 1.5}, False)
+    assert report.missed == 0.0
+    assert measured.measured
+    low.imprint_distance = 0.25  # ends before the high mesh
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    ((name, reason),) = results.batch().left_out
+    assert name == "a_low"
+    assert "'a_low'" in reason
+
+
+def test_names_of_maps_leave_out_the_chosen_ending():
+    for ending in ("game", "sculpt"):
+        zoo.plane(f"rock.{ending}")
+    use(size=16, method="CAST", low_suffix=".game", high_suffix=".sculpt", image="T_{name}")
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    assert [image.name for image in bpy.data.images if image.size[0]] == ["T_rock"]
+
+
 def test_one_image_for_all_pairs_has_one_size():
     for name in ("a", "b"):
         zoo.plane(f"{name}_low")

@@ -157,6 +157,8 @@ def test_a_targa_has_8_bits_unless_more_are_set(pair, tmp_path):
     assert "8 bits per channel, not 16" in refusal(bpy.ops.imprint.bake, **NAMES, depth="16")
     settings.depth = "16"
     assert "8 bits per channel, not 16" in refusal(bpy.ops.imprint.bake, **NAMES)
+    settings.output = "//map.png"
+    bake(**NAMES, output=str(tmp_path / "again.tga"))
 
 
 def test_the_result_is_reported(pair):
@@ -273,6 +275,16 @@ def test_a_light_that_is_selected_too_is_left_out(pair):
     assert can_bake(draw())
     select(low, bpy.data.objects["Sun"])
     assert "'Sun' is of the type light" in draw().text
+    bake(**NAMES)
+    assert bpy.context.scene.imprint.chosen(bpy.context).highs == [high]  # the pair of the low object
+    assert can_bake(draw())
+
+
+def test_a_light_that_is_selected_too_leaves_the_low_objects_own_modifiers(pair):
+    low, _ = pair
+    low.modifiers.new("Bevel", "BEVEL")
+    select(low, add("Sun", bpy.data.lights.new("Sun", "SUN")))
+    assert bpy.context.scene.imprint.chosen(bpy.context).highs == [low]
 
 
 @pytest.mark.parametrize("setting", ["offset_group", "straight_group"])
@@ -500,9 +512,9 @@ def test_the_tab_has_five_panels_and_the_first_one_the_order_of_work():
     top = [panel for panel in panel_layout.PANELS if not getattr(panel, "bl_parent_id", "")]
     assert [panel.bl_label for panel in sorted(top, key=lambda panel: getattr(panel, "bl_order", 0))] == [
         "Imprint",
-        "Pairs by Name",
-        "Results",
         "View",
+        "Results",
+        "Pairs by Name",
         "More",
     ]
     of_main = [
@@ -551,9 +563,9 @@ def test_names_are_matched_again_only_after_a_change(pair, monkeypatch):
         draw()
     assert len(asked) == 1
     low.name, high.name = "a_low", "a_high"
-    assert "a_low: a_high" in draw().labels
+    assert "a_high" in draw().labels
     bpy.context.scene.imprint.low_suffix = "_lp"
-    assert "a_low: a_high" not in draw().labels
+    assert "a_high" not in draw().labels
     assert len(asked) == 3
 
 

@@ -12,6 +12,7 @@ import pytest
 from addon.core import naming
 from addon.core.declarations import kinds, targets
 from addon.core.declarations.all_settings import DECLARED, FORMER
+from addon.core.errors import BakeError
 from addon.ui import declared_properties, engine_choice, object_pairs, presets
 from tests.support import maps, older_file, panel_layout, zoo
 from tests.support.maps import pixels
@@ -228,6 +229,22 @@ def test_an_engine_makes_paths_beside_the_file_where_none_are_set():
     assert (settings.output, settings.export) == ("//{name}_normal.png", "//{name}.glb")
     choose("Blender")
     assert (settings.storage, settings.export) == ("PACK", "")
+
+
+@pytest.mark.parametrize("engine", ["", "Unreal Engine"], ids=["without a preset", "with a preset"])
+def test_a_targa_sets_8_bits_with_and_without_a_preset(tmp_path, engine):
+    settings = bpy.context.scene.imprint
+    if engine:
+        choose(engine)
+    settings.storage = "FILE"
+    settings.output = "//a.tga"
+    assert settings.depth == "8"
+    settings.to_settings().check()
+    settings.depth = "16"  # what is asked for is refused in a sentence
+    with pytest.raises(BakeError, match="8 bits per channel, not 16"):
+        settings.to_settings().check()
+    presets.apply_preset(settings, {"depth": "16", "storage": "FILE", "output": "//a.png"})
+    assert (settings.depth, settings.output) == ("16", "//a.png")
 
 
 def test_an_engine_says_what_it_sets():

@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.errors import Fix
 from addon.scene.object_checks import ObjectRef
-from addon.ui import bake_results, object_pairs, results_panel
+from addon.ui import bake_operators, bake_panel, bake_results, object_pairs, results_panel
 from addon.ui.bake_results import results
 from tests.export.test_glb import bent_pair
 from tests.support import panel_layout, zoo
@@ -139,6 +139,91 @@ def test_the_list_says_which_results_are_wrong_and_why(batch):
     signs = [results_panel.sign(reports) for _, reports in results.of_scene(bpy.context)]
     assert signs == ["RIGHT", "WRONG", "RIGHT"]
     assert drawn.text.count("2 maps, ") == 3
+
+
+def test_a_batch_bakes_what_can_be_baked_and_names_the_others(batch):
+    """One low object has no UVs and one no high object: the list says so at the top, and the list of pairs before the bake."""
+    low, _ = zoo.plane("d_low", 2), zoo.terrain("d_high", n=8)
+    low.data.uv_layers.remove(low.data.uv_layers[0])
+    zoo.plane("e_low", 2)
+    reason = "'d_low' has no UV layer"
+    pairs = panel_layout.draw(width=2000, panels=[bake_operators.IMPRINT_PT_pairs])
+    assert pairs.text.count(reason) == 1
+    bpy.context.view_layer.objects.active = bpy.data.objects["a_low"]
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    rows, drawn = listed()
+    assert rows == ["d_low", "b_low", "a_low", "c_low"]
+    assert drawn.text.count(reason) == 1
+    assert "'e_low' has no high object" in drawn.text
+    assert drawn.labels.count("not baked") == 1
+    low.data.uv_layers.new()
+    assert bpy.ops.imprint.bake(low="d_low", high=[{"name": "d_high"}]) == {"FINISHED"}
+    assert "'e_low'" in listed()[1].text
+    assert "not baked" not in listed()[1].labels
+    results.forget()
+    assert results.batch().left_out == []
+
+
+def test_the_main_panel_says_after_a_batch_what_is_wrong(batch):
+    """Of five pairs, two are left out and one has a warning: a box below the button says which and why, until another bake."""
+    low, _ = zoo.plane("d_low", 2), zoo.terrain("d_high", n=8)
+    low.data.uv_layers.remove(low.data.uv_layers[0])
+    zoo.plane("e_low", 2)
+
+    def main():
+        return panel_layout.draw(width=2000, panels=[bake_panel.IMPRINT_PT_bake])
+
+    bpy.context.view_layer.objects.active = bpy.data.objects["a_low"]
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    labels = main().labels
+    start = labels.index("Not baked: 2 of 5 pairs")
+    assert labels[start + 1].startswith("'e_low' has no high object")
+    assert labels[start + 2] == "'d_low' has no UV layer: unwrap it first."
+    assert labels[start + 3] == "With warnings: 1 of 5 pairs"
+    assert "'b_high' and 'b_low' differ in place or size" in labels[start + 4]
+    assert not any("c_low" in label for label in labels[start:])
+    for number in range(8):
+        zoo.plane(f"z{number}_low", 2)
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    assert "And 4 more in Results" in main().labels
+    assert bpy.ops.imprint.bake(low="a_low", high=[{"name": "a_high"}]) == {"FINISHED"}
+    assert not {"And 4 more in Results", "With warnings: 1 of 13 pairs"} & {*main().labels}
+    assert len(results.batch().left_out) == 10
+
+
+def test_the_main_panel_says_nothing_of_a_batch_without_faults(batch):
+    bpy.data.objects["b_high"].scale.x = 1.0
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    assert results.batch().baked == ["a_low", "b_low", "c_low"]
+    drawn = panel_layout.draw(width=2000, panels=[bake_panel.IMPRINT_PT_bake])
+    assert not any("pairs" in label for label in drawn.labels)
+
+
+def make_empty(high):
+    """Leave no face of an object, which shows when it is read."""
+    high.vertex_groups.new(name="none")
+    high.modifiers.new("Mask", "MASK").vertex_group = "none"
+
+
+def test_a_pair_that_fails_while_it_is_baked_does_not_end_the_batch(batch):
+    make_empty(bpy.data.objects["b_high"])
+    for name in "ac":
+        bpy.data.images.remove(bpy.data.images[f"{name}_low_height"])
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    assert [name for name, _ in results.batch().left_out] == ["b_low"]
+    assert "a_low_height" in bpy.data.images and "c_low_height" in bpy.data.images
+    for name in "ac":
+        make_empty(bpy.data.objects[f"{name}_high"])
+    with pytest.raises(RuntimeError, match="c_high"):  # what the last one says, if all fail
+        bpy.ops.imprint.bake_pairs()
+
+
+def test_a_batch_without_any_pair_that_can_be_baked_says_why():
+    zoo.plane("a_low").data.uv_layers.remove(bpy.data.meshes["a_low"].uv_layers[0])
+    zoo.plane("a_high")
+    use(size=16, method="CAST")
+    with pytest.raises(RuntimeError, match="'a_low' has no UV layer"):
+        bpy.ops.imprint.bake_pairs()
 
 
 def test_the_list_is_kept_with_the_file(batch, tmp_path):
@@ -387,7 +472,8 @@ def test_a_map_without_a_value_is_a_warning(low, pack):
     for name in ("Base Color", "Metallic"):
         tree.links.new(noise, shader.inputs[name])
     bpy.data.objects["hi"].data.materials.append(material)
-    bake(maps={"BASE_COLOR", "METALLIC", "ROUGHNESS"}, pack=pack, pack_red="METALLIC", connect_maps=True)
+    maps = {"BASE_COLOR", "METALLIC", "ROUGHNESS"}
+    bake(maps=maps, exact_materials="OFF", pack=pack, pack_red="METALLIC", connect_maps=True)
     found = low.active_material.node_tree.nodes["Principled BSDF"].inputs
     assert [name for name in ("Base Color", "Metallic", "Roughness") if found[name].is_linked] == ["Roughness"]
     (report,) = results.all_of(bpy.context)

@@ -10,7 +10,7 @@ from mathutils import Matrix
 
 from addon.core.errors import BakeError
 from addon.jobs import checks, live_session
-from addon.ui import stored_maps, view_gizmos, view_labels, view_shading
+from addon.ui import progress_display, stored_maps, view_gizmos, view_shading
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.stored_maps import maps_of
@@ -101,7 +101,7 @@ def check_shown(low, expected):
 @pytest.mark.parametrize("depth", ["8", "16"])
 @pytest.mark.usefixtures("no_bake")
 def test_a_map_is_shown_as_its_image_stores_it(pair, depth):
-    bake(maps={"AO", "CURVATURE"}, rays=32, depth=depth)
+    bake(maps={"AO", "CURVATURE"}, curvature_limited=True, curvature_radius=0.1, rays=32, depth=depth)
     for name, image in (("AO", "lo_ao"), ("CURVATURE", "lo_curvature")):
         show(name)
         assert (viewer.mode, viewer.map) == (Mode.MAP, name)
@@ -185,6 +185,41 @@ def test_maps_are_shown_after_saving_and_opening(pair, tmp_path, monkeypatch):
     view().mode = "SIDES"
     assert viewer.message == ""
     assert drawn_pixels().any()
+
+
+@pytest.mark.parametrize("depth", ["8", "16"])
+@pytest.mark.usefixtures("no_bake")
+def test_a_large_image_is_shown_with_fewer_texels_until_a_pause(pair, monkeypatch, depth):
+    bake(maps={"AO", "CURVATURE", "HEIGHT"}, rays=16, depth=depth, width=32, height=32)
+    show("HEIGHT")
+    heights = drawn_pixels()
+    show("AO")
+    whole = drawn_pixels()
+    assert not viewer.sharpening.is_running
+    viewer.off()
+    monkeypatch.setattr(stored_maps, "FIRST_SIDE", 16)
+    show("AO")
+    first = drawn_pixels()
+    texels = texels_of(bpy.data.images["lo_ao"])
+    check_shown(pair[0], texels[1::2, 1::2])
+    assert viewer.sharpening.is_running
+    view().mode = "HIGH"
+    drawn_pixels()
+    assert not viewer.sharpening.is_running  # it needs no map
+    view().mode = "MAP"
+    assert np.array_equal(drawn_pixels(), first)
+    assert viewer.sharpen() is None
+    assert np.array_equal(drawn_pixels(), whole)
+    assert not viewer.sharpening.is_running
+    show("HEIGHT")
+    assert not np.array_equal(drawn_pixels(), heights)
+    viewer.sharpen()
+    assert np.array_equal(drawn_pixels(), heights)
+    show("CURVATURE")
+    drawn_pixels()
+    assert viewer.sharpening.is_running
+    viewer.off()
+    assert viewer.is_idle
 
 
 @pytest.mark.usefixtures("no_bake")
@@ -300,7 +335,7 @@ def test_a_key_flickers_between_high_and_map(pair):
 @pytest.mark.usefixtures("no_bake")
 def test_side_by_side_shows_the_same_camera_twice(pair, monkeypatch):
     bake()
-    monkeypatch.setattr(view_labels, "visible_columns", lambda _: (0, SIZE[0]))
+    monkeypatch.setattr(progress_display, "visible_columns", lambda *_: (0, SIZE[0]))
     pictures = {}
     for mode in ("MAP", "HIGH", "SIDES"):
         view().mode = mode

@@ -80,7 +80,7 @@ def registered_texts() -> Iterator[Text]:
             yield from of_properties(cls.bl_rna)
         else:
             yield cls.bl_translation_context, cls.bl_label
-    for name in ("imprint_summary", "imprint_warnings"):
+    for name in ("imprint_summary", "imprint_warnings", "imprint_batch"):
         prop = bpy.types.WindowManager.bl_rna.properties[name]
         yield from ((prop.translation_context, prop.name), (SENTENCE, prop.description))
 

@@ -11,7 +11,7 @@ from mathutils import Matrix, Vector
 
 import addon
 from addon.core.errors import BakeError
-from addon.passes import target
+from addon.passes import allocation, target
 from addon.ui import progress_display, view_labels, views
 from addon.ui.live import live
 from addon.ui.view_panel import HEADLIGHT
@@ -144,6 +144,15 @@ def test_unmeasured_deviations_are_shown_as_text(pair):
     assert line.startswith("Purple: 100.0% shows another place of the high mesh")
 
 
+def test_a_map_of_the_view_is_as_large_as_fits_on_the_gpu_at_once(pair, monkeypatch):
+    monkeypatch.setenv(allocation.VARIABLE, "64")
+    bpy.context.scene.imprint.width = bpy.context.scene.imprint.height = 1024
+    view().mode = "MAP"
+    assert viewer.message == ""
+    assert viewer.session.settings.sampling.size == (512, 512)  # 158 bytes a texel
+    assert drawn_pixels().any()
+
+
 @pytest.mark.parametrize(
     ("zone", "share", "free", "x"),
     [
@@ -167,11 +176,21 @@ def test_labels_avoid_the_toolbar_and_the_sidebar():
 
     window = region("WINDOW", "NONE", 20, 900)
     bars = [region("HEADER", "TOP", 20, 900), region("TOOLS", "LEFT", 20, 60), region("UI", "RIGHT", 700, 220)]
-    context = SimpleNamespace(region=window, area=SimpleNamespace(regions=[window, *bars]))
-    assert view_labels.visible_columns(context) == (60, 680)
+    area = SimpleNamespace(regions=[window, *bars])
+    assert progress_display.visible_columns(area, window) == (60, 680)
+    quarters = [region("WINDOW", "NONE", x, 450) for x in (20, 470)]
+    assert [progress_display.visible_columns(area, quarter) for quarter in quarters] == [(60, 450), (0, 230)]
     for bar in bars[1:]:
         bar.width = 1
-    assert view_labels.visible_columns(context) == (0, 900)
+    assert progress_display.visible_columns(area, window) == (0, 900)
+
+
+def test_the_picture_of_a_bake_is_in_one_part_of_quad_view():
+    parts = [SimpleNamespace(type="WINDOW", x=x, y=y, width=300) for x in (20, 320) for y in (400, 10)]
+    area = SimpleNamespace(regions=[SimpleNamespace(type="HEADER", x=0, y=0, width=600), *parts])
+    assert [part for part in parts if progress_display.is_first(area, part)] == [parts[1]]
+    area.regions = parts[:1]  # without Quad View
+    assert progress_display.is_first(area, parts[0])
 
 
 def test_a_view_that_cannot_be_shown_reports_why_and_stays_off(pair):

@@ -20,8 +20,6 @@ import tempfile
 from pathlib import Path
 
 PARTS = Path(__file__).with_name("artist_parts.py")
-PATIENCE = 300
-"""Seconds for a part."""
 
 
 def main() -> int:
@@ -30,6 +28,8 @@ def main() -> int:
     parser.add_argument("parts", nargs="*")
     parser.add_argument("--blender", default="blender")
     parser.add_argument("--folder", type=Path)
+    parser.add_argument("--size", default="1600x1000", help="of the window, in pixels; default: 1600x1000")
+    parser.add_argument("--patience", type=float, default=300.0, help="seconds for a part; default: 300")
     given = parser.parse_args()
     names = re.findall(r"^def part_(\w+)", PARTS.read_text(encoding="utf-8"), re.MULTILINE)
     unknown = {*given.parts} - {*names}
@@ -40,17 +40,17 @@ def main() -> int:
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "profile")}
     install = ["--command", "extension", "install-file", "--repo", "user_default", "--enable", str(given.zip.resolve())]
     subprocess.run([given.blender, *install], check=True, env=environment)
-    failed = [name for name in given.parts or names if not play(given.blender, name, folder, environment)]
+    failed = [name for name in given.parts or names if not play(given, name, folder, environment)]
     print(f"failed: {', '.join(failed)}" if failed else "all as promised", f"(pictures: {folder})", flush=True)
     return int(bool(failed))
 
 
-def play(blender: str, name: str, folder: Path, environment: dict[str, str]) -> bool:
+def play(given: argparse.Namespace, name: str, folder: Path, environment: dict[str, str]) -> bool:
     """Run a part in a new Blender. It opens the file that an earlier part has left for it. Returns whether all was right."""
     file = folder / name / "scene.blend"
-    window = ["--window-geometry", "0", "0", "1600", "1000"]
+    window = ["--window-geometry", "0", "0", *given.size.split("x")]
     command = [
-        blender,
+        given.blender,
         *window,
         *([str(file)] if file.exists() else []),
         "--python",
@@ -64,7 +64,7 @@ def play(blender: str, name: str, folder: Path, environment: dict[str, str]) -> 
     with (folder / f"{name}.log").open("wb") as log:
         try:
             done = subprocess.run(
-                command, env=environment, stdout=log, stderr=subprocess.STDOUT, timeout=PATIENCE, check=False
+                command, env=environment, stdout=log, stderr=subprocess.STDOUT, timeout=given.patience, check=False
             )
             is_well = done.returncode == 0 and (folder / f"{name}.done").exists()
         except subprocess.TimeoutExpired:

@@ -5,6 +5,7 @@ FOLDER/PART/scene.blend, which an earlier part has saved there.
 
 import json
 import math
+import os
 import sys
 import traceback
 from collections.abc import Iterator
@@ -20,9 +21,10 @@ for loaded in [name for name in sys.modules if name.startswith(f"{MODULE}.addon"
 
 import addon  # noqa: E402
 from addon.core.declarations import targets  # noqa: E402
-from addon.ui import modal, object_pairs  # noqa: E402
+from addon.ui import declared_properties, modal, object_pairs  # noqa: E402
 from addon.ui.bake_results import results  # noqa: E402
 from addon.ui.live import live  # noqa: E402
+from addon.ui.progress_display import display  # noqa: E402
 from tests.support import saved_scenes, window  # noqa: E402
 from tests.support.window import click_row, find, keys, press  # noqa: E402
 from tests.window import live_strokes  # noqa: E402
@@ -202,6 +204,86 @@ def part_results() -> Steps:
     check("not over it", len(bpy.context.window_manager.windows) == 1 and viewport.width > made[0].width > 300)
 
 
+def part_seven() -> Steps:
+    """A batch of seven with three wrong ones, in panels as they are at first: Results names them and says why."""
+    small(method="CAST")
+    for number, name in enumerate("abcdefg"):
+        grid(f"{name}_low", 6, x=4.0 * number)
+        if name != "e":
+            grid(f"{name}_high", 40, x=4.0 * number, height=0.2)
+    bpy.data.objects["c_low"].data.flip_normals()
+    layers = bpy.data.meshes["f_low"].uv_layers
+    layers.remove(layers[0])
+    window.select_only()
+    with window.at_view():
+        bpy.ops.imprint.bake_pairs("INVOKE_DEFAULT")
+    yield from finished()
+    yield from window.open_tab()
+    yield 1.0
+    picture("seven")
+    wrong_ones = [low.name for low, found in results.of_scene(bpy.context) if any(one.warnings for one in found)]
+    check("the one that is inside out", wrong_ones == ["c_low"])
+    left_out = results.batch().left_out
+    check("the one without UVs", ("f_low", "'f_low' has no UV layer: unwrap it first.") in left_out)
+    check("the one without a high object", any("'e_low' has no high object" in reason for _, reason in left_out))
+    check("the others are right", len(results.of_scene(bpy.context)) == 5)
+
+
+def part_quick_start() -> Steps:
+    """The five steps of the README and the first pages of the quick start, by clicks, on the mesh of $PAIR or on two grids."""
+    pair = os.environ.get("PAIR")
+    if pair:
+        with bpy.data.libraries.load(pair) as (_, into):
+            into.objects = ["lo", "hi"]
+        for obj, name in zip(into.objects, ("crate_low", "crate_high"), strict=True):
+            bpy.context.scene.collection.objects.link(obj)
+            obj.name = obj.data.name = name
+    else:
+        small(crate=True, show_result=True, width=2048, height=2048)
+    with window.at_view():
+        bpy.ops.view3d.view_all()
+    low, high = bpy.data.objects["crate_low"], bpy.data.objects["crate_high"]
+    yield from click_row("crate_high")
+    yield from click_row("crate_low", "shift")
+    check("Shift leaves the high object active", bpy.context.object == high)
+    yield from select_pair()
+    picture("1 select")
+    yield from keys("n")
+    yield from click_tab()
+    picture("2 panel")
+    yield from first_bake(low, high)
+    yield from compare(high)
+    check("the map is packed", bpy.data.images["crate_low_normal"].packed_file is not None)
+    first = contents()["crate_low_normal"]
+    yield from bake()
+    check("bake again: the same image", contents()["crate_low_normal"] == first and len(mine()) == 1)
+    keep_for("quick_start_again")
+    yield from saved_by_key()
+
+
+def part_quick_start_again() -> Steps:
+    """The second day: the map is there, a click shows it on the model, and it is baked again."""
+    same_as_saved()
+    first = contents()["crate_low_normal"]
+    yield from click_row("crate_low")
+    yield from press("imprint.view_map")
+    yield 2.0
+    picture("map")
+    check("the stored map is shown", bpy.context.scene.imprint_view.mode == "MAP")
+    bpy.context.scene.imprint_view.mode = "OFF"
+    yield from bake()
+    check("baked again", contents()["crate_low_normal"] == first)
+    settings = bpy.context.scene.imprint
+    settings.width, settings.height = 256, 256
+    yield from press(f"imprint.{declared_properties.map_switch('AO')}")
+    check("Ambient Occlusion is on", settings.maps == {"AO"})
+    yield from bake()
+    check("a second map from one press", mine() == ["crate_low_ao", "crate_low_normal"])
+    picture("two maps")
+    yield from keys("ctrl+z")
+    check("Undo takes the bake back", mine() == ["crate_low_normal"] and contents()["crate_low_normal"] == first)
+
+
 def part_undone() -> Steps:
     """A bake, a change of the high object, another bake; Undo and Redo of each."""
     small(maps={"AO"}, storage="MEMORY", crate=True)
@@ -306,6 +388,7 @@ def start_file() -> None:
     """An empty scene, beside a tall Outliner."""
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     bpy.context.preferences.view.show_splash = False
+    bpy.context.scene.eevee.taa_samples = 1  # or software drivers draw the viewport again and again
     bpy.data.batch_remove([*bpy.data.objects, *bpy.data.meshes])
     for area in bpy.context.window_manager.windows[0].screen.areas:
         if area.type == "PROPERTIES":
@@ -345,6 +428,81 @@ def select_pair() -> Steps:
     yield from click_row("crate_low", "ctrl")
     selected = sorted(obj.name for obj in bpy.context.selected_objects)
     check("both are selected", selected == ["crate_high", "crate_low"] and bpy.context.object.name == "crate_low")
+
+
+def first_bake(low: bpy.types.Object, high: bpy.types.Object) -> Steps:
+    """A bake that Esc stops, and one to its end, with what the quick start says about its result."""
+    slots = len(low.material_slots)
+    yield from press("imprint.bake")
+    yield from until(lambda: display.current is None or display.current.done > 0.3)
+    check("a bake goes on", modal.runner.run is not None)
+    picture("3 bake")
+    yield from keys("Escape")
+    yield from finished()
+    check("Esc changes nothing", not mine() and high.visible_get() and len(low.material_slots) == slots)
+    yield from bake()
+    yield 4.0
+    picture("4 result")
+    trees = [slot.material.node_tree.nodes for slot in low.material_slots]
+    images = [node for nodes in trees for node in nodes if node.type == "TEX_IMAGE"]
+    check("Image Texture, Non-Color", [node.image.colorspace_settings.name for node in images] == ["Non-Color"])
+    check("Normal Map node", any(node.type == "NORMAL_MAP" for nodes in trees for node in nodes))
+    _, area, _ = window.view()
+    check("Material Preview", area.spaces.active.shading.type == "MATERIAL")
+    check("the high object is hidden", not high.visible_get())
+
+
+def compare(high: bpy.types.Object) -> Steps:
+    """Show, the eye, Split with its line, and the key that shows one after the other."""
+    yield from press("imprint.show_hidden")
+    check("Show shows it", high.visible_get())
+    yield from press("imprint.show_high")
+    check("the eye in Results hides it", not high.visible_get())
+    yield from press("imprint_view.mode")
+    yield 1.0
+    picture("5 menu")
+    window.mouse("key", "s")  # the underlined letter
+    yield 3.0
+    check("View: Split", bpy.context.scene.imprint_view.mode == "SPLIT")
+    picture("5 split")
+    yield from drag_line()
+    yield from keys("ctrl+alt+h")
+    yield 1.0
+    check("Ctrl Alt H: one after the other", bpy.context.scene.imprint_view.mode == "HIGH")
+    picture("6 flicker")
+    yield from keys("ctrl+alt+h")
+    bpy.context.scene.imprint_view.mode = "OFF"
+
+
+def click_tab() -> Steps:
+    """Click the tab Imprint of the sidebar, which is found by clicks on one tab after the other."""
+    whole, area, _ = window.view()
+    sidebar = next(region for region in area.regions if region.type == "UI")
+    top = whole.height - sidebar.y - sidebar.height
+    for y in range(top + 30, top + sidebar.height, 30):
+        window.mouse("mousemove", sidebar.x + sidebar.width - 12, y, "click", 1)
+        yield 0.4
+        if sidebar.active_panel_category == "Imprint":
+            break
+    check("N, and a click on the tab Imprint", sidebar.active_panel_category == "Imprint")
+
+
+def drag_line() -> Steps:
+    """Drag the line of Split to the left."""
+    whole, _, region = window.view()
+    before = bpy.context.scene.imprint_view.split
+    at = region.x + round(before * region.width), whole.height - region.y - region.height // 2
+    window.mouse("mousemove", *at)
+    yield 0.5
+    window.mouse("mousedown", 1)
+    for step in range(1, 6):
+        yield 0.3
+        window.mouse("mousemove", at[0] - 40 * step, at[1])
+    yield 0.3
+    window.mouse("mouseup", 1)
+    yield 1.0
+    moved = before - bpy.context.scene.imprint_view.split
+    check("the line follows the mouse", abs(moved * region.width - 200.0) < 20.0)
 
 
 def bake() -> Steps:

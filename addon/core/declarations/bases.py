@@ -69,7 +69,7 @@ MIKKTSPACE = Basis(
 )
 MIKKTSPACE_VERTEX = Basis(
     "MIKKTSPACE_VERTEX",
-    "MikkTSpace, Vertex Bitangent",
+    "MikkTSpace, Vertex",
     "The bitangent is made at the vertices and interpolated: Unity Built-in, Godot 4.4 and later, Babylon.js, CryEngine, "
     "xNormal",
     bitangent_of_vertices=True,

@@ -87,6 +87,13 @@ class Occluders(StrEnum):
     ALL = "ALL"
 
 
+class ExactMaterials(StrEnum):
+    """Whether Cycles evaluates what Imprint does not follow of materials."""
+
+    AUTO = "AUTO"
+    OFF = "OFF"
+
+
 class Pack(StrEnum):
     """Whose layout the packed image has."""
 

@@ -6,7 +6,19 @@ from dataclasses import replace
 from .. import map_types
 from ..map_types import AO, METALLIC, NORMAL, ONE, ROUGHNESS, SMOOTHNESS, ZERO, Kind
 from . import bases, targets
-from .choices import DistanceUnit, Fade, MarginType, Method, Modifiers, Occluders, Pack, Space, Stacked, VertexDomain
+from .choices import (
+    DistanceUnit,
+    ExactMaterials,
+    Fade,
+    MarginType,
+    Method,
+    Modifiers,
+    Occluders,
+    Pack,
+    Space,
+    Stacked,
+    VertexDomain,
+)
 from .kinds import Choice, Distance, Flags, Item, Option, Reach, Setting, Switch, Text, WholeNumber
 
 MIN_SIZE, MAX_SIZE = 16, 16384
@@ -178,13 +190,13 @@ MAP: dict[str, Setting] = {
         ),
     ),
     "keep_faces": Switch(
-        label="Keep Faces as They Are",
+        label="Keep Faces",
         tooltip="Take the faces of the high mesh as they are. Without it, faces that point to the wrong side are turned over "
         "for the bake, and those that are there twice or hidden behind the surface are left out. The object itself does not "
         "change",
     ),
     "smooth_high": WholeNumber(
-        label="Smooth High Normals",
+        label="Smooth High",
         tooltip="How often the normals of the high mesh are averaged with those around them, against noise. The report says by "
         "how many degrees they change. Hard edges stay",
         default=0,
@@ -397,6 +409,16 @@ MAPS: dict[str, Setting] = {
         label="Attribute",
         tooltip="Name of the attribute of the high meshes for the attribute map",
         empty="the color attribute that is set to render",
+    ),
+    "exact_materials": Choice(
+        label="Exact Materials",
+        tooltip="Who evaluates the inputs of the high meshes' materials that Imprint does not follow itself, such as noise and "
+        "mixes of textures",
+        default=ExactMaterials.AUTO,
+        items=(
+            Item(ExactMaterials.AUTO, "Auto", "Cycles does, at the points that the map shows"),
+            Item(ExactMaterials.OFF, "Off", "Nobody: the map has no value there, and the report names them"),
+        ),
     ),
     "detail_maps": Switch(
         label="High's Normal Maps",

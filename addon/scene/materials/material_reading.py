@@ -12,6 +12,7 @@ from ... import older_blender
 from ...core.material_feeds import Constant, DetailFeed, Feed, HighMaterial
 from ..textures import ImageTextures
 from . import arithmetic_nodes, texture_nodes
+from .exact_nodes import exact_feed
 from .node_values import NodeValues, Place, title
 from .signals import NotAffineError, NotFollowedError, Signal, is_image, limited, number, scaled
 from .texture_nodes import read_detail
@@ -185,17 +186,24 @@ NORMAL = "Normal"
 
 
 def read_materials(
-    materials: Sequence[Material | None], images: ImageTextures, sockets: Collection[str] | None = None
+    materials: Sequence[Material | None],
+    images: ImageTextures,
+    sockets: Collection[str] | None = None,
+    *,
+    is_exact: bool = False,
 ) -> tuple[HighMaterial, ...]:
     """The feeds of each material, in the given order; None stands for faces without a material.
 
-    sockets: those that are wanted, with NORMAL for `detail`; None for all. Some images are loaded only to know their size.
+    sockets: those that are wanted, with NORMAL for `detail`; None for all. is_exact: whether Cycles evaluates what other feeds
+    do not express, as far as it can. Some images are loaded only to know their size.
     Notes name what is left out, by socket. No material and no image raises an error.
     """
-    return tuple(_read(material, images, sockets) for material in materials)
+    return tuple(_read(material, images, sockets, is_exact) for material in materials)
 
 
-def _read(material: Material | None, images: ImageTextures, sockets: Collection[str] | None) -> HighMaterial:
+def _read(
+    material: Material | None, images: ImageTextures, sockets: Collection[str] | None, is_exact: bool
+) -> HighMaterial:
     if material is None:
         return HighMaterial("none", _plain((GRAY, GRAY, GRAY), HALF_ROUGH, 0.0, 1.0))
     if not older_blender.shows_nodes(material):
@@ -218,14 +226,29 @@ def _read(material: Material | None, images: ImageTextures, sockets: Collection[
             continue
         try:
             signal = _value(values, shader, socket, value)
+            feeds[socket] = signal.feed
+            lacking = tuple(f"{socket}: {note}" for note in signal.notes)
         except (NotFollowedError, NotAffineError) as error:
-            notes[socket] = (_sentence(material, f"{socket} is left out, because {_reason(error, shader)}"),)
-            continue
-        feeds[socket] = signal.feed
-        if signal.notes:
-            notes[socket] = tuple(_sentence(material, f"{socket}: {note}") for note in signal.notes)
+            lacking = (f"{socket} is left out, because {_reason(error, shader)}",)
+        if lacking and is_exact:
+            try:
+                places = _places(shader, socket, value)
+                feeds[socket], lacking = exact_feed(values, places, material.session_uid, socket), ()
+            except NotFollowedError as error:
+                why = f". Cycles cannot bake it either: {error}"
+                lacking = tuple(text if str(error) in text else text + why for text in lacking)
+        if lacking:
+            notes[socket] = tuple(_sentence(material, text) for text in lacking)
     detail = _detail(values, material, shader, notes) if sockets is None or NORMAL in sockets else None
     return HighMaterial(material.name, feeds, detail, notes)
+
+
+def _places(shader: Shader, socket: str, value: Value) -> list[Place]:
+    """The inputs on which `_value` depends."""
+    found = [] if isinstance(value, float) else [value]
+    if socket == EMISSION and shader.strength is not None:
+        found.append(shader.strength)
+    return found + [share.factor for share in shader.opacity if socket == ALPHA]
 
 
 def _value(values: NodeValues, shader: Shader, socket: str, value: Value) -> Signal:

@@ -15,8 +15,8 @@ from scripts.dev.manual import models, window
 Action = float | tuple[str, np.ndarray]
 PANEL_SCALE = 1.3
 """Blender's interface in the pictures of panels, larger than usual."""
-EDGE, TOP = 8, 340
-"""Left margin of the sidebar, and height of its part down to Live, in pixels at a scale of 1."""
+EDGE, TOP = 8, 500
+"""Left margin of the sidebar, and height of its part down to the box below Live, in pixels at a scale of 1."""
 BELOW = {"IMPRINT_PT_map": "IMPRINT_PT_channels", "IMPRINT_PT_maps": "IMPRINT_PT_packing"}
 """Panels with a panel below them that is shown as well."""
 PANELS = ("bake", "report", "checks", "view", "map", "maps", "output", "rays", "pairs", "sequence", "convert", "levels")
@@ -107,7 +107,7 @@ def _is_half_done() -> bool:
 
 
 def _top_of_sidebar() -> np.ndarray:
-    """The sidebar down to the button and Live."""
+    """The sidebar down to the box below the button and Live."""
     _, area, _ = window.viewport()
     left, bottom, width, height = window.box_of(window.region(area, "UI"))
     return window.crop((left + EDGE, bottom + height - TOP, width - EDGE, TOP))
@@ -183,7 +183,7 @@ def panels() -> Iterator[Action]:
     with window.override():
         bpy.ops.imprint.bake(width=1024, height=1024, rays=16)  # quickly
     for name in ("crate_low", "crate_high", "crate_high_2", "barrel_low", "barrel_high"):
-        models.add(name, bpy.data.meshes.new(name)).hide_set(True)
+        models.add(name, bpy.data.objects["monkey_low"].data).hide_set(True)  # a mesh that can be baked
     for name in PANELS:
         copies = _copies(f"IMPRINT_PT_{name}")
         if name == "output":

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes a material emit the value of one socket of its shader, also of one inside groups."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import bpy
+from bpy.types import Image, Material, Node, NodeSocket, NodeTree
+
+from ..textures import ImageTextures
+from .material_reading import ALPHA, EMISSION, READINGS, Shader, find_shader
+from .node_values import NodeValues, Place
+
+_INTERFACE = {"RGBA": "NodeSocketColor", "VECTOR": "NodeSocketVector"}
+"""The types of sockets of groups, by those of nodes; others are numbers."""
+Keep = Callable[[bpy.types.ID], bpy.types.ID]
+"""Takes a datablock that was made, and returns it."""
+
+
+def emitting(source: Material, socket: str, image: Image, keep: Keep) -> Material:
+    """A copy of `source` that emits the value of a socket as HighMaterial.feeds has it, and whose active image is `image`.
+
+    Copies of node groups have further outputs. Raises NotFollowedError if the material has no shader that can be read.
+    """
+    shader = find_shader(NodeValues(ImageTextures(), READINGS), source)
+    material = keep(source.copy())
+    tree, copied = material.node_tree, _Copied(material.node_tree, keep)
+    color = _value(copied, shader, socket)
+    for node in [node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial"]:
+        tree.nodes.remove(node)
+    emission, output, target = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("Emission", "OutputMaterial", "TexImage")
+    )
+    tree.links.new(color, emission.inputs["Color"])
+    if socket == EMISSION and shader.strength is not None:
+        tree.links.new(copied.output(shader.strength), emission.inputs["Strength"])
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    target.image = image
+    tree.nodes.active = target
+    return material
+
+
+def _value(copied: "_Copied", shader: Shader, socket: str) -> NodeSocket:
+    value = shader.values[socket]
+    found = copied.number(value) if isinstance(value, float) else copied.output(value)
+    for share in shader.opacity if socket == ALPHA else ():
+        factor = copied.math("ADD", copied.output(share.factor), 0.0, use_clamp=True)
+        if share.is_rest:
+            factor = copied.math("SUBTRACT", 1.0, factor)
+        found = copied.math("MULTIPLY", factor, found)
+    return found
+
+
+@dataclass
+class _Copied:
+    """A copy of a material's tree. Its groups are those of the original, but for copies of the ones that it was asked about."""
+
+    tree: NodeTree
+    keep: Keep
+    _groups: dict[tuple[str, ...], NodeTree] = field(default_factory=dict)
+
+    def output(self, place: Place) -> NodeSocket:
+        """An output in the tree itself with the value of an input of the original."""
+        tree = self._tree(place.groups)
+        node = tree.nodes[place.node.name]
+        socket = next(one for one in node.inputs if one.identifier == place.socket.identifier)
+        kind = _INTERFACE.get(socket.type, "NodeSocketFloat")
+        found = _source(tree, socket, kind)
+        for depth in range(len(place.groups), 0, -1):
+            item = tree.interface.new_socket("Imprint", in_out="OUTPUT", socket_type=kind)
+            end = next(n for n in tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output)
+            tree.links.new(found, next(one for one in end.inputs if one.identifier == item.identifier))
+            tree, group = self._tree(place.groups[: depth - 1]), place.groups[depth - 1]
+            found = next(one for one in tree.nodes[group.name].outputs if one.identifier == item.identifier)
+        return found
+
+    def number(self, value: float) -> NodeSocket:
+        node = self.tree.nodes.new("ShaderNodeValue")
+        node.outputs[0].default_value = value
+        return node.outputs[0]
+
+    def math(
+        self, operation: str, first: NodeSocket | float, second: NodeSocket | float, *, use_clamp: bool = False
+    ) -> NodeSocket:
+        return _math(self.tree, operation, first, second, use_clamp=use_clamp)
+
+    def _tree(self, groups: tuple[Node, ...]) -> NodeTree:
+        """The tree inside these groups. They get copies of their trees, once, since other nodes share them."""
+        tree, names = self.tree, ()
+        for group in groups:
+            node, names = tree.nodes[group.name], (*names, group.name)
+            if names not in self._groups:
+                node.node_tree = self._groups[names] = self.keep(node.node_tree.copy())
+            tree = self._groups[names]
+        return tree
+
+
+def _source(tree: NodeTree, socket: NodeSocket, kind: str) -> NodeSocket:
+    """An output in `tree` with the value of an input, as a number where the input is one."""
+    links = [link for link in tree.links if link.to_socket == socket and not link.is_muted and link.is_valid]
+    source = links[0].from_socket if links else None
+    if kind == "NodeSocketFloat":  # a color becomes a number by its luminance, as Blender converts it
+        return _math(tree, "ADD", source if links else float(socket.default_value), 0.0)
+    if source is not None:
+        return source
+    if kind == "NodeSocketColor":
+        node = tree.nodes.new("ShaderNodeRGB")
+        node.outputs[0].default_value = socket.default_value
+    else:
+        node = tree.nodes.new("ShaderNodeCombineXYZ")
+        for one, value in zip(node.inputs, socket.default_value, strict=False):
+            one.default_value = value
+    return node.outputs[0]
+
+
+def _math(
+    tree: NodeTree,
+    operation: str,
+    first: NodeSocket | float,
+    second: NodeSocket | float,
+    *,
+    use_clamp: bool = False,
+) -> NodeSocket:
+    node = tree.nodes.new("ShaderNodeMath")
+    node.operation, node.use_clamp = operation, use_clamp
+    for socket, value in zip(node.inputs, (first, second), strict=False):
+        if isinstance(value, float):
+            socket.default_value = value
+        else:
+            tree.links.new(value, socket)
+    return node.outputs[0]

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which sockets Cycles can evaluate at single points of a surface, and what of the mesh their nodes read."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import bpy
+
+from ...core.material_feeds import ExactFeed
+from ...mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
+from ..textures import UnreadableError
+from .node_values import NodeValues, Place, title
+from .signals import NotFollowedError
+
+
+def _nothing() -> None:
+    pass
+
+
+load_cycles: Callable[[], None] = _nothing
+"""Loads Cycles where Blender has started without it. The command line replaces it."""
+
+
+def has_cycles() -> bool:
+    """Whether Cycles is enabled in this Blender. Loads it if need be."""
+    load_cycles()
+    return "cycles" in bpy.types.Scene.bl_rna.properties
+
+
+_PLAIN = {
+    *("ShaderNodeRGB", "ShaderNodeValue", "ShaderNodeBlackbody", "ShaderNodeWavelength", "ShaderNodeNormal"),
+    *("ShaderNodeValToRGB", "ShaderNodeRGBCurve", "ShaderNodeVectorCurve", "ShaderNodeFloatCurve", "ShaderNodeMix"),
+    *("ShaderNodeMixRGB", "ShaderNodeMath", "ShaderNodeVectorMath", "ShaderNodeMapRange", "ShaderNodeClamp"),
+    *("ShaderNodeMapping", "ShaderNodeVectorRotate", "ShaderNodeGamma", "ShaderNodeBrightContrast", "ShaderNodeInvert"),
+    *("ShaderNodeHueSaturation", "ShaderNodeRGBToBW", "ShaderNodeCombineColor", "ShaderNodeSeparateColor"),
+    *("ShaderNodeCombineXYZ", "ShaderNodeSeparateXYZ", "ShaderNodeCombineRGB", "ShaderNodeSeparateRGB"),
+    *("ShaderNodeCombineHSV", "ShaderNodeSeparateHSV", "ShaderNodeTexWhiteNoise"),
+}
+"""Nodes whose outputs depend on their inputs alone."""
+_TEXTURES = {
+    *("ShaderNodeTexNoise", "ShaderNodeTexVoronoi", "ShaderNodeTexWave", "ShaderNodeTexMagic", "ShaderNodeTexGabor"),
+    *("ShaderNodeTexChecker", "ShaderNodeTexBrick", "ShaderNodeTexGradient", "ShaderNodeTexMusgrave"),
+    "ShaderNodeTexEnvironment",
+}
+"""Those that take generated coordinates where nothing feeds their vector."""
+_OUTPUTS = {
+    "ShaderNodeTexCoord": {"Generated", "UV", "Object", "Normal"},
+    "ShaderNodeNewGeometry": {"Position", "Normal", "True Normal"},
+    "ShaderNodeObjectInfo": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
+}
+"""Outputs of other nodes that are known at a point. The rest looks at the view, at light, or at the mesh around the point."""
+
+
+@dataclass
+class _Walk:
+    """What the nodes read that feed some sockets. layers: as in ExactFeed."""
+
+    values: NodeValues
+    layers: dict[tuple[str, str], None] = field(default_factory=dict)
+    is_of_object: bool = False
+    _seen: set[Place] = field(default_factory=set)
+
+    def follow(self, first: Place) -> None:
+        """Add what feeds an input. Raises NotFollowedError for a node that Cycles cannot evaluate at a point."""
+        waiting = [first]
+        while waiting:
+            place = waiting.pop()
+            output = self.values.links.source(place)
+            if not output.socket.is_output or output in self._seen:
+                continue
+            self._seen.add(output)
+            self._look_at(output)
+            waiting += [output.beside(socket) for socket in output.node.inputs if socket.enabled]
+
+    def _look_at(self, output: Place) -> None:
+        node, kind, name = output.node, output.node.bl_idname, output.socket.name
+        is_known = kind in _PLAIN or kind in _TEXTURES or name in _OUTPUTS.get(kind, ())
+        match kind:
+            case "ShaderNodeTexImage":
+                is_known = True
+                self._default(output, (UV_LAYER, ""))
+            case "ShaderNodeUVMap":
+                is_known = not node.from_instancer
+                self._add(UV_LAYER, node.uv_map)
+            case "ShaderNodeVertexColor":
+                is_known = True
+                self._add(ATTRIBUTE, node.layer_name)
+            case "ShaderNodeAttribute":
+                is_known = node.attribute_type in {"GEOMETRY", "OBJECT"}
+                if node.attribute_type == "GEOMETRY" and node.attribute_name:
+                    self._add(ATTRIBUTE, node.attribute_name)
+            case "ShaderNodeTexCoord":
+                is_known &= not node.from_instancer
+                if name in {"Generated", "UV"}:
+                    self._add(*((GENERATED, "") if name == "Generated" else (UV_LAYER, "")))
+            case "ShaderNodeVectorTransform":
+                is_known = "CAMERA" not in {node.convert_from, node.convert_to}
+        if not is_known:
+            raise NotFollowedError(f"{_name_of(output)} is not known at a point of the surface")
+        self.is_of_object |= _reads_object(output)
+        if kind in _TEXTURES:
+            self._default(output, (GENERATED, ""))
+        if kind in {"ShaderNodeTexImage", "ShaderNodeTexEnvironment"}:
+            self._check_image(output)
+
+    def _check_image(self, output: Place) -> None:
+        """Raise NotFollowedError for an image without pixels or without some, which Cycles shows in pink, and for movies."""
+        if output.node.image is None:
+            raise NotFollowedError(f"the node {title(output.node)} has no image")
+        try:
+            found = self.values.images.texture(output.node.image, is_premultiplied=False)
+        except UnreadableError as error:
+            raise NotFollowedError(str(error)) from error
+        if found.notes:
+            raise NotFollowedError(found.notes[0])
+
+    def _default(self, output: Place, layer: tuple[str, str]) -> None:
+        """Add a layer that a texture reads where nothing feeds its vector."""
+        vector = next((socket for socket in output.node.inputs if socket.identifier == "Vector"), None)
+        if vector is not None and not self.values.links.source(output.beside(vector)).socket.is_output:
+            self._add(*layer)
+
+    def _add(self, kind: str, name: str) -> None:
+        self.layers[kind, name] = None
+
+
+def _reads_object(output: Place) -> bool:
+    """Whether an output depends on the object that the point is on."""
+    node, name = output.node, output.socket.name
+    match node.bl_idname:
+        case "ShaderNodeTexCoord":
+            return name == "Normal" or (name == "Object" and node.object is None)
+        case "ShaderNodeAttribute":
+            return node.attribute_type == "OBJECT"
+        case "ShaderNodeVectorTransform":
+            return "OBJECT" in {node.convert_from, node.convert_to}
+        case "ShaderNodeTexImage":
+            return node.projection == "BOX"  # it looks at the normal in the object's space
+    return node.bl_idname == "ShaderNodeObjectInfo"
+
+
+def _name_of(output: Place) -> str:
+    is_one_of = output.node.bl_idname in {*_OUTPUTS, "ShaderNodeLayerWeight", "ShaderNodeLightPath"}
+    return f"{output.socket.name} of the node {title(output.node)}" if is_one_of else f"the node {title(output.node)}"
+
+
+def exact_feed(values: NodeValues, places: Sequence[Place], material: int, socket: str) -> ExactFeed:
+    """The feed of a socket whose value depends on the inputs `places`. material: its key.
+
+    Raises NotFollowedError if they need more than a point of the surface: the view, light, or the mesh around it; or without
+    Cycles.
+    """
+    walk = _Walk(values)
+    for place in places:
+        walk.follow(place)
+    if not has_cycles():
+        raise NotFollowedError("Cycles is not enabled in the preferences")
+    return ExactFeed(material, socket, tuple(walk.layers), walk.is_of_object)
