@@ -331,12 +331,18 @@ def read_lod(words: Sequence[str], program: str) -> argparse.Namespace:
         count = len(levels.limits(*options.levels))
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
-    if count > 1 and not naming.has_low(options.output):
+    if count > 1:
+        _check_levels(options)
+    return options
+
+
+def _check_levels(options: argparse.Namespace) -> None:
+    """Raise WrongUsage if several levels would be written to one file."""
+    if not naming.has_low(options.output):
         raise WrongUsage(f"each level has a map: put {naming.LOW} into --output")
     is_one_file = bool(options.export) and not naming.has_low(options.export)
-    if count > 1 and is_one_file and Path(options.export).suffix.lower() != ".glb":
+    if is_one_file and Path(options.export).suffix.lower() != ".glb":
         raise WrongUsage(f"only .glb has levels in one file: put {naming.LOW} into --export")
-    return options
 
 
 _NOT_OF_ASSET = (
@@ -357,7 +363,7 @@ _NOT_OF_ASSET = (
 def read_asset(words: Sequence[str], program: str) -> argparse.Namespace:
     """The options of the bake of an asset: its `asset` has the texts of the limits. Raises WrongUsage."""
     own, rest = _asset_parser(program).parse_known_args(words)
-    limits_of_asset = own.degrees or "", own.triangles or "", own.size or ""
+    limits_of_asset = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
     try:
         wanted = asset.Wanted.of_texts(*limits_of_asset)
     except BakeError as error:
@@ -369,8 +375,12 @@ def read_asset(words: Sequence[str], program: str) -> argparse.Namespace:
         raise WrongUsage(f"--{wrong.replace('_', '-')} is not for asset, which makes the low mesh of its FILEs")
     options.asset = limits_of_asset
     if options.export and not options.output:
-        options.output = str(Path(options.export).with_suffix(".png"))
+        path = Path(options.export)
+        has_low = not wanted.levels or naming.has_low(path.name)
+        options.output = str(path.with_suffix(".png") if has_low else path.with_name(f"{naming.LOW}.png"))
     check(options)
+    if wanted.levels:
+        _check_levels(options)
     return options
 
 
@@ -387,7 +397,8 @@ def read_check(words: Sequence[str], program: str) -> argparse.Namespace:
 def _asset_parser(program: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=program,
-        usage="%(prog)s FILE ... [--high NAME ...] --export out.glb [--triangles 5000] [--degrees 2] [option ...]\n"
+        usage="%(prog)s FILE ... [--high NAME ...] --export out.glb [--triangles 5000] [--degrees 2]\n"
+        "                  [--distance 0.5] [--levels 2] [option ...]\n"
         "       %(prog)s FILE ... --low NAME [--high NAME ...] --export out.glb [option ...]",
         description="Make a game asset of high meshes: a low mesh with a UV map, all maps, and a file for an engine.",
         epilog="Without --high, all visible meshes of the files are high. A low mesh that is there, and its UV map, are kept. "
@@ -399,7 +410,7 @@ def _asset_parser(program: str) -> argparse.ArgumentParser:
         "--triangles",
         default=None,
         metavar="N",
-        help=f"How many triangles the low mesh has (default: {asset.TRIANGLES}, without --degrees); with --degrees, the most",
+        help=f"How many triangles the low mesh has (default: {asset.TRIANGLES}); with --degrees or --distance, the most",
     )
     parser.add_argument(
         "--degrees",
@@ -407,6 +418,20 @@ def _asset_parser(program: str) -> argparse.ArgumentParser:
         metavar="DEGREES",
         help="The shading error that 99 %% of the pixels may have, seen from all sides: the fewest triangles within it are "
         "searched",
+    )
+    parser.add_argument(
+        "--distance",
+        default=None,
+        metavar="PERCENT",
+        help="How far 99 %% of the surfaces may be apart, in percent of the longest side of the box: the fewest triangles "
+        "within it are searched",
+    )
+    parser.add_argument(
+        "--levels",
+        type=int,
+        default=0,
+        metavar="N",
+        help="How many levels of detail follow, each with half the triangles of the one before it, or twice its limits",
     )
     parser.add_argument(
         "--size",

@@ -204,7 +204,7 @@ class Baker:
             reports = [replace(each, memory=memory).with_warnings(notes) for each in baked.reports]
             if options.export and not is_stopped:
                 check_beside = partial(self._files.exported, plan.name)
-                reports = _export(reports, options.export, check_beside, are_levels=chain is not None)
+                reports = _export(reports, options.export, check_beside, are_levels=_kind(options) == "levels")
             reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
             self._loader.changed(job.low.name for job in opened.jobs)
             scene = os.path.abspath(options.save_blend) if options.save_blend and not is_stopped else ""
@@ -215,6 +215,7 @@ class Baker:
             warnings = [*problems, *(text for report in reports for text in report.warnings)]
             values = [report.to_dict() for report in reports]
             over = limits.over(options.strict, values)
+            over += [text for report in reports for text in report.asset.get("missed", ())]
             entry = Entry(
                 plan.number,
                 opened.name,
@@ -379,15 +380,21 @@ def _warn_early(name: str, warnings: Sequence[str], printed: list[str], meter: M
 
 def _kind(options: argparse.Namespace) -> str:
     """What several reports of one bake are of."""
-    return "pairs" if options.pairs else "frames" if options.frames else "levels" if options.levels else ""
+    if options.levels or (options.asset and Wanted.of_texts(*options.asset).levels):
+        return "levels"
+    return "pairs" if options.pairs else "frames" if options.frames else ""
 
 
 def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     """The names of the low objects in those of files."""
-    if options.asset and jobs[0].low in jobs[0].highs:
-        return [naming.low_name_of(jobs[0].low.name, options.suffixes)]
+    if options.asset:
+        from ..jobs import asset  # here, since a bake does not need it
+
+        is_made, low = jobs[0].low in jobs[0].highs, jobs[0].low.name
+        low = naming.low_name_of(low, options.suffixes) if is_made else low
+        return asset.names(low, Wanted.of_texts(*options.asset).levels)
     if options.levels:
-        from ..jobs import lod  # here, since a bake does not need it
+        from ..jobs import lod  # likewise
 
         return lod.names(jobs[0].low, len(levels.limits(*options.levels)))
     return [naming.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
@@ -418,7 +425,7 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
         if step.warnings:
             _warn_early(opened.name if meter.place else "", step.warnings, printed, meter)
         if meter.is_on:
-            job = jobs[0 if options.frames or options.levels else step.finished]
+            job = jobs[0 if options.frames or options.levels or options.asset else step.finished]
             meter.show("the atlas" if share_image else job.low.name, step)
 
     speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
@@ -429,7 +436,7 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
 
         wanted = Wanted.of_texts(*options.asset)
         making = asset.work(bpy.context, jobs[0], wanted, settings, speed, suffixes=options.suffixes)
-        return _Baked([progress.finish(making, on_step)])
+        return _Baked(progress.finish(making, on_step))
     if options.levels:
         from ..jobs import lod  # likewise
 

@@ -25,10 +25,15 @@ A_TRIANGLE, LEAST, MOST = 30, 20_000, 120_000
 
 @dataclass(frozen=True)
 class Samples:
-    """Places on a surface. points, normals: (N, 3) float64, of the faces."""
+    """Places on a surface. points, normals: (N, 3) float64, of the faces. triangles: (N,) int, the faces."""
 
     points: np.ndarray
     normals: np.ndarray
+    triangles: np.ndarray
+
+    def chosen(self, which: np.ndarray | slice) -> "Samples":
+        """Some of them. which: (N,) bool, numbers, or a slice."""
+        return Samples(self.points[which], self.normals[which], self.triangles[which])
 
 
 def samples(points: np.ndarray, triangles: np.ndarray, count: int, seed: int = 1) -> Samples:
@@ -53,7 +58,7 @@ def samples(points: np.ndarray, triangles: np.ndarray, count: int, seed: int = 1
     u, v = np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)
     corners = points[triangles[chosen]].astype(np.float64)
     weights = np.stack([1.0 - u - v, u, v], axis=1)
-    return Samples((corners * weights[..., None]).sum(axis=1), normals[chosen] / areas[chosen, None])
+    return Samples((corners * weights[..., None]).sum(axis=1), normals[chosen] / areas[chosen, None], chosen)
 
 
 def sample_count(triangles: int) -> int:

@@ -390,7 +390,11 @@ class IMPRINT_OT_make_asset(_Bake, bpy.types.Operator):
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[list[Report]]:
         settings, suffixes = context.scene.imprint, context.scene.imprint.suffixes()
         wanted = Wanted.of_texts(
-            settings.asset_degrees, settings.asset_triangles, AUTO if settings.asset_fits_size else ""
+            settings.asset_degrees,
+            settings.asset_triangles,
+            AUTO if settings.asset_fits_size else "",
+            settings.asset_distance,
+            settings.asset_levels,
         )
         active, highs = context.active_object, list(context.selected_objects)
         if active is not None and active.select_get():
@@ -399,9 +403,9 @@ class IMPRINT_OT_make_asset(_Bake, bpy.types.Operator):
             raise BakeError("No object is selected: select the high-poly objects to make an asset of.")
         job = Job(asset.known_low(context, highs, suffixes) or highs[0], highs)
         if settings.export:
-            engine_files.check_levels(settings.export, 1)
+            engine_files.check_levels(settings.export, 1 + wanted.levels)
             job.is_exported = True
-        return [(yield from asset.work(context, job, wanted, settings.to_settings(), pace, suffixes=suffixes))]
+        return (yield from asset.work(context, job, wanted, settings.to_settings(), pace, suffixes=suffixes))
 
     def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
         path = context.scene.imprint.export
@@ -426,7 +430,7 @@ class IMPRINT_PT_asset(SettingsPanel, bpy.types.Panel):
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         column, settings = split_layout(layout.column()), context.scene.imprint
-        for name in ("asset_triangles", "asset_degrees", "asset_fits_size", "export"):
+        for name in ("asset_triangles", "asset_degrees", "asset_distance", "asset_fits_size", "asset_levels", "export"):
             column.prop(settings, name)
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

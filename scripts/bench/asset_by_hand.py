@@ -87,7 +87,7 @@ def of_imprint(high: bpy.types.Object, triangles: int, settings: Settings) -> Ma
     work = asset.work(
         bpy.context, Job(high, [high]), Wanted(triangles=triangles), settings, Pace(), suffixes=Suffixes()
     )
-    report = finish(work)
+    (report,) = finish(work)
     seconds = time.perf_counter() - start
     return Made("Imprint", report.triangles["low"], report.appearance, seconds)
 

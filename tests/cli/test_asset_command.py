@@ -60,6 +60,10 @@ def test_a_file_of_a_high_mesh_becomes_a_file_for_an_engine(folder, capfd):
         (["--pairs"], "--pairs is not for asset"),
         (["--degrees", "two"], "is not degrees"),
         (["--degrees", "0"], "cannot be a limit"),
+        (["--distance", "far"], "is not a distance in percent"),
+        (["--distance", "0%"], "cannot be a limit"),
+        (["--levels", "9"], "levels of detail are not possible"),
+        (["--levels", "2", "--export", "out/ball.fbx"], "only .glb has levels in one file"),
         (["--triangles", "2"], "enclose nothing"),
         (["--size", "huge"], "--size"),
         (["--export", "ball.obj"], "does not end in"),
@@ -90,6 +94,25 @@ def test_what_fails_writes_nothing(folder, capfd, more, text):
     assert command.run([*ASSET, *more]) == 1
     assert text in capfd.readouterr().err
     assert files(folder) == ["ball.blend"]
+
+
+def test_a_limit_that_cannot_be_kept_is_the_exit_code(folder, capfd):
+    assert command.run([*ASSET, "--distance", "0.0001%", "--report", "report.json"]) == 4
+    (entry,) = json.loads((folder / "report.json").read_text())["bakes"]
+    (text,) = entry["gate"]
+    assert entry["state"] == "gate" and "of the size away" in text and text in capfd.readouterr().err
+    assert (folder / "out" / "ball.glb").exists()
+
+
+def test_levels_lie_in_one_file(folder):
+    assert command.run([*ASSET, "--levels", "1", "--report", "report.json"]) == 0
+    assert files(folder) == sorted(
+        ["ball.blend", "out/Ball_low.png", "out/Ball_low_LOD1.png", "out/ball.glb", "report.json"]
+    )
+    (entry,) = json.loads((folder / "report.json").read_text())["bakes"]
+    assert [report["triangles"]["low"] for report in entry["reports"]] == [200, 100]
+    tree, _ = glb.parse(folder / "out" / "ball.glb")
+    assert len(tree["meshes"]) == 2
 
 
 def test_a_limit_of_strict_that_is_missed_is_the_exit_code(folder):

@@ -21,6 +21,7 @@ from .kinds import (
     Switch,
     Text,
     Tiles,
+    WholeNumber,
 )
 from .map_settings import CHANNELS, CONVERT, MAP, MAPS
 
@@ -87,7 +88,7 @@ LEVELS: dict[str, Setting] = {
 ASSET: dict[str, Setting] = {
     "asset_triangles": Text(
         label="Triangles",
-        tooltip="How many triangles the low mesh has. With degrees it is the most, and empty stands for no such limit",
+        tooltip="How many triangles the low mesh has. With degrees or a distance it is the most, and empty stands for no limit",
         default=str(asset.TRIANGLES),
         option=None,
     ),
@@ -98,10 +99,26 @@ ASSET: dict[str, Setting] = {
         empty="no limit",
         option=None,
     ),
+    "asset_distance": Text(
+        label="Distance",
+        tooltip="How far the low mesh may be from the high one, in percent of the size: the fewest triangles within it are "
+        "searched",
+        empty="no limit",
+        option=None,
+    ),
     "asset_fits_size": Switch(
         label="Size by Detail",
         tooltip="Make the maps as large as it takes for texels as small as the triangles of the high objects, from "
         f"{asset.SIZES[0]} to {asset.SIZES[1]}",
+        option=None,
+    ),
+    "asset_levels": WholeNumber(
+        label="Levels of Detail",
+        tooltip="How many coarser levels are made, with UV maps and maps of their own: each has half the triangles of the one "
+        "before it, or twice its limits",
+        default=0,
+        least=0,
+        most=asset.MOST_LEVELS,
         option=None,
     ),
 }
