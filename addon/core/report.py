@@ -131,12 +131,12 @@ class Report:
     an engine with this basis shows of the file and those that were baked; targets: the same of the target engines that the
     settings name. Empty without such a file."""
     asset: dict[str, Any] = field(default_factory=dict)
-    """How a game asset was made: is_made, whether the low mesh is new, or was there; is_remeshed, whether it is made of voxels,
-    and of how many triangles of the high meshes; inside, the share of their area that sees nothing of the outside; faults, that
-    of edges of more than two triangles, or of two that point to different sides; measured, how many low meshes were compared;
-    limits, those that are set: degrees, distance, triangles; distance, from the high mesh, if that has a limit; missed, a
-    sentence for each limit that it does not keep; unwrapped, a sentence about the new UV map; seconds, before the bakes.
-    Empty for other bakes."""
+    """How a game asset was made: is_made, whether the low mesh is new, or was there; is_remeshed, whether it is made of
+    voxels; is_collapsed, whether the last edges collapsed by quadrics; of how many triangles of the high meshes;
+    inside, the share of their area that sees nothing of the outside; faults, that of edges of more than two triangles, or of
+    two that point to different sides; measured, how many low meshes were compared; limits, those that are set: degrees,
+    distance, triangles; distance, from the high mesh, if that has a limit; missed, a sentence for each limit that it does not
+    keep; unwrapped, a sentence about the new UV map; seconds, before the bakes. Empty for other bakes."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
@@ -261,6 +261,7 @@ class Report:
         how, lines = self.asset, []
         if how.get("is_made"):
             way = "remeshed by voxels and decimated" if how["is_remeshed"] else "decimated"
+            way += ", the last steps by quadrics" if how["is_collapsed"] else ""
             tries = f"; {how['measured']} meshes were compared" if how["measured"] else ""
             inside = f", {how['inside']:.0%} of the area lies inside" if how["inside"] > 0.005 else ""
             lines.append(f"{self.low}: {self.triangles['low']:,} of {how['of']:,} triangles{inside}, {way}{tries}")

@@ -198,6 +198,7 @@ class _Maker:
             how = {
                 "is_made": True,
                 "is_remeshed": base.is_remeshed,
+                "is_collapsed": base.is_collapsed,
                 "of": len(self.high.triangles),
                 "inside": self.high.inside,
                 "faults": self.high.faults,
@@ -297,7 +298,7 @@ class _Maker:
     def _made(self, base: Base, triangles: int) -> bpy.types.Object:
         """A low object of about this many triangles."""
         high = self.high
-        data = self._meshes.own(asset_highs.decimated(base.data, triangles))
+        data = self._meshes.own(base.low(triangles))
         points, faces = mesh_reader.points(data), mesh_reader.corner_vertices(data).reshape(-1, 3)
         data.vertices.foreach_set("co", fitting.fitted(points, faces, high.around).astype(np.float32).reshape(-1))
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))

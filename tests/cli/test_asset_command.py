@@ -104,6 +104,17 @@ def test_a_limit_that_cannot_be_kept_is_the_exit_code(folder, capfd):
     assert (folder / "out" / "ball.glb").exists()
 
 
+def test_a_list_makes_nothing_and_a_second_call_has_nothing_left(folder, capfd):
+    assert command.run([*ASSET, "--list"]) == 0
+    assert files(folder) == ["ball.blend"] and "ball.glb" in capfd.readouterr().out
+    assert command.run([*ASSET, "--resume"]) == 0
+    before = (folder / "out" / "ball.glb").stat().st_mtime_ns
+    assert command.run([*ASSET, "--resume"]) == 0
+    assert "1 done before" in capfd.readouterr().out and (folder / "out" / "ball.glb").stat().st_mtime_ns == before
+    assert command.run([*ASSET, "--resume", "--triangles", "100"]) == 0  # other limits are another asset
+    assert (folder / "out" / "ball.glb").stat().st_mtime_ns > before
+
+
 def test_levels_lie_in_one_file(folder):
     assert command.run([*ASSET, "--levels", "1", "--report", "report.json"]) == 0
     assert files(folder) == sorted(
