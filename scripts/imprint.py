@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs Imprint from a checkout: demo, bake, lod, check, farm, gpu, bench, test and build, and sets up what they need.
+"""Runs Imprint from a checkout: demo, bake, lod, asset, check, farm, gpu, bench, test and build, and sets up what they need.
 
 This script runs on any Python from 3.9, with only the standard library. It finds a Python 3.13, which Blender's wheel
 needs, creates a virtual environment in .venv, and runs each command there.
@@ -531,6 +531,12 @@ def lod(options):
     return bake(options)
 
 
+def asset(options):
+    """Make a game asset with scripts/bake.py."""
+    options.rest.insert(0, "asset")
+    return bake(options)
+
+
 def check(options):
     """Look at the high meshes of a bake with scripts/bake.py."""
     options.rest.insert(0, "check")
@@ -631,6 +637,7 @@ def parse(arguments):
         (demo, "bake the example"),
         (bake, "bake a normal map; see bake --help"),
         (lod, "make levels of detail of a mesh; see lod --help"),
+        (asset, "make a game asset of high meshes: a low mesh with UVs and maps; see asset --help"),
         (check, "say what the high mesh of a bake is, and what will be changed of it; takes the options of bake"),
         (farm, "send a job file to a farm; see farm --help"),
         (gpu, "test the GPU and its driver; see gpu --help"),
@@ -646,6 +653,7 @@ def parse(arguments):
         ["demo"],
         ["bake"],
         ["lod"],
+        ["asset"],
         ["check"],
         ["farm"],
         ["gpu"],

@@ -10,7 +10,7 @@ from dataclasses import fields
 from pathlib import Path, PurePath
 from typing import Any
 
-from ..core import file_formats, levels, naming, udim
+from ..core import asset, file_formats, levels, naming, udim
 from ..core.conversion import StoredNormals
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError, warn_of_former
@@ -99,7 +99,7 @@ def parser(program: str) -> argparse.ArgumentParser:
             group.add_argument("--jobs", **JOBS.arguments)
         for name, option in options.items():
             group.add_argument(f"--{name}", **option.arguments)
-    result.set_defaults(levels=None)  # the command lod has them
+    result.set_defaults(levels=None, asset=None)  # the commands lod and asset have them
     return result
 
 
@@ -187,7 +187,7 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
     ways = ("low", "pairs", "low-file")
     named = [name for name in ways if vars(options)[name.replace("-", "_")]]
     by_file = options.low_file or options.high_file or options.cage_file
-    if not named and not set(ways).intersection(unread):
+    if not named and not options.asset and not set(ways).intersection(unread):
         yield "one of --low, --low-file and --pairs is required"
     if len(named) > 1:
         yield "--low, --low-file and --pairs exclude each other"
@@ -331,11 +331,56 @@ def read_lod(words: Sequence[str], program: str) -> argparse.Namespace:
         count = len(levels.limits(*options.levels))
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
-    if count > 1 and not naming.has_low(options.output):
+    if count > 1:
+        _check_levels(options)
+    return options
+
+
+def _check_levels(options: argparse.Namespace) -> None:
+    """Raise WrongUsage if several levels would be written to one file."""
+    if not naming.has_low(options.output):
         raise WrongUsage(f"each level has a map: put {naming.LOW} into --output")
     is_one_file = bool(options.export) and not naming.has_low(options.export)
-    if count > 1 and is_one_file and Path(options.export).suffix.lower() != ".glb":
+    if is_one_file and Path(options.export).suffix.lower() != ".glb":
         raise WrongUsage(f"only .glb has levels in one file: put {naming.LOW} into --export")
+
+
+_NOT_OF_ASSET = (
+    "jobs",
+    "cage",
+    "pairs",
+    "low_file",
+    "high_file",
+    "cage_file",
+    "frames",
+    "high_up",
+    "convert",
+    "workers",
+)
+"""Options that the making of an asset has no use for."""
+
+
+def read_asset(words: Sequence[str], program: str) -> argparse.Namespace:
+    """The options of the bake of an asset: its `asset` has the texts of the limits. Raises WrongUsage."""
+    own, rest = _asset_parser(program).parse_known_args(words)
+    limits_of_asset = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
+    try:
+        wanted = asset.Wanted.of_texts(*limits_of_asset)
+    except BakeError as error:
+        raise WrongUsage(str(error).rstrip(".")) from error
+    options = parse([*rest, *(["--size", own.size] if own.size and not wanted.fits_size else [])], program)
+    defaults = vars(parse([]))
+    wrong = next((name for name in _NOT_OF_ASSET if getattr(options, name) != defaults[name]), None)
+    if wrong:
+        raise WrongUsage(f"--{wrong.replace('_', '-')} is not for asset, which makes the low mesh of its FILEs")
+    options.asset = limits_of_asset
+    if options.export and not options.output:
+        path = Path(options.export)
+        has_low = not wanted.levels or naming.has_low(path.name)
+        options.output = str(path.with_suffix(".png") if has_low else path.with_name(f"{naming.LOW}.png"))
+    check(options)
+    if wanted.levels:
+        _check_levels(options)
     return options
 
 
@@ -347,6 +392,54 @@ def read_check(words: Sequence[str], program: str) -> argparse.Namespace:
     options.output = options.output or f"{naming.LOW}.png"
     check(options)
     return options
+
+
+def _asset_parser(program: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=program,
+        usage="%(prog)s FILE ... [--high NAME ...] --export out.glb [--triangles 5000] [--degrees 2]\n"
+        "                  [--distance 0.5] [--levels 2] [option ...]\n"
+        "       %(prog)s FILE ... --low NAME [--high NAME ...] --export out.glb [option ...]",
+        description="Make a game asset of high meshes: a low mesh with a UV map, all maps, and a file for an engine.",
+        epilog="Without --high, all visible meshes of the files are high. A low mesh that is there, and its UV map, are kept. "
+        "Without --output, maps go beside the file of --export. Other options are those of a bake, as --maps, --basis, "
+        "--save-blend, --report and --strict: see `bake --help`.",
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "--triangles",
+        default=None,
+        metavar="N",
+        help=f"How many triangles the low mesh has (default: {asset.TRIANGLES}); with --degrees or --distance, the most",
+    )
+    parser.add_argument(
+        "--degrees",
+        default=None,
+        metavar="DEGREES",
+        help="The shading error that 99 %% of the pixels may have, seen from all sides: the fewest triangles within it are "
+        "searched",
+    )
+    parser.add_argument(
+        "--distance",
+        default=None,
+        metavar="PERCENT",
+        help="How far 99 %% of the surfaces may be apart, in percent of the longest side of the box: the fewest triangles "
+        "within it are searched",
+    )
+    parser.add_argument(
+        "--levels",
+        type=int,
+        default=0,
+        metavar="N",
+        help="How many levels of detail follow, each with half the triangles of the one before it, or twice its limits",
+    )
+    parser.add_argument(
+        "--size",
+        default=None,
+        metavar="auto",
+        help=f"Of the maps: {asset.AUTO} for texels as small as the high meshes' triangles, or as for `bake`",
+    )
+    return parser
 
 
 def _lod_parser(program: str) -> argparse.ArgumentParser:
@@ -378,7 +471,7 @@ def _lod_parser(program: str) -> argparse.ArgumentParser:
     parser.add_argument(
         "--triangles",
         default=None,
-        metavar="50%%,25%%,500",
+        metavar="50%,25%,500",
         help="In place of limits, how many triangles each level has, or its share of those of the mesh",
     )
     return parser

@@ -17,6 +17,7 @@ import numpy as np
 
 from .. import older_blender
 from ..core import levels, naming, progress, udim
+from ..core.asset import Wanted
 from ..core.conversion import ConversionReport
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
@@ -203,7 +204,7 @@ class Baker:
             reports = [replace(each, memory=memory).with_warnings(notes) for each in baked.reports]
             if options.export and not is_stopped:
                 check_beside = partial(self._files.exported, plan.name)
-                reports = _export(reports, options.export, check_beside, are_levels=chain is not None)
+                reports = _export(reports, options.export, check_beside, are_levels=_kind(options) == "levels")
             reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
             self._loader.changed(job.low.name for job in opened.jobs)
             scene = os.path.abspath(options.save_blend) if options.save_blend and not is_stopped else ""
@@ -214,6 +215,7 @@ class Baker:
             warnings = [*problems, *(text for report in reports for text in report.warnings)]
             values = [report.to_dict() for report in reports]
             over = limits.over(options.strict, values)
+            over += [text for report in reports for text in report.asset.get("missed", ())]
             entry = Entry(
                 plan.number,
                 opened.name,
@@ -378,13 +380,21 @@ def _warn_early(name: str, warnings: Sequence[str], printed: list[str], meter: M
 
 def _kind(options: argparse.Namespace) -> str:
     """What several reports of one bake are of."""
-    return "pairs" if options.pairs else "frames" if options.frames else "levels" if options.levels else ""
+    if options.levels or (options.asset and Wanted.of_texts(*options.asset).levels):
+        return "levels"
+    return "pairs" if options.pairs else "frames" if options.frames else ""
 
 
 def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     """The names of the low objects in those of files."""
+    if options.asset:
+        from ..jobs import asset  # here, since a bake does not need it
+
+        is_made, low = jobs[0].low in jobs[0].highs, jobs[0].low.name
+        low = naming.low_name_of(low, options.suffixes) if is_made else low
+        return asset.names(low, Wanted.of_texts(*options.asset).levels)
     if options.levels:
-        from ..jobs import lod  # here, since a bake does not need it
+        from ..jobs import lod  # likewise
 
         return lod.names(jobs[0].low, len(levels.limits(*options.levels)))
     return [naming.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
@@ -415,12 +425,18 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
         if step.warnings:
             _warn_early(opened.name if meter.place else "", step.warnings, printed, meter)
         if meter.is_on:
-            job = jobs[0 if options.frames or options.levels else step.finished]
+            job = jobs[0 if options.frames or options.levels or options.asset else step.finished]
             meter.show("the atlas" if share_image else job.low.name, step)
 
     speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
     if options.convert:
         return _Baked([progress.finish(_convert_map(bpy.context, jobs[0], options, settings), on_step)])
+    if options.asset:
+        from ..jobs import asset  # likewise
+
+        wanted = Wanted.of_texts(*options.asset)
+        making = asset.work(bpy.context, jobs[0], wanted, settings, speed, suffixes=options.suffixes)
+        return _Baked(progress.finish(making, on_step))
     if options.levels:
         from ..jobs import lod  # likewise
 
@@ -486,11 +502,30 @@ def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], 
         loader.take()
     if options.pairs:
         return jobs_by_name(bpy.context, options.suffixes)
+    if options.asset:
+        return [_job_of_asset(options)], []
     low = object_by_name(options.low)
     highs = [object_by_name(name) for name in options.high] or [low]
     if not (options.high or options.convert or options.levels):
         input_checks.check_own_high(low, "--high")
     return [Job(low, highs, object_by_name(options.cage) if options.cage else None)], []
+
+
+def _job_of_asset(options: argparse.Namespace) -> Job:
+    """The high objects that are named, or all visible ones, with the low object that is named or belongs to them by its name.
+    If there is none, one of the high objects is in its place."""
+    from ..jobs import asset  # here, since a bake does not need it
+
+    visible = [obj for obj in bpy.context.view_layer.objects if obj.type == "MESH" and obj.visible_get()]
+    low = object_by_name(options.low) if options.low else None
+    lows = {naming.low_name_of(obj.name, options.suffixes) for obj in visible}
+    highs = [object_by_name(name) for name in options.high]
+    highs = highs or [obj for obj in visible if obj != low and obj.name not in lows]
+    if not highs:
+        raise BakeError(
+            "There is no visible mesh to make an asset of: give a FILE that has one, or name it with --high."
+        )
+    return Job(low or asset.known_low(bpy.context, highs, options.suffixes) or highs[0], highs)
 
 
 EXPORTERS = {".fbx": ("io_scene_fbx",)}

@@ -273,8 +273,9 @@ class RunFiles:
 
 
 def low_of(options: argparse.Namespace) -> str:
-    """The name that replaces LOW in the names of files; "" if it is only known once the files are open, as those of levels."""
-    if options.levels and naming.has_low(f"{options.output}{options.export}"):
+    """The name that replaces LOW in the names of files; "" if it is only known once the files are open, as those of levels
+    and assets."""
+    if (options.levels or options.asset) and naming.has_low(f"{options.output}{options.export}"):
         return ""
     low = options.low or (plans.stem(options.low_file) if options.low_file else "")
     return low or ("" if naming.has_low(options.output) else ATLAS)

@@ -36,6 +36,8 @@ from .terminal import Meter
 
 LOD = "lod"
 """The first argument for levels of detail."""
+ASSET = "asset"
+"""The first argument for making a game asset."""
 FARM = "farm"
 """The first argument for sending a job file to a farm."""
 REPORT = "report"
@@ -49,7 +51,8 @@ VERSION = "--version"
 
 
 def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
-    """Bake according to `words`, the arguments. If the first one is LOD, FARM, REPORT, GPU or CHECK, do that.
+    """Bake according to `words`, the arguments. If the first one is LOD, ASSET, FARM, REPORT, GPU or CHECK, do
+    that.
 
     may_start_processes: whether many bakes are done in processes of their own. Returns the exit code; errors and warnings go to
     stderr, a line each.
@@ -88,7 +91,7 @@ def _work() -> int:
 
 def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, may_start_processes: bool) -> int:
     """Run the command that `words` begin with. Returns the exit code, also of errors, which are printed. call: for reports."""
-    name = words[0] if words[:1] in ([LOD], [FARM], [REPORT], [GPU], [CHECK]) else ""
+    name = words[0] if words[:1] in ([LOD], [ASSET], [FARM], [REPORT], [GPU], [CHECK]) else ""
     if name:
         program, words = f"{program} {name}", words[1:]
     try:
@@ -110,7 +113,8 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
             from . import baker  # needs Blender
 
             return baker.look_at(options)
-        options, sets = (_read_lod if name == LOD else _read)(words, program, meter)
+        read = {LOD: _read_lod, ASSET: _read_asset}.get(name, _read)
+        options, sets = read(words, program, meter)
         return _bake(replace(options, call=call), sets, meter, may_start_processes=may_start_processes)
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
@@ -174,6 +178,12 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions,
 def _read_lod(words: Sequence[str], program: str, _meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
     """As `_read`, of the command lod."""
     options = arguments.read_lod(words, program)
+    return RunOptions.of(options, program), [options]
+
+
+def _read_asset(words: Sequence[str], program: str, _meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
+    """As `_read`, of the command asset."""
+    options = arguments.read_asset(words, program)
     return RunOptions.of(options, program), [options]
 
 

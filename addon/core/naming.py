@@ -171,6 +171,12 @@ def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[st
     return complete, problems
 
 
+def low_name_of(high_name: str, suffixes: Suffixes) -> str:
+    """The name of the low object that a high one is baked to: "crate_low" for "crate_high", and for "crate"."""
+    role, key = _role(high_name, suffixes)
+    return key.name(suffixes.low) if role == "high" and key is not None else f"{high_name}{suffixes.low}"
+
+
 @functools.lru_cache(maxsize=2**16)
 def _role(name: str, suffixes: Suffixes) -> tuple[str, _Key | None]:
     """The role of an object by its name, "low", "high", "cage" or "", and what the names of its pair share.

@@ -130,6 +130,13 @@ class Report:
     compared) and degrees: by basis, the median, percentile_95, percentile_99 and maximum of the angles between the normals that
     an engine with this basis shows of the file and those that were baked; targets: the same of the target engines that the
     settings name. Empty without such a file."""
+    asset: dict[str, Any] = field(default_factory=dict)
+    """How a game asset was made: is_made, whether the low mesh is new, or was there; is_remeshed, whether it is made of
+    voxels; is_collapsed, whether the last edges collapsed by quadrics; of how many triangles of the high meshes;
+    inside, the share of their area that sees nothing of the outside; faults, that of edges of more than two triangles, or of
+    two that point to different sides; measured, how many low meshes were compared; limits, those that are set: degrees,
+    distance, triangles; distance, from the high mesh, if that has a limit; missed, a sentence for each limit that it does not
+    keep; unwrapped, a sentence about the new UV map; seconds, before the bakes. Empty for other bakes."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
@@ -249,6 +256,19 @@ class Report:
         how = f", which differs from theirs on {differing:.1%} of their texels" if differing else ""
         return [f"Shared UVs: {overlap['hidden']:,} triangles show the detail of other parts{how}"]
 
+    def _made(self) -> list[str]:
+        """How the low mesh of an asset was made, for the summary."""
+        how, lines = self.asset, []
+        if how.get("is_made"):
+            way = "remeshed by voxels and decimated" if how["is_remeshed"] else "decimated"
+            way += ", the last steps by quadrics" if how["is_collapsed"] else ""
+            tries = f"; {how['measured']} meshes were compared" if how["measured"] else ""
+            inside = f", {how['inside']:.0%} of the area lies inside" if how["inside"] > 0.005 else ""
+            lines.append(f"{self.low}: {self.triangles['low']:,} of {how['of']:,} triangles{inside}, {way}{tries}")
+        if "distance" in how:
+            lines.append(f"Distance from the high mesh: {how['distance']:.2%} of the size (99th percentile)")
+        return [*lines, *filter(None, [how.get("unwrapped")])]
+
     def _seen(self) -> list[str]:
         """The shading error, for the summary."""
         if not self.appearance:
@@ -277,7 +297,7 @@ class Report:
         parts = {stage: self.seconds[stage] for stage in STAGES if self.seconds[stage]}
         parts["other"] = max(0.0, self.seconds["total"] - sum(parts.values()))
         stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in parts.items())
-        details = []
+        details = self._made()
         has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
         if isinstance(basis, str) and basis in bases.BY_NAME:

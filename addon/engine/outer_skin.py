@@ -12,6 +12,7 @@ from ..core.progress import Timings
 from ..mesh import orientation
 from ..mesh.inputs import Mended, Meshes
 from ..mesh.local_space import FARTHEST
+from ..mesh.triangle_mesh import Mesh
 from ..passes import cast, rays, target
 from . import tree_cache
 from .face_openness import openness
@@ -91,6 +92,40 @@ def one_skin(
     return replace(meshes, highs=highs, mended=mended)
 
 
+def sees_outside(mesh: Mesh, places: np.ndarray, triangles: np.ndarray, timings: Timings) -> np.ndarray:
+    """Which places (N,) bool on a mesh see something of the outside from one of their sides.
+
+    If the mesh has too many triangles for rays, all do.
+
+    Args:
+        places: (N, 3) float, in the mesh's own space.
+        triangles: (N,) int, those that the places lie on.
+    """
+    found = np.ones(len(places), bool)
+    if tree_cache.fits([mesh]):
+        scene = tree_cache.trees.ray_scene_of([mesh], timings)
+        space = scene.local_space
+        corners = corners_in(mesh, triangles, space)
+        corners -= corners.mean(axis=1, keepdims=True)  # rays start in the middle
+        world = places @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
+        corners += ((world - space.origin) / space.size)[:, None].astype(np.float32)
+        found[:] = False
+        for count in (FIRST_RAYS, ALL_RAYS):
+            found[~found] = _is_open(scene, corners[~found], count, ~found[~found])
+    return found
+
+
+def _is_open(scene: tree_cache.RayScene, corners: np.ndarray, rays_of_each: int, has_back: np.ndarray) -> np.ndarray:
+    """Which triangles (N,) bool see the outside from their front, or from their back where has_back (N,) says so. corners:
+    (N, 3, 3) in the scene's local space."""
+    if not len(corners):
+        return np.zeros(0, bool)
+    sides = np.concatenate([corners, corners[has_back][:, ::-1]])
+    found, back = np.split(openness(scene.tables, sides, rays_of_each), [len(corners)])
+    found[has_back] = np.maximum(found[has_back], back)
+    return found > HIDDEN
+
+
 class _Search:
     """Finds hidden patches with rays."""
 
@@ -114,12 +149,7 @@ class _Search:
             left = ~seen[some.patches]
             if left.any():
                 corners = corners_in(self._highs[number], some.triangles[left], self._scene.local_space)
-                backs = corners[has_back[left]][:, ::-1]
-                front, back = np.split(
-                    openness(self._scene.tables, np.concatenate([corners, backs]), count), [len(corners)]
-                )
-                front[has_back[left]] = np.maximum(front[has_back[left]], back)
-                is_open[left] = front > HIDDEN
+                is_open[left] = _is_open(self._scene, corners, count, has_back[left])
                 seen = seen | (some.shares(is_open) > PEEPING)
         return seen
 

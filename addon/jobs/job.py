@@ -62,6 +62,12 @@ class Job:
         job.texture_set = texture_set
         return job
 
+    def for_low(self, low: bpy.types.Object) -> "Job":
+        """The same job for another low object."""
+        job = copy.copy(self)
+        job.low_ref = ObjectRef.of(low)
+        return job
+
     @property
     def refs(self) -> list[ObjectRef]:
         """References to the low object, the high ones and the cage, if there is one."""

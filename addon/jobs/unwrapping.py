@@ -7,6 +7,7 @@ The mesh itself only gets the UV map. Its modes, its selection and its seams sta
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 
 import bpy
 import numpy as np
@@ -44,14 +45,15 @@ class Unwrapped:
         )
 
 
-def unwrap(low: bpy.types.Object, settings: Settings) -> str:
-    """Give an object's own mesh a UV map. Returns a sentence about it.
+def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -> str:
+    """Give an object's own mesh a UV map. Returns a sentence about it. is_quick: whether only the first way is tried.
 
     Raises BakeError if no way works, and then nothing has changed.
     """
     if low.type != "MESH" or not low.data.polygons:
         raise BakeError(f"{low.name!r} has no faces: choose a mesh that has some.")
-    best = max(attempts(low, settings.sampling), key=lambda each: each.layout.sharpness, default=None)
+    ways = islice(attempts(low, settings.sampling), 1 if is_quick else None)
+    best = max(ways, key=lambda each: each.layout.sharpness, default=None)
     if best is None or best.layout.sharpness == 0.0:
         raise BakeError(f"{low.name!r} has no UV map, and Blender cannot unwrap it: its faces have no area.")
     layer = low.data.uv_layers.new(name=NAME, do_init=False)

@@ -12,6 +12,7 @@ from bpy.props import CollectionProperty, IntProperty, StringProperty
 
 from .. import flamenco
 from ..core import levels, naming
+from ..core.asset import AUTO, Wanted
 from ..core.conversion import ConversionReport, StoredNormals
 from ..core.declarations.choices import Method, Space, Storage
 from ..core.errors import BakeError, in_window
@@ -20,7 +21,7 @@ from ..core.progress import Pace, Task
 from ..core.report import Report
 from ..core.settings import Settings
 from ..export import engine_files
-from ..jobs import atlas, bake_jobs, convert, lod, weights
+from ..jobs import asset, atlas, bake_jobs, convert, lod, weights
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.convert import Conversion
 from ..jobs.job import Job, jobs_by_name
@@ -387,6 +388,64 @@ class IMPRINT_PT_levels(SettingsPanel, bpy.types.Panel):
         display.draw_operator(layout, "imprint.make_levels", icon="MOD_DECIM")
 
 
+class IMPRINT_OT_make_asset(_Bake, bpy.types.Operator):
+    """Make a low mesh with a UV map of the selected objects, and bake all chosen maps for it"""
+
+    bl_idname = "imprint.make_asset"
+    bl_label = "Make Game Asset"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task[list[Report]]:
+        settings, suffixes = context.scene.imprint, context.scene.imprint.suffixes()
+        wanted = Wanted.of_texts(
+            settings.asset_degrees,
+            settings.asset_triangles,
+            AUTO if settings.asset_fits_size else "",
+            settings.asset_distance,
+            settings.asset_levels,
+        )
+        active, highs = context.active_object, list(context.selected_objects)
+        if active is not None and active.select_get():
+            highs = [active, *(obj for obj in highs if obj != active)]
+        if not highs:
+            raise BakeError("No object is selected: select the high-poly objects to make an asset of.")
+        job = Job(asset.known_low(context, highs, suffixes) or highs[0], highs)
+        if settings.export:
+            engine_files.check_levels(settings.export, 1 + wanted.levels)
+            job.is_exported = True
+        return (yield from asset.work(context, job, wanted, settings.to_settings(), pace, suffixes=suffixes))
+
+    def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
+        path = context.scene.imprint.export
+        if path:
+            try:
+                done = engine_files.export_levels(context, result, path)
+            except BakeError as error:  # the asset is made
+                result = [report.with_warnings([str(error)]) for report in result]
+            else:
+                pairs = zip(result, done, strict=True)
+                result = [report.with_export(one.to_dict()).with_warnings(one.warnings) for report, one in pairs]
+        super().finish(context, result)
+
+
+class IMPRINT_PT_asset(SettingsPanel, bpy.types.Panel):
+    """Makes a game asset of high objects that have no low one."""
+
+    bl_idname = "IMPRINT_PT_asset"
+    bl_parent_id = "IMPRINT_PT_more"
+    bl_label = "Game Asset"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        column, settings = split_layout(layout.column()), context.scene.imprint
+        for name in ("asset_triangles", "asset_degrees", "asset_distance", "asset_fits_size", "asset_levels", "export"):
+            column.prop(settings, name)
+
+    def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        is_possible = bool(context.selected_objects)
+        display.draw_operator(layout, "imprint.make_asset", enabled=is_possible, icon="MESH_ICOSPHERE")
+
+
 class IMPRINT_OT_convert(modal.MapOperator, bpy.types.Operator):
     """Make a new normal map for the low-poly object of the chosen one, in the space and the basis of the panel Map"""
 
@@ -445,6 +504,8 @@ CLASSES = (
     IMPRINT_PT_more,
     IMPRINT_OT_make_levels,
     IMPRINT_PT_levels,
+    IMPRINT_OT_make_asset,
+    IMPRINT_PT_asset,
     IMPRINT_OT_convert,
     IMPRINT_PT_convert,
     IMPRINT_PT_sequence,

@@ -31,6 +31,7 @@ from tests.support import json_schema, reports
 PAST_BAKES = {
     "addon/jobs/job.py": "finds the objects of a past bake, to locate its issues",
     "addon/jobs/bake_jobs.py": "shows the frames that are done",
+    "addon/jobs/asset.py": "adds how the low mesh was made, and which limits it does not keep",
     "addon/jobs/lod.py": "finds the levels that are done, to put them side by side",
 }
 """Modules below ui/ and cli/ that read a report, and why."""

@@ -83,6 +83,22 @@ def sphere(name="Sphere", n=32, *, latitude=75.0, **options) -> bpy.types.Object
     return sheet(name, surface, 2 * n, n, normals=normals, **options)
 
 
+def ball(name="Ball", rings=12, **options) -> bpy.types.Object:
+    """The whole unit sphere in triangles, closed, without UVs."""
+    down, around = np.arange(1, rings) * np.pi / rings, np.arange(2 * rings) * np.pi / rings
+    down, around = np.meshgrid(down, around, indexing="ij")
+    belt = np.stack([np.sin(down) * np.cos(around), np.sin(down) * np.sin(around), np.cos(down)], axis=-1)
+    points = np.concatenate([belt.reshape(-1, 3), [(0, 0, 1), (0, 0, -1)]])
+    number = np.arange(2 * rings)
+    following, row = (number + 1) % (2 * rings), 2 * rings * np.arange(rings - 2)[:, None]
+    a, b, c, d = (row + number, row + following, row + 2 * rings + number, row + 2 * rings + following)
+    last = 2 * rings * (rings - 2)
+    north, south = np.full(2 * rings, len(points) - 2), np.full(2 * rings, len(points) - 1)
+    parts = [(a, c, b), (b, c, d), (north, number, following), (south, last + following, last + number)]
+    faces = np.concatenate([np.stack([each.reshape(-1) for each in part], axis=1) for part in parts])
+    return build(name, points, faces, **options)
+
+
 def cube(name="Cube", *, gap=0.05, **options) -> bpy.types.Object:
     """The cube -1..1. Each face fills one cell of a 3 x 2 atlas, up to `gap` of the cell's size from its border."""
     points = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])

@@ -674,6 +674,47 @@ def test_the_usual_limits_are_valid_and_wrong_ones_are_reported(settings):
     assert len(bpy.data.objects) == 1
 
 
+# Game Asset panel
+
+
+def test_the_panel_shows_the_limits_of_an_asset_and_the_button(settings):
+    drawn = draw()
+    assert {"asset_triangles", "asset_degrees", "asset_fits_size"} <= set(drawn.properties)
+    assert any(name == "imprint.make_asset" for name, _ in drawn.buttons)
+
+
+def test_the_button_makes_an_asset_and_its_file(settings, tmp_path):
+    high = bpy.context.view_layer.objects.active
+    select(high)
+    settings.asset_triangles, settings.export = "100", str(tmp_path / "{low}.glb")
+    assert bpy.ops.imprint.make_asset() == {"FINISHED"}
+    low = bpy.data.objects["Hill_low"]
+    assert len(low.data.polygons) == pytest.approx(100, abs=2) and len(low.data.uv_layers) == 1
+    assert (tmp_path / "Hill_low.glb").exists()
+    assert "Hill_low: 1" in bpy.context.window_manager.imprint_summary
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"asset_triangles": "few"}, "is not a number of triangles"),
+        ({"asset_degrees": "0"}, "cannot be a limit"),
+        ({"export": "hill.obj"}, "no file for an engine"),
+    ],
+)
+def test_an_asset_that_is_not_possible_is_refused(settings, values, reason):
+    select(bpy.context.view_layer.objects.active)
+    for name, value in values.items():
+        setattr(settings, name, value)
+    assert reason in refusal(bpy.ops.imprint.make_asset)
+
+
+def test_an_asset_of_nothing_is_refused(settings):
+    for obj in bpy.context.selected_objects:
+        obj.select_set(False)
+    assert "No object is selected" in refusal(bpy.ops.imprint.make_asset)
+
+
 # Sending
 
 

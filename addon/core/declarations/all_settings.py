@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All settings by the panels that show them: here those of Output, Rays, Imprint, Pairs by Name and Levels of Detail."""
+"""All settings by the panels that show them: here those of Output, Rays, Imprint, pairs, levels and assets."""
 
 from dataclasses import dataclass
 
-from .. import file_formats, levels, udim
+from .. import asset, file_formats, levels, udim
 from ..file_formats import USUAL_DEPTH
 from ..naming import Suffixes
 from ..udim import TOKEN
@@ -21,6 +21,7 @@ from .kinds import (
     Switch,
     Text,
     Tiles,
+    WholeNumber,
 )
 from .map_settings import CHANNELS, CONVERT, MAP, MAPS
 
@@ -81,6 +82,43 @@ LEVELS: dict[str, Setting] = {
     "level_beside": Switch(
         label="Side by Side",
         tooltip="Put the levels in a row beside the mesh, and not into it. A file of the export has all of them in one place",
+        option=None,
+    ),
+}
+ASSET: dict[str, Setting] = {
+    "asset_triangles": Text(
+        label="Triangles",
+        tooltip="How many triangles the low mesh has. With degrees or a distance it is the most, and empty stands for no limit",
+        default=str(asset.TRIANGLES),
+        option=None,
+    ),
+    "asset_degrees": Text(
+        label="Degrees",
+        tooltip="The shading error that 99 % of the pixels may have, seen from all sides: the fewest triangles within it are "
+        "searched",
+        empty="no limit",
+        option=None,
+    ),
+    "asset_distance": Text(
+        label="Distance",
+        tooltip="How far the low mesh may be from the high one, in percent of the size: the fewest triangles within it are "
+        "searched",
+        empty="no limit",
+        option=None,
+    ),
+    "asset_fits_size": Switch(
+        label="Size by Detail",
+        tooltip="Make the maps as large as it takes for texels as small as the triangles of the high objects, from "
+        f"{asset.SIZES[0]} to {asset.SIZES[1]}",
+        option=None,
+    ),
+    "asset_levels": WholeNumber(
+        label="Levels of Detail",
+        tooltip="How many coarser levels are made, with UV maps and maps of their own: each has half the triangles of the one "
+        "before it, or twice its limits",
+        default=0,
+        least=0,
+        most=asset.MOST_LEVELS,
         option=None,
     ),
 }
@@ -291,6 +329,7 @@ PANELS = {
     "rays": PanelSettings("Rays", RAYS),
     "pairs": PanelSettings("Pairs by Name", PAIRS),
     "levels": PanelSettings("Levels of Detail", LEVELS),
+    "asset": PanelSettings("Game Asset", ASSET),
     "convert": PanelSettings("Convert Map", CONVERT),
 }
 """In the order of the sidebar."""

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a game asset shall be, as plain data."""
+
+import math
+from dataclasses import dataclass, replace
+
+from .errors import BakeError
+from .levels import LEAST
+
+TRIANGLES = 5000
+"""How many triangles a low mesh has if nothing else is said."""
+AUTO = "auto"
+"""The word for maps as large as the detail needs."""
+SIZES = 256, 4096
+"""The smallest and the largest map that a size found by itself can have."""
+
+
+OFF = 0.02
+"""The share by which a number of triangles may be missed."""
+MOST_LEVELS = 8
+"""The most levels of detail of an asset."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The limits of an asset.
+
+    degrees: the shading error that 99 % of the pixels may have, infinite for no limit. distance: from the high mesh, that 99 %
+    of the surface may have, as a share of the longest side of the box; infinite for no limit. triangles: how many the low mesh
+    has; with another limit the most of them, 0 for as many as that takes. fits_size: whether the maps are as large as the
+    detail of the high objects needs. levels: how many levels of detail follow the low mesh.
+    """
+
+    degrees: float = math.inf
+    triangles: int = TRIANGLES
+    fits_size: bool = False
+    distance: float = math.inf
+    levels: int = 0
+
+    @classmethod
+    def of_texts(cls, degrees: str, triangles: str, size: str, distance: str = "", levels: int = 0) -> "Wanted":
+        """The limits in texts, each of which may be empty. size: AUTO, or anything else. distance: in percent. Raises
+        BakeError."""
+        most = _number(triangles, "a number of triangles") if triangles.strip() else 0.0
+        if triangles.strip() and not most >= LEAST:
+            raise BakeError(f"{triangles.strip()} triangles enclose nothing: give {LEAST} or more.")
+        angle = _number(degrees, "degrees") if degrees.strip() else math.inf
+        percent = distance.strip().removesuffix("%")
+        far = _number(percent, "a distance in percent") / 100.0 if percent else math.inf
+        if min(angle, far) == math.inf and not triangles.strip():
+            most = TRIANGLES
+        result = cls(angle, round(most), size.strip().lower() == AUTO, far, levels)
+        result.check()
+        return result
+
+    @property
+    def has_count(self) -> bool:
+        """Whether the number of triangles is what decides."""
+        return min(self.degrees, self.distance) == math.inf
+
+    def of_level(self, level: int, before: int) -> "Wanted":
+        """The limits of a level of detail, where 0 is the low mesh itself. Each one has half the triangles of the level before
+        it, or twice its degrees and its distance. before: the triangles of that level."""
+        if not level:
+            return self
+        most = max(LEAST, before // 2 if self.has_count else before)
+        return replace(self, degrees=self.degrees * 2**level, distance=self.distance * 2**level, triangles=most)
+
+    def check(self) -> None:
+        """Raise BakeError for limits that no mesh can have."""
+        if not self.degrees > 0.0:
+            raise BakeError(f"{self.degrees:g} degrees cannot be a limit: give a number above 0.")
+        if not self.distance > 0.0:
+            raise BakeError(f"{100.0 * self.distance:g} % of the size cannot be a limit: give a number above 0.")
+        if self.triangles and self.triangles < LEAST:
+            raise BakeError(f"{self.triangles} triangles enclose nothing: give {LEAST} or more.")
+        if not self.triangles and self.has_count:
+            raise BakeError("No limit is set: give degrees, a distance, or a number of triangles.")
+        if not 0 <= self.levels <= MOST_LEVELS:
+            raise BakeError(f"{self.levels} levels of detail are not possible: give 0 to {MOST_LEVELS}.")
+
+    def to_dict(self) -> dict[str, float | int]:
+        """The limits that are set, as plain data."""
+        values = {"degrees": self.degrees, "distance": self.distance, "triangles": self.triangles}
+        return {name: value for name, value in values.items() if 0 < value < math.inf}
+
+
+def _number(text: str, what: str) -> float:
+    try:
+        found = float(text)
+    except ValueError as error:
+        raise BakeError(f"{text!r} is not {what}: give a number.") from error
+    if not math.isfinite(found):
+        raise BakeError(f"{text!r} is not {what}: give a number.")
+    return found
+
+
+def size_for(texel: float, area: float, used: float) -> int:
+    """The side of a square map in texels, a power of two within SIZES.
+
+    Args:
+        texel: the side that a texel has on the surface at most, in any unit of length.
+        area: of the low mesh, in the square of that unit.
+        used: the share of the map that its UVs take.
+    """
+    if not (texel > 0.0 and area > 0.0 and used > 0.0):
+        return SIZES[0]
+    side = math.sqrt(area / used) / texel
+    return int(min(max(2 ** math.ceil(math.log2(max(side, 1.0))), SIZES[0]), SIZES[1]))

@@ -1,0 +1,356 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes a game asset of high objects: a low mesh with a UV map, as coarse as its limit allows, and its maps.
+
+Each low mesh that the search tries is baked and looked at from all sides, so that the limit is on what a viewer sees.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..audit.appearance import Appearance
+from ..core import asset, levels, naming
+from ..core.asset import Wanted
+from ..core.declarations.choices import Method
+from ..core.errors import BakeError, NoGpu
+from ..core.naming import Suffixes
+from ..core.progress import Pace, Progress, Task, part
+from ..core.report import Report
+from ..core.settings import Run, Settings
+from ..mesh import fitting, uv_stretch
+from ..output.atomic_file import all_or_none
+from ..scene import mesh_reader
+from . import asset_highs, bake_jobs, lod, temporary, unwrapping
+from .asset_highs import Base
+from .bake import draw_raw
+from .job import Job, check_job
+from .temporary import TEMPORARY, TemporaryMeshes
+
+SEARCHED = 0.8
+"""The share of the work that is done before the maps are baked."""
+SIDE = 1024
+"""The most texels a side of the maps by which low meshes are compared."""
+SHARE, FEWEST = 0.1, 500
+"""The share of the high triangles with which a search begins, and how many it begins with at least."""
+ALONE = 90.0
+"""The degrees for which a pixel of the high or the low mesh alone counts, where ways to make a low mesh are compared."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A low object that was measured. limit: what it may have. distance: as High.distance has it; 0 if it has no limit.
+    triangles, excess, spent: as levels.Measured has them."""
+
+    low: bpy.types.Object
+    base: Base
+    limit: Wanted
+    seen: Appearance | None
+    distance: float = 0.0
+    spent: float = 0.0
+
+    @property
+    def triangles(self) -> int:
+        return len(self.low.data.polygons)
+
+    @property
+    def excess(self) -> float:
+        degrees = self.seen.percentile_99 if self.seen is not None else 0.0
+        return max(degrees / self.limit.degrees, self.distance / self.limit.distance)
+
+    @property
+    def cost(self) -> float:
+        """How wrong it looks, in degrees."""
+        if self.seen is None:
+            return 0.0
+        return (1.0 - self.seen.silhouette) * self.seen.mean + ALONE * self.seen.silhouette
+
+
+@dataclass(frozen=True)
+class Low:
+    """A low object of an asset, without its final UV map. limit: what it may have. how: as Report.asset has it, so far."""
+
+    obj: bpy.types.Object
+    limit: Wanted
+    how: dict[str, Any]
+
+
+def work(
+    context: bpy.types.Context, job: Job, wanted: Wanted, settings: Settings, pace: Pace, *, suffixes: Suffixes
+) -> Task[list[Report]]:
+    """Make the low object of a job, if it has none, give it a UV map, if it has none, and bake all maps of the settings.
+
+    If the generator is closed early, or raises BakeError, nothing has changed.
+
+    Args:
+        job: of the high objects; its low object is one of them if there is none yet.
+        wanted: how coarse the low mesh may be, and how many levels of detail follow.
+        suffixes: of the names of objects.
+
+    Returns:
+        The reports of the low object and of its levels, from the finest.
+    """
+    start = time.perf_counter()
+    wanted.check()
+    settings.check()
+    if settings.sampling.udim or settings.map.texture_sets:
+        raise BakeError("An asset has one texture: turn UDIM Tiles and Texture Sets off.")
+    is_made = job.low in job.highs
+    if not is_made and job.low.type != "MESH":
+        raise BakeError(f"{job.low.name!r} is no mesh: choose a mesh as the low object.")
+    with temporary.only_if_finished(), all_or_none(), TemporaryMeshes() as meshes, ExitStack() as unwrapped:
+        maker = None
+        if is_made or wanted.levels or wanted.distance < math.inf:
+            yield Progress("Reading the high objects", 0.0)
+            maker = _Maker(context, job, settings, pace, meshes)
+        lows = [] if is_made else [Low(job.low, wanted, {"is_made": False})]
+        if maker is not None:
+            lows = yield from part(maker.lows(lows, wanted, suffixes), 0.05, SEARCHED)
+        jobs, is_new = [], []
+        for low in lows:
+            unwrapped.enter_context(_uv_map_of(low.obj))
+            is_new.append(not low.obj.data.uv_layers)
+            low.how["unwrapped"] = unwrapping.unwrap(low.obj, settings) if is_new[-1] else ""
+            own = job.for_low(low.obj)
+            own.is_seen = True
+            if wanted.fits_size:
+                own.size = _size(low.obj, maker.high.edge if maker else asset_highs.edge_of(context, job, settings))
+            jobs.append(own)
+        own_settings = replace(settings, connect_maps=True)
+        if all(is_new):  # no high mesh has these UVs
+            own_settings = replace(own_settings, method=Method.CAST)
+        reports = yield from part(bake_jobs.work(context, jobs, own_settings, pace), SEARCHED, 1.0)
+        found = []
+        for low, report in zip(lows, reports, strict=True):
+            distance = maker.distance(low.obj) if wanted.distance < math.inf else 0.0
+            how = low.how | {"missed": _missed(report, low, distance)}
+            if distance:
+                how["distance"] = distance
+            found.append(replace(report, asset=how).with_warnings(how["missed"]))
+        for low in lows[1:]:
+            low.obj.hide_set(True)  # it lies in the first one
+    before = time.perf_counter() - start - sum(report.seconds["total"] for report in found)
+    found[0].asset["seconds"] = before
+    seconds = found[0].seconds | {"total": found[0].seconds["total"] + before}
+    return [replace(found[0], seconds=seconds), *found[1:]]
+
+
+def known_low(
+    context: bpy.types.Context, highs: Sequence[bpy.types.Object], suffixes: Suffixes
+) -> bpy.types.Object | None:
+    """The low object that belongs to the first of these by its name; None without one."""
+    context.view_layer.update()  # a script may have made objects
+    found = context.view_layer.objects.get(naming.low_name_of(highs[0].name, suffixes))
+    return found if found is not None and found.type == "MESH" and found not in highs else None
+
+
+def names(low: str, count: int) -> list[str]:
+    """The names of a low object and of `count` levels, unless other objects have them."""
+    return [low, *(f"{low}{lod.ENDING}{number}" for number in range(1, count + 1))]
+
+
+def _missed(report: Report, low: Low, distance: float) -> list[str]:
+    """A sentence for each limit that a finished low mesh does not keep."""
+    found, limit = [], low.limit
+    most, count = report.appearance.get("percentile_99", 0.0), report.triangles["low"]
+    if most > limit.degrees:
+        found.append(
+            f"The shading error of {report.low!r} is {most:.2f} degrees on 99 % of the pixels, and not {limit.degrees:g}: "
+            "allow more degrees or more triangles, or set a larger map."
+        )
+    if distance > limit.distance:
+        found.append(
+            f"{report.low!r} is {distance:.2%} of the size away from the high mesh, and not {limit.distance:.2%}: allow more "
+            "distance or more triangles."
+        )
+    if low.how["is_made"] and limit.has_count and abs(count - limit.triangles) > asset.OFF * limit.triangles:
+        found.append(
+            f"{report.low!r} has {count:,} triangles, not {limit.triangles:,}: the high mesh allows no others."
+        )
+    return found
+
+
+class _Maker:
+    """Makes low objects of the high ones of a job. count: how many were measured."""
+
+    def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, meshes: TemporaryMeshes):
+        self._context, self._job, self._pace, self._meshes = context, job, pace, meshes
+        self._settings, self.count = settings, 0
+        self.high = asset_highs.read(context, job, settings, meshes)
+
+    def lows(self, known: Sequence[Low], wanted: Wanted, suffixes: Suffixes) -> Task[list[Low]]:
+        """`known`, or a new low object in its place, and levels of detail. Raises BakeError."""
+        first, found = self._job.high_refs[0].resolve(), list(known)
+        name = known[0].obj.name if known else naming.low_name_of(first.name, suffixes)
+        home = next(iter(first.users_collection), None)
+        base, left = None, range(len(known), 1 + wanted.levels)
+        for done, level in enumerate(left):
+            limit = wanted.of_level(level, _count(found[-1].obj) if found else 0)
+            making = part(self._low(limit, base), done / len(left), (done + 1) / len(left))
+            tried = yield from making
+            base = tried.base
+            how = {
+                "is_made": True,
+                "is_remeshed": base.is_remeshed,
+                "is_collapsed": base.is_collapsed,
+                "of": len(self.high.triangles),
+                "inside": self.high.inside,
+                "faults": self.high.faults,
+                "measured": self.count,
+                "limits": limit.to_dict(),
+            }
+            self.count = 0
+            self._keep(tried.low, names(name, level)[level], home)
+            found.append(Low(tried.low, limit, how))
+        return found
+
+    def distance(self, low: bpy.types.Object) -> float:
+        """As High.distance has it."""
+        to_world = mesh_reader.matrix(low)
+        mesh = mesh_reader.surface(low.data, "", low.name, to_world)
+        points = mesh.positions.astype(np.float64) @ to_world[:3, :3].T + to_world[:3, 3] - self.high.origin
+        return self.high.distance(points, mesh.vertices[mesh.triangles])
+
+    def _keep(self, low: bpy.types.Object, name: str, home: bpy.types.Collection | None) -> None:
+        low.name = low.data.name = name
+        low.hide_set(False)
+        root = self._context.scene.collection
+        if home is not None and home != root:
+            home.objects.link(low)
+            root.objects.unlink(low)
+        for layer in list(low.data.uv_layers):
+            low.data.uv_layers.remove(layer)
+        self._meshes.release(low.data)
+
+    def _low(self, limit: Wanted, base: Base | None) -> Task[Tried]:
+        """A low object within a limit, or as near as can be. base: what it is made of; None for the best."""
+        most = max(each.triangles for each in self.high.bases)
+        most = min(most, limit.triangles) if limit.triangles else most
+        first = most if limit.has_count else min(most, max(FEWEST, round(SHARE * len(self.high.triangles))))
+        bases, begin = [base] if base is not None else self.high.bases, 0.0
+        tried: list[Tried] = []
+        if len(bases) > 1:
+            begin = 0.4
+            for number, each in enumerate(bases):
+                steps = self._tried(each, first, limit, is_compared=True)
+                tried.append((yield from part(steps, begin * number / len(bases), begin * (number + 1) / len(bases))))
+            bases = [min(tried, key=lambda each: each.cost).base]
+        if not limit.has_count:
+            found = yield from part(self._searched(bases[0], limit, first, most), begin, 1.0)
+        else:
+            yield Progress(f"Decimating to {first:,} triangles", begin)
+            known = [each for each in tried if each.base is bases[0]]
+            found = known[0] if known else Tried(self._made(bases[0], first), bases[0], limit, None)
+        self._remove_all_but(found, tried)
+        return found
+
+    def _searched(self, base: Base, limit: Wanted, first: int, most: int) -> Task[Tried]:
+        """The low object of the fewest triangles within a limit, or the nearest to it if none is within it."""
+        tried: list[Tried] = []
+        left = 1.0
+
+        def attempt(wanted: int) -> Task[Tried]:
+            nonlocal left
+            begin, left = left, 0.8 * left
+            found = yield from part(self._tried(base, wanted, limit), 1.0 - begin, 1.0 - left)
+            tried.append(found)
+            return found
+
+        within, _ = yield from levels.fewest(first, most, attempt)
+        best = within or min(tried, key=lambda each: each.excess)
+        self._remove_all_but(best, tried)
+        return best
+
+    def _remove_all_but(self, kept: Tried, tried: Sequence[Tried]) -> None:
+        for each in tried:
+            if each is not kept:
+                self._meshes.remove(each.low.data)  # and the object with it
+
+    def _tried(self, base: Base, wanted: int, limit: Wanted, *, is_compared: bool = False) -> Task[Tried]:
+        """A low object that was measured. is_compared: whether it is looked at even if there is no limit in degrees."""
+        yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
+        low = self._made(base, wanted)
+        distance = self.distance(low) if limit.distance < math.inf else 0.0
+        seen = None
+        if is_compared or limit.degrees < math.inf:
+            yield Progress(f"Unwrapping {wanted:,} triangles", 0.1)
+            settings = _to_compare(self._settings, self._context)
+            unwrapping.unwrap(low, settings, is_quick=True)
+            job = self._job.for_low(low)
+            job.is_seen, job.is_exported, job.is_measured, job.is_pictured = True, False, False, False
+            check_job(self._context, job, settings)
+            drawn, _ = yield from part(draw_raw(self._context, job, Run(settings, self._pace)), 0.2, 1.0)
+            seen = drawn.appearance
+            if seen is None and limit.degrees < math.inf:
+                raise NoGpu(
+                    "This GPU cannot measure the shading error: give a number of triangles in place of degrees."
+                )
+        low.hide_set(True)
+        self.count += 1
+        return Tried(low, base, limit, seen, distance)
+
+    def _made(self, base: Base, triangles: int) -> bpy.types.Object:
+        """A low object of about this many triangles."""
+        high = self.high
+        data = self._meshes.own(base.low(triangles))
+        points, faces = mesh_reader.points(data), mesh_reader.corner_vertices(data).reshape(-1, 3)
+        data.vertices.foreach_set("co", fitting.fitted(points, faces, high.around).astype(np.float32).reshape(-1))
+        data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
+        data.update()
+        low = bpy.data.objects.new(TEMPORARY, data)
+        self._context.scene.collection.objects.link(low)
+        low.matrix_world = Matrix.Translation(high.origin)
+        self._context.view_layer.update()
+        return low
+
+
+def _count(low: bpy.types.Object) -> int:
+    """The triangles of an object's own mesh."""
+    low.data.calc_loop_triangles()
+    return len(low.data.loop_triangles)
+
+
+def _to_compare(settings: Settings, context: bpy.types.Context) -> Settings:
+    """The settings by which low meshes are compared: the normal map alone, on at most SIDE texels a side."""
+    shrink = max(1.0, max(settings.sampling.size) / SIDE)
+    return replace(
+        settings.read_by(context.scene.render.engine).without_file().without_other_maps(),
+        method=Method.CAST,
+        width=max(1, round(settings.sampling.width / shrink)),
+        height=max(1, round(settings.sampling.height / shrink)),
+        samples=1,
+        normal=True,
+        material=False,
+        connect_maps=False,
+    )
+
+
+@contextmanager
+def _uv_map_of(low: bpy.types.Object) -> Iterator[None]:
+    """Remove the UV maps that the block gives to an object, if it fails."""
+    uid, before = low.session_uid, {layer.name for layer in low.data.uv_layers}
+    is_finished = False
+    try:
+        yield
+        is_finished = True
+    finally:
+        if not is_finished:
+            for obj in [obj for obj in bpy.data.objects if obj.session_uid == uid]:
+                for name in [layer.name for layer in obj.data.uv_layers if layer.name not in before]:
+                    obj.data.uv_layers.remove(obj.data.uv_layers[name])
+
+
+def _size(low: bpy.types.Object, edge: float) -> int:
+    """The side of the maps at which a texel is not larger than the high mesh's triangles."""
+    layer = low.data.uv_layers.active.name
+    mesh = mesh_reader.surface(low.data, layer, low.name, mesh_reader.matrix(low))
+    points = mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T
+    used = uv_stretch.measure(points[mesh.vertices[mesh.triangles]], mesh.uv[mesh.triangles]).used
+    area = float(asset_highs.areas(points, mesh.vertices[mesh.triangles]).sum())
+    return asset.size_for(edge, area, min(used, 1.0))

@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads the high objects of a game asset as one surface, and finds what low meshes can be decimated from.
+
+Most surfaces are decimated themselves. Soups of triangles and surfaces with much inside are remeshed by voxels, too.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import bmesh
+import bpy
+import numpy as np
+
+from ..core.declarations.choices import Method
+from ..core.errors import BakeError
+from ..core.progress import Timings
+from ..core.settings import Settings
+from ..engine import outer_skin
+from ..mesh import collapse, fitting, soup
+from ..mesh.closest import Surface
+from ..mesh.fitting import Samples
+from ..scene import evaluation, mesh_reader
+from ..scene.high_reader import Reader
+from . import temporary
+from .job import Job
+from .temporary import TEMPORARY, TemporaryMeshes
+
+MOST_FAULTS = 0.01
+"""The share of edges with more than two triangles, or with two that point to different sides, from which a surface is taken for
+a soup of triangles."""
+MOST_INSIDE = 0.05
+"""The share of the area that sees nothing of the outside, from which a surface is remeshed, too."""
+VOXELS = 60_000
+"""About how many voxels the outer surface has that is remeshed."""
+FAR = 2.0
+"""Voxels. If 95 % of what is seen from outside is not nearer to the remeshed surface, the volume is open."""
+FINER = 6
+"""How many times as many triangles Decimate leaves for what collapses after it: until then, hardly anything is lost."""
+PERCENTILE = 99
+"""Of the places by which the distance of a low mesh is measured."""
+PLACES = 20_000
+"""How many places that are, on each side."""
+
+
+@dataclass(frozen=True)
+class Base:
+    """A mesh that low ones are made of, and the way.
+
+    data: of triangles. is_remeshed: whether it is made of voxels. is_collapsed: whether the last edges collapse to the best
+    places by area, as mesh/collapse.py does; if not, Decimate makes it all.
+    """
+
+    data: bpy.types.Mesh
+    is_remeshed: bool = False
+    is_collapsed: bool = False
+
+    @property
+    def triangles(self) -> int:
+        return len(self.data.polygons)
+
+    def low(self, triangles: int) -> bpy.types.Mesh:
+        """A mesh of about this many triangles. The caller removes it."""
+        if not self.is_collapsed:
+            return decimated(self.data, triangles)
+        finer = decimated(self.data, FINER * triangles)
+        try:
+            corners = mesh_reader.corner_vertices(finer).reshape(-1, 3)
+            coarse = _mesh(*collapse.collapsed(mesh_reader.points(finer), corners, triangles))
+        finally:
+            bpy.data.meshes.remove(finer)
+        if len(coarse.polygons) <= triangles:
+            return coarse
+        try:  # its borders are in the way
+            return decimated(coarse, triangles)
+        finally:
+            bpy.data.meshes.remove(coarse)
+
+
+@dataclass(frozen=True)
+class High:
+    """The surface that low meshes are made of.
+
+    points (V, 3) float32, relative to `origin`; triangles (T, 3) int. bases: what low meshes are made of, and in which ways.
+    around: places on the surface that see the outside. inside: the share of the area that does not. faults: as soup.Edges has
+    them. edge: the side of a triangle of middle size.
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    origin: np.ndarray
+    bases: list[Base]
+    around: Samples
+    inside: float
+    faults: float
+    edge: float
+
+    def distance(self, points: np.ndarray, triangles: np.ndarray) -> float:
+        """The distance between this surface and a low mesh that 99 % of the places on each of them have at most, as a share of
+        the longest side of the box.
+
+        Args:
+            points: (P, 3) float, relative to `origin`.
+            triangles: (N, 3) int.
+        """
+        own = self.around.points[:: max(1, len(self.around.points) // PLACES)]
+        of_low = fitting.samples(points, triangles, PLACES).points
+        squares = [Surface(points.astype(np.float32), triangles).closest(own.astype(np.float32))[2]]
+        squares.append(self._surface.closest(of_low.astype(np.float32))[2])
+        longest = float(np.ptp(self.points, axis=0).max())
+        return max(math.sqrt(float(np.percentile(each, PERCENTILE))) for each in squares) / longest
+
+    @cached_property
+    def _surface(self) -> Surface:
+        return Surface(self.points, self.triangles)
+
+
+def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: TemporaryMeshes) -> High:
+    """Read the high objects of a job with their modifiers and instances. Raises BakeError. meshes: owns those of the bases."""
+    points, triangles = _triangles(context, job, settings)
+    origin = np.array(job.highs[0].matrix_world.translation, np.float64)
+    points, triangles = soup.welded((points - origin).astype(np.float32), triangles)
+    if not len(triangles):
+        raise BakeError(f"{job.highs[0].name!r} has no faces with an area: choose a mesh that has some.")
+    data = meshes.own(_mesh(points, triangles))
+    found = soup.edges(triangles)
+    if found.against:
+        _turn_to_one_side(data)
+        triangles = mesh_reader.corner_vertices(data).reshape(-1, 3)
+        found = soup.edges(triangles)
+    around = fitting.samples(points, triangles, fitting.MOST)
+    is_seen = _seen(data, points, triangles, around)
+    inside = 1.0 - float(is_seen[around.triangles].mean())
+    outer = around.chosen(is_seen[around.triangles])
+    of_each, bases = areas(points, triangles), [Base(data)]
+    if inside > MOST_INSIDE:
+        bases = [Base(meshes.own(_mesh(points, triangles[is_seen])))]
+    if found.faults > MOST_FAULTS or inside > MOST_INSIDE:
+        remeshed = _remeshed(data, float(of_each.sum()) * (1.0 - inside), outer, meshes)
+        if remeshed is not None:
+            # The faces of a soup can point to any side, so that only the remeshed one has an outside.
+            is_soup = soup.edges(triangles[is_seen]).faults > MOST_FAULTS
+            bases = [Base(remeshed, is_remeshed=True), *([] if is_soup else bases)]
+    bases += [replace(each, is_collapsed=True) for each in bases]
+    return High(points, triangles, origin, bases, outer, inside, found.faults, _edge(of_each))
+
+
+def edge_of(context: bpy.types.Context, job: Job, settings: Settings) -> float:
+    """The side of a triangle of middle size of the high objects, in scene units."""
+    return _edge(areas(*_triangles(context, job, settings)))
+
+
+def decimated(data: bpy.types.Mesh, triangles: int) -> bpy.types.Mesh:
+    """A mesh of about this many triangles, by Blender's Decimate. data: of triangles. The caller removes it."""
+    with temporary.scene() as scene:
+        obj = temporary.add_object(scene, data.copy())
+        decimate = obj.modifiers.new(TEMPORARY, "DECIMATE")
+        decimate.ratio = min(1.0, triangles / len(data.polygons))
+        decimate.use_collapse_triangulate = True
+        return temporary.evaluated(scene, obj)
+
+
+def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, around: Samples) -> np.ndarray:
+    """Which triangles (T,) bool see something of the outside, from their middle or from some of the places on them.
+
+    If nearly all of the area does, all count as seen.
+    """
+    mesh = mesh_reader.surface(data, "", data.name, np.eye(4))
+    some = around.chosen(slice(None, None, max(1, len(around.points) // PLACES)))
+    is_open = outer_skin.sees_outside(mesh, some.points, some.triangles, Timings())
+    of_each = np.bincount(some.triangles, minlength=len(triangles))
+    is_seen = np.bincount(some.triangles, is_open, len(triangles)) > outer_skin.PEEPING * of_each
+    if is_seen[some.triangles].mean() > 1.0 - MOST_INSIDE:
+        return np.ones(len(triangles), bool)
+    left = np.flatnonzero(~is_seen)
+    middles = points[triangles[left]].mean(axis=1, dtype=np.float64)
+    is_seen[left] = outer_skin.sees_outside(mesh, middles, left, Timings())
+    return is_seen if is_seen[around.triangles].any() else np.ones(len(triangles), bool)
+
+
+def _triangles(context: bpy.types.Context, job: Job, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """All triangles of the high objects with their modifiers and instances: points (V, 3) float64 in world space, and (T, 3)
+    int. Raises BakeError."""
+    highs = job.highs
+    plain = replace(settings.without_other_maps(), method=Method.CAST, detail_maps=False)
+    with evaluation.prepared(context, highs[0], highs, None, settings.map.modifiers) as depsgraph:
+        read = Reader(depsgraph, highs[0], "", plain).read(dict(enumerate(highs, start=1)))
+    points, triangles, first = [], [], 0
+    for mesh in read:
+        points.append(mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3])
+        triangles.append(mesh.vertices[mesh.front_triangles] + first)
+        first += len(mesh.positions)
+    return np.concatenate(points), np.concatenate(triangles)
+
+
+def _mesh(points: np.ndarray, triangles: np.ndarray) -> bpy.types.Mesh:
+    data = bpy.data.meshes.new(TEMPORARY)
+    data.vertices.add(len(points))
+    data.vertices.foreach_set("co", np.ascontiguousarray(points, np.float32).reshape(-1))
+    data.loops.add(3 * len(triangles))
+    data.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, np.int32).reshape(-1))
+    data.polygons.add(len(triangles))
+    data.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
+    data.update(calc_edges=True)
+    return data
+
+
+def _turn_to_one_side(data: bpy.types.Mesh) -> None:
+    """Turn faces so that neighbors point to the same side, and closed parts outwards."""
+    faces = bmesh.new()
+    try:
+        faces.from_mesh(data)
+        bmesh.ops.recalc_face_normals(faces, faces=faces.faces[:])
+        faces.to_mesh(data)
+    finally:
+        faces.free()
+
+
+def _remeshed(data: bpy.types.Mesh, area: float, around: Samples, meshes: TemporaryMeshes) -> bpy.types.Mesh | None:
+    """The surface of the volume that the triangles enclose, of voxels; None if they enclose none.
+
+    area: of what is seen from outside, in the places `around`.
+    """
+    voxel = math.sqrt(area / VOXELS)
+    with temporary.scene() as scene:
+        obj = temporary.add_object(scene, data.copy())
+        remesh = obj.modifiers.new(TEMPORARY, "REMESH")
+        remesh.mode, remesh.voxel_size = "VOXEL", voxel
+        obj.modifiers.new(TEMPORARY, "TRIANGULATE")
+        result = meshes.own(temporary.evaluated(scene, obj))
+    if not result.polygons:
+        return None
+    corners = mesh_reader.corner_vertices(result).reshape(-1, 3)
+    places = around.points[:: max(1, len(around.points) // PLACES)].astype(np.float32)
+    _, _, squares = Surface(mesh_reader.points(result), corners).closest(places)
+    return result if math.sqrt(float(np.percentile(squares, 95))) < FAR * voxel else None
+
+
+def areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The areas (T,) of triangles (T, 3) int, of points (V, 3)."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def _edge(areas: np.ndarray) -> float:
+    """The side of an equilateral triangle of middle size."""
+    return math.sqrt(4.0 / math.sqrt(3.0) * float(np.median(areas)))

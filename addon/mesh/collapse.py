@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes triangle meshes coarser by collapsing edges, many at once, by the quadrics of Garland and Heckbert.
+
+Each edge becomes the point with the least squares of distances, by area, from the planes of all faces that it stands for.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+BORDER = 10.0
+"""How much the planes along open edges count, as a factor on the square of an edge's length."""
+STIFF = 1e-4
+"""The share of a quadric by which a point is held in the middle of its edge, where its planes leave it free."""
+AT_ONCE = 0.15
+"""The share of the edges, from the cheapest, of which a round collapses those that do not touch."""
+TURNED, THIN = 0.3, 0.06
+"""The least cosine between a triangle's normals before and after, and the least quality of a triangle, which is 1 for an
+equilateral one: collapses that make worse triangles are refused."""
+IDLE = 3
+"""Rounds without a collapse after which there is none."""
+
+
+def collapsed(points: np.ndarray, triangles: np.ndarray, wanted: int) -> tuple[np.ndarray, np.ndarray]:
+    """A mesh with about `wanted` triangles, or more where no edge can collapse.
+
+    Args:
+        points: (V, 3) float.
+        triangles: (T, 3) int, with shared vertices and areas above 0.
+
+    Returns:
+        Points (P, 3) float64 and triangles (N, 3) int64.
+    """
+    start = points.astype(np.float64)
+    center, size = start.mean(axis=0), max(float(np.ptp(start, axis=0).max(initial=0.0)), 1e-30)
+    state = _State((start - center) / size, triangles.astype(np.int64))
+    idle = 0
+    while len(state.triangles) > wanted and idle < IDLE:
+        idle = 0 if state.step(wanted) else idle + 1
+    used, numbers = np.unique(state.triangles, return_inverse=True)
+    return state.points[used] * size + center, numbers.reshape(-1, 3)
+
+
+@dataclass
+class _Edges:
+    """ends (E, 2) int. keys (E,) int. counts (E,): of triangles. of_triangle (T, 3) int."""
+
+    ends: np.ndarray
+    keys: np.ndarray
+    counts: np.ndarray
+
+    @classmethod
+    def of(cls, triangles: np.ndarray, count: int) -> "_Edges":
+        ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+        keys, counts = np.unique(ends[:, 0] * count + ends[:, 1], return_counts=True)
+        return cls(np.stack(np.divmod(keys, count), axis=1), keys, counts)
+
+
+class _State:
+    """A mesh on its way. points (V, 3); triangles (T, 3), those that are left."""
+
+    def __init__(self, points: np.ndarray, triangles: np.ndarray):
+        self.points, self.triangles, self._round = points, triangles, 0
+        self._refused, self._since = np.zeros((2, 0), np.int64)
+        """The keys of edges whose collapse was refused, and in which rounds."""
+        self._changed = np.zeros(len(points), np.int64)
+        """The rounds in which the vertices, or those beside them, were last moved."""
+        self._planes, self._offsets, self._constants = _quadrics(points, triangles)
+
+    def step(self, wanted: int) -> bool:
+        """Collapse some edges. Returns whether any did."""
+        self._round += 1
+        edges = _Edges.of(self.triangles, len(self.points))
+        is_border = np.zeros(len(self.points), bool)
+        is_border[edges.ends[edges.counts != 2]] = True
+        # An edge between two borders would join them, and at one of more than two triangles, faces have no order.
+        is_allowed = (edges.counts == 1) | ((edges.counts == 2) & ~is_border[edges.ends].all(axis=1))
+        is_still = (self._changed[np.stack(np.divmod(self._refused, len(self.points)))] <= self._since).all(axis=0)
+        self._refused, self._since = self._refused[is_still], self._since[is_still]
+        is_allowed &= ~np.isin(edges.keys, self._refused)
+        chosen = np.flatnonzero(is_allowed)
+        if not len(chosen):
+            return False
+        places, costs = self._best(edges.ends[chosen])
+        order = np.argsort(costs, kind="stable")
+        ranks = np.full(len(edges.ends), len(edges.ends), np.int64)
+        ranks[chosen[order]] = np.arange(len(order))
+        which = self._apart(edges, ranks, max(1, int(AT_ONCE * len(order))))
+        which = which[np.argsort(ranks[which])]
+        removed = np.cumsum(edges.counts[which])
+        which = which[: 1 + np.searchsorted(removed, len(self.triangles) - wanted)]
+        at = np.full(len(edges.ends), -1)
+        at[chosen] = np.arange(len(chosen))
+        places = places[at[which]]
+        is_good = self._is_good(edges, which, places)
+        refused = edges.keys[which[~is_good]]
+        self._refused = np.concatenate([self._refused, refused])
+        self._since = np.concatenate([self._since, np.full(len(refused), self._round)])
+        moved = np.zeros(len(self.points), bool)
+        moved[edges.ends[which[is_good]]] = True
+        self._changed[edges.ends[moved[edges.ends].any(axis=1)]] = self._round + 1
+        self._collapse(edges.ends[which[is_good]], places[is_good])
+        return bool(is_good.any())
+
+    def _best(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where edges (E, 2) collapse to (E, 3), and what that costs (E,)."""
+        a, b = ends.T
+        planes, offsets = self._planes[a] + self._planes[b], self._offsets[a] + self._offsets[b]
+        constants, middles = self._constants[a] + self._constants[b], 0.5 * (self.points[a] + self.points[b])
+        stiff = STIFF * np.trace(planes, axis1=1, axis2=2) + 1e-30
+        slopes = np.einsum("eij,ej->ei", planes, middles) + offsets
+        places = middles - np.linalg.solve(planes + stiff[:, None, None] * np.eye(3), slopes[..., None])[..., 0]
+        costs = np.einsum("ei,eij,ej->e", places, planes, places) + 2.0 * (offsets * places).sum(axis=1) + constants
+        lengths = ((self.points[a] - self.points[b]) ** 2).sum(axis=1)
+        return places, np.maximum(costs, 0.0) + 1e-10 * lengths
+
+    def _apart(self, edges: _Edges, ranks: np.ndarray, most: int) -> np.ndarray:
+        """Edges (N,) int of the `most` best ones, of which no two touch or have neighbors in common that touch."""
+        a, b = edges.ends.T
+        least = np.full(len(self.points), len(ranks), np.int64)
+        for end in (a, b):
+            np.minimum.at(least, end, ranks)
+        around = least.copy()
+        np.minimum.at(around, a, least[b])
+        np.minimum.at(around, b, least[a])
+        return np.flatnonzero((ranks == around[a]) & (ranks == around[b]) & (ranks < most))
+
+    def _is_good(self, edges: _Edges, which: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Which collapses (N,) bool keep the surface a surface, and turn no triangle. places: (N, 3)."""
+        owner = np.full(len(self.points), -1)
+        owner[edges.ends[which]] = np.arange(len(which))[:, None]
+        # Vertices beside both ends: one for each triangle at the edge, or the surface would be pinched.
+        a, b = edges.ends.T
+        beside = [(owner[one], two) for one, two in ((a, b), (b, a))]
+        pairs = [
+            own[is_own] * len(self.points) + other[is_own]
+            for own, other in beside
+            for is_own in [(own >= 0) & (owner[other] != own)]
+        ]
+        keys, counts = np.unique(np.concatenate(pairs), return_counts=True)
+        both = np.bincount(keys[counts == 2] // len(self.points), minlength=len(which))
+        is_good = both == edges.counts[which]
+        owners = owner[self.triangles]
+        kept = np.flatnonzero((owners >= 0).sum(axis=1) == 1)
+        number = owners[kept].max(axis=1)
+        before = self.points[self.triangles[kept]]
+        after = np.where((owners[kept] >= 0)[..., None], places[number][:, None], before)
+        old, new = _normals(before), _normals(after)
+        old_area, new_area = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
+        is_bad = (old * new).sum(axis=1) < TURNED * old_area * new_area
+        is_bad |= _quality(after, new_area) < np.minimum(THIN, 0.5 * _quality(before, old_area))
+        is_good[number[is_bad]] = False
+        # Nor may two triangles come to one place, as those of a tetrahedron.
+        others = np.sort(self.triangles[kept][owners[kept] < 0].reshape(-1, 2), axis=1)
+        _, first, counts = np.unique(np.column_stack([number, others]), axis=0, return_index=True, return_counts=True)
+        is_good[number[first[counts > 1]]] = False
+        return is_good
+
+    def _collapse(self, ends: np.ndarray, places: np.ndarray) -> None:
+        a, b = ends.T
+        self.points[a] = places
+        for values in (self._planes, self._offsets, self._constants):
+            values[a] += values[b]
+        new = np.arange(len(self.points))
+        new[b] = a
+        triangles = new[self.triangles]
+        self.triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+
+
+def _normals(corners: np.ndarray) -> np.ndarray:
+    """Normals (N, 3), twice as long as the areas, of triangles (N, 3, 3)."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _quality(corners: np.ndarray, twice_areas: np.ndarray) -> np.ndarray:
+    """1 for equilateral triangles, 0 for lines."""
+    squares = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=(1, 2))
+    return 2.0 * np.sqrt(3.0) * twice_areas / np.maximum(squares, 1e-300)
+
+
+def _quadrics(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The quadrics of vertices: (V, 3, 3), (V, 3) and (V,), so that x A x + 2 b x + c is the sum of squared distances."""
+    corners = points[triangles]
+    normals = _normals(corners)
+    lengths = np.linalg.norm(normals, axis=1)
+    unit = normals / np.maximum(lengths, 1e-300)[:, None]
+    vertices, planes, through, weights = [triangles], [unit], [corners[:, 0]], [lengths / 6.0]
+    edges = _Edges.of(triangles, len(points))
+    sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1)
+    keys = np.sort(sides, axis=-1) @ np.array([len(points), 1])
+    is_open = edges.counts[np.searchsorted(edges.keys, keys)] == 1
+    face, side = np.nonzero(is_open)
+    ends = sides[face, side]
+    along = points[ends[:, 1]] - points[ends[:, 0]]
+    across = np.cross(along, unit[face])
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
+    vertices.append(ends)
+    planes.append(across)
+    through.append(points[ends[:, 0]])
+    weights.append(BORDER * (along**2).sum(axis=1))
+    result = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3)), np.zeros(len(points))
+    for of, normal, place, weight in zip(vertices, planes, through, weights, strict=True):
+        distance = -(normal * place).sum(axis=1)
+        parts = (
+            weight[:, None, None] * normal[:, :, None] * normal[:, None, :],
+            (weight * distance)[:, None] * normal,
+            weight * distance**2,
+        )
+        for values, part in zip(result, parts, strict=True):
+            for column in of.T:
+                np.add.at(values, column, part)
+    return result

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Joins triangles at places where they meet, and tells surfaces from soups of triangles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Edges:
+    """How many edges a mesh has. open: those of one triangle. against: of two that point to different sides. crowded: of more
+    than two."""
+
+    count: int
+    open: int
+    against: int
+    crowded: int
+
+    @property
+    def faults(self) -> float:
+        """The share of edges at which triangles are against each other or crowded."""
+        return (self.against + self.crowded) / max(1, self.count)
+
+
+def welded(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh with one vertex in each place, and without triangles that are a line, or in the place of another.
+
+    Args:
+        points: (V, 3) float32.
+        triangles: (T, 3) int.
+
+    Returns:
+        Points (P, 3), those that triangles use, and triangles (N, 3) int64.
+    """
+    whole = np.ascontiguousarray(points, np.float32) + np.float32(0.0)  # no -0
+    places = whole.view(np.dtype((np.void, 12))).reshape(-1)
+    _, first, numbers = np.unique(places, return_index=True, return_inverse=True)
+    joined = numbers.reshape(-1)[triangles]
+    is_line = (joined == np.roll(joined, 1, axis=1)).any(axis=1)
+    joined = joined[~is_line]
+    _, kept = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
+    joined = joined[np.sort(kept)]
+    used, numbers = np.unique(joined, return_inverse=True)
+    return points[first[used]], numbers.reshape(-1, 3)
+
+
+def edges(triangles: np.ndarray) -> Edges:
+    """Counts the edges of a mesh that is welded. triangles: (T, 3) int."""
+    starts, ends = triangles.reshape(-1).astype(np.int64), np.roll(triangles, -1, axis=1).reshape(-1).astype(np.int64)
+    width = int(triangles.max(initial=0)) + 1
+    keys = np.minimum(starts, ends) * width + np.maximum(starts, ends)
+    _, numbers, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    sums = np.bincount(numbers.reshape(-1), np.where(starts < ends, 1, -1), len(counts))
+    is_pair = counts == 2
+    return Edges(
+        len(counts),
+        int(np.count_nonzero(counts == 1)),
+        int(np.count_nonzero(is_pair & (sums != 0))),
+        int(np.count_nonzero(counts > 2)),
+    )

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the command `asset`: maps, a file for an engine, a scene and a report, and no file if something fails."""
+
+import json
+
+import bpy
+import pytest
+
+from addon.cli import command
+from scripts.imprint import ROOT
+from tests.support import glb, json_schema, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SCHEMA = json.loads((ROOT / "docs" / "report.schema.json").read_text(encoding="utf-8"))
+ASSET = ["asset", "ball.blend", "--triangles", "200", "--size", "64", "--export", "out/ball.glb"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with ball.blend: a ball, and a hidden object."""
+    monkeypatch.chdir(tmp_path)
+    zoo.ball("Ball_high", 16)
+    zoo.cube("Hidden").hide_set(True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "ball.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return tmp_path
+
+
+def files(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def test_a_file_of_a_high_mesh_becomes_a_file_for_an_engine(folder, capfd):
+    words = [*ASSET, "--maps", "ao", "--save-blend", "asset.blend", "--report", "report.json"]
+    assert command.run(words) == 0
+    assert files(folder) == sorted(
+        ["asset.blend", "ball.blend", "out/ball.glb", "out/ball.png", "out/ball_ao.png", "report.json"]
+    )
+    whole = json.loads((folder / "report.json").read_text())
+    assert list(json_schema.faults(whole, SCHEMA)) == []
+    (entry,) = whole["bakes"]
+    assert (entry["state"], entry["problems"]) == ("done", [])
+    (report,) = entry["reports"]
+    assert report["low"] == "Ball_low" and report["high"] == ["Ball_high"]
+    assert report["triangles"]["low"] == pytest.approx(200, abs=4) == report["export"]["triangles"]
+    assert report["asset"]["is_made"] and report["appearance"]["pixels"] > 0
+    assert "Ball_low: 2" in capfd.readouterr().out
+    tree, _ = glb.parse(folder / "out" / "ball.glb")
+    assert len(tree["meshes"]) == 1 and len(tree["images"]) == 2
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "asset.blend"))
+    assert len(bpy.data.objects["Ball_low"].data.uv_layers) == 1
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        (["--cage", "Ball"], "--cage is not for asset"),
+        (["--low-file", "ball.obj"], "--low-file is not for asset"),
+        (["--pairs"], "--pairs is not for asset"),
+        (["--degrees", "two"], "is not degrees"),
+        (["--degrees", "0"], "cannot be a limit"),
+        (["--distance", "far"], "is not a distance in percent"),
+        (["--distance", "0%"], "cannot be a limit"),
+        (["--levels", "9"], "levels of detail are not possible"),
+        (["--levels", "2", "--export", "out/ball.fbx"], "only .glb has levels in one file"),
+        (["--triangles", "2"], "enclose nothing"),
+        (["--size", "huge"], "--size"),
+        (["--export", "ball.obj"], "does not end in"),
+        (["--sise", "64"], "did you mean"),
+    ],
+)
+def test_wrong_usage(folder, capfd, more, text):
+    assert command.run([*ASSET, *more]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert text in line
+    assert files(folder) == ["ball.blend"]
+
+
+def test_without_a_place_for_the_result(folder, capfd):
+    assert command.run(ASSET[:-2]) == 2
+    assert "--output is required" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        (["--high", "Bal"], "did you mean 'Ball_high'"),
+        (["--high", "Ball_high", "--low", "Nothing"], "no object called 'Nothing'"),
+        (["--udim"], "turn UDIM Tiles and Texture Sets off"),
+    ],
+)
+def test_what_fails_writes_nothing(folder, capfd, more, text):
+    assert command.run([*ASSET, *more]) == 1
+    assert text in capfd.readouterr().err
+    assert files(folder) == ["ball.blend"]
+
+
+def test_a_limit_that_cannot_be_kept_is_the_exit_code(folder, capfd):
+    assert command.run([*ASSET, "--distance", "0.0001%", "--report", "report.json"]) == 4
+    (entry,) = json.loads((folder / "report.json").read_text())["bakes"]
+    (text,) = entry["gate"]
+    assert entry["state"] == "gate" and "of the size away" in text and text in capfd.readouterr().err
+    assert (folder / "out" / "ball.glb").exists()
+
+
+def test_a_list_makes_nothing_and_a_second_call_has_nothing_left(folder, capfd):
+    assert command.run([*ASSET, "--list"]) == 0
+    assert files(folder) == ["ball.blend"] and "ball.glb" in capfd.readouterr().out
+    assert command.run([*ASSET, "--resume"]) == 0
+    before = (folder / "out" / "ball.glb").stat().st_mtime_ns
+    assert command.run([*ASSET, "--resume"]) == 0
+    assert "1 done before" in capfd.readouterr().out and (folder / "out" / "ball.glb").stat().st_mtime_ns == before
+    assert command.run([*ASSET, "--resume", "--triangles", "100"]) == 0  # other limits are another asset
+    assert (folder / "out" / "ball.glb").stat().st_mtime_ns > before
+
+
+def test_levels_lie_in_one_file(folder):
+    assert command.run([*ASSET, "--levels", "1", "--report", "report.json"]) == 0
+    assert files(folder) == sorted(
+        ["ball.blend", "out/Ball_low.png", "out/Ball_low_LOD1.png", "out/ball.glb", "report.json"]
+    )
+    (entry,) = json.loads((folder / "report.json").read_text())["bakes"]
+    assert [report["triangles"]["low"] for report in entry["reports"]] == [200, 100]
+    tree, _ = glb.parse(folder / "out" / "ball.glb")
+    assert len(tree["meshes"]) == 2
+
+
+def test_a_limit_of_strict_that_is_missed_is_the_exit_code(folder):
+    assert command.run([*ASSET, "--strict", "appearance.p99<0.001deg"]) == 4

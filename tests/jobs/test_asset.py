@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Game assets of high objects: a sphere by closed forms, what is there is kept, and nothing remains of a failure."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.asset import Wanted
+from addon.core.errors import BakeError
+from addon.core.naming import Suffixes
+from addon.core.progress import Pace, finish
+from addon.core.settings import Settings
+from addon.jobs import asset
+from addon.jobs.job import Job
+from addon.mesh.closest import Surface
+from addon.scene import mesh_reader
+from tests.support import zoo
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SETTINGS = Settings(width=64, height=64, storage="MEMORY", margin=2)
+FEW = Wanted(triangles=400)
+MOST_OFF = 0.02
+"""The share by which the number of triangles may be missed."""
+FARTHEST = 0.02
+"""1 % of the diameter of the sphere."""
+PARALLAX = 0.35
+"""Degrees. Where a sphere is d away from the low mesh, a viewer at an angle a to its normal sees its point shifted by d tan(a):
+pi / 2 d over the disc as a mean. 400 triangles with edges e = 0.27 lie e^2 / 6 deep at most, and 0.0035 as a mean if half of
+them is outside. Vertices on the sphere have twice that error."""
+BY_HAND = 0.81
+"""Degrees: the mean shading error of the king with 3,000 triangles, by Decimate, Smart UV Project and Cycles."""
+
+
+def task(highs, wanted=FEW, settings=SETTINGS, low=None):
+    job = Job(low or highs[0], highs)
+    return asset.work(bpy.context, job, wanted, settings, Pace(0.0), suffixes=Suffixes())
+
+
+def made(highs, wanted=FEW, settings=SETTINGS, low=None):
+    (report,) = finish(task(highs, wanted, settings, low))
+    return report, bpy.data.objects[report.low]
+
+
+def arrays(obj):
+    """The points (V, 3) in world space and the triangles (T, 3) of an object's own mesh."""
+    matrix = np.array(obj.matrix_world)
+    points = mesh_reader.points(obj.data) @ matrix[:3, :3].T + matrix[:3, 3]
+    return points, mesh_reader.corner_vertices(obj.data).reshape(-1, 3)
+
+
+def outwards(points, triangles):
+    """Which faces (T,) point away from the origin."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    return (np.cross(b - a, c - a) * (a + b + c)).sum(axis=1) > 0.0
+
+
+def all_near(points, triangles):
+    """Whether the middles of faces and the vertices are near the unit sphere."""
+    middles = points[triangles].mean(axis=1)
+    far = np.abs(np.linalg.norm(np.concatenate([points, middles]), axis=1) - 1.0)
+    return far.max() < FARTHEST
+
+
+def uv_area(low):
+    """The area of the UV triangles of an object's own mesh."""
+    a, b, c = mesh_reader.uvs(low.data, low.data.uv_layers.active.name).reshape(-1, 3, 2).transpose(1, 0, 2)
+    along, across = (b - a).T, (c - a).T
+    return 0.5 * np.abs(along[0] * across[1] - along[1] * across[0]).sum()
+
+
+def test_a_sphere_becomes_a_coarse_one_with_uvs_and_a_map():
+    ball = zoo.ball("Ball_high", 32)
+    before = arrays(ball)
+    report, low = made([ball], settings=Settings(width=128, height=128, storage="MEMORY", margin=2))
+    assert low.name == low.data.name == "Ball_low"
+    assert len(low.data.polygons) == pytest.approx(400, rel=MOST_OFF)
+    points, triangles = arrays(low)
+    assert outwards(points, triangles).all() and all_near(points, triangles)
+    assert len(low.data.uv_layers) == 1 and uv_area(low) > 0.3
+    assert report.coverage == pytest.approx(uv_area(low), abs=0.01)
+    (material,) = low.data.materials
+    assert any(getattr(node, "image", None) for node in material.node_tree.nodes)
+    assert report.asset["is_made"] and not report.asset["is_remeshed"] and report.asset["of"] == len(before[1])
+    assert report.appearance["mean"] < PARALLAX
+    assert [text for text in report.warnings if "triangles" in text or "shading" in text] == []
+    assert f"400 of {len(before[1]):,} triangles, decimated" in "\n".join(report.summary())
+    assert all(np.array_equal(a, b) for a, b in zip(before, arrays(ball), strict=True))
+
+
+def test_several_moved_and_scaled_objects_make_one_mesh():
+    ball, other = zoo.ball("Ball", 16), zoo.ball("Other", 16)
+    ball.location, ball.scale = (10.0, 0.0, 5.0), (2.0, 2.0, -2.0)  # mirrored
+    other.location = (20.0, 0.0, 5.0)
+    _, low = made([ball, other])
+    points, triangles = arrays(low)
+    assert low.location[:] == (10.0, 0.0, 5.0)
+    nearer = points[triangles].mean(axis=1)[:, 0] < 15.0
+    for chosen, center, radius in ((nearer, (10, 0, 5), 2.0), (~nearer, (20, 0, 5), 1.0)):
+        part = (points - center) / radius
+        assert chosen.any() and outwards(part, triangles[chosen]).all()
+        depth = 4.0 * (4.0 * np.pi / chosen.sum()) / np.sqrt(3.0) / 6.0  # e^2 / 6 below the vertices, for edges e
+        assert np.linalg.norm(part[np.unique(triangles[chosen])], axis=1) == pytest.approx(1.0, abs=1.2 * depth)
+
+
+def test_faces_that_are_turned_over_are_turned_back():
+    ball = zoo.ball("Ball", 24)
+    turned = np.random.default_rng(4).random(len(ball.data.polygons)) < 0.2
+    corners = mesh_reader.corner_vertices(ball.data).reshape(-1, 3).copy()
+    corners[turned] = corners[turned][:, ::-1]
+    soup = zoo.build("Soup", mesh_reader.points(ball.data), corners)
+    report, low = made([soup])
+    assert not report.asset["is_remeshed"]
+    assert outwards(*arrays(low)).all() and all_near(*arrays(low))
+
+
+def test_triangles_that_share_edges_with_many_are_remeshed():
+    """A sphere with a fin on many of its edges, inwards: its volume is that of the sphere."""
+    ball = zoo.ball("Ball", 24)
+    points, corners = arrays(ball)
+    fins = np.stack([corners[::8, 0], corners[::8, 1], np.full(len(corners[::8]), len(points))], axis=1)
+    soup = zoo.build("Soup", np.concatenate([points, [[0.0, 0.0, 0.0]]]), np.concatenate([corners, fins]))
+    report, low = made([soup])
+    assert report.asset["is_remeshed"]
+    assert report.asset["faults"] > 0.01 and report.asset["inside"] > 0.5  # 276 fins of the radius and an edge
+    assert outwards(*arrays(low)).all() and all_near(*arrays(low))
+    assert "remeshed" in "\n".join(report.summary())
+
+
+def test_walls_inside_are_no_part_of_the_asset():
+    """Eight cubes in a row that touch: of seven walls between them, nothing is seen."""
+    rows = np.arange(8)[:, None, None] * np.array([2.0, 0.0, 0.0])
+    cube = zoo.cube("Cube")
+    points, corners = arrays(cube)
+    cube.data.calc_loop_triangles()
+    corners = mesh_reader.corner_vertices(cube.data)[mesh_reader.triangles(cube.data)]
+    bpy.data.objects.remove(cube)
+    row = zoo.build("Row", (points + rows).reshape(-1, 3), np.concatenate([corners + 8 * n for n in range(8)]))
+    report, low = made([row], Wanted(triangles=40))
+    assert report.asset["inside"] == pytest.approx(7 / (4 * 8 + 2 + 7), abs=0.001)
+    points, triangles = arrays(low)
+    middles = np.abs(points[triangles].mean(axis=1) - [7.0, 0.0, 0.0])
+    assert ((middles > [7.95, 0.95, 0.95]).any(axis=1)).all()
+    assert report.appearance["silhouette"] < 0.001
+
+
+def test_a_mesh_of_fewer_triangles_keeps_them_and_the_report_says_so():
+    report, low = made([zoo.cube()], Wanted(triangles=400))
+    assert len(low.data.polygons) == 12
+    assert any("12 triangles, not 400" in text for text in report.warnings)
+
+
+@pytest.mark.slow
+def test_the_fewest_triangles_within_a_limit_are_found():
+    ball = zoo.terrain("Hills", 40, height=0.3)
+    report, low = made([ball], Wanted(degrees=6.0, triangles=0))
+    assert 1 < report.asset["measured"] <= 16 and len(low.data.polygons) < 3200
+    assert report.appearance["percentile_99"] <= 6.0 or report.warnings
+    assert [obj.name for obj in bpy.data.objects if obj.name.startswith("Imprint")] == []
+    assert len(bpy.data.meshes) == 2 and low.visible_get()
+
+
+def test_a_limit_that_cannot_be_met_is_said_with_the_best():
+    wanted = Wanted(degrees=0.01, triangles=60, distance=1e-6)
+    report, low = made([zoo.terrain("Hills", 40, height=0.3)], wanted)
+    assert len(low.data.polygons) == pytest.approx(60, abs=2)
+    degrees, distance = report.asset["missed"]
+    assert "on 99 % of the pixels, and not 0.01" in degrees and "of the size away" in distance
+    assert {degrees, distance} <= set(report.warnings)
+
+
+def test_the_fewest_triangles_within_a_distance_are_found():
+    """Of a sphere, the distance is how far radii are from 1."""
+    report, low = made([zoo.ball("Ball", 32)], Wanted(triangles=0, distance=0.004))
+    points, triangles = arrays(low)
+    dice = np.random.default_rng(3).dirichlet([1.0, 1.0, 1.0], (len(triangles), 50))
+    places = np.einsum("tnc,tcx->tnx", dice, points[triangles]).reshape(-1, 3)
+    own = np.percentile(np.abs(np.linalg.norm(places, axis=1) - 1.0), 99) / 2.0
+    facets = (1.0 - np.cos(np.pi / 64)) / 2.0  # how far those of the high mesh are from the sphere
+    assert report.asset["distance"] == pytest.approx(own, abs=facets)
+    assert 0.7 * 0.004 < report.asset["distance"] <= 0.004
+    assert report.asset["measured"] > 1 and report.asset["missed"] == []
+
+
+def test_levels_of_detail_follow_with_half_the_triangles():
+    reports = finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=2)))
+    assert [report.low for report in reports] == ["Ball_low", "Ball_low_LOD1", "Ball_low_LOD2"]
+    assert [report.triangles["low"] for report in reports] == [400, 200, 100]
+    lows = [bpy.data.objects[report.low] for report in reports]
+    assert [low.visible_get() for low in lows] == [True, False, False]
+    assert all(len(low.data.uv_layers) == len(low.data.materials) == 1 for low in lows)
+    assert len({low.data.materials[0] for low in lows}) == len({report.image for report in reports}) == 3
+    assert reports[0].appearance["mean"] < reports[1].appearance["mean"] < reports[2].appearance["mean"]
+
+
+def test_a_low_mesh_and_its_uvs_are_kept():
+    high, low = zoo.terrain("Hills_high", 24), zoo.terrain("Hills_low", 6)
+    assert asset.known_low(bpy.context, [high], Suffixes()) == low
+    points, uv = mesh_reader.points(low.data).copy(), mesh_reader.uvs(low.data, zoo.LAYER).copy()
+    report, found = made([high], low=low)
+    assert found == low and not report.asset["is_made"] and report.asset["unwrapped"] == ""
+    assert np.array_equal(points, mesh_reader.points(low.data))
+    assert np.array_equal(uv, mesh_reader.uvs(low.data, zoo.LAYER))
+
+
+def test_a_low_mesh_without_uvs_is_unwrapped():
+    high, low = zoo.terrain("Hills_high", 24), zoo.terrain("Hills_low", 6)
+    low.data.uv_layers.remove(low.data.uv_layers[0])
+    report, _ = made([high], low=low)
+    assert len(low.data.uv_layers) == 1 and "is unwrapped" in report.asset["unwrapped"]
+
+
+def test_maps_are_as_large_as_the_detail():
+    """400 quads along a side: halves of them are as large as an equilateral triangle of 1.07 times their side."""
+    high, low = zoo.plane("Plane_high", 400), zoo.plane("Plane_low", 1)
+    report, _ = made([high], Wanted(fits_size=True), low=low)
+    assert report.size == (512, 512)
+
+
+@pytest.mark.parametrize("has_low", [False, True])
+@pytest.mark.parametrize("steps", [1, 2, 4, 12])
+def test_nothing_remains_of_an_asset_that_is_stopped(has_low, steps):
+    high, low = zoo.ball("Ball_high", 12), None
+    if has_low:
+        low = zoo.ball("Ball_low", 4)
+    before = snapshot()
+    work = task([high], Wanted(degrees=0.5, triangles=100), low=low)
+    for _ in range(steps):
+        assert next(work, None) is not None
+    work.close()
+    assert difference(before, snapshot()) == {}
+
+
+def nothing():
+    return zoo.build("Nothing", np.zeros((3, 3)), np.empty((0, 3), int))
+
+
+@pytest.mark.parametrize(
+    ("high", "changes", "reason"),
+    [
+        (nothing, {}, "has no faces"),
+        (lambda: zoo.build("Flat", np.zeros((3, 3)), [[0, 1, 2]]), {}, "no faces with an area"),
+        (zoo.ball, {"udim": True}, "turn UDIM Tiles and Texture Sets off"),
+        (zoo.ball, {"texture_sets": True}, "turn UDIM Tiles and Texture Sets off"),
+    ],
+)
+def test_wrong_input_is_one_sentence_and_changes_nothing(high, changes, reason):
+    obj = high()
+    before = snapshot()
+    with pytest.raises(BakeError, match=reason):
+        made([obj], settings=Settings(width=64, height=64, **({"storage": "PACK"} | changes)))
+    assert difference(before, snapshot()) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+def test_a_chess_piece_is_nearer_than_by_hand(shared_assets):
+    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "king_40480_4000.blend"))
+    bpy.data.objects.remove(bpy.data.objects["lo"])
+    high = bpy.data.objects["hi"]
+    report, low = made([high], Wanted(triangles=3000), Settings(width=1024, height=1024, samples=4, storage="MEMORY"))
+    assert len(low.data.polygons) == pytest.approx(3000, rel=MOST_OFF)
+    print(f"{report.appearance['mean']:.2f} degrees, {report.appearance['percentile_99']:.1f} at the 99th percentile")
+    assert report.appearance["mean"] < BY_HAND
+    points, triangles = arrays(low)
+    corners = mesh_reader.corner_vertices(high.data)[mesh_reader.triangles(high.data)]
+    matrix = np.array(high.matrix_world)
+    surface = Surface((mesh_reader.points(high.data) @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32), corners)
+    far = np.sqrt(surface.closest(points[triangles].mean(axis=1).astype(np.float32))[2])
+    assert far.max() < 0.01 * max(high.dimensions)

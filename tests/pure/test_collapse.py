@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests collapsing edges: the count is met, spheres stay near the sphere, surfaces stay closed, and borders stay in place."""
+
+import numpy as np
+import pytest
+
+from addon.mesh import collapse
+from tests.pure.test_fitting import sphere
+
+
+def grid(n, *, hole=False):
+    """The square -1..1 of n x n quads in the plane z = 0, in triangles, with or without a square hole in the middle."""
+    places = np.linspace(-1.0, 1.0, n + 1)
+    x, y = np.meshgrid(places, places, indexing="ij")
+    points = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    i, j = (each.reshape(-1) for each in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    if hole:
+        is_kept = (np.abs(i - (n - 1) / 2) > n / 4) | (np.abs(j - (n - 1) / 2) > n / 4)
+        i, j = i[is_kept], j[is_kept]
+    a, b, c, d = ((i + across) * (n + 1) + j + along for across, along in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    return points, np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def counts_of_edges(triangles):
+    ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    return np.unique(ends, axis=0, return_counts=True)[1]
+
+
+def normals(points, triangles):
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    return np.cross(b - a, c - a)
+
+
+def test_a_sphere_stays_closed_and_near():
+    """A chord of a sphere's mesh of 400 triangles, with edges e = 0.27, lies up to e^2 / 3 deep; a part of it is outside."""
+    points, triangles = collapse.collapsed(*sphere(24), 400)
+    assert len(triangles) == 400 and (counts_of_edges(triangles) == 2).all()
+    assert len(points) == 400 // 2 + 2  # Euler
+    found = normals(points, triangles)
+    middles = points[triangles].mean(axis=1)
+    assert ((found * middles).sum(axis=1) > 0.0).all()
+    far = np.abs(np.linalg.norm(np.concatenate([points, middles]), axis=1) - 1.0)
+    assert far.max() < 0.27**2 / 3.0
+
+
+@pytest.mark.parametrize(("hole", "area"), [(False, 4.0), (True, 3.0)])
+def test_a_plane_keeps_its_borders(hole, area):
+    points, triangles = collapse.collapsed(*grid(16, hole=hole), 40)
+    found = normals(points, triangles)
+    assert len(triangles) <= 40 and (found[:, 2] > 0.0).all()
+    assert 0.5 * found[:, 2].sum() == pytest.approx(area, rel=1e-3)
+    assert points.min(axis=0) == pytest.approx([-1, -1, 0], abs=1e-3)
+    assert points.max(axis=0) == pytest.approx([1, 1, 0], abs=1e-3)
+
+
+def test_it_ends_where_no_edge_can_collapse():
+    """A tetrahedron would become two triangles in one place."""
+    points, triangles = np.eye(4)[:, :3], np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+    kept, same = collapse.collapsed(points, triangles, 2)
+    assert len(same) == 4 and np.abs(kept - points).max() < 1e-12
+
+
+def test_triangles_of_three_on_an_edge_stay():
+    """Where three half-planes meet, no edge of that line moves."""
+    points, triangles = grid(8)
+    on_line = np.flatnonzero(points[:, 0] == 0.0)
+    fin = len(points) + np.arange(len(on_line))
+    strips = np.stack([on_line[:-1], on_line[1:], fin[1:]], axis=1), np.stack([on_line[:-1], fin[1:], fin[:-1]], axis=1)
+    whole = np.concatenate([points, points[on_line] + [0.0, 0.0, 1.0]])
+    kept, coarse = collapse.collapsed(whole, np.concatenate([triangles, *strips]), 20)
+    assert len(coarse) < len(triangles)
+    assert {tuple(each) for each in points[on_line]} <= {tuple(np.round(each, 9)) for each in kept}

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Vertices that move to where a surface is nearest, samples of a surface, and soups of triangles: closed forms of a sphere."""
+
+import numpy as np
+import pytest
+
+from addon.core.asset import SIZES, Wanted, size_for
+from addon.core.errors import BakeError
+from addon.core.naming import Suffixes, low_name_of
+from addon.mesh import fitting, soup
+from addon.mesh.closest import Surface
+
+
+def sphere(rings):
+    """Points (V, 3) and triangles (T, 3) of a sphere of radius 1, welded."""
+    down, around = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.arange(2 * rings) * np.pi / rings, indexing="ij")
+    points = np.stack([np.sin(down) * np.cos(around), np.sin(down) * np.sin(around), np.cos(down)], axis=-1)
+    row, column = np.mgrid[0:rings, 0 : 2 * rings].reshape(2, -1)
+    a, b = row * 2 * rings + column, row * 2 * rings + (column + 1) % (2 * rings)
+    below = 2 * rings
+    triangles = np.concatenate([np.stack([a, a + below, b], 1), np.stack([b, a + below, b + below], 1)])
+    return soup.welded(np.round(points.reshape(-1, 3), 6).astype(np.float32), triangles)
+
+
+def distances(points, triangles, around):
+    """From samples to a mesh."""
+    return np.sqrt(Surface(points.astype(np.float32), triangles).closest(around.points.astype(np.float32))[2])
+
+
+def outwards(points, triangles):
+    """Which faces (T,) of a mesh around the origin point away from it."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    return (np.cross(b - a, c - a) * (a + b + c)).sum(axis=1) > 0.0
+
+
+def test_a_coarse_sphere_comes_three_times_as_close_and_no_face_turns():
+    coarse, triangles = sphere(8)
+    around = fitting.samples(*sphere(40), 20_000)
+    moved = fitting.fitted(coarse, triangles, around)
+    before, after = (np.sqrt((distances(points, triangles, around) ** 2).mean()) for points in (coarse, moved))
+    assert after < before / 3.0
+    assert outwards(moved, triangles).all()
+    # Chords of a circle in 16 parts lie within it and outside it then.
+    assert 1.0 < np.linalg.norm(moved, axis=1).max() < 1.0 / np.cos(np.pi / 16.0) ** 2
+
+
+def test_a_mesh_on_its_surface_stays():
+    points, triangles = sphere(12)
+    moved = fitting.fitted(points, triangles, fitting.samples(points, triangles, 20_000))
+    assert np.abs(moved - points).max() < 1e-4
+
+
+def test_faces_that_would_turn_over_keep_their_vertices():
+    """A strip of a plane, whose samples pull one vertex over the opposite edge."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], float)
+    triangles = np.array([[0, 1, 2], [1, 3, 2]])
+    moved = points.copy()
+    moved[3] = [-1, -1, 0]
+    kept = fitting._without_turns(points, moved, triangles, np.ones(4, bool))
+    assert np.array_equal(kept, points)
+
+
+def test_samples_spread_by_area():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 0, 0], [8, 0, 0], [5, 1, 0], [9, 9, 9]], np.float32)
+    found = fitting.samples(points, np.array([[0, 1, 2], [6, 6, 6], [3, 4, 5]]), 4000)
+    assert len(found.points) == 4000
+    assert np.count_nonzero(found.points[:, 0] >= 5.0) == pytest.approx(3000, abs=1)
+    assert found.normals == pytest.approx(np.tile([0.0, 0.0, 1.0], (4000, 1)))
+    left = found.points[found.points[:, 0] < 5.0]
+    assert left[:, :2].mean(axis=0) == pytest.approx([1 / 3, 1 / 3], abs=0.02)
+
+
+def test_a_sphere_of_single_triangles_is_welded_and_closed():
+    points, triangles = sphere(6)
+    alone = points[triangles.reshape(-1)]
+    welded, joined = soup.welded(alone, np.arange(len(alone)).reshape(-1, 3))
+    assert (len(welded), len(joined)) == (len(points), len(triangles))
+    found = soup.edges(joined)
+    assert (found.open, found.against, found.crowded, found.faults) == (0, 0, 0, 0.0)
+    assert found.count == 3 * len(triangles) // 2
+
+
+def test_faults_of_edges_are_counted():
+    square = np.array([[0, 1, 2], [0, 2, 3]])
+    assert soup.edges(square) == soup.Edges(5, 4, 0, 0)
+    assert soup.edges(np.array([[0, 1, 2], [0, 3, 2]])) == soup.Edges(5, 4, 1, 0)
+    assert soup.edges(np.array([[0, 1, 2], [0, 2, 3], [2, 0, 4]])) == soup.Edges(7, 6, 0, 1)
+
+
+def test_lines_and_copies_are_left_out():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, -0.0], [7, 7, 7]], np.float32)
+    welded, triangles = soup.welded(points, np.array([[0, 1, 2], [2, 3, 1], [0, 3, 1]]))
+    assert len(welded) == 3 and len(triangles) == 1
+
+
+@pytest.mark.parametrize(
+    ("texts", "limits"),
+    [
+        (("", "", ""), (np.inf, 5000, False)),
+        (("2", "", "auto"), (2.0, 0, True)),
+        (("2", "900", "1024"), (2.0, 900, False)),
+        (("", "900", "AUTO"), (np.inf, 900, True)),
+    ],
+)
+def test_limits_in_texts(texts, limits):
+    found = Wanted.of_texts(*texts)
+    assert (found.degrees, found.triangles, found.fits_size) == limits
+
+
+@pytest.mark.parametrize(
+    ("texts", "reason"),
+    [
+        (("two", "", ""), "is not degrees"),
+        (("nan", "", ""), "is not degrees"),
+        (("0", "", ""), "cannot be a limit"),
+        (("-2", "", ""), "cannot be a limit"),
+        (("", "many", ""), "is not a number of triangles"),
+        (("", "3", ""), "enclose nothing"),
+        (("", "0", ""), "enclose nothing"),
+        (("2", "-5", ""), "enclose nothing"),
+    ],
+)
+def test_wrong_limits_are_named(texts, reason):
+    with pytest.raises(BakeError, match=reason):
+        Wanted.of_texts(*texts)
+
+
+def test_texels_are_as_small_as_asked_for():
+    assert size_for(0.01, 4.0, 1.0) == 256  # 200 a side
+    assert size_for(0.01, 4.0, 0.25) == 512  # 400 of them
+    assert size_for(1e-6, 4.0, 1.0) == SIZES[1]
+    assert size_for(0.0, 4.0, 1.0) == size_for(1.0, 0.0, 1.0) == SIZES[0]
+
+
+@pytest.mark.parametrize(
+    ("high", "low"),
+    [("crate_high", "crate_low"), ("crate", "crate_low"), ("crate_HP_2", "crate_low_2"), ("hi", "hi_low")],
+)
+def test_names_of_low_objects(high, low):
+    assert low_name_of(high, Suffixes()) == low
