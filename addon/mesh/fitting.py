@@ -46,7 +46,8 @@ def samples(points: np.ndarray, triangles: np.ndarray, count: int, seed: int = 1
         seed: of the places.
     """
     dice = np.random.default_rng(seed)
-    normals = np.cross(*(points[triangles[:, i]] - points[triangles[:, 0]] for i in (1, 2)))
+    first, second, third = (points[triangles[:, i]] for i in range(3))
+    normals = np.cross(second - first, third - first)
     areas = np.linalg.norm(normals, axis=1)
     sums = np.cumsum(areas)
     # One place in each of `count` equal parts of the area, so that no part is left out.
