@@ -42,7 +42,6 @@ RENDERED = {
 
 def make(parts: list[str]) -> Iterator[float]:
     """Make the pictures of these parts, or of all; yields the seconds for which Blender is to go on in between."""
-    bpy.context.preferences.view.show_splash = False
     if not hasattr(bpy.types.Scene, "imprint"):
         addon.register()
     bpy.context.scene.render.engine = "CYCLES"
@@ -60,6 +59,7 @@ def make(parts: list[str]) -> Iterator[float]:
 
 
 def main(parts: list[str]) -> None:
+    bpy.context.preferences.view.show_splash = False  # before Blender shows it
     work = make(parts)
     if bpy.app.background:
         import gpu

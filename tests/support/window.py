@@ -105,6 +105,7 @@ MENU = 21, 20
 
 def choose(index: int) -> Iterator[float]:
     """Click the item of this index in the menu that a click on its button has just opened below it."""
+    yield 1.0
     below = (MENU[0] + MENU[1] * index) * bpy.context.preferences.system.ui_scale
     mouse("mousemove_relative", "--", 0, round(below))
     yield 0.3
@@ -142,7 +143,7 @@ def find(button: str) -> Iterator[float]:
         mouse("mousemove", left, top + sidebar.height // 2)
         yield 0.2
         mouse("click", "--repeat", turns, "--delay", 10, direction)
-        yield 0.7
+        yield 1.5
         for part in (0.7, 0.25, 0.84):
             for y in range(top + STEP, top + sidebar.height, STEP):
                 at = round(sidebar.x + sidebar.width * part), y

@@ -165,7 +165,7 @@ TARGETS = (
     ),
     TargetEngine(
         "substance-per-fragment",
-        "Substance, fragment",
+        "Substance (fragment)",
         bases.MIKKTSPACE,
         "Substance per fragment",
         "*Compute tangent space per fragment* on",
