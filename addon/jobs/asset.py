@@ -30,7 +30,7 @@ from ..scene import mesh_reader
 from . import asset_highs, bake_jobs, lod, temporary, unwrapping
 from .asset_highs import Base
 from .bake import draw_raw
-from .job import Job, check_job
+from .job import Job, check_gpu, check_job
 from .temporary import TEMPORARY, TemporaryMeshes
 
 SEARCHED = 0.8
@@ -107,6 +107,7 @@ def work(
     with temporary.only_if_finished(), all_or_none(), TemporaryMeshes() as meshes, ExitStack() as unwrapped:
         maker = None
         if is_made or wanted.levels or wanted.distance < math.inf:
+            check_gpu()
             yield Progress("Reading the high objects", 0.0)
             maker = _Maker(context, job, settings, pace, meshes)
         lows = [] if is_made else [Low(job.low, wanted, {"is_made": False})]
