@@ -157,7 +157,7 @@ def memory_sentence(need: Need, free: int | None, *, is_software: bool) -> str:
         return f"The bake needs about {_size(wanted)} of memory{gpu}."
     if wanted <= free:
         return f"The bake needs about {_size(wanted)} of memory{gpu}; {_size(free)} are free."
-    return f"The bake needs about {_size(wanted)} of memory{gpu}, and {_size(free)} are free: {_way_out(need)}."
+    return f"The bake needs about {_size(wanted)} of memory, and {_size(free)} are free: {_way_out(need)}."
 
 
 def _way_out(need: Need) -> str:

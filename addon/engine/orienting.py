@@ -117,11 +117,17 @@ def _mended_as(mesh: Mesh, turned: np.ndarray | None, kept: np.ndarray | None) -
 
 
 def _same_triangles(one: Mesh, other: Mesh) -> bool:
-    if one.triangles is other.triangles and one.vertices is other.vertices:
+    """Whether both have the same faces. As a face is bent, Blender cuts it along other diagonals."""
+    if one.triangles.shape != other.triangles.shape or not _is_equal(one.vertices, other.vertices):
+        return False
+    if one.triangles is other.triangles:
         return True
-    return one.triangles.shape == other.triangles.shape and np.array_equal(
-        one.vertices[one.triangles], other.vertices[other.triangles]
-    )
+    differing = np.unique(np.flatnonzero(one.triangles != other.triangles) // 3)
+    return np.array_equal(np.unique(one.triangles[differing]), np.unique(other.triangles[differing]))
+
+
+def _is_equal(one: np.ndarray, other: np.ndarray) -> bool:
+    return one is other or np.array_equal(one, other)
 
 
 def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:

@@ -79,9 +79,9 @@ def _attempt(low: bpy.types.Object, sampling: SamplingSettings, name: str) -> Un
     margin = mip_gaps.needed(sampling) / 2.0 / min(sampling.size)
     with _copy(low) as obj:
         try:
-            with _editing(obj):
+            with editing(obj):
                 _ways(low.data)[name]()
-                _pack(margin)
+                pack_boxes(margin)
         except RuntimeError:  # an operator that cannot work says so in this way
             return None
         layer = obj.data.uv_layers.active.name
@@ -121,7 +121,7 @@ def _by_seams(method: str) -> None:
     bpy.ops.uv.average_islands_scale()
 
 
-def _pack(margin: float) -> None:
+def pack_boxes(margin: float) -> None:
     """Pack islands with a margin around each, as a share of the map's side: the distance between two is twice as large.
 
     By boxes: with an exact margin, the packing by outlines takes minutes for hundreds of islands.
@@ -134,20 +134,27 @@ def _pack(margin: float) -> None:
 @contextmanager
 def _copy(low: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """A copy of the object's own mesh, as large as the object makes it, with a new UV map, in a scene of its own."""
-    scene, data = bpy.data.scenes.new(TEMPORARY), low.data.copy()
-    try:
+    with temporary_scene() as scene:
+        data = low.data.copy()
         data.transform(low.matrix_world.to_3x3().to_4x4())
         data.uv_layers.active = data.uv_layers.new(name=NAME)
         obj = bpy.data.objects.new(TEMPORARY, data)
         scene.collection.objects.link(obj)
         yield obj
-    finally:
-        bpy.data.meshes.remove(data)  # and the object with it
-        bpy.data.scenes.remove(scene)
 
 
 @contextmanager
-def _editing(obj: bpy.types.Object) -> Iterator[None]:
+def temporary_scene() -> Iterator[bpy.types.Scene]:
+    """A scene until the block ends; its objects and their meshes go with it."""
+    scene = bpy.data.scenes.new(TEMPORARY)
+    try:
+        yield scene
+    finally:
+        bpy.data.batch_remove([*{obj.data for obj in scene.objects}, *scene.objects, scene])
+
+
+@contextmanager
+def editing(obj: bpy.types.Object) -> Iterator[None]:
     """Edit Mode, with everything selected, for the operators of the UV editor."""
     (scene,) = obj.users_scene
     scene.tool_settings.use_uv_select_sync = True  # so that the selection of faces counts

@@ -191,6 +191,15 @@ def without_detail(obj: bpy.types.Object) -> str:
     return f"whose modifiers ({shorten_list(modifier.name for modifier in obj.modifiers)}) add no detail"
 
 
+def _has_other_uvs(obj: bpy.types.Object) -> bool:
+    """Whether a mesh has several UV maps, so that what is seen by one can be baked by another."""
+    return obj.type == "MESH" and len(obj.data.uv_layers) > 1
+
+
+def _shows_other_uvs(obj: bpy.types.Object) -> bool:
+    return _has_other_uvs(obj) and not obj.data.uv_layers.active.active_render
+
+
 def _adds_detail(modifier: bpy.types.Modifier) -> bool:
     if modifier.type == "NODES":
         return modifier.node_group is not None and any(map(_changes_surface, _node_groups(modifier.node_group, set())))
@@ -242,10 +251,9 @@ def problem(
             return (
                 f"{low.name!r} is both the low object and one of several high objects: remove it from the high objects."
             )
-        if not low.modifiers:
-            return f"{low.name!r} is both high and low and has no modifiers: choose another high object, or add some."
-        if not is_added(low):
-            return f"{low.name!r} is both high and low, {without_detail(low)}: choose another high object."
+        if not (is_added(low) or _has_other_uvs(low)):
+            why = f", {without_detail(low)}" if low.modifiers else " and has no modifiers"
+            return f"{low.name!r} is both high and low{why}: choose another high object."
     for obj in (low, *highs, *([cage] if cage else [])):
         needs_uv = obj == low or (obj in highs and method == Method.FLATTEN)
         reason = _mesh_problem(obj, evaluated=low not in highs, needs_uv=needs_uv)
@@ -281,8 +289,9 @@ def warnings(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> list[s
 
 
 def own_highs(low: bpy.types.Object | None) -> list[bpy.types.Object]:
-    """The high objects of `low` if no others are chosen: itself, if it has modifiers that add detail."""
-    return [low] if low is not None and is_added(low) else []
+    """The high objects of `low` if no others are chosen: itself, if it has modifiers that add detail, or if its active UV map
+    is not the one that its materials show."""
+    return [low] if low is not None and (is_added(low) or _shows_other_uvs(low)) else []
 
 
 def _no_high(low: bpy.types.Object) -> str:

@@ -22,7 +22,7 @@ from ..core.progress import Pace, Task
 from ..core.report import Report
 from ..core.settings import Settings
 from ..export import engine_files
-from ..jobs import asset, bake_jobs, convert, lod, weights
+from ..jobs import asset, atlas, bake_jobs, convert, lod, weights
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.convert import Conversion
 from ..jobs.job import Job, jobs_by_name
@@ -168,6 +168,22 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
             self.report({"WARNING"}, in_window(reason)[0])
 
 
+class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
+    """Give the checked low objects a UV map in which the islands of all lie side by side, at one texel density"""
+
+    bl_idname = "imprint.pack_uvs"
+    bl_label = "Pack UV Maps"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def apply(self, context: bpy.types.Context) -> str:
+        settings = context.scene.imprint
+        jobs, _ = jobs_by_name(context, settings.suffixes())
+        lows = [job.low for job in jobs if job.low.imprint_is_baked]
+        if not lows:
+            raise BakeError("No pair is checked: check those to bake in the list of pairs.")
+        return atlas.pack(lows, settings.to_settings())
+
+
 def _ready(
     context: bpy.types.Context, jobs: list[Job], settings: list[Settings], left_out: list[tuple[str, str]]
 ) -> list[Job]:
@@ -269,6 +285,8 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
         if not found and not problems:
             draw_paragraphs(box, context, [message("No object name ends with one of these suffixes.")], "INFO")
         layout.prop(settings, "share_image")
+        if settings.share_image:
+            layout.operator("imprint.pack_uvs", icon="GROUP_UVS")
         if flamenco_address(context):
             layout.operator("imprint.send_to_flamenco", icon="EXPORT")
 
@@ -489,6 +507,7 @@ CLASSES = (
     IMPRINT_OT_bake_sequence,
     IMPRINT_OT_live,
     IMPRINT_OT_bake_pairs,
+    IMPRINT_OT_pack_uvs,
     IMPRINT_OT_send_to_flamenco,
     IMPRINT_PT_pairs,
     IMPRINT_PT_more,

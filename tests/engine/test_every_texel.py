@@ -16,7 +16,7 @@ from addon.mesh import uv_islands
 from addon.passes import samples
 from addon.scene import mesh_reader
 from tests.engine.test_blender_engines import PAIRS, triangulated
-from tests.support import angles, decoders, lanes, raster, zoo
+from tests.support import angles, decoders, drivers, lanes, raster, zoo
 from tests.support.covering import covering
 from tests.support.maps import bake, raw_maps
 from tests.support.seen_frames import frames
@@ -29,6 +29,8 @@ ROUNDING = 1.0 / 128.0
 this changes nothing, but at a fold of the UVs, two triangles that are not neighbors share the texel."""
 EXACT = 0.001
 """Degrees, in the worst texel."""
+BESIDE = 0.01
+"""The same on a GPU: see drivers.on_hardware. An NVIDIA H200 is off by 0.0058 here, and by 0.0082 on a real pair."""
 EXACT_FOLDED = 0.2
 """Degrees, in the worst texel of a real mesh: single precision counts where low normals point behind their faces."""
 COUNTS = DECLARED["samples"].values
@@ -101,7 +103,7 @@ def test_each_texel_of_folded_uvs_has_the_tangents_of_one_triangle(size, count, 
     off, (_, several, rounded) = most_off(low, high, size, basis=basis, method="CAST", samples=count)
     assert several > size * size / 8
     assert rounded > size
-    assert off < EXACT
+    assert off < drivers.limit(EXACT, BESIDE)
 
 
 def halves(ends, *, is_mirrored):
@@ -135,7 +137,7 @@ def test_samples_on_two_sides_of_an_edge_are_read_by_the_side_of_the_center(coun
     found = raw_maps(low, high, maps=(), size=size, method=method, samples=count)[1001][NORMAL.name][size // 2, 2:14]
     assert (found[:, 3] == 1.0).all()
     is_left = np.arange(2, 14) + 0.5 < column + share
-    assert leaning(low, found, is_left).max() < EXACT
+    assert leaning(low, found, is_left).max() < drivers.limit(EXACT, BESIDE)
 
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
@@ -148,7 +150,7 @@ def test_a_texel_without_a_center_is_read_by_the_sample_closest_to_it(count, sha
     covered = [(x, y) for x, y in samples.offsets(count) if not shares[0] < x + 0.5 < shares[1]]
     x, _ = min(covered, key=lambda at: math.hypot(*at))
     assert (found[:, 3] == 1.0).all()
-    assert leaning(low, found, np.full(size, x < 0.0)).max() < EXACT
+    assert leaning(low, found, np.full(size, x < 0.0)).max() < drivers.limit(EXACT, BESIDE)
 
 
 @pytest.mark.slow
@@ -204,7 +206,7 @@ def test_each_basis_has_a_decoder():
 def test_a_map_is_exact_for_its_targets_and_for_no_others(basis, method):
     low, high = zoo.terrain("low", n=9, height=0.3), zoo.terrain("high", n=96, height=0.3)
     found = off(low, high, basis, method=method)
-    assert found.pop(basis) < EXACT_FOR_ENGINES
+    assert found.pop(basis) < drivers.limit(EXACT_FOR_ENGINES, BESIDE)
     assert min(found.values()) > WRONG
 
 
@@ -222,4 +224,4 @@ def test_a_map_of_a_real_pair_is_exact_for_its_targets(shared_assets, basis, nam
     triangulate(low)
     found = off(low, high, basis, [basis], (512, 512), method="AUTO")
     print(f"{name} {basis}: {found[basis]:.5f}")
-    assert found[basis] < EXACT_FOR_ENGINES
+    assert found[basis] < drivers.limit(EXACT_FOR_ENGINES, BESIDE)

@@ -7,7 +7,7 @@ import pytest
 
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.engine import tree_cache, uv_agreement
+from addon.engine import orienting, tree_cache, uv_agreement
 from addon.jobs import Job
 from addon.jobs.live_session import Session
 from tests.support import angles, maps, oracle, scenes, spoiled, zoo
@@ -159,6 +159,28 @@ def test_live_follows_a_spoiled_mesh_seed_8(has_copies):
         assert np.abs(sessions[0].texels - sessions[1].texels).max() < SAME
     for session in sessions:
         session.free()
+
+
+def test_live_does_not_look_for_turned_faces_again_where_a_bent_quad_is_cut_along_its_other_diagonal(monkeypatch):
+    low, high = zoo.terrain("lo", 8), zoo.terrain("hi", 16)
+    settings = Settings(method="FLATTEN", width=64, height=64, storage="MEMORY", modifiers="VIEWPORT")
+    session = Session(bpy.context, Job(low, [high]), settings, progress.Pace())
+    session.run(bpy.context)
+    first, looked = session.meshes.highs[0], []
+    oriented = orienting._oriented
+    monkeypatch.setattr(orienting, "_oriented", lambda *given: looked.append(given) or oriented(*given))
+    high.data.attributes["position"].data[8 * 17 + 8].vector[2] += 0.5
+    high.data.update()
+    bpy.context.view_layer.update()
+    session.run(bpy.context, {high.session_uid})
+    bent = session.meshes.highs[0]
+    assert (bent.triangles != first.triangles).any()
+    assert not looked
+    moved = zoo.terrain("moved", 16)
+    moved.data.attributes["position"].data[8 * 17 + 8].vector[2] += 0.5
+    moved.data.update()
+    assert np.abs(session.texels - maps.bake(low, moved, method="FLATTEN", size=(64, 64))).max() < SAME
+    session.free()
 
 
 def test_what_cannot_be_decided_is_named_seed_3():

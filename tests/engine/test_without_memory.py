@@ -15,6 +15,7 @@ from addon.engine import baking, bands, gpu_memory, tree_cache
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import Mesh
 from addon.passes import allocation, target
+from tests.support import drivers
 
 SIZE = 128
 MAPS = ("AO", "HEIGHT", "CURVATURE")
@@ -192,4 +193,5 @@ def test_any_budget_gives_the_same_maps(refusing, monkeypatch, method, rows):
     for name in whole:
         assert np.array_equal(parts[name][1], whole[name][1]), name
         off = np.abs(parts[name][0] - whole[name][0]).max(axis=-1)
-        assert off.max() <= {"AO": 0.0, "CURVATURE": 3e-5}.get(name, 2e-7), name
+        most = {"AO": 0.0, "CURVATURE": drivers.limit(3e-5, 0.01)}
+        assert off.max() <= most.get(name, drivers.limit(2e-7, 2e-5)), name

@@ -14,6 +14,7 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import map_families, material_maps, ray_maps, sampling, tree_cache
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair
+from addon.passes import target
 from tests.support import lanes, scenes, zoo
 from tests.support.feeds import write_png
 from tests.support.snapshot import difference, snapshot
@@ -59,6 +60,7 @@ def settings_for(folder, method, **options):
 
 
 def gpu_state():
+    target.clear(target.Target(1, 1, ("RGBA32F",)))  # before something is drawn, Vulkan has no viewport
     return {
         "blend": gpu.state.blend_get(),
         "depth": gpu.state.depth_test_get(),

@@ -19,7 +19,7 @@ from addon.core.progress import Pace, finish
 from addon.jobs import gpu_pairs, gpu_test
 from addon.jobs.gpu_pairs import PAIRS
 from addon.passes import hemisphere, shader, target
-from tests.support import fast_math
+from tests.support import drivers, fast_math
 from tests.support.lying_drivers import WHOLE_LIES, changed_shaders, lying
 from tests.support.snapshot import difference, snapshot
 
@@ -40,7 +40,8 @@ def verdicts(pair, maps):
 def test_this_driver_is_right(pair):
     found = verdicts(pair, finish(pair.bake()))
     assert {name.partition(" ")[0] for name in found} == set(pair.limits)
-    assert [each.text for each in found.values() if each.verdict is not Verdict.EQUAL] == []
+    right = (Verdict.EQUAL, Verdict.WITHIN) if drivers.on_hardware() else (Verdict.EQUAL,)
+    assert [each.text for each in found.values() if each.verdict not in right] == []
 
 
 @pytest.mark.parametrize("pair", PAIRS, ids=BY_NAME)

@@ -9,7 +9,7 @@ from addon.core import udim
 from addon.passes import high_in_uv, low_in_uv, shader, target
 from addon.passes.hemisphere import Occluders
 from tests.passes.test_drawn_rays import random_rays, soup, trace
-from tests.support import fast_math, hemisphere, maps, zoo
+from tests.support import drivers, fast_math, hemisphere, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -81,7 +81,7 @@ def test_products_and_roots_have_the_digits_of_a_gpu(monkeypatch):
         found.append(into.texels()[0, 0])
     shader.load.cache_clear()
     (plain, root, _, _), (once, rough, _, _) = found
-    assert plain == 0.0
+    assert plain in ((0.0, 2.0**-24) if drivers.on_hardware() else (0.0,))
     assert once == 2.0**-24
     assert root == np.float32(np.sqrt(2.0))
     assert 0.0 < abs(rough - root) < 4e-7

@@ -147,7 +147,7 @@ def test_flatten_draws_into_a_gpuoffscreen(made, samples):
     assert [(one.width, one.height) for one in made] == [OFFSCREEN_SIZE]
     held = np.empty((*OFFSCREEN_SIZE[::-1], 4), np.float32)
     target.read(made[0].texture_color, held)
-    assert len(np.unique(held)) > 1000
+    assert len(np.unique(held)) > 500
     assert np.allclose(stored[..., :3], held[..., :3] * 0.5 + 0.5, rtol=0, atol=1e-6)
 
 

@@ -115,3 +115,8 @@ def test_a_lack_of_memory_names_the_largest_part(words):
     text = memory_sentence(LACKS[words], 10**9, is_software=True)
     assert f"and 1.0 GB are free: {words}" in text
     assert text.endswith(".")
+
+
+def test_a_lack_of_the_machines_memory_does_not_name_the_gpus():
+    text = memory_sentence(NEED, 10**9, is_software=False)
+    assert text.startswith("The bake needs about 2.1 GB of memory, and 1.0 GB are free: ")

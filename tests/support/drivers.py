@@ -16,6 +16,8 @@ KINDS = {
     "nan": "new textures hold NaN, where llvmpipe's hold 0",
     "rounding": "a product and a sum are rounded once, and square roots are one unit off in the last place",
 }
+_in_software = shader.in_software
+"""What it says before a test imitates another driver."""
 NAN, IN_FRONT = float("nan"), 0.0
 _WHOLE = {"RGBA32UI": ("UINT", 0x7FC00000), "R32I": ("INT", 0x7FC00000), "R16I": ("INT", 0x7E00)}
 """The type and the value of new texels of whole numbers: the bits of NaN."""
@@ -24,6 +26,20 @@ _WHOLE = {"RGBA32UI": ("UINT", 0x7FC00000), "R32I": ("INT", 0x7FC00000), "R16I":
 def named() -> str:
     """The kind that the environment names."""
     return os.environ.get(VARIABLE, "samplers")
+
+
+def on_hardware() -> bool:
+    """Whether a GPU draws, rather than Mesa's llvmpipe.
+
+    GPUs interpolate between corners that they have rounded to 1/256 texel, llvmpipe between the corners as they are. So what
+    is drawn over a triangle is that of a place up to 1/512 texel beside.
+    """
+    return not _in_software()
+
+
+def limit(in_software: float, on_gpus: float) -> float:
+    """The limit of a test on the driver at hand: on_gpus where a GPU draws."""
+    return on_gpus if on_hardware() else in_software
 
 
 def imitate(kind: str) -> None:

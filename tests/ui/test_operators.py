@@ -738,6 +738,22 @@ def test_the_button_is_there_if_an_address_is_set(address):
     assert "imprint.send_to_flamenco" in {name for name, _ in draw().buttons}
 
 
+def test_uv_maps_are_packed_where_pairs_share_an_image():
+    lows = [zoo.plane("a_low"), zoo.plane("b_low"), zoo.plane("c_low")]
+    for low in lows:
+        zoo.terrain(low.name.replace("low", "high"), 4)
+    assert "imprint.pack_uvs" not in {name for name, _ in draw().buttons}
+    bpy.context.scene.imprint.share_image = True
+    assert "imprint.pack_uvs" in {name for name, _ in draw().buttons}
+    lows[2].imprint_is_baked = False
+    assert bpy.ops.imprint.pack_uvs() == {"FINISHED"}
+    assert ["Atlas" in low.data.uv_layers for low in lows] == [True, True, False]
+    for low in lows:
+        low.imprint_is_baked = False
+    with pytest.raises(RuntimeError, match="No pair is checked"):
+        bpy.ops.imprint.pack_uvs()
+
+
 def test_without_an_address_there_is_no_button():
     assert preferences.flamenco_address(bpy.context) == ""
     assert "imprint.send_to_flamenco" not in {name for name, _ in draw().buttons}
