@@ -153,6 +153,14 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     check_outputs(job.low, settings)
 
 
+def check_gpu() -> None:
+    """Start the GPU, if it does not run yet. Raises NoGpu."""
+    try:
+        older_blender.start_gpu()
+    except (SystemError, RuntimeError) as error:
+        raise NoGpu(f"There is no GPU to bake on: {error}.") from error
+
+
 def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
     """Raise BakeError if the maps cannot be stored or drawn."""
     for image_settings in settings_by_map(settings).values():
@@ -161,10 +169,7 @@ def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
         materials.check(low, can_be_off=not settings.storing.connect_maps)
     if settings.storing.vertex_domain != VertexDomain.NONE:
         vertex_attributes.check(low)
-    try:
-        older_blender.start_gpu()
-    except (SystemError, RuntimeError) as error:
-        raise NoGpu(f"There is no GPU to bake on: {error}.") from error
+    check_gpu()
     limit, (width, height) = gpu.capabilities.max_texture_size_get(), settings.sampling.size
     if max(width, _tallest_band(settings.sampling)) > limit:
         raise BakeError(

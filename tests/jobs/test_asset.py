@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon import older_blender
 from addon.core.asset import Wanted
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes
@@ -250,6 +251,19 @@ def test_wrong_input_is_one_sentence_and_changes_nothing(high, changes, reason):
     before = snapshot()
     with pytest.raises(BakeError, match=reason):
         made([obj], settings=Settings(width=64, height=64, **({"storage": "PACK"} | changes)))
+    assert difference(before, snapshot()) == {}
+
+
+def test_without_a_gpu_nothing_is_read(monkeypatch):
+    def fails():
+        raise SystemError("no display")
+
+    ball = zoo.ball()
+    before = snapshot()
+    monkeypatch.setattr(older_blender, "start_gpu", fails)
+    monkeypatch.setattr(asset.asset_highs, "read", None)
+    with pytest.raises(BakeError, match="There is no GPU to bake on: no display"):
+        made([ball])
     assert difference(before, snapshot()) == {}
 
 
