@@ -167,7 +167,7 @@ TARGETS = (
         "substance-per-fragment",
         "Substance (fragment)",
         bases.MIKKTSPACE,
-        "Substance per fragment",
+        "Substance (fragment)",
         "*Compute tangent space per fragment* on",
         depth=16,
     ),
