@@ -426,6 +426,12 @@ class IMPRINT_OT_make_asset(_Bake, bpy.types.Operator):
                 pairs = zip(result, done, strict=True)
                 result = [report.with_export(one.to_dict()).with_warnings(one.warnings) for report, one in pairs]
         super().finish(context, result)
+        low = context.view_layer.objects.get(result[0].low)
+        if low is not None:
+            for obj in list(context.selected_objects):
+                obj.select_set(False)
+            low.select_set(True)
+            context.view_layer.objects.active = low
 
 
 class IMPRINT_PT_asset(SettingsPanel, bpy.types.Panel):

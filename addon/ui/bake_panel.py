@@ -412,10 +412,12 @@ def _draw_plan(
 
 
 def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
-    """A button for a high object that is missing, else one for a low object without UVs, for a file that was never saved, or
-    for objects that are hidden."""
+    """A button for a high object that is missing, else one that makes a low object of an object alone, and one for a low object
+    without UVs, for a file that was never saved, or for objects that are hidden."""
     if chosen.missing:
         layout.operator("imprint.remove_missing", icon="X").high = chosen.missing[0]
+    elif chosen.low is not None and chosen.low.select_get() and not chosen.highs:
+        display.draw_operator(layout, "imprint.make_asset", enabled=True, icon="MESH_ICOSPHERE")
     elif object_checks.lacks_uvs(chosen.low):
         draw_button(layout, checks.UNWRAP)
     elif _is_unsaved(chosen):

@@ -11,7 +11,7 @@ from addon import flamenco
 from addon.core import map_types, naming, progress
 from addon.core.declarations.all_settings import FORMER
 from addon.core.errors import BakeError
-from addon.ui import bake_operators, preferences, properties
+from addon.ui import bake_operators, bake_panel, preferences, properties
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
@@ -320,6 +320,18 @@ def test_a_low_object_with_more_faces_than_the_high_one_raises_a_warning(pair):
     assert "ERROR" in drawn.icons
     high.modifiers.new("", "SUBSURF")  # only an evaluation shows how many faces it makes
     assert "faces than" not in draw().text
+
+
+def test_an_object_alone_can_become_an_asset_from_the_box(pair):
+    low, high = pair
+    made = ("imprint.make_asset", True)
+    open_panels = [bake_panel.IMPRINT_PT_bake]
+    select(high)
+    assert made in draw(panels=open_panels).buttons
+    select(low, high)
+    assert made not in draw(panels=open_panels).buttons
+    select()
+    assert made not in draw(panels=open_panels).buttons
 
 
 def test_the_panel_shows_the_objects_of_live_whatever_is_selected(pair):
@@ -690,6 +702,7 @@ def test_the_button_makes_an_asset_and_its_file(settings, tmp_path):
     assert bpy.ops.imprint.make_asset() == {"FINISHED"}
     low = bpy.data.objects["Hill_low"]
     assert len(low.data.polygons) == pytest.approx(100, abs=2) and len(low.data.uv_layers) == 1
+    assert bpy.context.selected_objects == [low] == [bpy.context.view_layer.objects.active]
     assert (tmp_path / "Hill_low.glb").exists()
     assert "Hill_low: 1" in bpy.context.window_manager.imprint_summary
 

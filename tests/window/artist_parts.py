@@ -530,6 +530,66 @@ def part_checks() -> Steps:
 # What they are made of
 
 
+def part_asset() -> Steps:
+    """A sculpt alone becomes an asset by the button in the box. Ctrl Z takes it all back, and Esc ends it in each stage."""
+    small()
+    with window.at_view():
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6)
+        rock = bpy.context.object
+    rock.name = rock.data.name = "rock"
+    for vertex in rock.data.vertices:
+        x, y, z = vertex.co
+        vertex.co *= 1.0 + 0.06 * math.sin(7.0 * x) * math.cos(6.0 * y + 2.0 * z)
+    bpy.context.scene.imprint.asset_triangles = "800"
+    yield from click_row("rock")
+    yield from keys("g", "x", "0", "Return")  # a step before
+    before = kept()
+    yield from press("imprint.make_asset")
+    stages = yield from stages_of_asset()
+    picture("made")
+    low = bpy.data.objects.get("rock_low")
+    check("a low object with a UV map", low is not None and len(low.data.uv_layers) == 1)
+    check("of 800 triangles", low is not None and abs(len(low.data.polygons) - 800) <= 16)
+    check("which is selected", bpy.context.object == low and bpy.context.selected_objects == [low])
+    check("with its map", mine() == ["rock_low_normal"])
+    yield from keys("ctrl+z")
+    check("one step back", kept() == before)
+    for number in range(len(stages)):
+        yield from click_row("rock")
+        yield from press("imprint.make_asset")
+        yield from until(lambda number=number: modal.runner.run is None or stage() in stages[number:])
+        check(f"runs: {stages[number]}", modal.runner.run is not None)
+        yield from keys("Escape")
+        yield from finished()
+        check(f"Esc in {stages[number]!r} leaves nothing", kept() == before)
+    picture("stopped")
+
+
+def stage() -> str:
+    """What the running task does, without numbers."""
+    shown = display.current.what if display.current is not None else ""
+    return "".join(letter for letter in shown if not letter.isdigit() and letter not in ".,%")
+
+
+def stages_of_asset() -> Iterator[float]:
+    """Wait for the end of the task. Returns its stages, in order."""
+    seen: list[str] = []
+    for _ in range(int(PATIENCE / 0.05)):
+        if modal.runner.run is None and seen:
+            break
+        if stage() and stage() not in seen:
+            seen.append(stage())
+        yield 0.05
+    yield 0.5
+    return seen
+
+
+def kept() -> dict[str, list[str]]:
+    """The names of what a bake makes."""
+    kinds = ("objects", "meshes", "images", "materials", "scenes")
+    return {kind: sorted(block.name for block in getattr(bpy.data, kind) if block.users) for kind in kinds}
+
+
 def values() -> dict[str, object]:
     """All settings of the scene that have one value."""
     settings = bpy.context.scene.imprint
