@@ -330,7 +330,8 @@ def test_an_object_alone_can_become_an_asset_from_the_box(pair):
     assert made in draw(panels=open_panels).buttons
     select(low, high)
     assert made not in draw(panels=open_panels).buttons
-    select()
+    high.select_set(False)
+    low.select_set(False)
     assert made not in draw(panels=open_panels).buttons
 
 
