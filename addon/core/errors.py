@@ -21,6 +21,10 @@ class Incomplete(BakeError):
     """Objects lack files, or what their modifiers need."""
 
 
+class NothingDrawn(BakeError):
+    """No texel of a map shows a high mesh."""
+
+
 class NoGpu(BakeError):
     """Blender's gpu module does not start on this machine."""
 

@@ -19,7 +19,7 @@ from ..audit.appearance import Appearance
 from ..core import asset, levels, naming
 from ..core.asset import Wanted
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError, NoGpu
+from ..core.errors import BakeError, NoGpu, NothingDrawn
 from ..core.naming import Suffixes
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
@@ -39,6 +39,8 @@ SIDE = 1024
 """The most texels a side of the maps by which low meshes are compared."""
 SHARE, FEWEST = 0.1, 500
 """The share of the high triangles with which a search begins, and how many it begins with at least."""
+NOT_DRAWN = 100.0
+"""The excess of a low mesh that cannot be judged: it is far beyond any limit."""
 ALONE = 90.0
 """The degrees for which a pixel of the high or the low mesh alone counts, where ways to make a low mesh are compared."""
 CLEARLY = 1.03
@@ -48,7 +50,8 @@ CLEARLY = 1.03
 @dataclass(frozen=True)
 class Tried:
     """A low object that was measured. limit: what it may have. distance: as High.distance has it; 0 if it has no limit.
-    triangles, excess, spent: as levels.Measured has them."""
+    triangles, excess, spent: as levels.Measured has them. is_drawn: whether a texel of its map shows the high mesh: on a small
+    map, none may be left between the margins of many islands."""
 
     low: bpy.types.Object
     base: Base
@@ -56,6 +59,7 @@ class Tried:
     seen: Appearance | None
     distance: float = 0.0
     spent: float = 0.0
+    is_drawn: bool = True
 
     @property
     def triangles(self) -> int:
@@ -63,6 +67,8 @@ class Tried:
 
     @property
     def excess(self) -> float:
+        if not self.is_drawn:
+            return NOT_DRAWN
         degrees = self.seen.percentile_99 if self.seen is not None else 0.0
         return max(degrees / self.limit.degrees, self.distance / self.limit.distance)
 
@@ -70,7 +76,7 @@ class Tried:
     def cost(self) -> float:
         """How wrong it looks, in degrees."""
         if self.seen is None:
-            return 0.0
+            return 0.0 if self.is_drawn else math.inf
         return (1.0 - self.seen.silhouette) * self.seen.mean + ALONE * self.seen.silhouette
 
 
@@ -280,7 +286,7 @@ class _Maker:
         yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
         low = self._made(base, wanted)
         distance = self.distance(low) if limit.distance < math.inf else 0.0
-        seen = None
+        seen, is_drawn = None, True
         if is_compared or limit.degrees < math.inf:
             yield Progress(f"Unwrapping {wanted:,} triangles", 0.1)
             settings = _to_compare(self._settings, self._context)
@@ -288,15 +294,18 @@ class _Maker:
             job = self._job.for_low(low)
             job.is_seen, job.is_exported, job.is_measured, job.is_pictured = True, False, False, False
             check_job(self._context, job, settings)
-            drawn, _ = yield from part(draw_raw(self._context, job, Run(settings, self._pace)), 0.2, 1.0)
-            seen = drawn.appearance
-            if seen is None and limit.degrees < math.inf:
+            try:
+                drawn, _ = yield from part(draw_raw(self._context, job, Run(settings, self._pace)), 0.2, 1.0)
+                seen = drawn.appearance
+            except NothingDrawn:
+                is_drawn = False
+            if seen is None and is_drawn and limit.degrees < math.inf:
                 raise NoGpu(
                     "This GPU cannot measure the shading error: give a number of triangles in place of degrees."
                 )
         low.hide_set(True)
         self.count += 1
-        return Tried(low, base, limit, seen, distance)
+        return Tried(low, base, limit, seen, distance, is_drawn=is_drawn)
 
     def _made(self, base: Base, triangles: int) -> bpy.types.Object:
         """A low object of about this many triangles."""

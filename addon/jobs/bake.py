@@ -18,7 +18,7 @@ from ..audit.severity import Warned
 from ..audit.tally import Tally
 from ..core import map_types, progress
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError, Fix, Length, shorten_list
+from ..core.errors import Fix, Length, NothingDrawn, shorten_list
 from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
@@ -177,7 +177,7 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
     """Raises BakeError if no texel was written."""
     settings, timings = run.settings, run.timings
     if not tally.written:
-        raise BakeError(nothing_drawn(ready.plan, ready.length))
+        raise NothingDrawn(nothing_drawn(ready.plan, ready.length))
     ray_cast = ready.source.ray_cast
     seen = yield from relay(ready.seen.measured(), within=partial(timings.timed, "audit"))
     with timings.timed("audit"):

@@ -155,11 +155,19 @@ def test_a_mesh_of_fewer_triangles_keeps_them_and_the_report_says_so():
 @pytest.mark.slow
 def test_the_fewest_triangles_within_a_limit_are_found():
     ball = zoo.terrain("Hills", 40, height=0.3)
-    report, low = made([ball], Wanted(degrees=6.0, triangles=0))
+    settings = Settings(width=256, height=256, storage="MEMORY", margin=2)
+    report, low = made([ball], Wanted(degrees=6.0, triangles=0), settings)
     assert 1 < report.asset["measured"] <= 16 and len(low.data.polygons) < 3200
-    assert report.appearance["percentile_99"] <= 6.0 or report.warnings
+    assert report.appearance["percentile_99"] <= 6.0
     assert [obj.name for obj in bpy.data.objects if obj.name.startswith("Imprint")] == []
     assert len(bpy.data.meshes) == 2 and low.visible_get()
+
+
+@pytest.mark.slow
+def test_a_map_too_small_for_the_islands_is_no_end_of_the_search():
+    report, low = made([zoo.terrain("Hills", 40, height=0.3)], Wanted(degrees=6.0, triangles=0))
+    assert len(low.data.polygons) < 3200
+    assert any("shading error" in text for text in report.asset["missed"])
 
 
 def test_a_limit_that_cannot_be_met_is_said_with_the_best():
