@@ -14,7 +14,8 @@ from ..audit import mip_gaps
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
 from ..scene import mesh_reader
-from .unwrapping import editing, pack_boxes, temporary_scene
+from . import temporary
+from .unwrapping import editing, pack_boxes
 
 LAYER = "Atlas"
 """The UV map of each object."""
@@ -54,10 +55,14 @@ def _check(lows: Sequence[bpy.types.Object]) -> None:
             raise BakeError(f"{low.name!r} has no faces: leave it out.")
         if not low.data.uv_layers:
             raise BakeError(f"{low.name!r} has no UV map: unwrap it first.")
+        if low.data.library is not None:
+            raise BakeError(f"{low.name!r} is linked from another file: pack it there, or make it local.")
         if low.data.users > 1:
             raise BakeError(f"{low.name!r} shares its mesh with other objects: make it a single user.")
         if LAYER not in low.data.uv_layers and len(low.data.uv_layers) == MOST:
             raise BakeError(f"{low.name!r} has as many UV maps as a mesh can have: remove one.")
+        if 0.0 in _areas([low]):
+            raise BakeError(f"The UV map {_layer(low)!r} of {low.name!r} has no area: unwrap it anew.")
 
 
 MOST = 8
@@ -106,18 +111,17 @@ def _beside(staying: Sequence[bpy.types.Object], coming: Sequence[bpy.types.Obje
 @contextmanager
 def _joined(lows: Sequence[bpy.types.Object]) -> Iterator[bpy.types.Object]:
     """One object of the own meshes of `lows`, in their order and as large as the objects make them, with the UV map LAYER."""
-    with temporary_scene() as scene:
+    with temporary.scene() as scene:
         copies: list[bpy.types.Object] = []
         for low in lows:
             data = low.data.copy()
             data.transform(low.matrix_world.to_3x3().to_4x4())
             layers = data.uv_layers
-            kept = LAYER if LAYER in layers else layers.active.name
+            kept = _layer(low)
             for name in [layer.name for layer in layers if layer.name != kept]:
                 layers.remove(layers[name])
             layers[kept].name = LAYER
-            copies.append(bpy.data.objects.new(low.name, data))
-            scene.collection.objects.link(copies[-1])
+            copies.append(temporary.add_object(scene, data))
         first = copies[0]
         context = {"active_object": first, "object": first, "selected_objects": copies}
         with bpy.context.temp_override(
@@ -135,11 +139,16 @@ def _split(obj: bpy.types.Object, lows: Sequence[bpy.types.Object]) -> list[np.n
     return np.split(mesh_reader.uvs(obj.data, LAYER), np.cumsum([len(low.data.loops) for low in lows])[:-1])
 
 
+def _layer(low: bpy.types.Object) -> str:
+    """The UV map whose islands are packed."""
+    return LAYER if LAYER in low.data.uv_layers else low.data.uv_layers.active.name
+
+
 def _areas(lows: Sequence[bpy.types.Object]) -> tuple[float, float]:
-    """The area of the surface of objects, in the world, and of their triangles in the UV map LAYER."""
+    """The area of the surface of objects, in the world, and of their triangles in their UV maps that are packed."""
     surface = used = 0.0
     for low in lows:
-        mesh = mesh_reader.surface(low.data, LAYER, low.name, np.array(low.matrix_world, np.float64))
+        mesh = mesh_reader.surface(low.data, _layer(low), low.name, np.array(low.matrix_world, np.float64))
         corners = mesh.positions[mesh.vertices[mesh.triangles]] @ np.array(low.matrix_world, np.float64)[:3, :3].T
         edges = corners[:, 1:] - corners[:, :1]
         surface += 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum()

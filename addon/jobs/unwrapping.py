@@ -18,8 +18,8 @@ from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_islands, uv_stretch
 from ..mesh.uv_stretch import Layout
 from ..scene import mesh_reader
+from . import temporary
 
-TEMPORARY = "Imprint unwrap"
 NAME = "UVMap"
 """Of the new UV map, as Blender calls it."""
 FEW_CUTS, MANY_CUTS = np.radians(80.0), np.radians(66.0)
@@ -134,23 +134,11 @@ def pack_boxes(margin: float) -> None:
 @contextmanager
 def _copy(low: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """A copy of the object's own mesh, as large as the object makes it, with a new UV map, in a scene of its own."""
-    with temporary_scene() as scene:
+    with temporary.scene() as scene:
         data = low.data.copy()
         data.transform(low.matrix_world.to_3x3().to_4x4())
         data.uv_layers.active = data.uv_layers.new(name=NAME)
-        obj = bpy.data.objects.new(TEMPORARY, data)
-        scene.collection.objects.link(obj)
-        yield obj
-
-
-@contextmanager
-def temporary_scene() -> Iterator[bpy.types.Scene]:
-    """A scene until the block ends; its objects and their meshes go with it."""
-    scene = bpy.data.scenes.new(TEMPORARY)
-    try:
-        yield scene
-    finally:
-        bpy.data.batch_remove([*{obj.data for obj in scene.objects}, *scene.objects, scene])
+        yield temporary.add_object(scene, data)
 
 
 @contextmanager

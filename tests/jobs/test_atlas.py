@@ -9,6 +9,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, atlas, bake_jobs
 from addon.scene import mesh_reader
+from tests.jobs.test_unwrapping import state
 from tests.support import raster, zoo
 
 SETTINGS = Settings(width=256, height=256, margin=4, method="CAST", storage="MEMORY", material=False)
@@ -50,15 +51,6 @@ def covered(obj):
     points = np.dstack([uv, np.zeros(uv.shape[:2])])
     owner, *_ = raster.rasterize(points, TO_CLIP, (SIDE, SIDE))
     return owner >= 0
-
-
-def state():
-    return (
-        {kind: len(getattr(bpy.data, kind)) for kind in ("scenes", "objects", "meshes")},
-        bpy.context.scene.name,
-        bpy.context.mode,
-        [obj.name for obj in bpy.context.selected_objects],
-    )
 
 
 def test_all_have_one_texel_density_and_no_texel_in_common():
@@ -104,13 +96,15 @@ def test_what_does_not_fit_is_refused_and_changes_nothing():
     assert atlas.LAYER not in more.data.uv_layers
 
 
-@pytest.mark.parametrize("case", ["no faces", "no UV map", "shared", "Edit Mode"])
+@pytest.mark.parametrize("case", ["no faces", "no UV map", "no area", "shared", "Edit Mode"])
 def test_wrong_objects_are_named(case):
     low, other = zoo.plane("low"), zoo.plane("other")
     if case == "no faces":
         low.data = bpy.data.meshes.new("empty")
     elif case == "no UV map":
         low.data.uv_layers.remove(low.data.uv_layers[0])
+    elif case == "no area":
+        low.data.uv_layers[0].uv.foreach_set("vector", np.zeros(2 * len(low.data.loops), np.float32))
     elif case == "shared":
         low.data = other.data
     else:
