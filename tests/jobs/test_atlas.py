@@ -84,6 +84,17 @@ def test_one_more_leaves_the_others_where_they_are():
     assert shared.max() == 1
 
 
+def test_one_more_goes_around_the_others_wherever_they_are():
+    """Those that are there fill the lower left quarter, from which packing anew would move them."""
+    *first, more = objects()
+    atlas.pack(first, SETTINGS)
+    for low in first:
+        uv = 1.0 - 0.45 * (1.0 - uv_of(low)) - 0.5
+        low.data.uv_layers[atlas.LAYER].uv.foreach_set("vector", uv.astype(np.float32).ravel())
+    atlas.pack([*first, more], SETTINGS)
+    assert sum(covered(low).astype(int) for low in (*first, more)).max() == 1
+
+
 def test_what_does_not_fit_is_refused_and_changes_nothing():
     *first, more = objects()
     more.scale = (5.0, 5.0, 5.0)
