@@ -201,6 +201,8 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield f"--convert converts one normal map: leave out {', '.join(others)}"
     if options.convert and options.export:
         yield "--export follows a bake: leave it out with --convert"
+    if options.pack_uvs and not (options.pairs and not is_folder(options) and not naming.has_low(options.output)):
+        yield "--pack-uvs is for --pairs that share one map: leave it out, or {low} in --output"
     if options.pairs and options.frames:
         yield "--frames is for one low object, --pairs for many"
 
@@ -211,6 +213,7 @@ _OF_BAKES = {
     "cage": "cage",
     "cage-file": "cage_file",
     "pairs": "pairs",
+    "pack-uvs": "pack_uvs",
     "frames": "frames",
     "no-normal": "normal",
     "maps": "maps",

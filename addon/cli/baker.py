@@ -195,6 +195,7 @@ class Baker:
         plan, options = opened.plan, opened.plan.options
         start_gpu()
         memory = _show_memory(opened, self._meter)
+        packed = self._packed(opened)
         # If a pair, a frame, the scene or the report fails, no file of the bake is written.
         with all_or_none(has_parts=bool(options.pairs or options.frames)):
             printed: list[str] = []
@@ -230,12 +231,23 @@ class Baker:
                 chain=chain.to_dict() if chain else {},
                 problems=problems,
                 warnings=[text for text in warnings if text not in printed],
-                summary=_summary(reports, chain, _kind(options)),
+                summary=[*packed, *_summary(reports, chain, _kind(options))],
                 image=_image(reports),
             )
             if path := report_path(options.report):
                 run_report.write_report(path, run_report.document([entry], run_report.head(call=self._options.call)))
         return entry
+
+    def _packed(self, opened: _Opened) -> list[str]:
+        """Pack the UV maps of the low objects, if the bake asks for it: what that gave, in lines. Raises BakeError."""
+        options = opened.plan.options
+        if not options.pack_uvs:
+            return []
+        from ..jobs import atlas  # here, since a bake does not need it
+
+        lows = [job.low for job in opened.jobs]
+        self._loader.changed(low.name for low in lows)  # also if the bake fails
+        return [atlas.pack(lows, arguments.settings(options), is_done_once=True)]
 
     def _written(self, reports: Sequence[dict[str, Any]], scene: str, *, is_hashed: bool) -> Iterator[dict[str, Any]]:
         """The files that a bake wrote, each once, as in Entry. scene: the path of the saved scene, or ""."""

@@ -190,6 +190,11 @@ OBJECTS = {
         {"type": option_types.suffixes, "default": Suffixes(), "metavar": "LOW,HIGH,CAGE"},
         "_low,_high,_cage",
     ),
+    "pack-uvs": CommandOption(
+        "Give the low objects of --pairs a UV map, Atlas, in which the islands of all lie side by side, and bake into it. "
+        "Those that have it keep their places",
+        {"action": "store_true"},
+    ),
     "convert": CommandOption(
         "Convert this normal map of the low mesh instead of baking: an image file, with <UDIM> for tiles. --space, --basis, "
         "--green and others say what the new map is, --from-space, --from-basis, --from-green and others what this one is. It "

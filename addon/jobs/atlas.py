@@ -23,27 +23,28 @@ INSIDE = 1e-5
 """By how much packed UVs may be outside of the map."""
 
 
-def pack(lows: Sequence[bpy.types.Object], settings: Settings) -> str:
+def pack(lows: Sequence[bpy.types.Object], settings: Settings, *, is_done_once: bool = False) -> str:
     """Give objects a UV map in which their islands, as their active UV maps have them, lie side by side.
 
-    Objects that have it already keep their places, if there are others. Returns a sentence. Raises BakeError, and then nothing
-    has changed.
+    Objects that have it already keep their places, if there are others. is_done_once: whether they also do if there are none.
+    Returns a sentence. Raises BakeError, and then nothing has changed.
     """
     _check(lows)
     staying = [low for low in lows if LAYER in low.data.uv_layers]
     coming = [low for low in lows if low not in staying]
-    if not coming:
+    if not coming and not is_done_once:
         staying, coming = [], list(lows)
     margin = mip_gaps.needed(settings.sampling) / 2.0 / min(settings.sampling.size)
-    uv = _beside(staying, coming, margin) if staying else _packed(coming, margin)
+    uv = [] if not coming else _beside(staying, coming, margin) if staying else _packed(coming, margin)
     for low, found in zip(coming, uv, strict=True):
         layers = low.data.uv_layers
         layer = layers[LAYER] if LAYER in layers else layers.new(name=LAYER, do_init=False)
         layer.uv.foreach_set("vector", np.ascontiguousarray(found, np.float32).reshape(-1))
-        layers.active = layer
+    for low in lows:
+        low.data.uv_layers.active = low.data.uv_layers[LAYER]
         low.data.update()
-    kept = f", beside {len(staying):,} that kept their places" if staying else ""
-    names = shorten_list(repr(low.name) for low in coming)
+    kept = f", beside {len(staying):,} that kept their places" if staying and coming else ""
+    names = shorten_list(repr(low.name) for low in coming or lows)
     return f"{names} have the UV map {LAYER!r}{kept}: {_areas(lows)[1]:.0%} of the map used"
 
 

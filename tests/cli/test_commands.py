@@ -17,6 +17,7 @@ from addon.core import versions
 from addon.core.errors import BakeError
 from addon.export import engine_files
 from addon.jobs import bake_jobs
+from addon.scene import mesh_reader
 from scripts.imprint import ROOT
 from tests.support import maps, reports, zoo
 
@@ -640,6 +641,38 @@ def test_pairs_may_share_an_atlas(rocks, capsys):
         if node.type == "TEX_IMAGE"
     }
     assert [image.filepath for image in images] == ["//atlas.png"]
+
+
+def uvs(name, layer):
+    return mesh_reader.uvs(bpy.data.objects[name].data, layer)
+
+
+def test_uv_maps_of_pairs_are_packed_once(rocks, capsys):
+    stacked = [*PAIRS, "--pack-uvs", "--output", "atlas.png", "--save-blend", "rocks.blend"]
+    bpy.ops.wm.open_mainfile(filepath=str(rocks / "rocks.blend"))
+    bpy.data.objects["b_low"].data.uv_layers[0].uv.foreach_set("vector", uvs("a_low", zoo.LAYER).ravel())
+    bpy.ops.wm.save_as_mainfile(filepath=str(rocks / "rocks.blend"))
+    assert command.run(stacked) == run_report.DONE
+    assert "'a_low', 'b_low' have the UV map 'Atlas'" in capsys.readouterr().out
+    first = read(rocks / "atlas.png")
+    bpy.ops.wm.open_mainfile(filepath=str(rocks / "rocks.blend"))
+    lows = [bpy.data.objects[name] for name in ("a_low", "b_low")]
+    assert [low.data.uv_layers.active.name for low in lows] == ["Atlas"] * 2
+    a, b = (uvs(low.name, "Atlas") for low in lows)
+    assert (a.max(axis=0) < b.min(axis=0)).any() or (b.max(axis=0) < a.min(axis=0)).any()
+    for low in lows:
+        low.data.uv_layers.active = low.data.uv_layers[zoo.LAYER]
+    bpy.ops.wm.save_as_mainfile(filepath=str(rocks / "rocks.blend"))
+    assert command.run(stacked) == run_report.DONE
+    assert np.array_equal(uvs("a_low", "Atlas"), a)
+    assert np.array_equal(uvs("b_low", "Atlas"), b)
+    assert np.array_equal(read(rocks / "atlas.png"), first)
+
+
+@pytest.mark.parametrize("words", [["--pairs", "--output", "{low}.png"], ["--low", "a_low", "--output", "a.png"]])
+def test_uv_maps_are_packed_for_a_map_that_pairs_share(rocks, capsys, words):
+    assert command.run(["rocks.blend", "--pack-uvs", *words]) == run_report.WRONG_USAGE
+    assert "--pack-uvs is for --pairs that share one map" in capsys.readouterr().err
 
 
 def test_pairs_may_have_their_own_maps(rocks):
