@@ -33,10 +33,13 @@ MOST_INSIDE = 0.05
 """The share of the area that sees nothing of the outside, from which a surface is remeshed, too."""
 VOXELS = 60_000
 """About how many voxels the outer surface has that is remeshed."""
-FAR = 2.0
-"""Voxels. If 95 % of what is seen from outside is not nearer to the remeshed surface, the volume is open."""
+FAR, MOST_FAR = 2.0, 0.25
+"""In voxels, and the share of what is seen from outside. If more of it is farther from the remeshed surface, the volume is open.
+Where the volume is closed, what is farther lies in gaps that the voxels close."""
 FINER = 6
 """How many times as many triangles Decimate leaves for what collapses after it: until then, hardly anything is lost."""
+NEAR_CORNERS = np.array([(1, 1, 1), (8, 1, 1), (1, 8, 1), (1, 1, 8)]) / ((3,), (10,), (10,), (10,))
+"""Barycentric coordinates (4, 3): a large triangle is left out only if none of these places on it sees the outside."""
 PERCENTILE = 99
 """Of the places by which the distance of a low mesh is measured."""
 PLACES = 20_000
@@ -161,7 +164,7 @@ def decimated(data: bpy.types.Mesh, triangles: int) -> bpy.types.Mesh:
 
 
 def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, around: Samples) -> np.ndarray:
-    """Which triangles (T,) bool see something of the outside, from their middle or from some of the places on them.
+    """Which triangles (T,) bool see something of the outside, from some of the places on them, their middle, or near a corner.
 
     If nearly all of the area does, all count as seen.
     """
@@ -172,9 +175,10 @@ def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, aroun
     is_seen = np.bincount(some.triangles, is_open, len(triangles)) > outer_skin.PEEPING * of_each
     if is_seen[some.triangles].mean() > 1.0 - MOST_INSIDE:
         return np.ones(len(triangles), bool)
-    left = np.flatnonzero(~is_seen)
-    middles = points[triangles[left]].mean(axis=1, dtype=np.float64)
-    is_seen[left] = outer_skin.sees_outside(mesh, middles, left, Timings())
+    for weights in NEAR_CORNERS:
+        left = np.flatnonzero(~is_seen)
+        places = np.einsum("c,tcx->tx", weights, points[triangles[left]].astype(np.float64))
+        is_seen[left] = outer_skin.sees_outside(mesh, places, left, Timings())
     return is_seen if is_seen[around.triangles].any() else np.ones(len(triangles), bool)
 
 
@@ -233,7 +237,7 @@ def _remeshed(data: bpy.types.Mesh, area: float, around: Samples, meshes: Tempor
     corners = mesh_reader.corner_vertices(result).reshape(-1, 3)
     places = around.points[:: max(1, len(around.points) // PLACES)].astype(np.float32)
     _, _, squares = Surface(mesh_reader.points(result), corners).closest(places)
-    return result if math.sqrt(float(np.percentile(squares, 95))) < FAR * voxel else None
+    return result if np.mean(squares > (FAR * voxel) ** 2) < MOST_FAR else None
 
 
 def areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

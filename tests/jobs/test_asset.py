@@ -11,8 +11,9 @@ from addon.core.errors import BakeError
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import asset
+from addon.jobs import asset, asset_highs
 from addon.jobs.job import Job
+from addon.jobs.temporary import TemporaryMeshes
 from addon.mesh.closest import Surface
 from addon.scene import mesh_reader
 from tests.support import zoo
@@ -144,6 +145,18 @@ def test_walls_inside_are_no_part_of_the_asset():
     middles = np.abs(points[triangles].mean(axis=1) - [7.0, 0.0, 0.0])
     assert ((middles > [7.95, 0.95, 0.95]).any(axis=1)).all()
     assert report.appearance["silhouette"] < 0.001
+
+
+def test_a_triangle_of_which_a_corner_is_seen_stays():
+    """A block stands on a plate, and covers 94 % of one of the two triangles of its top."""
+    plate, block = zoo.cube("Plate"), zoo.cube("Block")
+    plate.scale, block.scale, block.location = (1.0, 1.0, 0.2), (1.0, 1.2, 0.5), (-0.5, 0.0, 0.4)
+    bpy.context.view_layer.update()
+    with TemporaryMeshes() as meshes:
+        base = asset_highs.read(bpy.context, Job(plate, [plate, block]), SETTINGS, meshes).bases[-1].data
+        points, corners = mesh_reader.points(base), mesh_reader.corner_vertices(base).reshape(-1, 3)
+        top = corners[np.abs(points[corners][:, :, 2] - 0.2).max(axis=1) < 1e-6]
+    assert len(top) == 2
 
 
 def test_a_mesh_of_fewer_triangles_keeps_them_and_the_report_says_so():
