@@ -34,8 +34,8 @@ MOST_INSIDE = 0.05
 VOXELS = 60_000
 """About how many voxels the outer surface has that is remeshed."""
 FAR, MOST_FAR = 2.0, 0.25
-"""Voxels, and a share of what is seen from outside. If more of it is farther from the remeshed surface, the volume is open. What
-is farther in a closed volume lies in gaps that the voxels close."""
+"""Voxels, and a share of what is seen from outside. If more of it is farther from the remeshed surface, the volume is open.
+What is farther in a closed volume lies in gaps that the voxels close."""
 FINER = 6
 """How many times as many triangles Decimate leaves for what collapses after it: until then, hardly anything is lost."""
 NEAR_CORNERS = np.array([(1, 1, 1), (8, 1, 1), (1, 8, 1), (1, 1, 8)]) / ((3,), (10,), (10,), (10,))
