@@ -74,8 +74,13 @@ def tiles_to_bake(meshes: Meshes, sampling: SamplingSettings) -> list[int]:
     return wanted
 
 
-def nothing_drawn(plan: Plan, length: Length = plain_length) -> str:
-    """Why no texel was written, as a sentence. length: a length in scene units as text."""
+def nothing_drawn(plan: Plan, length: Length = plain_length, *, is_covered: bool = True) -> str:
+    """Why no texel was written, as a sentence.
+
+    Args:
+        length: a length in scene units as text.
+        is_covered: whether rays left from any texel.
+    """
     low, highs, tiles = plan.meshes.low, plan.meshes.listed_highs, plan.tiles
     if not set(tiles).intersection(uv_layout.tiles(low)):
         return f"No triangle of {low.name!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
@@ -88,6 +93,8 @@ def nothing_drawn(plan: Plan, length: Length = plain_length) -> str:
     for meshes in ([low], highs):
         if not any(has_area(mesh.positions, mesh.vertices[mesh.triangles]).any() for mesh in meshes):
             return f"All faces of {_names(meshes)} are points or lines without an area: no ray can meet them."
+    if not is_covered:
+        return f"No texel of the map has its center in a triangle of {low.name!r}: set a larger map, or give it larger UVs."
     distance = gap(low, highs)
     if distance > 0.0:
         return _far_apart(plan.meshes, length(distance))

@@ -177,7 +177,7 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
     """Raises BakeError if no texel was written."""
     settings, timings = run.settings, run.timings
     if not tally.written:
-        raise NothingDrawn(nothing_drawn(ready.plan, ready.length))
+        raise NothingDrawn(nothing_drawn(ready.plan, ready.length, is_covered=tally.missed > 0))
     ray_cast = ready.source.ray_cast
     seen = yield from relay(ready.seen.measured(), within=partial(timings.timed, "audit"))
     with timings.timed("audit"):

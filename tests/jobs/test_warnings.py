@@ -436,6 +436,10 @@ WRONG = {
         lambda: case(placed(zoo.plane("lo", 2), 1.0, (0.3, 0.0)), terrain()),
         "'lo': 4 of its triangles reach outside the UV tile",
     ),
+    "UVs smaller than texels": (
+        lambda: case(placed(zoo.plane("lo", 2), 1e-3, (0.3, 0.3)), turned(terrain()), method="CAST"),
+        "No texel of the map has its center in a triangle of 'lo': set a larger map",
+    ),
     "UVs without area": (
         lambda: case(no_area(zoo.plane("lo", 8)), turned(terrain())),
         "'lo': 2 of its triangles have no area in UV space",
