@@ -565,6 +565,55 @@ def part_asset() -> Steps:
     picture("stopped")
 
 
+def part_atlas() -> Steps:
+    """Three pairs whose UV maps lie on each other share an image, after Pack UV Maps. Ctrl Z takes both steps back."""
+    small(method="CAST")
+    for number, name in enumerate("abc"):
+        grid(f"{name}_low", 6, x=4.0 * number)
+        grid(f"{name}_high", 40, x=4.0 * number, height=0.2)
+    lows = ("a_low", "b_low", "c_low")
+    open_again("bake", "pairs")
+    yield from click_row("a_low")
+    yield from keys("g", "x", "0", "Return")  # a step before
+    before = kept()
+    yield from press("imprint.share_image")
+    yield from press("imprint.pack_uvs")
+    yield from press("imprint.bake_pairs")
+    yield from finished()
+    picture("atlas")
+    check("each has the UV map", all("Atlas" in bpy.data.objects[name].data.uv_layers for name in lows))
+    check("one image", mine() == ["atlas_normal"])
+    found = [results.of(bpy.context, bpy.data.objects[name]) for name in lows]
+    check("without overlaps", all(report.checks["overlap"]["share"] == 0.0 for report in found))
+    yield from keys("ctrl+z", "ctrl+z")
+    check("two steps back", kept() == before)
+    check("no UV map is left", all("Atlas" not in bpy.data.objects[name].data.uv_layers for name in lows))
+
+
+def part_other_uv_map() -> Steps:
+    """An object with a painted image gets it in another UV map: selected alone, by one press."""
+    small(maps={"BASE_COLOR"}, normal=False)
+    plate = grid("plate", 6)
+    image = bpy.data.images.new("painted", 64, 64)
+    image.generated_type = "COLOR_GRID"
+    material = red()
+    plate.data.materials.append(material)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    texture, uv_map = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeUVMap")
+    texture.image, uv_map.uv_map = image, plate.data.uv_layers[0].name
+    links.new(uv_map.outputs["UV"], texture.inputs["Vector"])
+    links.new(texture.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
+    other = plate.data.uv_layers.new(name="other")
+    for loop in other.uv:
+        loop.vector = 0.5 * loop.vector
+    plate.data.uv_layers.active = other
+    yield from click_row("plate")
+    yield from bake()
+    picture("other UV map")
+    check("the color alone", mine() == ["painted", "plate_base_color"])
+    check("a quarter of the map", abs(results.of(bpy.context).coverage - 0.25) < 0.01)
+
+
 def stage() -> str:
     """What the running task does, without numbers."""
     shown = display.current.what if display.current is not None else ""
