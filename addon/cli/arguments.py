@@ -70,12 +70,17 @@ class Parser(argparse.ArgumentParser):
 class _BakeParser(Parser):
     def error(self, message: str):
         unknown = re.match("unrecognized arguments: (--[^ =]+)", message)
-        raise WrongUsage(message + (_similar_option(unknown[1]) if unknown else ""))
+        own = _OF_COMMANDS.get(self.prog.rpartition(" ")[2], ())
+        raise WrongUsage(message + (_similar_option(unknown[1], own) if unknown else ""))
 
 
-def _similar_option(name: str) -> str:
-    """The end of a sentence about an unknown option, whose dashes do not count as similar."""
-    names = ("jobs", *(name for options in (*OPTIONS.values(), RUN_OPTIONS) for name in options))
+_OF_COMMANDS = {"lod": ("degrees", "distance", "triangles"), "asset": ("degrees", "distance", "triangles", "levels")}
+"""Options that commands have beside those of a bake."""
+
+
+def _similar_option(name: str, own: Collection[str]) -> str:
+    """The end of a sentence about an unknown option, whose dashes do not count as similar. own: further options."""
+    names = (*own, "jobs", *(name for options in (*OPTIONS.values(), RUN_OPTIONS) for name in options))
     return did_you_mean([name.lstrip("-")], names).replace("'", "'--", 1)
 
 
@@ -162,7 +167,7 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
     """
     yield from _wrong_subjects(options, unread)
     if not options.output and "output" not in unread:
-        yield "--output is required"
+        yield "--export or --output is required" if options.asset else "--output is required"
     if is_folder(options):
         yield from _wrong_folder(options)
     if options.save_blend and PurePath(options.save_blend).suffix != ".blend":

@@ -67,7 +67,8 @@ def test_a_file_of_a_high_mesh_becomes_a_file_for_an_engine(folder, capfd):
         (["--triangles", "2"], "enclose nothing"),
         (["--size", "huge"], "--size"),
         (["--export", "ball.obj"], "does not end in"),
-        (["--sise", "64"], "did you mean"),
+        (["--sise", "64"], "did you mean '--size'?"),
+        (["--degree", "2"], "did you mean '--degrees'?"),
     ],
 )
 def test_wrong_usage(folder, capfd, more, text):
@@ -79,7 +80,7 @@ def test_wrong_usage(folder, capfd, more, text):
 
 def test_without_a_place_for_the_result(folder, capfd):
     assert command.run(ASSET[:-2]) == 2
-    assert "--output is required" in capfd.readouterr().err
+    assert "--export or --output is required" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,8 @@ def test_maps_a_scene_a_report_and_a_table(folder, capfd):
         (["--distance", "-1"], "cannot be a limit"),
         (["--output", "maps/one.png"], "put {low} into --output"),
         (["--export", "hill.usd"], "put {low} into --export"),
-        (["--sise", "64"], "did you mean"),
+        (["--sise", "64"], "did you mean '--size'?"),
+        (["--degree", "2"], "did you mean '--degrees'?"),
     ],
 )
 def test_wrong_usage(folder, capfd, more, text):
