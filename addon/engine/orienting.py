@@ -138,9 +138,9 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
     if patches.is_clean and (patches.is_aside or all((ratio > SURE).all() for ratio in ratios)):
         may_cast = patches.count > 1 and settings.tracing.method != Method.FLATTEN
         asked = may_be_hidden(patches) if may_cast else []
-        if any(each.any() for each in asked) and _casts(meshes, settings):
-            return one_skin(_joined(patches), patches, timings, asked)
-        return _joined(patches)
+        joined = _joined(patches)
+        in_order = _in_order(joined, settings) if any(each.any() for each in asked) else None
+        return joined if in_order is None else one_skin(joined, patches, timings, asked, in_order.highs)
     if _low_is_inside_out(patches):
         return meshes
     if _low_points_inward(patches):
@@ -178,13 +178,14 @@ def _without(meshes: Meshes, highs: Sequence[Mesh], twice: Sequence[np.ndarray])
     return replace(meshes, mended=mended)
 
 
-def _casts(meshes: Meshes, settings: Settings) -> bool:
-    """Whether the bake casts rays from the low mesh."""
-    if settings.tracing.method != Method.AUTO or any(high.uv is None for high in meshes.highs):
-        return settings.tracing.method != Method.FLATTEN
+def _in_order(meshes: Meshes, settings: Settings) -> Meshes | None:
+    """`meshes` in the order in which the bake casts rays at them, so that it finds their tree in the cache; None if it casts
+    none."""
     tiles = tiles_to_bake(meshes, settings.sampling)
-    in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)  # as choose_method compares them once more
-    return not uv_agreement.measure(in_order.low, in_order.drawn_highs, tiles).is_shared
+    in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
+    if settings.tracing.method != Method.AUTO or any(high.uv is None for high in meshes.highs):
+        return None if settings.tracing.method == Method.FLATTEN else in_order
+    return None if uv_agreement.measure(in_order.low, in_order.drawn_highs, tiles).is_shared else in_order
 
 
 def _joined(patches: HighPatches) -> Meshes:

@@ -161,6 +161,8 @@ def copies(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def has_conflict(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> bool:
     """Whether two triangles that share an edge point to opposite sides, or more than two share one."""
+    if not is_open.any():
+        return False
     a, b, c = (np.take(is_open, column) for column in columns)
     near = np.flatnonzero((a & b) | (b & c) | (c & a))
     if not len(near):
@@ -199,11 +201,26 @@ def _components(columns: Columns, count: int) -> tuple[np.ndarray, int]:
 
     count: of the vertices.
     """
-    roots = _joined(np.arange(count), columns[0], columns[1], is_new=True)
-    roots = np.take(_joined(roots, columns[0], columns[2]), columns[0])
-    if len(roots) and (roots == roots[0]).all():
-        return np.zeros(len(roots), np.int32), 1
-    return _numbered(roots)
+    a, b, c = columns
+    if not len(a):
+        return np.zeros(0, np.int32), 0
+    roots = np.arange(count)
+    # The vertices along one edge of each triangle, along another, and along the third of some: in meshes that are grids, one
+    # edge alone joins rows, and two join other rows.
+    for first, last in ((a, b), (b, c), (a[::3], c[::3])):
+        roots[np.maximum(first, last)] = np.minimum(first, last)
+    roots = _flat(roots)
+    # What is left to join are few parts, whose tables are small.
+    parts, count = _numbered(roots)
+    if count > 1:
+        here, *others = (np.take(parts, column) for column in columns)
+        apart = [np.flatnonzero(here != other) for other in others]
+        first = np.concatenate([here[some] for some in apart])
+        last = np.concatenate([other[some] for other, some in zip(others, apart, strict=True)])
+        roots = connected(count, first, last)
+        if roots.any():  # vertices without a triangle are parts as well, but not of the mesh
+            return _numbered(np.take(roots, here))
+    return np.zeros(len(a), np.int32), 1
 
 
 def _numbered(roots: np.ndarray) -> tuple[np.ndarray, int]:

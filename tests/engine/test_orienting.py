@@ -324,23 +324,23 @@ def test_triangles_that_are_there_twice_count_once(is_turned):
 # Cost
 
 
+def stack_halves(obj):
+    """Lay both halves of the UV map of an object of quads on the same texels."""
+    loops = np.arange(len(obj.data.loops))
+    layer = obj.data.uv_layers[0].uv
+    is_second = [np.mean([layer[i].vector.x for i in face.loop_indices]) > 0.5 for face in obj.data.polygons]
+    scenes.move_uvs(obj, (2.0, 1.0))
+    scenes.move_uvs(obj, offset=(-1.0, 0.0), loops=loops[np.repeat(is_second, 4)])
+
+
 def test_uv_layouts_with_shared_texels_are_compared_once(monkeypatch):
     """Before the mending, where parts may be hidden, and by the choice of the method."""
     low, high, inner = zoo.sphere("lo", n=16), zoo.sphere("hi", n=32), zoo.sphere("inner", n=8)
     inner.scale = (0.5, 0.5, 0.5)
     with bpy.context.temp_override(active_object=high, selected_editable_objects=[high, inner]):
         bpy.ops.object.join()
-    for each in (low, high):  # both halves lie on the same texels
-        loops = np.arange(len(each.data.loops))
-        is_second = np.repeat(
-            [
-                np.mean([each.data.uv_layers[0].uv[i].vector.x for i in face.loop_indices]) > 0.5
-                for face in each.data.polygons
-            ],
-            4,
-        )
-        scenes.move_uvs(each, (2.0, 1.0))
-        scenes.move_uvs(each, offset=(-1.0, 0.0), loops=loops[is_second])
+    for each in (low, high):
+        stack_halves(each)
     meant, asked = uv_agreement._measure, []
     monkeypatch.setattr(uv_agreement, "_measure", lambda *args: asked.append(args) or meant(*args))
     report = scenes.bake(low, high, method="AUTO")
@@ -362,6 +362,20 @@ def test_a_mesh_that_rays_turn_over_takes_one_tree_seed_7():
     report = scenes.bake(low, high, method="CAST")
     assert report.mended["parts"] == 2
     assert report.mended["hidden"] == 0
+    assert tree_cache.trees.built == before + 1
+
+
+@pytest.mark.parametrize("is_stacked", [False, True])
+def test_a_clean_mesh_whose_parts_may_be_hidden_takes_one_tree(is_stacked):
+    """Where parts of the low mesh share texels, the bake has the high triangles in the reverse order."""
+    soup, _ = ball(level=3)
+    small = spoiled.replace(soup, points=0.05 * soup.points + 0.75)  # in the box of the large one, and outside of it
+    low, high = zoo.sphere("lo", n=16), spoiled.build("hi", spoiled.joined(soup, small))
+    if is_stacked:
+        stack_halves(low)
+    tree_cache.trees.free()
+    before = tree_cache.trees.built
+    assert scenes.bake(low, high, method="CAST").mended == {}
     assert tree_cache.trees.built == before + 1
 
 
