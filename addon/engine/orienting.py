@@ -151,11 +151,13 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
             replace(meshes, mended=replace(Mended.nothing(meshes.highs), low_differs=True)) if has_conflict else meshes
         )
     # Of two triangles in one place, each goes on as well at its edges: that must not decide where the other one points.
-    twice = [orientation.copies(high.positions, high.vertices[high.triangles])[0] for high in meshes.highs]
+    copies = [orientation.copies(high.positions, high.vertices[high.triangles]) for high in meshes.highs]
+    twice = [same for same, _ in copies]
     if any(each.any() for each in twice):
         once = [high.with_triangles(~same) for high, same in zip(meshes.highs, twice, strict=True)]
         return _without(_oriented(replace(meshes, highs=once), settings, timings), meshes.highs, twice)
-    return one_skin(_turned(patches, ratios, timings), patches, timings)
+    may_be_twice = any(other.any() for _, other in copies)
+    return one_skin(_turned(patches, ratios, timings), patches, timings, may_be_twice=may_be_twice)
 
 
 def _without(meshes: Meshes, highs: Sequence[Mesh], twice: Sequence[np.ndarray]) -> Meshes:
@@ -239,7 +241,7 @@ def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings
     flips, unclear = ([np.zeros(one.count, bool) for one in patches.of] for _ in range(2))
     against = [ratio < -SURE for ratio in ratios]
     if any(each.any() for each in against):
-        for number, is_own in enumerate(patches.is_owned(against)):
+        for number, is_own in enumerate(patches.is_owned(against, timings)):
             some, ratio = samples[number], samples[number].means(samples[number].cosines, is_own)
             belongs = against[number] & (some.means(is_own) >= ALONE)
             flips[number] |= belongs & (ratio < -CLEAR)

@@ -67,15 +67,17 @@ def one_skin(
     timings: Timings,
     asked: Sequence[np.ndarray] | None = None,
     in_order: Sequence[Mesh] | None = None,
+    *,
+    may_be_twice: bool = True,
 ) -> Meshes:
     """`meshes`, whose high meshes have the triangles of those in `patches`, turned over or not, with the outer skin alone.
 
     asked: patches (count,) bool of each mesh that may be hidden, if all are clean; None for all. in_order: the clean meshes
-    with their triangles in the order in which the bake casts rays at them.
+    with their triangles in the order in which the bake casts rays at them. may_be_twice: whether triangles may be there twice.
     """
     kept = [np.ones(len(high.triangles), bool) for high in meshes.highs]
     twice = hidden = 0
-    for high, mask in zip(meshes.highs, kept, strict=True):
+    for high, mask in zip(meshes.highs, kept, strict=True) if may_be_twice else ():
         same, _ = orientation.copies(high.positions, high.vertices[high.triangles])
         mask[same] = False
         twice += int(np.count_nonzero(same))
