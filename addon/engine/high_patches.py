@@ -93,6 +93,11 @@ class HighPatches:
             self._samples(high, patches, count) for high, patches in zip(self.meshes.highs, self.of, strict=True)
         ]
 
+    @property
+    def agreements(self) -> list[np.ndarray]:
+        """How much the patches (count,) of each mesh agree with the low mesh, from -1 to 1."""
+        return [some.means(some.cosines) for some in self.samples]
+
     def scene(self, timings: Timings) -> RayScene:
         """What rays can hit: the meshes as they were read. Built once, and cached."""
         if self._scene is None:

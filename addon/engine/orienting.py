@@ -133,9 +133,8 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
     if not patches.count:
         return meshes
     patches.compare()
-    ratios = [some.means(some.cosines) for some in patches.samples]
     # Beside the low mesh, objects may be rotated, too: then only conflicts tell that something is wrong.
-    if patches.is_clean and (patches.is_aside or all((ratio > SURE).all() for ratio in ratios)):
+    if patches.is_clean and (patches.is_aside or all((each > SURE).all() for each in patches.agreements)):
         may_cast = patches.count > 1 and settings.tracing.method != Method.FLATTEN
         asked = may_be_hidden(patches) if may_cast else []
         joined = _joined(patches)
@@ -157,7 +156,7 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
         once = [high.with_triangles(~same) for high, same in zip(meshes.highs, twice, strict=True)]
         return _without(_oriented(replace(meshes, highs=once), settings, timings), meshes.highs, twice)
     may_be_twice = any(other.any() for _, other in copies)
-    return one_skin(_turned(patches, ratios, timings), patches, timings, may_be_twice=may_be_twice)
+    return one_skin(_turned(patches, timings), patches, timings, may_be_twice=may_be_twice)
 
 
 def _without(meshes: Meshes, highs: Sequence[Mesh], twice: Sequence[np.ndarray]) -> Meshes:
@@ -235,9 +234,9 @@ def _low_differs(patches: HighPatches) -> bool:
     return float(patches.low_areas[is_against].sum()) > DIRTY_LOW * float(patches.low_areas.sum())
 
 
-def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings) -> Meshes:
-    """The meshes, turned over. ratios: how much patches (count,) agree with the low mesh, from -1 to 1."""
-    samples = patches.samples
+def _turned(patches: HighPatches, timings: Timings) -> Meshes:
+    """The meshes, turned over."""
+    samples, ratios = patches.samples, patches.agreements
     flips, unclear = ([np.zeros(one.count, bool) for one in patches.of] for _ in range(2))
     against = [ratio < -SURE for ratio in ratios]
     if any(each.any() for each in against):
@@ -254,8 +253,10 @@ def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings
             unclear[number] |= (near & ~one.is_closed) if is_dirty else False
             unclear[number] |= closed & (_volumes(patches, number, closed) < 0.0)
     undecided = [np.zeros(one.count, bool) for one in patches.of]
-    if any(each.any() for each in unclear) and tree_cache.fits(patches.meshes.highs):
-        undecided = _by_openness(patches, flips, unclear, timings)
+    # Where nothing else is wrong, it may be the low mesh that is: the sheets of a thin part that shrank have changed places.
+    asked = [each | flip for each, flip in zip(unclear, flips, strict=True)] if patches.is_clean else unclear
+    if any(each.any() for each in asked) and tree_cache.fits(patches.meshes.highs):
+        undecided = _by_openness(patches, flips, unclear, asked, timings)
     masks = [one.is_against ^ flip[one.labels] for one, flip in zip(patches.of, flips, strict=True)]
     return _with_turned(patches, masks, undecided)
 
@@ -275,14 +276,18 @@ def _volumes(patches: HighPatches, number: int, asked: np.ndarray | None = None)
 
 
 def _by_openness(
-    patches: HighPatches, flips: list[np.ndarray], unclear: Sequence[np.ndarray], timings: Timings
+    patches: HighPatches,
+    flips: list[np.ndarray],
+    unclear: Sequence[np.ndarray],
+    asked: Sequence[np.ndarray],
+    timings: Timings,
 ) -> list[np.ndarray]:
-    """Turn over the unclear patches whose backs are more open than their fronts. Returns those (count,) bool of each mesh
-    whose sides are about as open."""
+    """Turn over the unclear patches whose backs are more open than their fronts, and turn none of those asked for whose fronts
+    are more open. Returns the unclear ones (count,) bool of each mesh whose sides are about as open."""
     scene = patches.scene(timings)
     undecided = []
-    for number, (some, asked) in enumerate(zip(patches.samples, unclear, strict=True)):
-        chosen = asked[some.patches]
+    for number, some in enumerate(patches.samples):
+        chosen = asked[number][some.patches]
         front, back = np.zeros((2, some.count))
         if chosen.any():
             numbers = some.triangles[chosen]
@@ -292,8 +297,9 @@ def _by_openness(
             values = np.zeros((2, len(chosen)))
             values[:, chosen] = np.split(openness(scene.tables, np.concatenate([corners, corners[:, ::-1]]), RAYS), 2)
             front, back = (some.means(side, chosen) for side in values)
-        flips[number] |= asked & (back - front > OPENER)
-        undecided.append(asked & (np.abs(back - front) <= OPENER) & (front + back > OPENER))
+        flips[number] |= unclear[number] & (back - front > OPENER)
+        flips[number] &= ~(asked[number] & (front - back > OPENER))
+        undecided.append(unclear[number] & (np.abs(back - front) <= OPENER) & (front + back > OPENER))
     return undecided
 
 

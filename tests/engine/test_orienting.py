@@ -32,6 +32,11 @@ def pair(soup=None):
     return zoo.sphere("lo", n=16), spoiled.build(name, clean if soup is None else soup)
 
 
+def points_of(obj):
+    """The points (V, 3) of an object's own mesh."""
+    return np.array([vertex.co[:] for vertex in obj.data.vertices])
+
+
 def cast(low, *highs, **settings):
     return maps.bake(low, *highs, **{"method": "CAST", "space": "OBJECT"} | settings)
 
@@ -319,6 +324,20 @@ def test_triangles_that_are_there_twice_count_once(is_turned):
     report = scenes.bake(low, high, method="CAST")
     assert report.mended["twice"] == len(soup.triangles)
     assert np.abs(cast(low, spoiled.build("clean", soup)) - cast(low, high)).max() < SAME
+
+
+def test_a_thin_part_is_not_turned_over_where_that_of_the_low_mesh_shrank_through_itself():
+    """The upper sheet of the plate is nearest to the lower sheet of the low one, which lies above the other."""
+    low, plate = zoo.sphere("lo", n=16), zoo.cube("plate")
+    plate.data.vertices.foreach_set("co", (points_of(plate) * (0.4, 0.4, -0.01) + (0.0, 0.0, 1.5)).ravel())
+    with bpy.context.temp_override(active_object=low, selected_editable_objects=[low, plate]):
+        bpy.ops.object.join()
+    soup, _ = ball(level=3)
+    thick = zoo.cube("thick")
+    slab = spoiled.replace(spoiled.of_object(thick), uv=None)
+    slab = spoiled.replace(slab, points=slab.points * (0.42, 0.42, 0.015) + (0.0, 0.0, 1.5))
+    report = scenes.bake(low, spoiled.build("hi", spoiled.joined(soup, slab)), method="CAST")
+    assert report.mended == {}
 
 
 # Cost
