@@ -93,6 +93,11 @@ class HighPatches:
             self._samples(high, patches, count) for high, patches in zip(self.meshes.highs, self.of, strict=True)
         ]
 
+    @property
+    def agreements(self) -> list[np.ndarray]:
+        """How much the patches (count,) of each mesh agree with the low mesh, from -1 to 1."""
+        return [some.means(some.cosines) for some in self.samples]
+
     def scene(self, timings: Timings) -> RayScene:
         """What rays can hit: the meshes as they were read. Built once, and cached."""
         if self._scene is None:
@@ -108,7 +113,7 @@ class HighPatches:
         """Places (N, 3) of the low mesh's local space where the high meshes are, in another local space."""
         return ((places - self._aside) * self.space.size + self.space.origin - space.origin) / space.size
 
-    def is_owned(self, asked: Sequence[np.ndarray]) -> list[np.ndarray]:
+    def is_owned(self, asked: Sequence[np.ndarray], timings: Timings) -> list[np.ndarray]:
         """Which samples (N,) bool of some patches, asked for (count,) bool, are about the nearest to their places on the low
         mesh."""
         points, triangles, before = [], [], 0
@@ -116,7 +121,9 @@ class HighPatches:
             points.append(self.space.points(high) + self._aside.astype(np.float32))
             triangles.append(high.vertices[high.triangles] + before)
             before += len(high.positions)
-        surface, found = Surface(np.concatenate(points), np.concatenate(triangles)), []
+        has_scene = self.count > 1 and tree_cache.fits(self.meshes.highs)  # then rays look for hidden patches in it
+        order = self.scene(timings).order if has_scene else None
+        surface, found = Surface(np.concatenate(points), np.concatenate(triangles), order), []
         for some, chosen in zip(self.samples, asked, strict=True):
             is_asked = chosen[some.patches]
             _, _, squares = surface.closest(some.on_low[is_asked])

@@ -16,6 +16,9 @@ LEAST, ALIKE = 0.0045, 0.6
 half of the median."""
 LESS, MORE = 0.25, 1.5
 """The share of that distance by which the meshes end apart on each side: points move along their normals, which are askew."""
+BETTER, BEYOND = 0.7, 0.3
+"""A mesh is moved if at most the first share of what lies elsewhere does so then, and at least the second share of it lay on
+the other side: where parts of a mesh that shrank or grew meet others. Frames around deep panels lie at the mesh itself."""
 STEPS = 10
 """The mesh is moved in so many steps, each along the normals that it has after the step before."""
 
@@ -37,6 +40,17 @@ def is_around(meshes: Meshes, distance: float) -> bool:
     space = local_space_of(meshes.highs)
     shares = (_ends(meshes.highs, space) - _ends([meshes.whole_low], space)) * space.size / distance
     return bool(((shares > LESS) & (shares < MORE)).all())
+
+
+def fits_better(before: np.ndarray, after: np.ndarray, distance: float) -> bool:
+    """Whether the low mesh fits better once it is moved by a distance. before, after (N,): heights of the high surface above
+    it."""
+    if not (before.size and after.size):
+        return False
+    is_far = np.abs(before - distance) > 0.5 * abs(distance)
+    is_beyond = before * distance < 0.0
+    still_far = np.mean(np.abs(after) > 0.5 * abs(distance))
+    return bool(still_far < BETTER * is_far.mean() and is_beyond.mean() > BEYOND * is_far.mean())
 
 
 def _ends(meshes: Sequence[Mesh], space: LocalSpace) -> np.ndarray:

@@ -133,14 +133,13 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
     if not patches.count:
         return meshes
     patches.compare()
-    ratios = [some.means(some.cosines) for some in patches.samples]
     # Beside the low mesh, objects may be rotated, too: then only conflicts tell that something is wrong.
-    if patches.is_clean and (patches.is_aside or all((ratio > SURE).all() for ratio in ratios)):
+    if patches.is_clean and (patches.is_aside or all((each > SURE).all() for each in patches.agreements)):
         may_cast = patches.count > 1 and settings.tracing.method != Method.FLATTEN
         asked = may_be_hidden(patches) if may_cast else []
-        if any(each.any() for each in asked) and _casts(meshes, settings):
-            return one_skin(_joined(patches), patches, timings, asked)
-        return _joined(patches)
+        joined = _joined(patches)
+        in_order = _in_order(joined, settings) if any(each.any() for each in asked) else None
+        return joined if in_order is None else one_skin(joined, patches, timings, asked, in_order.highs)
     if _low_is_inside_out(patches):
         return meshes
     if _low_points_inward(patches):
@@ -151,11 +150,13 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
             replace(meshes, mended=replace(Mended.nothing(meshes.highs), low_differs=True)) if has_conflict else meshes
         )
     # Of two triangles in one place, each goes on as well at its edges: that must not decide where the other one points.
-    twice = [orientation.copies(high.positions, high.vertices[high.triangles])[0] for high in meshes.highs]
+    copies = [orientation.copies(high.positions, high.vertices[high.triangles]) for high in meshes.highs]
+    twice = [same for same, _ in copies]
     if any(each.any() for each in twice):
         once = [high.with_triangles(~same) for high, same in zip(meshes.highs, twice, strict=True)]
         return _without(_oriented(replace(meshes, highs=once), settings, timings), meshes.highs, twice)
-    return one_skin(_turned(patches, ratios, timings), patches, timings)
+    may_be_twice = any(other.any() for _, other in copies)
+    return one_skin(_turned(patches, timings), patches, timings, may_be_twice=may_be_twice)
 
 
 def _without(meshes: Meshes, highs: Sequence[Mesh], twice: Sequence[np.ndarray]) -> Meshes:
@@ -178,13 +179,14 @@ def _without(meshes: Meshes, highs: Sequence[Mesh], twice: Sequence[np.ndarray])
     return replace(meshes, mended=mended)
 
 
-def _casts(meshes: Meshes, settings: Settings) -> bool:
-    """Whether the bake casts rays from the low mesh."""
-    if settings.tracing.method != Method.AUTO or any(high.uv is None for high in meshes.highs):
-        return settings.tracing.method != Method.FLATTEN
+def _in_order(meshes: Meshes, settings: Settings) -> Meshes | None:
+    """`meshes` in the order in which the bake casts rays at them, so that it finds their tree in the cache; None if it casts
+    none."""
     tiles = tiles_to_bake(meshes, settings.sampling)
-    in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)  # as choose_method compares them once more
-    return not uv_agreement.measure(in_order.low, in_order.drawn_highs, tiles).is_shared
+    in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
+    if settings.tracing.method != Method.AUTO or any(high.uv is None for high in meshes.highs):
+        return None if settings.tracing.method == Method.FLATTEN else in_order
+    return None if uv_agreement.measure(in_order.low, in_order.drawn_highs, tiles).is_shared else in_order
 
 
 def _joined(patches: HighPatches) -> Meshes:
@@ -232,13 +234,13 @@ def _low_differs(patches: HighPatches) -> bool:
     return float(patches.low_areas[is_against].sum()) > DIRTY_LOW * float(patches.low_areas.sum())
 
 
-def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings) -> Meshes:
-    """The meshes, turned over. ratios: how much patches (count,) agree with the low mesh, from -1 to 1."""
-    samples = patches.samples
+def _turned(patches: HighPatches, timings: Timings) -> Meshes:
+    """The meshes, turned over."""
+    samples, ratios = patches.samples, patches.agreements
     flips, unclear = ([np.zeros(one.count, bool) for one in patches.of] for _ in range(2))
     against = [ratio < -SURE for ratio in ratios]
     if any(each.any() for each in against):
-        for number, is_own in enumerate(patches.is_owned(against)):
+        for number, is_own in enumerate(patches.is_owned(against, timings)):
             some, ratio = samples[number], samples[number].means(samples[number].cosines, is_own)
             belongs = against[number] & (some.means(is_own) >= ALONE)
             flips[number] |= belongs & (ratio < -CLEAR)
@@ -251,8 +253,10 @@ def _turned(patches: HighPatches, ratios: Sequence[np.ndarray], timings: Timings
             unclear[number] |= (near & ~one.is_closed) if is_dirty else False
             unclear[number] |= closed & (_volumes(patches, number, closed) < 0.0)
     undecided = [np.zeros(one.count, bool) for one in patches.of]
-    if any(each.any() for each in unclear) and tree_cache.fits(patches.meshes.highs):
-        undecided = _by_openness(patches, flips, unclear, timings)
+    # Where nothing else is wrong, it may be the low mesh that is: the sheets of a thin part that shrank have changed places.
+    asked = [each | flip for each, flip in zip(unclear, flips, strict=True)] if patches.is_clean else unclear
+    if any(each.any() for each in asked) and tree_cache.fits(patches.meshes.highs):
+        undecided = _by_openness(patches, flips, unclear, asked, timings)
     masks = [one.is_against ^ flip[one.labels] for one, flip in zip(patches.of, flips, strict=True)]
     return _with_turned(patches, masks, undecided)
 
@@ -272,14 +276,18 @@ def _volumes(patches: HighPatches, number: int, asked: np.ndarray | None = None)
 
 
 def _by_openness(
-    patches: HighPatches, flips: list[np.ndarray], unclear: Sequence[np.ndarray], timings: Timings
+    patches: HighPatches,
+    flips: list[np.ndarray],
+    unclear: Sequence[np.ndarray],
+    asked: Sequence[np.ndarray],
+    timings: Timings,
 ) -> list[np.ndarray]:
-    """Turn over the unclear patches whose backs are more open than their fronts. Returns those (count,) bool of each mesh
-    whose sides are about as open."""
+    """Turn over the unclear patches whose backs are more open than their fronts, and turn none of those asked for whose fronts
+    are more open. Returns the unclear ones (count,) bool of each mesh whose sides are about as open."""
     scene = patches.scene(timings)
     undecided = []
-    for number, (some, asked) in enumerate(zip(patches.samples, unclear, strict=True)):
-        chosen = asked[some.patches]
+    for number, some in enumerate(patches.samples):
+        chosen = asked[number][some.patches]
         front, back = np.zeros((2, some.count))
         if chosen.any():
             numbers = some.triangles[chosen]
@@ -289,8 +297,9 @@ def _by_openness(
             values = np.zeros((2, len(chosen)))
             values[:, chosen] = np.split(openness(scene.tables, np.concatenate([corners, corners[:, ::-1]]), RAYS), 2)
             front, back = (some.means(side, chosen) for side in values)
-        flips[number] |= asked & (back - front > OPENER)
-        undecided.append(asked & (np.abs(back - front) <= OPENER) & (front + back > OPENER))
+        flips[number] |= unclear[number] & (back - front > OPENER)
+        flips[number] &= ~(asked[number] & (front - back > OPENER))
+        undecided.append(unclear[number] & (np.abs(back - front) <= OPENER) & (front + back > OPENER))
     return undecided
 
 

@@ -50,32 +50,39 @@ def may_be_hidden(patches: HighPatches) -> list[np.ndarray]:
 def _boxes(patches: HighPatches, number: int) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest corners (count, 3) of the boxes around the patches of a mesh."""
     high, one = patches.meshes.highs[number], patches.of[number]
-    of_vertex = np.full(len(high.positions), -1)  # patches of clean meshes share no vertex
-    of_vertex[np.take(high.vertices, high.triangles, mode="clip")] = one.labels[:, None]
-    is_used = of_vertex >= 0
-    labels, points = of_vertex[is_used], patches.space.points(high)[is_used]
-    lows, highs = np.full((one.count, 3), np.inf, np.float32), np.full((one.count, 3), -np.inf, np.float32)
-    for axis in range(3):
-        np.minimum.at(lows[:, axis], labels, points[:, axis])
-        np.maximum.at(highs[:, axis], labels, points[:, axis])
-    return lows, highs
+    of_vertex = np.full(len(high.positions), one.count, np.min_scalar_type(one.count))  # small numbers sort fast
+    for column in high.triangles.T:  # patches of clean meshes share no vertex
+        of_vertex[np.take(high.vertices, column, mode="clip")] = one.labels
+    order = np.argsort(of_vertex, kind="stable")
+    starts = np.searchsorted(of_vertex, np.arange(one.count + 1), sorter=order)
+    points = patches.space.points(high)[order[: starts[-1]]].T
+    return tuple(
+        np.stack([pick.reduceat(axis, starts[:-1]) for axis in points], 1) for pick in (np.minimum, np.maximum)
+    )
 
 
 def one_skin(
-    meshes: Meshes, patches: HighPatches, timings: Timings, asked: Sequence[np.ndarray] | None = None
+    meshes: Meshes,
+    patches: HighPatches,
+    timings: Timings,
+    asked: Sequence[np.ndarray] | None = None,
+    in_order: Sequence[Mesh] | None = None,
+    *,
+    may_be_twice: bool = True,
 ) -> Meshes:
     """`meshes`, whose high meshes have the triangles of those in `patches`, turned over or not, with the outer skin alone.
 
-    asked: patches (count,) bool of each mesh that may be hidden; None for all.
+    asked: patches (count,) bool of each mesh that may be hidden, if all are clean; None for all. in_order: the clean meshes
+    with their triangles in the order in which the bake casts rays at them. may_be_twice: whether triangles may be there twice.
     """
     kept = [np.ones(len(high.triangles), bool) for high in meshes.highs]
     twice = hidden = 0
-    for high, mask in zip(meshes.highs, kept, strict=True):
+    for high, mask in zip(meshes.highs, kept, strict=True) if may_be_twice else ():
         same, _ = orientation.copies(high.positions, high.vertices[high.triangles])
         mask[same] = False
         twice += int(np.count_nonzero(same))
     if patches.count > 1 and tree_cache.fits(meshes.highs):
-        search = _Search(meshes, patches, timings, is_clean=asked is not None)
+        search = _Search(meshes.highs, patches, timings, in_order)
         for number, mask in enumerate(kept):
             one = patches.of[number]
             found = search.hidden(number, np.ones(one.count, bool) if asked is None else asked[number])
@@ -129,9 +136,12 @@ def _is_open(scene: tree_cache.RayScene, corners: np.ndarray, rays_of_each: int,
 class _Search:
     """Finds hidden patches with rays."""
 
-    def __init__(self, meshes: Meshes, patches: HighPatches, timings: Timings, *, is_clean: bool):
-        self._highs, self._patches, self._timings, self._is_clean = meshes.highs, patches, timings, is_clean
-        self._scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, like=patches.scene(timings))
+    def __init__(self, highs: Sequence[Mesh], patches: HighPatches, timings: Timings, in_order: Sequence[Mesh] | None):
+        self._highs, self._patches, self._timings, self._is_clean = highs, patches, timings, in_order is not None
+        if in_order is not None:
+            self._scene = tree_cache.trees.ray_scene_of(in_order, timings)
+        else:
+            self._scene = tree_cache.trees.ray_scene_of(highs, timings, like=patches.scene(timings))
 
     def hidden(self, number: int, asked: np.ndarray) -> np.ndarray:
         """Which of the patches asked for (count,) bool of a mesh lie behind the surface, (count,) bool."""

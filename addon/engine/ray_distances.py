@@ -16,7 +16,7 @@ from ..mesh.local_space import FARTHEST, local_space_of
 from ..passes import cast, rays, target
 from ..passes.cast import Owners
 from . import low_offset, ray_casting, tree_cache
-from .tree_cache import LowSurface, SharpPoints
+from .tree_cache import LowSurface, RayScene, SharpPoints
 
 PROBE_SIZE = 256
 """The most rays a side that are cast."""
@@ -44,64 +44,90 @@ def measured_rays(
     meshes: Meshes, tiles: Sequence[int], settings: Settings, timings: Timings
 ) -> Task[ray_casting.RayCast]:
     """The rays of a bake on these UDIM tiles. Distances that the settings do not set are measured."""
-    has_cage = meshes.cage is not None
+    has_cage, tracing = meshes.cage is not None, settings.tracing
     yield Progress("Building the tree", 0.0)
     ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
-    low_surface = tree_cache.trees.low_surface_of(
-        meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.tracing.hit == Hit.OWN
-    )
+    starts = _Starts(ray_scene, settings, tiles, timings)
+    start = starts.of(meshes, has_clearances=tracing.hit == Hit.OWN)
     yield Progress("Measuring distances", 0.5)
-    with timings.timed("upload"):
-        ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, ray_scene.local_space)
-    with timings.timed("distances"):
-        directions = choose_directions(settings.tracing.directions, meshes, low_surface, ray_scene.tables)
     # With a cage, rays start exactly on it.
-    extrusion, max_distance = 0.0 if has_cage else settings.tracing.extrusion, settings.tracing.max_distance
-    off, space = 0.0, ray_scene.local_space
+    extrusion, max_distance = 0.0 if has_cage else tracing.extrusion, tracing.max_distance
+    off, unit = 0.0, ray_scene.local_space.size
     is_measured = extrusion is None or max_distance is None
     if extrusion is None or max_distance is None:
         with timings.timed("distances"):
-            unit = ray_scene.local_space.size
-            probed = ray_mesh
-            if meshes.offset is not None:  # what is painted scales the measured distance, and does not change it
-                unpainted = replace(meshes, offset=None)
-                probed = ray_casting.upload_ray_mesh(unpainted, low_surface, ray_scene.local_space)
-            probe = Probe(ray_scene.tables, probed, directions, settings.sampling.size, tiles)
-            heights = measured_heights(probe, has_cage=has_cage, facing_only=settings.tracing.facing_only)
-            if settings.tracing.hit == Hit.OWN and not has_cage:
-                off = low_offset.offset(heights, 2.0 * local_space_of([meshes.low]).size / unit)
-            if off and low_offset.is_around(meshes, off * unit):
-                off = rounded(off)
-                meshes = low_offset.moved(meshes, off * unit)
-                low_surface = tree_cache.trees.low_surface_of(meshes.whole_low, space, timings)
-                ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, space)
-                directions = choose_directions(settings.tracing.directions, meshes, low_surface, ray_scene.tables)
-                unpainted = ray_casting.upload_ray_mesh(replace(meshes, offset=None), low_surface, space)
-                probe = replace(probe, ray_mesh=unpainted, directions=directions)
-                heights = measured_heights(probe, has_cage=False, facing_only=settings.tracing.facing_only)
-            else:
-                off = 0.0
+            heights = measured_heights(start.probe, has_cage=has_cage, facing_only=tracing.facing_only)
+            if tracing.hit == Hit.OWN and not has_cage:
+                off, start, heights = starts.moved(meshes, start, heights)
             outside, inside = distances(heights, has_cage=has_cage)
-            if settings.tracing.hit == Hit.OWN and not has_cage:
+            if tracing.hit == Hit.OWN and not has_cage:
                 length = None if max_distance is None else max_distance / unit
-                outside, inside = with_room((outside, inside), length, probe, low_surface.owners)
+                outside, inside = with_room((outside, inside), length, start.probe, start.low_surface.owners)
             outside, inside = max(outside + off, SMALLEST), max(inside - off, SMALLEST)
         extrusion = outside * unit if extrusion is None else extrusion
         # Measured from the low surface; rays start `extrusion` outside it.
         max_distance = extrusion + inside * unit if max_distance is None else max_distance
     return ray_casting.RayCast(
         ray_scene,
-        low_surface,
-        ray_mesh,
-        directions,
-        Hit(settings.tracing.hit),
+        start.low_surface,
+        start.ray_mesh,
+        start.probe.directions,
+        Hit(tracing.hit),
         extrusion,
         max_distance,
-        settings.tracing.facing_only,
+        tracing.facing_only,
         has_cage,
         is_measured,
         off,
     )
+
+
+@dataclass(frozen=True)
+class _Start:
+    """Where rays start: the low mesh as it is, or moved. probe: without what is painted, which scales the distances that are
+    measured and does not change them."""
+
+    low_surface: LowSurface
+    ray_mesh: gpu.types.GPUBatch
+    probe: "Probe"
+
+
+@dataclass(frozen=True)
+class _Starts:
+    """Finds where the rays of a bake start."""
+
+    ray_scene: RayScene
+    settings: Settings
+    tiles: Sequence[int]
+    timings: Timings
+
+    def of(self, meshes: Meshes, *, has_clearances: bool = True) -> _Start:
+        """The start from a low mesh. has_clearances: as TreeCache.low_surface_of has it."""
+        space, tracing = self.ray_scene.local_space, self.settings.tracing
+        low_surface = tree_cache.trees.low_surface_of(
+            meshes.whole_low, space, self.timings, has_clearances=has_clearances
+        )
+        with self.timings.timed("upload"):
+            ray_mesh = probed = ray_casting.upload_ray_mesh(meshes, low_surface, space)
+            if meshes.offset is not None:
+                probed = ray_casting.upload_ray_mesh(replace(meshes, offset=None), low_surface, space)
+        with self.timings.timed("distances"):
+            directions = choose_directions(tracing.directions, meshes, low_surface, self.ray_scene.tables)
+        size = self.settings.sampling.size
+        return _Start(low_surface, ray_mesh, Probe(self.ray_scene.tables, probed, directions, size, self.tiles))
+
+    def moved(self, meshes: Meshes, start: _Start, heights: np.ndarray) -> tuple[float, _Start, np.ndarray]:
+        """The distance, in local space, by which the low mesh is moved to the high ones if it lies off them everywhere, else 0;
+        the start then, and the heights from there. heights: those measured from `start`."""
+        unit = self.ray_scene.local_space.size
+        off = rounded(low_offset.offset(heights, 2.0 * local_space_of([meshes.low]).size / unit))
+        if not off:
+            return 0.0, start, heights
+        there = self.of(low_offset.moved(meshes, off * unit))
+        after = measured_heights(there.probe, has_cage=False, facing_only=self.settings.tracing.facing_only)
+        if low_offset.is_around(meshes, off * unit) or low_offset.fits_better(heights, after, off):
+            return off, there, after
+        return 0.0, start, heights
 
 
 @dataclass(frozen=True)

@@ -25,15 +25,13 @@ class Surface:
     Args:
         points: (P, 3) float32.
         triangles: (T, 3) int, T > 0, indices of points.
+        order: (T,) int, of another tree over them, which makes this one take less time.
     """
 
-    def __init__(self, points: np.ndarray, triangles: np.ndarray):
+    def __init__(self, points: np.ndarray, triangles: np.ndarray, order: np.ndarray | None = None):
         points = np.clip(points, -FAR, FAR)
         boxes = bvh.boxes_of(points, triangles)
-        origin = boxes[0].min(axis=1, keepdims=True)
-        scale = GRID / max(float((boxes[1] - origin).max()), 1e-30)
-        centers = ((boxes[0] + boxes[1]) * 0.5 - origin) * scale
-        self._order = bvh.kd_order(np.ascontiguousarray(centers.astype(np.uint16)))
+        self._order = _order(boxes) if order is None else order
         self._corners = points[np.take(triangles, self._order, axis=0)]
         self._levels = [(boxes[0][:, self._order].T, boxes[1][:, self._order].T)]
         while len(self._levels[-1][0]) > 1:
@@ -94,6 +92,14 @@ class Surface:
         squares = _squares(closest_on_triangles(every, self._corners[nodes]) - every).reshape(-1, width).min(axis=1)
         # Boxes and triangles round differently.
         return squares * np.float32(1.0001) + np.float32(1e-30)
+
+
+def _order(boxes: np.ndarray) -> np.ndarray:
+    """The order (T,) int of a tree over boxes (2, 3, T)."""
+    origin = boxes[0].min(axis=1, keepdims=True)
+    scale = GRID / max(float((boxes[1] - origin).max()), 1e-30)
+    centers = ((boxes[0] + boxes[1]) * 0.5 - origin) * scale
+    return bvh.kd_order(np.ascontiguousarray(centers.astype(np.uint16)))
 
 
 def closest_on_triangles(places: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -13,6 +13,8 @@ WELD = 1e-6
 """Vertices closer than this share of the mesh's diagonal are at one place."""
 SMOOTH = 0.9
 """The cosine from which two of more than two triangles at an edge belong together."""
+FIRST = 4096
+"""Triangles that are looked at first for a conflict."""
 MOST_AT_EDGE = 8
 """With more triangles at an edge, none of them belong together."""
 FOLDED = 0.5
@@ -113,10 +115,25 @@ def welded(points: np.ndarray, chosen: np.ndarray, size: float) -> np.ndarray:
     # Two grids, shifted by half a step: places on the border of two cells are in one cell of the other grid.
     for shift in (0.0, 0.5):
         keys = hashes(np.floor(cells + shift).astype(np.int64))
-        _, lowest, which = np.unique(keys[first], return_index=True, return_inverse=True)
-        first = first[lowest[which.reshape(-1)]]
+        first = first[_firsts(keys[first])]
     places[some] = some[first]
     return places
+
+
+def _firsts(keys: np.ndarray) -> np.ndarray:
+    """The first index (N,) int that has the same key as each of keys (N,) uint64, which are hashes."""
+    bits = np.uint64(len(keys).bit_length())
+    numbers = np.arange(len(keys), dtype=np.uint64)
+    packed = np.sort((keys << bits) | numbers)  # values sort faster than indices of them
+    order = (packed & ((np.uint64(1) << bits) - np.uint64(1))).astype(np.intp)
+    is_new = np.diff(packed >> bits, prepend=~packed[:1]) != 0
+    ordered = keys[order]
+    if (ordered[1:] != ordered[:-1])[~is_new[1:]].any():  # hashes that differ in the bits alone that were shifted out
+        _, lowest, which = np.unique(keys, return_index=True, return_inverse=True)
+        return lowest[which.reshape(-1)]
+    found = np.empty(len(keys), np.intp)
+    found[order] = order[np.flatnonzero(is_new)][np.cumsum(is_new) - 1]
+    return found
 
 
 def _welded(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> tuple[Columns, np.ndarray]:
@@ -137,7 +154,7 @@ def copies(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     ordered = np.sort(keys)
     if not (ordered[1:] == ordered[:-1]).any():  # no two vertices are in one place
         return same, other
-    places = np.unique(keys, return_inverse=True)[1].reshape(-1)
+    places = _firsts(keys)
     is_shared = (np.bincount(places) > 1)[places]
     # Copies can share their vertices, too: then all of them are of one patch, and one edge has more than two triangles.
     some = np.flatnonzero(is_shared[triangles].all(axis=1))
@@ -161,11 +178,17 @@ def copies(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def has_conflict(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> bool:
     """Whether two triangles that share an edge point to opposite sides, or more than two share one."""
+    if not is_open.any():
+        return False
     a, b, c = (np.take(is_open, column) for column in columns)
     near = np.flatnonzero((a & b) | (b & c) | (c & a))
-    if not len(near):
-        return False
-    corners = np.stack([places[column[near]] for column in columns], axis=1)
+    # Where many triangles are in conflict, some of the first ones are.
+    return any(_in_conflict(columns, places, some) for some in (near[:FIRST], near) if len(some))
+
+
+def _in_conflict(columns: Columns, places: np.ndarray, some: np.ndarray) -> bool:
+    """As `has_conflict`, between some triangles (N,) int."""
+    corners = np.stack([places[column[some]] for column in columns], axis=1)
     corners = corners[has_corners(corners)]
     first, last = corners.reshape(-1), np.roll(corners, -1, axis=1).reshape(-1)
     _, order, begins, counts = _runs(np.minimum(first, last), np.maximum(first, last), len(places))
@@ -199,11 +222,26 @@ def _components(columns: Columns, count: int) -> tuple[np.ndarray, int]:
 
     count: of the vertices.
     """
-    roots = _joined(np.arange(count), columns[0], columns[1], is_new=True)
-    roots = np.take(_joined(roots, columns[0], columns[2]), columns[0])
-    if len(roots) and (roots == roots[0]).all():
-        return np.zeros(len(roots), np.int32), 1
-    return _numbered(roots)
+    a, b, c = columns
+    if not len(a):
+        return np.zeros(0, np.int32), 0
+    roots = np.arange(count)
+    # The vertices along one edge of each triangle, along another, and along the third of some: in meshes that are grids, one
+    # edge alone joins rows, and two join other rows.
+    for first, last in ((a, b), (b, c), (a[::3], c[::3])):
+        roots[np.maximum(first, last)] = np.minimum(first, last)
+    roots = _flat(roots)
+    # What is left to join are few parts, whose tables are small.
+    parts, count = _numbered(roots)
+    if count > 1:
+        here, *others = (np.take(parts, column) for column in columns)
+        apart = [np.flatnonzero(here != other) for other in others]
+        first = np.concatenate([here[some] for some in apart])
+        last = np.concatenate([other[some] for other, some in zip(others, apart, strict=True)])
+        roots = connected(count, first, last)
+        if roots.any():  # vertices without a triangle are parts as well, but not of the mesh
+            return _numbered(np.take(roots, here))
+    return np.zeros(len(a), np.int32), 1
 
 
 def _numbered(roots: np.ndarray) -> tuple[np.ndarray, int]:
@@ -365,16 +403,40 @@ def _best_pairs(sides: np.ndarray, made) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _signs(count: int, pairs: Pairs, cosines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The patch (count,) int of each triangle, named by one of its triangles, whether it points to the other side than that one
-    (count,) bool, and which pairs (E,) bool contradict this.
+    """A number (count,) int for each triangle that names its patch, whether it points to the other side than the patch does
+    (count,) bool, and which pairs (E,) bool contradict this."""
+    one, other = pairs.first // 3, pairs.second // 3
+    # Most triangles beside each other point to the same side. If nothing contradicts itself, the way along which a patch is
+    # joined makes no difference.
+    is_same = ~pairs.is_against
+    parts, part_count = _numbered(connected(count, one[is_same], other[is_same]))
+    differ = pairs.at(pairs.is_against)
+    ends = parts[differ.first // 3], parts[differ.second // 3]
+    labels, is_against = _joined_by_rank(part_count, *ends, differ.is_against, cosines[pairs.is_against])
+    labels, is_against = labels[parts], is_against[parts]
+    is_cut = (is_against[one] ^ is_against[other]) != pairs.is_against
+    if not is_cut.any():
+        return labels, is_against, is_cut
+    is_bad = np.zeros(part_count, bool)
+    is_bad[labels[one[is_cut]]] = True
+    some, in_bad = is_bad[labels[one]], is_bad[labels]
+    roots, turns = _joined_by_rank(count, one[some], other[some], pairs.is_against[some], cosines[some])
+    labels, is_against = np.where(in_bad, part_count + roots, labels), np.where(in_bad, turns, is_against)
+    return labels, is_against, (is_against[one] ^ is_against[other]) != pairs.is_against
 
-    Triangles are joined along the edges that are least folded, so that errors stay where edges are sharp.
+
+def _joined_by_rank(
+    count: int, one: np.ndarray, other: np.ndarray, against: np.ndarray, cosines: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The root (count,) int of each node once those in one (E,) and other (E,) are connected, and whether a node points to the
+    other side than its root (count,) bool, of a pair of nodes that are against each other (E,) bool.
+
+    Nodes are joined along the edges that are least folded, so that errors stay where edges are sharp.
     """
     by_rank = np.argsort(-cosines, kind="stable")
     rank = np.empty(len(cosines), np.int64)
     rank[by_rank] = np.arange(len(cosines))
     parents, is_against = np.arange(count), np.zeros(count, bool)
-    one, other, against = pairs.first // 3, pairs.second // 3, pairs.is_against
     left = np.arange(len(one))
     while len(left):
         a, b = parents[one[left]], parents[other[left]]
@@ -400,5 +462,4 @@ def _signs(count: int, pairs: Pairs, cosines: np.ndarray) -> tuple[np.ndarray, n
                 break
             is_against = is_against ^ is_against[parents]
             parents = above
-    is_cut = (is_against[one] ^ is_against[other]) != against
-    return parents, is_against, is_cut
+    return parents, is_against

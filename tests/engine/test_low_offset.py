@@ -40,6 +40,43 @@ def test_a_low_mesh_that_is_pushed_off_shows_what_it_would_show_in_place(share):
     assert np.percentile(found, 99) < 1.5
 
 
+def test_a_low_mesh_is_moved_where_more_of_it_fits_then():
+    """A tube in a tube: the outer low tube is closer to the inner high one. With the antenna, the high mesh is not larger by
+    about the distance on all sides."""
+    distance = 0.03
+    low, inner = ring("lo", 96, 32, 0.1 - distance), ring("inner", 96, 32, 0.06 - distance)
+    scenes.move_uvs(low, (0.3, 1.0))
+    scenes.move_uvs(inner, (0.7, 1.0), (0.3, 0.0))
+    with bpy.context.temp_override(active_object=low, selected_editable_objects=[low, inner]):
+        bpy.ops.object.join()
+    antenna = zoo.sphere("antenna", n=8)
+    antenna.scale, antenna.location = (0.01, 0.01, 0.01), (1.5, 0.0, 0.0)
+    highs = ring("hi", 192, 64, 0.1, 0.004), ring("core", 192, 64, 0.06, 0.004)
+    report, found = maps.bake_all_maps(low, *highs, antenna, maps=("POSITION",), space="WORLD", method="CAST")
+    assert report.low_offset == pytest.approx(distance, rel=0.05)
+    place = found["position"][..., :3]
+    far = np.hypot(np.linalg.norm(place[..., :2], axis=2) - 1.0, place[..., 2])
+    expected = np.where(maps.texel_uv(64, 64)[..., 0] < 0.3, 0.1, 0.06)
+    assert np.percentile(np.abs(far - expected), 99) < 0.01
+
+
+@pytest.mark.parametrize("frame", [0.02, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize("depth", [0.05, 0.15])
+def test_a_low_mesh_stays_where_panels_are_deep(frame, depth):
+    """Most of the high mesh lies at one distance, but not its frames, which a moved low mesh would lose."""
+    across = np.linspace(-1.0, 1.0, 2 * round(2.0 / frame) + 1)
+    u, v = (each.ravel() for each in np.meshgrid(across, across))
+    w = 1.0 - depth * (np.maximum(np.abs(u), np.abs(v)) < 1.0 - 0.99 * frame)
+    quads = zoo.grid_faces(len(across) - 1, len(across) - 1)
+    sides = [np.roll(np.stack([u, v, w], axis=1), turn, axis=1) for turn in range(3)]
+    points = np.concatenate([*sides, *(-side[:, [1, 0, 2]] for side in sides)])
+    faces = np.concatenate([quads + number * len(u) for number in range(6)])
+    assert (
+        scenes.bake(zoo.cube("lo"), zoo.build("hi", points, faces), method="CAST", width=128, height=128).low_offset
+        == 0
+    )
+
+
 def test_distances_that_are_alike_have_an_offset_and_others_do_not_seed_1():
     rng = np.random.default_rng(1)
     alike = rng.normal(0.02, 0.002, 1000)

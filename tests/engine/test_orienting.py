@@ -32,6 +32,11 @@ def pair(soup=None):
     return zoo.sphere("lo", n=16), spoiled.build(name, clean if soup is None else soup)
 
 
+def points_of(obj):
+    """The points (V, 3) of an object's own mesh."""
+    return np.array([vertex.co[:] for vertex in obj.data.vertices])
+
+
 def cast(low, *highs, **settings):
     return maps.bake(low, *highs, **{"method": "CAST", "space": "OBJECT"} | settings)
 
@@ -321,7 +326,30 @@ def test_triangles_that_are_there_twice_count_once(is_turned):
     assert np.abs(cast(low, spoiled.build("clean", soup)) - cast(low, high)).max() < SAME
 
 
+def test_a_thin_part_is_not_turned_over_where_that_of_the_low_mesh_shrank_through_itself():
+    """The upper sheet of the plate is nearest to the lower sheet of the low one, which lies above the other."""
+    low, plate = zoo.sphere("lo", n=16), zoo.cube("plate")
+    plate.data.vertices.foreach_set("co", (points_of(plate) * (0.4, 0.4, -0.01) + (0.0, 0.0, 1.5)).ravel())
+    with bpy.context.temp_override(active_object=low, selected_editable_objects=[low, plate]):
+        bpy.ops.object.join()
+    soup, _ = ball(level=3)
+    thick = zoo.cube("thick")
+    slab = spoiled.replace(spoiled.of_object(thick), uv=None)
+    slab = spoiled.replace(slab, points=slab.points * (0.42, 0.42, 0.015) + (0.0, 0.0, 1.5))
+    report = scenes.bake(low, spoiled.build("hi", spoiled.joined(soup, slab)), method="CAST")
+    assert report.mended == {}
+
+
 # Cost
+
+
+def stack_halves(obj):
+    """Lay both halves of the UV map of an object of quads on the same texels."""
+    loops = np.arange(len(obj.data.loops))
+    layer = obj.data.uv_layers[0].uv
+    is_second = [np.mean([layer[i].vector.x for i in face.loop_indices]) > 0.5 for face in obj.data.polygons]
+    scenes.move_uvs(obj, (2.0, 1.0))
+    scenes.move_uvs(obj, offset=(-1.0, 0.0), loops=loops[np.repeat(is_second, 4)])
 
 
 def test_uv_layouts_with_shared_texels_are_compared_once(monkeypatch):
@@ -330,17 +358,8 @@ def test_uv_layouts_with_shared_texels_are_compared_once(monkeypatch):
     inner.scale = (0.5, 0.5, 0.5)
     with bpy.context.temp_override(active_object=high, selected_editable_objects=[high, inner]):
         bpy.ops.object.join()
-    for each in (low, high):  # both halves lie on the same texels
-        loops = np.arange(len(each.data.loops))
-        is_second = np.repeat(
-            [
-                np.mean([each.data.uv_layers[0].uv[i].vector.x for i in face.loop_indices]) > 0.5
-                for face in each.data.polygons
-            ],
-            4,
-        )
-        scenes.move_uvs(each, (2.0, 1.0))
-        scenes.move_uvs(each, offset=(-1.0, 0.0), loops=loops[is_second])
+    for each in (low, high):
+        stack_halves(each)
     meant, asked = uv_agreement._measure, []
     monkeypatch.setattr(uv_agreement, "_measure", lambda *args: asked.append(args) or meant(*args))
     report = scenes.bake(low, high, method="AUTO")
@@ -362,6 +381,20 @@ def test_a_mesh_that_rays_turn_over_takes_one_tree_seed_7():
     report = scenes.bake(low, high, method="CAST")
     assert report.mended["parts"] == 2
     assert report.mended["hidden"] == 0
+    assert tree_cache.trees.built == before + 1
+
+
+@pytest.mark.parametrize("is_stacked", [False, True])
+def test_a_clean_mesh_whose_parts_may_be_hidden_takes_one_tree(is_stacked):
+    """Where parts of the low mesh share texels, the bake has the high triangles in the reverse order."""
+    soup, _ = ball(level=3)
+    small = spoiled.replace(soup, points=0.05 * soup.points + 0.75)  # in the box of the large one, and outside of it
+    low, high = zoo.sphere("lo", n=16), spoiled.build("hi", spoiled.joined(soup, small))
+    if is_stacked:
+        stack_halves(low)
+    tree_cache.trees.free()
+    before = tree_cache.trees.built
+    assert scenes.bake(low, high, method="CAST").mended == {}
     assert tree_cache.trees.built == before + 1
 
 

@@ -107,17 +107,32 @@ def test_a_moebius_strip_contradicts_itself(turns, contradicting):
     assert not found.is_closed.any()
 
 
-def test_a_moebius_strip_is_cut_across_one_edge_seed_3():
+def test_patches_beside_one_that_contradicts_itself_keep_their_sides_seed_5():
+    rng = np.random.default_rng(5)
+    ball, of_ball = two_spheres()
     points, triangles = strip(40)
-    rng = np.random.default_rng(3)
+    is_flipped = np.concatenate([rng.random(len(of_ball)) < 0.3, rng.random(len(triangles)) < 0.3])
+    both = flipped(np.concatenate([of_ball, triangles + len(ball)]), is_flipped)
+    found = patches(np.concatenate([ball, points]).astype(np.float32), both)
+    alone = patches(points, both[len(of_ball) :] - len(ball))
+    assert found.count == 2 + alone.count
+    assert found.contradicting == 1
+    assert np.array_equal(found.is_against, np.concatenate([is_flipped[: len(of_ball)], alone.is_against]))
+    assert not np.isin(found.labels[: len(of_ball)], found.labels[len(of_ball) :]).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_moebius_strip_is_cut_across_its_sharpest_edge(seed):
+    points, triangles = strip(40)
+    points[[7, 47]] *= 1.05
+    rng = np.random.default_rng(seed)
     spoiled = flipped(triangles, rng.random(len(triangles)) < 0.3)
     found = patches(points, spoiled)
     mended = flipped(spoiled, found.is_against)
-    sides = np.sort(np.stack([mended, np.roll(mended, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     ways = np.stack([mended, np.roll(mended, -1, axis=1)], axis=2).reshape(-1, 2)
-    _, edge, counts = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    edges, edge, counts = np.unique(np.sort(ways, axis=1), axis=0, return_inverse=True, return_counts=True)
     is_up = np.bincount(edge.reshape(-1), ways[:, 0] < ways[:, 1])
-    assert np.count_nonzero((counts == 2) & (is_up != 1)) == 1
+    assert edges[(counts == 2) & (is_up != 1)].tolist() == [[7, 47]]
 
 
 def test_three_planes_at_an_edge_go_on_smoothly():
@@ -167,12 +182,26 @@ def test_copies_are_told_from_their_other_sides():
     assert np.array_equal(other, expected)
 
 
+@pytest.mark.parametrize("high_bits", [0, 7])
+def test_the_first_of_equal_hashes_is_found_seed_8(high_bits):
+    """Also of hashes that differ in their highest bits alone."""
+    rng = np.random.default_rng(8)
+    keys = rng.choice(rng.integers(0, 2**56, 40, np.uint64), 100)
+    keys |= rng.integers(0, 2**high_bits, len(keys), np.uint64) << np.uint64(57)
+    assert orientation._firsts(keys).tolist() == [keys.tolist().index(key) for key in keys.tolist()]
+    assert orientation._firsts(keys[:0]).tolist() == []
+
+
+@pytest.mark.parametrize("has_order", [False, True])
 @pytest.mark.parametrize(("triangles", "places"), [(1, 5), (7, 200), (500, 500)])
-def test_closest_points_are_those_of_a_search_through_all_seed_6(triangles, places):
+def test_closest_points_are_those_of_a_search_through_all_seed_6(triangles, places, has_order):
     rng = np.random.default_rng(6)
     corners = (rng.normal(size=(triangles, 1, 3)) + rng.normal(scale=0.2, size=(triangles, 3, 3))).astype(np.float32)
     asked = rng.normal(scale=1.5, size=(places, 3)).astype(np.float32)
-    found, points, squares = Surface(corners.reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3)).closest(asked)
+    order = rng.permutation(triangles) if has_order else None
+    found, points, squares = Surface(corners.reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3), order).closest(
+        asked
+    )
     # Points all over each triangle bound its distance from above, and from below up to their spacing.
     u, v = np.meshgrid(np.linspace(0, 1, 21), np.linspace(0, 1, 21))
     weights = np.stack([1 - u - v, u, v], axis=-1)[(u + v) <= 1.0 + 1e-9]
