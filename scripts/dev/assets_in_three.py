@@ -123,7 +123,7 @@ def main() -> int:
                 source, glb = Path(temporary) / f"{file.stem}.blend", Path(temporary) / f"{file.stem}.glb"
                 high = alone(file, source)
                 report = made(source, glb, given.degrees, given.size)
-                (asset,) = report["bakes"]
+                (asset,) = report["bakes"][0]["reports"]
                 degrees, single = compared(Glb.read(glb), high, modules, given.view)
                 median, most = np.percentile(degrees, (50, 99))
                 own = asset["appearance"]["percentile_99"]
