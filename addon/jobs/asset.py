@@ -43,6 +43,8 @@ NOT_DRAWN = 100.0
 """The excess of a low mesh that cannot be judged: it is far beyond any limit."""
 ALONE = 90.0
 """The degrees for which a pixel of the high or the low mesh alone counts, where ways to make a low mesh are compared."""
+SHARP = math.radians(100.0)
+"""The angle between faces from which the edge between them is sharp: normals that are shared there point behind faces."""
 CLEARLY = 1.03
 """By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
 
@@ -134,7 +136,14 @@ def work(
         own_settings = replace(settings, connect_maps=True)
         if all(is_new):  # no high mesh has these UVs
             own_settings = replace(own_settings, method=Method.CAST)
-        reports = yield from part(bake_jobs.work(context, jobs, own_settings, pace), SEARCHED, 1.0)
+        try:
+            reports = yield from part(bake_jobs.work(context, jobs, own_settings, pace), SEARCHED, 1.0)
+        except NothingDrawn as error:
+            if not is_made:
+                raise
+            raise BakeError(
+                f"So coarse a mesh shows nothing of {job.highs[0].name!r}: allow more triangles."
+            ) from error
         found = []
         for low, report in zip(lows, reports, strict=True):
             distance = maker.distance(low.obj) if wanted.distance < math.inf else 0.0
@@ -310,11 +319,13 @@ class _Maker:
     def _made(self, base: Base, triangles: int) -> bpy.types.Object:
         """A low object of about this many triangles."""
         high = self.high
-        data = self._meshes.own(base.low(triangles))
+        data = self._meshes.own(high.low(base, triangles))
         points, faces = mesh_reader.points(data), mesh_reader.corner_vertices(data).reshape(-1, 3)
-        data.vertices.foreach_set("co", fitting.fitted(points, faces, high.around).astype(np.float32).reshape(-1))
+        around = high.around.thinned(fitting.sample_count(len(faces)))
+        data.vertices.foreach_set("co", fitting.fitted(points, faces, around).astype(np.float32).reshape(-1))
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
         data.update()
+        data.set_sharp_from_angle(angle=SHARP)
         low = bpy.data.objects.new(TEMPORARY, data)
         self._context.scene.collection.objects.link(low)
         low.matrix_world = Matrix.Translation(high.origin)

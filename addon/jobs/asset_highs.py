@@ -8,16 +8,16 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import bmesh
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.progress import Timings
 from ..core.settings import Settings
 from ..engine import outer_skin
-from ..mesh import collapse, fitting, soup
+from ..mesh import collapse, fitting, folds, orientation, soup
 from ..mesh.closest import Surface
 from ..mesh.fitting import Samples
 from ..scene import evaluation, mesh_reader
@@ -33,6 +33,12 @@ MOST_INSIDE = 0.05
 """The share of the area that sees nothing of the outside, from which a surface is remeshed, too."""
 VOXELS = 60_000
 """About how many voxels the outer surface has that is remeshed."""
+FLAT = 0.01
+"""The volume that a patch encloses, for an area of 1, below which it is a sheet. A sphere has 0.094."""
+MOST_ALONG = 2000
+"""The most voxels along the longest side of the box: along needles, by their area alone, there would be millions."""
+FAR_AWAY = 1e9
+"""Scene units. Nothing is measured beyond them: squares of single precision end at 1e19."""
 FAR, MOST_FAR = 2.0, 0.25
 """Voxels, and a share of what is seen from outside. If more of it is farther from the remeshed surface, the volume is open.
 What is farther in a closed volume lies in gaps that the voxels close."""
@@ -113,6 +119,16 @@ class High:
         longest = float(np.ptp(self.points, axis=0).max())
         return max(math.sqrt(float(np.percentile(each, PERCENTILE))) for each in squares) / longest
 
+    def low(self, base: Base, triangles: int) -> bpy.types.Mesh:
+        """A mesh of about this many triangles, without folds. The caller removes it."""
+        data = base.low(triangles)
+        corners = mesh_reader.corner_vertices(data).reshape(-1, 3)
+        points, unfolded = folds.removed(mesh_reader.points(data), corners, self.around)
+        if unfolded is corners:
+            return data
+        bpy.data.meshes.remove(data)
+        return _mesh(points, unfolded)
+
     @cached_property
     def _surface(self) -> Surface:
         return Surface(self.points, self.triangles)
@@ -125,12 +141,16 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
     points, triangles = soup.welded((points - origin).astype(np.float32), triangles)
     if not len(triangles):
         raise BakeError(f"{job.highs[0].name!r} has no faces with an area: choose a mesh that has some.")
-    data = meshes.own(_mesh(points, triangles))
+    farthest = float(np.abs(points).max())
+    if farthest > FAR_AWAY:
+        raise BakeError(
+            f"{job.highs[0].name!r} has a vertex {farthest:.3g} units away: remove what is far from the rest."
+        )
     found = soup.edges(triangles)
     if found.against:
-        _turn_to_one_side(data)
-        triangles = mesh_reader.corner_vertices(data).reshape(-1, 3)
+        triangles = _to_one_side(points, triangles)
         found = soup.edges(triangles)
+    data = meshes.own(_mesh(points, triangles))
     around = fitting.samples(points, triangles, fitting.MOST)
     is_seen = _seen(data, points, triangles, around)
     inside = 1.0 - float(is_seen[around.triangles].mean())
@@ -209,15 +229,19 @@ def _mesh(points: np.ndarray, triangles: np.ndarray) -> bpy.types.Mesh:
     return data
 
 
-def _turn_to_one_side(data: bpy.types.Mesh) -> None:
-    """Turn faces so that neighbors point to the same side, and closed parts outwards."""
-    faces = bmesh.new()
-    try:
-        faces.from_mesh(data)
-        bmesh.ops.recalc_face_normals(faces, faces=faces.faces[:])
-        faces.to_mesh(data)
-    finally:
-        faces.free()
+def _to_one_side(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Triangles (T, 3) int, turned so that those of a patch point to one side: outwards if it encloses a volume, or to the
+    side to which most of its area points."""
+    patches = orientation.patches(points, triangles, float(np.linalg.norm(np.ptp(points, axis=0))))
+    turned = np.where(patches.is_against[:, None], triangles[:, ::-1], triangles)
+    of_each, middles = areas(points, triangles), points[triangles].mean(axis=1, dtype=np.float64)
+    area = np.bincount(patches.labels, of_each, patches.count)
+    weights = of_each / np.maximum(area, 1e-300)[patches.labels]
+    centers = np.stack([np.bincount(patches.labels, weights * each, patches.count) for each in middles.T], axis=1)
+    a, b, c = (points[turned[:, i]] - centers[patches.labels] for i in range(3))
+    volumes = np.bincount(patches.labels, (a * np.cross(b, c)).sum(axis=1) / 6.0, patches.count)
+    points_inwards = volumes < -FLAT * area**1.5
+    return np.where(points_inwards[patches.labels, None], turned[:, ::-1], turned)
 
 
 def _remeshed(data: bpy.types.Mesh, area: float, around: Samples, meshes: TemporaryMeshes) -> bpy.types.Mesh | None:
@@ -225,15 +249,18 @@ def _remeshed(data: bpy.types.Mesh, area: float, around: Samples, meshes: Tempor
 
     area: of what is seen from outside, in the places `around`.
     """
-    voxel = math.sqrt(area / VOXELS)
+    longest = float(np.ptp(mesh_reader.points(data), axis=0).max())
+    voxel = max(math.sqrt(area / VOXELS), longest / MOST_ALONG)
     with temporary.scene() as scene:
         obj = temporary.add_object(scene, data.copy())
+        obj.data.transform(Matrix.Scale(1.0 / voxel, 4))  # Blender takes no voxels smaller than 0.0001
         remesh = obj.modifiers.new(TEMPORARY, "REMESH")
-        remesh.mode, remesh.voxel_size = "VOXEL", voxel
+        remesh.mode, remesh.voxel_size = "VOXEL", 1.0
         obj.modifiers.new(TEMPORARY, "TRIANGULATE")
         result = meshes.own(temporary.evaluated(scene, obj))
     if not result.polygons:
         return None
+    result.transform(Matrix.Scale(voxel, 4))
     corners = mesh_reader.corner_vertices(result).reshape(-1, 3)
     places = around.points[:: max(1, len(around.points) // PLACES)].astype(np.float32)
     _, _, squares = Surface(mesh_reader.points(result), corners).closest(places)

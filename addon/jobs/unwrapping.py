@@ -124,11 +124,14 @@ def _by_seams(method: str) -> None:
 def pack_boxes(margin: float) -> None:
     """Pack islands with a margin around each, as a share of the map's side: the distance between two is twice as large.
 
-    By boxes: with an exact margin, the packing by outlines takes minutes for hundreds of islands.
+    By boxes: the packing by outlines takes minutes for hundreds of islands.
     """
-    bpy.ops.uv.pack_islands(
-        rotate=True, scale=True, margin_method="FRACTION", margin=margin, shape_method="AABB", merge_overlap=False
-    )
+    # An exact margin makes Blender try few layouts, and one that is added before all is scaled makes it try more. Once islands
+    # have about their final size, both are the same.
+    for method in ("FRACTION", "ADD", "ADD"):
+        bpy.ops.uv.pack_islands(
+            rotate=True, scale=True, margin_method=method, margin=margin, shape_method="AABB", merge_overlap=False
+        )
 
 
 @contextmanager

@@ -19,7 +19,7 @@ TURNED = 0.2
 """The cosine between the normals of a triangle before and after, below which its vertices stay where they were."""
 THIN = 0.05
 """The share of its area that a triangle keeps at least."""
-A_TRIANGLE, LEAST, MOST = 30, 20_000, 120_000
+A_TRIANGLE, LEAST, MOST = 30, 60_000, 120_000
 """Samples for each triangle of the coarse mesh, and the fewest and the most of all."""
 
 
@@ -34,6 +34,10 @@ class Samples:
     def chosen(self, which: np.ndarray | slice) -> "Samples":
         """Some of them. which: (N,) bool, numbers, or a slice."""
         return Samples(self.points[which], self.normals[which], self.triangles[which])
+
+    def thinned(self, count: int) -> "Samples":
+        """About this many of them, or more, as evenly."""
+        return self.chosen(slice(None, None, max(1, len(self.points) // count)))
 
 
 def samples(points: np.ndarray, triangles: np.ndarray, count: int, seed: int = 1) -> Samples:

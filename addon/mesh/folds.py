@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Removes folds of a coarse mesh: triangles that point to the other side than the surface there, and than a neighbor."""
+
+import numpy as np
+
+from . import orientation
+from .closest import Surface
+from .fitting import Samples
+
+OPPOSED = -0.1
+"""The cosine between normals below which they point to opposite sides."""
+MOST = 0.2
+"""The share of folded triangles from which the mesh is too coarse to tell folds from its shape."""
+ROUNDS = 8
+"""How often folds are looked for: a collapse can make another one."""
+
+
+def removed(points: np.ndarray, triangles: np.ndarray, around: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh with the shortest edges of folded triangles collapsed.
+
+    Args:
+        points: (V, 3) float64.
+        triangles: (T, 3) int.
+        around: of the surface that it stands for, in the same space.
+
+    Returns:
+        Points (P, 3) float64 and triangles (N, 3) int64. Those of the arguments, if nothing is folded.
+    """
+    numbers = np.arange(len(around.points))
+    places = Surface(around.points.astype(np.float32), np.stack([numbers, numbers, numbers], axis=1))
+    for _ in range(ROUNDS):
+        chosen = np.flatnonzero(_is_folded(points, triangles, places, around.normals))
+        if not len(chosen) or len(chosen) > MOST * len(triangles):
+            break
+        points, triangles = _collapsed(points, triangles, chosen)
+    return points, triangles
+
+
+def _is_folded(points: np.ndarray, triangles: np.ndarray, places: Surface, normals: np.ndarray) -> np.ndarray:
+    """Which triangles (T,) bool are. normals: of the places."""
+    own = orientation.face_normals(points, triangles)
+    own /= np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-300)
+    nearest, _, _ = places.closest(points[triangles].mean(axis=1).astype(np.float32))
+    is_opposed = (own * normals[nearest]).sum(axis=1) < OPPOSED
+    if not is_opposed.any():
+        return is_opposed
+    # Near a thin part, the other side of the surface can be nearest: then neighbors point to the same side.
+    pairs, _ = orientation.edge_pairs(triangles, own)
+    one, other = pairs.first // 3, pairs.second // 3
+    against = (own[one] * own[other]).sum(axis=1) < OPPOSED
+    is_against = np.zeros(len(triangles), bool)
+    is_against[one[against]] = is_against[other[against]] = True
+    return is_opposed & is_against
+
+
+def _collapsed(points: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh without the shortest edges of some triangles (N,) int, of those that share no vertex."""
+    sides = np.stack([triangles[chosen], np.roll(triangles[chosen], -1, axis=1)], axis=-1)
+    lengths = np.linalg.norm(points[sides[..., 0]] - points[sides[..., 1]], axis=-1)
+    edges = np.sort(sides[np.arange(len(chosen)), lengths.argmin(axis=1)], axis=1)
+    owner = np.full(len(points), len(edges))
+    np.minimum.at(owner, edges, np.arange(len(edges))[:, None])
+    edges = edges[(owner[edges] == np.arange(len(edges))[:, None]).all(axis=1)]
+    points, new = points.copy(), np.arange(len(points))
+    points[edges[:, 0]] = points[edges].mean(axis=1)
+    new[edges[:, 1]] = edges[:, 0]
+    triangles = new[triangles]
+    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
+    triangles = triangles[np.sort(first)]
+    used, numbers = np.unique(triangles, return_inverse=True)
+    return points[used], numbers.reshape(-1, 3)
