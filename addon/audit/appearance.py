@@ -20,6 +20,7 @@ from ..core.progress import Progress, Task, part
 from ..core.settings import Settings
 from ..engine import normal_space, separation
 from ..engine.method_choice import Plan
+from ..mesh.fitting import Samples
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
@@ -36,6 +37,10 @@ WRONG = 20.0
 seen from straight above."""
 MOST_TEXELS = 4096 * 4096
 """The most texels of a map, in all tiles, that are on the GPU at once: of larger maps, each texel is the mean of several."""
+ALONE = 45.0
+"""The degrees for which a pixel of one mesh alone counts in the errors of places."""
+BEHIND = 2.0
+"""Pixels that a place may lie behind what a viewer sees, by the slope of the surface there, and still be seen."""
 FILLED = 0.98
 """Share of a picture's side that the sphere around the meshes takes."""
 
@@ -48,8 +53,8 @@ class Detail:
     side: int = 512
 
 
-COARSE = Detail(16, 256)
-"""For a search: the mean within a few percent of the usual one."""
+USUAL = Detail()
+"""How closely bakes are looked at."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,7 @@ class Appearance:
     99th percentile, as a share of the diagonal of the box around both. pixels: the number compared. worst_view: the direction
     (3,) in world space towards the viewer who sees the largest mean error. squares: by UDIM tile, the mean error on each square
     of the map, (rows, columns) float32, in degrees; views count by how straight they meet the square. NaN where none does.
+    places: as SeenHighs has them, (N,), the sum of the errors that all viewers see there, who count in the same way.
     """
 
     mean: float
@@ -86,6 +92,7 @@ class Appearance:
     pixels: int
     worst_view: tuple[float, float, float]
     squares: Mapping[int, np.ndarray] = field(repr=False, compare=False)
+    places: np.ndarray | None = field(default=None, repr=False, compare=False)
 
     @property
     def is_wrong(self) -> dict[int, np.ndarray]:
@@ -100,7 +107,7 @@ class Appearance:
 
     def to_dict(self) -> dict[str, Any]:
         """As Report.appearance has it."""
-        values = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "squares"}
+        values = {each.name: getattr(self, each.name) for each in fields(self) if each.repr}
         count, seen = self.wrong
         return {**values, "worst_view": list(self.worst_view), "wrong": count / max(1, seen)}
 
@@ -111,7 +118,7 @@ def measure(
     shown: ShownMap | None,
     *,
     others: Mesh | None = None,
-    detail: Detail = Detail(),
+    detail: Detail | None = None,
 ) -> Task[Appearance | None]:
     """Measure one low mesh. Returns None if no pixel shows both it and a high mesh. To compare several low meshes with the same
     high ones, use SeenHighs.
@@ -120,10 +127,22 @@ def measure(
         highs, low: in world space by their matrices. `low` has the tangents of its map, if that is in tangent space.
         shown: its map; None for its own normals.
         others: a part of the low mesh that hides what is behind it, and is not judged.
+        detail: USUAL if None.
     """
     seen = SeenHighs(highs, [*highs, low, *([others] if others is not None else [])], detail)
     yield from part(seen.draw(), 0.0, 0.5)
     return (yield from part(seen.compare(low, shown, others=others), 0.5, 1.0))
+
+
+def why_not(plan: Plan, settings: Settings) -> str:
+    """Why the shading error of a bake cannot be measured, as a clause; empty if it can."""
+    if not settings.map.normal:
+        return "there is no normal map"
+    if settings.map.detail_maps and plan.meshes.has_detail:
+        return "the high meshes' own normal and bump maps are not drawn for it"
+    if "swiftshader" in gpu.platform.renderer_get().casefold():
+        return "SwiftShader does not test for depth"
+    return ""
 
 
 class SeenBake:
@@ -138,13 +157,7 @@ class SeenBake:
         self.warnings: list[str] = []
         if not is_wanted:
             return
-        reason = ""
-        if not settings.map.normal:
-            reason = "there is no normal map"
-        elif settings.map.detail_maps and plan.meshes.has_detail:
-            reason = "the high meshes' own normal and bump maps are not drawn for it"
-        elif "swiftshader" in gpu.platform.renderer_get().casefold():
-            reason = "SwiftShader does not test for depth"
+        reason = why_not(plan, settings)
         if reason:
             self.warnings.append(f"The shading error was not measured: {reason}.")
             self._is_wanted = False
@@ -200,14 +213,22 @@ def _other_materials(meshes: Meshes) -> Mesh | None:
 class SeenHighs:
     """High meshes as they are seen from outside: drawn once, and compared with any number of low meshes.
 
-    around: the meshes that pictures have room for. The pictures take 16 bytes of GPU memory a pixel, until this is deleted.
+    around: the meshes that pictures have room for. places: on the high surface, in world space, whose errors are wanted. The
+    pictures take 16 bytes of GPU memory a pixel, until this is deleted.
     """
 
-    def __init__(self, highs: Sequence[Mesh], around: Sequence[Mesh], detail: Detail = Detail()):
-        self.highs, self.detail = highs, detail
+    def __init__(
+        self,
+        highs: Sequence[Mesh],
+        around: Sequence[Mesh],
+        detail: Detail | None = None,
+        places: Samples | None = None,
+    ):
+        self.highs, self.detail, self.places = highs, detail or USUAL, places
+        self._places: list[_InView] = []
         self.space = local_space_of(around)
         self.frame = _Frame.around(around, self.space)
-        self.directions = directions(detail.views)
+        self.directions = directions(self.detail.views)
         self._views = [self.frame.view(towards) for towards in self.directions]
         self._pictures: list[gpu.types.GPUTexture] = []
 
@@ -227,17 +248,27 @@ class SeenHighs:
                 done, is_first = done + len(triangles), False
                 yield Progress("Looking at the high mesh", done / count)
         self._pictures = [each.texture for each in pictures]
+        if self.places is not None:
+            points = (self.places.points - self.space.origin) / self.space.size
+            for picture, view, towards in zip(pictures, self._views, self.directions, strict=True):
+                facing = np.abs(self.places.normals @ towards)
+                self._places.append(_InView.of(points, facing, picture.texels()[..., 3], view))
 
     def compare(self, low: Mesh, shown: ShownMap | None, *, others: Mesh | None = None) -> Task[Appearance | None]:
         """Measure a low mesh, as `measure` does."""
         seen = _Seen(self.directions, self.frame, _Squares.of(shown))
         parts = [*self._parts(low, shown, seen.squares), *(self._hiding(others) if others is not None else [])]
+        of_places = np.zeros(len(self.places.points) if self.places is not None else 0)
         for number, (picture, view) in enumerate(zip(self._pictures, self._views, strict=True), start=1):
             into = target.get("appearance", self.detail.side, self.detail.side, *appearance.FORMATS)
             appearance.compare(into, picture, parts, view)
-            seen.add(into.texels())
+            texels = into.texels()
+            seen.add(texels)
+            if self.places is not None:
+                of_places += self._places[number - 1].errors(texels, len(of_places))
             yield Progress("Looking at the low mesh", number / len(self._views))
-        return seen.result()
+        found = seen.result()
+        return replace(found, places=of_places) if found is not None and self.places is not None else found
 
     def _parts(self, low: Mesh, shown: ShownMap | None, squares: "_Squares") -> Iterator[tuple]:
         """The low mesh as appearance.compare takes it."""
@@ -262,6 +293,36 @@ class SeenHighs:
         )
         shading = appearance.low_shading(others.normal_matrix, lit.reading(lit.OBJECT), appearance.NOT_JUDGED)
         yield batch, data_texture.image(np.zeros((1, 1, 4), np.float32)), shading
+
+
+@dataclass(frozen=True)
+class _InView:
+    """The places that one viewer sees. which: (S,) int, their numbers. pixels: (S,) int, their pixels, row by row. facing:
+    (S,), how straight the viewer meets the surface, from 0 to 1."""
+
+    which: np.ndarray
+    pixels: np.ndarray
+    facing: np.ndarray
+
+    @classmethod
+    def of(cls, points: np.ndarray, facing: np.ndarray, depths: np.ndarray, view: np.ndarray) -> "_InView":
+        """points: (N, 3) in the space of `view`. facing: (N,). depths: (side, side), as appearance.draw_high has them."""
+        side = len(depths)
+        clip = points @ view[:3, :3].T + view[:3, 3]
+        column, row, depth = (0.5 * clip.T + 0.5) * [[side], [side], [1.0]]
+        pixels = np.clip(row, 0, side - 1).astype(np.int64) * side + np.clip(column, 0, side - 1).astype(np.int64)
+        seen = depths.reshape(-1)[pixels]
+        slope = np.sqrt(np.maximum(1.0 - facing**2, 0.0)) / np.maximum(facing, 0.1)
+        which = np.flatnonzero((seen > 0.0) & (depth <= seen - 1.0 + BEHIND / side * (1.0 + slope)))
+        return cls(which, pixels[which], facing[which])
+
+    def errors(self, texels: np.ndarray, count: int) -> np.ndarray:
+        """The error that the viewer sees at each of `count` places, in degrees, by how straight. texels: as appearance.compare
+        writes them."""
+        known = texels[..., 0].reshape(-1)[self.pixels]
+        is_alone = (known == appearance.LOW_ALONE) | (known == appearance.HIGH_ALONE)
+        degrees = np.where(is_alone, ALONE, np.maximum(known - 1.0, 0.0))
+        return np.bincount(self.which, self.facing * degrees, count)
 
 
 def directions(count: int) -> np.ndarray:

@@ -15,21 +15,26 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..audit.appearance import Appearance
-from ..core import asset, levels, naming
+from ..audit import appearance
+from ..audit.appearance import Appearance, SeenHighs, ShownMap
+from ..core import asset, levels, naming, udim
 from ..core.asset import Wanted
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError, NoGpu, NothingDrawn
+from ..core.map_types import NORMAL
 from ..core.naming import Suffixes
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Run, Settings
-from ..mesh import fitting, uv_stretch
+from ..engine import normal_space
+from ..mesh import uv_stretch
+from ..mesh.fitting import Samples
 from ..output.atomic_file import all_or_none
+from ..output.outputs import kept
 from ..scene import mesh_reader
 from . import asset_highs, bake_jobs, lod, temporary, unwrapping
 from .asset_highs import Base
-from .bake import draw_raw
+from .bake import DrawnJob, draw_raw
 from .job import Job, check_gpu, check_job
 from .temporary import TEMPORARY, TemporaryMeshes
 
@@ -47,13 +52,17 @@ SHARP = math.radians(100.0)
 """The angle between faces from which the edge between them is sharp: normals that are shared there point behind faces."""
 CLEARLY = 1.03
 """By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
+WHOLE = 1.1
+"""By which factor a surface with faults or walls inside must be better than its remeshed one: they may show later."""
+CORRECTIONS = 3
+"""How often edges collapse anew by the errors that were seen: after that, hardly anything changes."""
 
 
 @dataclass(frozen=True)
 class Tried:
     """A low object that was measured. limit: what it may have. distance: as High.distance has it; 0 if it has no limit.
     triangles, excess, spent: as levels.Measured has them. is_drawn: whether a texel of its map shows the high mesh: on a small
-    map, none may be left between the margins of many islands."""
+    map, none may be left between the margins of many islands. nearest: as Base.fitted returns it."""
 
     low: bpy.types.Object
     base: Base
@@ -62,6 +71,7 @@ class Tried:
     distance: float = 0.0
     spent: float = 0.0
     is_drawn: bool = True
+    nearest: np.ndarray | None = None
 
     @property
     def triangles(self) -> int:
@@ -200,6 +210,8 @@ class _Maker:
     def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, meshes: TemporaryMeshes):
         self._context, self._job, self._pace, self._meshes = context, job, pace, meshes
         self._settings, self.count = settings, 0
+        self._seen_highs: tuple[Samples, SeenHighs] | None = None
+        """As they were last looked at, and the places of the base then."""
         self.high = asset_highs.read(context, job, settings, meshes)
 
     def lows(self, known: Sequence[Low], wanted: Wanted, suffixes: Suffixes) -> Task[list[Low]]:
@@ -226,6 +238,7 @@ class _Maker:
             self.count = 0
             self._keep(tried.low, names(name, level)[level], home)
             found.append(Low(tried.low, limit, how))
+        self._seen_highs = None  # its pictures
         return found
 
     def distance(self, low: bpy.types.Object) -> float:
@@ -251,22 +264,37 @@ class _Maker:
         most = max(each.triangles for each in self.high.bases)
         most = min(most, limit.triangles) if limit.triangles else most
         first = most if limit.has_count else min(most, max(FEWEST, round(SHARE * len(self.high.triangles))))
-        bases, begin = [base] if base is not None else self.high.bases, 0.0
-        tried: list[Tried] = []
-        if len(bases) > 1:
-            begin = 0.4
-            for number, each in enumerate(bases):
-                steps = self._tried(each, first, limit, is_compared=True)
-                tried.append((yield from part(steps, begin * number / len(bases), begin * (number + 1) / len(bases))))
-            bases = [min(tried, key=lambda each: each.cost * (CLEARLY if each.base.is_collapsed else 1.0)).base]
+        begin, tried = 0.0, []
+        if base is None:
+            begin = 0.5
+            tried = yield from part(self._compared(first, limit), 0.0, begin)
+            base = _best(tried).base
         if not limit.has_count:
-            found = yield from part(self._searched(bases[0], limit, first, most), begin, 1.0)
+            found = yield from part(self._searched(base, limit, first, most), begin, 1.0)
         else:
             yield Progress(f"Decimating to {first:,} triangles", begin)
-            known = [each for each in tried if each.base is bases[0]]
-            found = known[0] if known else Tried(self._made(bases[0], first), bases[0], limit, None)
+            known = [each for each in tried if each.base is base]
+            found = known[0] if known else Tried(self._made(base, first)[0], base, limit, None)
         self._remove_all_but(found, tried)
         return found
+
+    def _compared(self, triangles: int, limit: Wanted) -> Task[list[Tried]]:
+        """Low objects of about this many triangles, in all ways that there are."""
+        tried, count = [], len(self.high.bases) + CORRECTIONS
+
+        def attempt(base: Base) -> Task[None]:
+            steps = self._tried(base, triangles, limit, is_compared=True)
+            tried.append((yield from part(steps, len(tried) / count, (len(tried) + 1) / count)))
+
+        for base in self.high.bases:
+            yield from attempt(base)
+        last = _best([each for each in tried if each.base.is_collapsed])
+        for _ in range(CORRECTIONS):
+            if last.seen is None:
+                break
+            yield from attempt(last.base.corrected(last.nearest, last.seen.places))
+            last = tried[-1]
+        return tried
 
     def _searched(self, base: Base, limit: Wanted, first: int, most: int) -> Task[Tried]:
         """The low object of the fewest triangles within a limit, or the nearest to it if none is within it."""
@@ -293,7 +321,7 @@ class _Maker:
     def _tried(self, base: Base, wanted: int, limit: Wanted, *, is_compared: bool = False) -> Task[Tried]:
         """A low object that was measured. is_compared: whether it is looked at even if there is no limit in degrees."""
         yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
-        low = self._made(base, wanted)
+        low, nearest = self._made(base, wanted)
         distance = self.distance(low) if limit.distance < math.inf else 0.0
         seen, is_drawn = None, True
         if is_compared or limit.degrees < math.inf:
@@ -301,11 +329,11 @@ class _Maker:
             settings = _to_compare(self._settings, self._context)
             unwrapping.unwrap(low, settings, is_quick=True)
             job = self._job.for_low(low)
-            job.is_seen, job.is_exported, job.is_measured, job.is_pictured = True, False, False, False
+            job.is_seen = job.is_exported = job.is_measured = job.is_pictured = False
             check_job(self._context, job, settings)
             try:
-                drawn, _ = yield from part(draw_raw(self._context, job, Run(settings, self._pace)), 0.2, 1.0)
-                seen = drawn.appearance
+                drawn, maps = yield from part(draw_raw(self._context, job, Run(settings, self._pace)), 0.2, 0.6)
+                seen = yield from part(self._looked_at(drawn, maps[udim.FIRST][NORMAL.name], base), 0.6, 1.0)
             except NothingDrawn:
                 is_drawn = False
             if seen is None and is_drawn and limit.degrees < math.inf:
@@ -314,23 +342,49 @@ class _Maker:
                 )
         low.hide_set(True)
         self.count += 1
-        return Tried(low, base, limit, seen, distance, is_drawn=is_drawn)
+        return Tried(low, base, limit, seen, distance, is_drawn=is_drawn, nearest=nearest)
 
-    def _made(self, base: Base, triangles: int) -> bpy.types.Object:
-        """A low object of about this many triangles."""
-        high = self.high
-        data = self._meshes.own(high.low(base, triangles))
-        points, faces = mesh_reader.points(data), mesh_reader.corner_vertices(data).reshape(-1, 3)
-        around = high.around.thinned(fitting.sample_count(len(faces)))
-        data.vertices.foreach_set("co", fitting.fitted(points, faces, around).astype(np.float32).reshape(-1))
+    def _looked_at(self, drawn: DrawnJob, normals: np.ndarray, base: Base) -> Task[Appearance | None]:
+        """The shading error of a low mesh, and what is seen of the places of its base. None if it cannot be measured.
+
+        normals: as baking.Renderer.raw returns them.
+        """
+        settings, meshes = drawn.settings, drawn.plan.meshes
+        if appearance.why_not(drawn.plan, settings):
+            return None
+        low, places = meshes.basis or meshes.low, base.places
+        if self._seen_highs is None or self._seen_highs[0] is not places:
+            in_world = replace(places, points=places.points + self.high.origin)
+            seen = SeenHighs(meshes.highs, [*meshes.highs, low], places=in_world)
+            yield from part(seen.draw(), 0.0, 0.5)
+            self._seen_highs = places, seen
+        texels, _ = normal_space.stored(normals, settings)
+        shown = ShownMap({udim.FIRST: kept(texels, settings)}, normal_space.reading(settings.map))
+        return (yield from part(self._seen_highs[1].compare(low, shown), 0.5, 1.0))
+
+    def _made(self, base: Base, triangles: int) -> tuple[bpy.types.Object, np.ndarray]:
+        """A low object of about this many triangles, and its triangles as Base.fitted returns them."""
+        data = self._meshes.own(self.high.low(base, triangles))
+        nearest = base.fitted(data)
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
         data.update()
         data.set_sharp_from_angle(angle=SHARP)
         low = bpy.data.objects.new(TEMPORARY, data)
         self._context.scene.collection.objects.link(low)
-        low.matrix_world = Matrix.Translation(high.origin)
+        low.matrix_world = Matrix.Translation(self.high.origin)
         self._context.view_layer.update()
-        return low
+        return low, nearest
+
+
+def _best(tried: Sequence[Tried]) -> Tried:
+    """The one that looks best, by how sure that is."""
+    is_remeshed = any(each.base.is_remeshed for each in tried)
+
+    def cost(each: Tried) -> float:
+        factor = WHOLE if is_remeshed and not each.base.is_remeshed else 1.0
+        return each.cost * factor * (CLEARLY if each.base.is_collapsed else 1.0)
+
+    return min(tried, key=cost)
 
 
 def _count(low: bpy.types.Object) -> int:

@@ -17,7 +17,7 @@ from ..core.errors import BakeError
 from ..core.progress import Timings
 from ..core.settings import Settings
 from ..engine import outer_skin
-from ..mesh import collapse, fitting, folds, orientation, soup
+from ..mesh import collapse, face_weights, fitting, folds, orientation, soup
 from ..mesh.closest import Surface
 from ..mesh.fitting import Samples
 from ..scene import evaluation, mesh_reader
@@ -42,48 +42,81 @@ FAR_AWAY = 1e9
 FAR, MOST_FAR = 2.0, 0.25
 """Voxels, and a share of what is seen from outside. If more of it is farther from the remeshed surface, the volume is open.
 What is farther in a closed volume lies in gaps that the voxels close."""
-FINER = 6
-"""How many times as many triangles Decimate leaves for what collapses after it: until then, hardly anything is lost."""
 NEAR_CORNERS = np.array([(1, 1, 1), (8, 1, 1), (1, 8, 1), (1, 1, 8)]) / ((3,), (10,), (10,), (10,))
 """Barycentric coordinates (4, 3): a large triangle is left out only if none of these places on it sees the outside."""
+DENSE = 60_000
+"""The triangles that Decimate leaves of larger surfaces, for all low meshes that are coarser still: it takes most time."""
+FINER = 6
+"""How many times as many triangles as a low mesh those have at least: until then, hardly anything is lost."""
+FITTED = 10_000, 60_000
+"""The fewest and the most places on the surface to which low meshes are fitted: two a triangle of the surface, or about 20 a
+triangle of the low mesh."""
+AROUND = 120_000
+"""The places on the surface that are looked at from outside."""
 PERCENTILE = 99
 """Of the places by which the distance of a low mesh is measured."""
 PLACES = 20_000
 """How many places that are, on each side."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Base:
     """A mesh that low ones are made of, and the way.
 
-    data: of triangles. is_remeshed: whether it is made of voxels. is_collapsed: whether the last edges collapse to the best
-    places by area, as mesh/collapse.py does; if not, Decimate makes it all.
+    data: of triangles. dense: of as many of them as the way needs for most low meshes. places: on the surface, in the triangles
+    of `dense`. is_remeshed: whether it is made of voxels. weights: of the triangles of `dense`, if edges collapse to the best
+    places by them, as mesh/collapse.py does; without them, Decimate makes it all.
     """
 
     data: bpy.types.Mesh
+    dense: bpy.types.Mesh
+    places: Samples
     is_remeshed: bool = False
-    is_collapsed: bool = False
+    weights: np.ndarray | None = None
 
     @property
     def triangles(self) -> int:
         return len(self.data.polygons)
 
+    @property
+    def is_collapsed(self) -> bool:
+        return self.weights is not None
+
+    def weighted(self) -> "Base":
+        """The same mesh, whose edges collapse by how much it bends."""
+        return replace(self, weights=face_weights.by_bending(*_arrays(self.dense)))
+
+    def corrected(self, nearest: np.ndarray, errors: np.ndarray) -> "Base":
+        """The same mesh, whose edges collapse by what a viewer saw of a low one.
+
+        Args:
+            nearest: (N,) int, the triangle of the low mesh at each place.
+            errors: (N,), what viewers saw at each place.
+        """
+        sums = np.bincount(nearest, errors * self.places.shares)
+        excess = sums / max(float(sums.mean()), 1e-300)
+        _, triangles = _arrays(self.dense)
+        weights = face_weights.by_error(self.weights, triangles, self.places.triangles, excess[nearest])
+        return replace(self, weights=weights)
+
     def low(self, triangles: int) -> bpy.types.Mesh:
         """A mesh of about this many triangles. The caller removes it."""
-        if not self.is_collapsed:
-            return decimated(self.data, triangles)
-        finer = decimated(self.data, FINER * triangles)
-        try:
-            corners = mesh_reader.corner_vertices(finer).reshape(-1, 3)
-            coarse = _mesh(*collapse.collapsed(mesh_reader.points(finer), corners, triangles))
-        finally:
-            bpy.data.meshes.remove(finer)
+        is_enough = FINER * triangles <= len(self.dense.polygons) or self.dense == self.data
+        if not self.is_collapsed or not is_enough:
+            return decimated(self.dense if is_enough else self.data, triangles)
+        coarse = _mesh(*collapse.collapsed(*_arrays(self.dense), triangles, self.weights))
         if len(coarse.polygons) <= triangles:
             return coarse
         try:  # its borders are in the way
             return decimated(coarse, triangles)
         finally:
             bpy.data.meshes.remove(coarse)
+
+    def fitted(self, low: bpy.types.Mesh) -> np.ndarray:
+        """Move the vertices of a low mesh to where this surface is nearest. Returns its triangle at each place, (N,) int."""
+        points, nearest = fitting.fitted(*_arrays(low), self.places)
+        low.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
+        return nearest
 
 
 @dataclass(frozen=True)
@@ -151,20 +184,22 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
         triangles = _to_one_side(points, triangles)
         found = soup.edges(triangles)
     data = meshes.own(_mesh(points, triangles))
-    around = fitting.samples(points, triangles, fitting.MOST)
+    around = fitting.samples(points, triangles, AROUND)
     is_seen = _seen(data, points, triangles, around)
     inside = 1.0 - float(is_seen[around.triangles].mean())
     outer = around.chosen(is_seen[around.triangles])
-    of_each, bases = areas(points, triangles), [Base(data)]
+    of_each, outside = areas(points, triangles), data
     if inside > MOST_INSIDE:
-        bases = [Base(meshes.own(_mesh(points, triangles[is_seen])))]
+        outside = meshes.own(_mesh(points, triangles[is_seen]))
+    bases = []
     if found.faults > MOST_FAULTS or inside > MOST_INSIDE:
         remeshed = _remeshed(data, float(of_each.sum()) * (1.0 - inside), outer, meshes)
         if remeshed is not None:
-            # The faces of a soup can point to any side, so that only the remeshed one has an outside.
-            is_soup = soup.edges(triangles[is_seen]).faults > MOST_FAULTS
-            bases = [Base(remeshed, is_remeshed=True), *([] if is_soup else bases)]
-    bases += [replace(each, is_collapsed=True) for each in bases]
+            bases.append(_base(remeshed, meshes, outer, is_remeshed=True))
+    # The faces of a soup can point to any side, so that only the remeshed one has an outside.
+    if not bases or soup.edges(triangles[is_seen]).faults <= MOST_FAULTS:
+        bases.append(_base(outside, meshes, outer))
+    bases = [way for each in bases for way in (each, each.weighted())]
     return High(points, triangles, origin, bases, outer, inside, found.faults, _edge(of_each))
 
 
@@ -181,6 +216,24 @@ def decimated(data: bpy.types.Mesh, triangles: int) -> bpy.types.Mesh:
         decimate.ratio = min(1.0, triangles / len(data.polygons))
         decimate.use_collapse_triangulate = True
         return temporary.evaluated(scene, obj)
+
+
+def _base(data: bpy.types.Mesh, meshes: TemporaryMeshes, around: Samples, *, is_remeshed: bool = False) -> Base:
+    """The base of a mesh without weights. around: places on the surface that low meshes are fitted to."""
+    if len(data.polygons) <= DENSE and not is_remeshed:
+        points, triangles = _arrays(data)
+        weights = face_weights.by_bending(points, triangles) ** 2
+        count = int(np.clip(2 * len(triangles), *FITTED))
+        return Base(data, data, fitting.samples(points, triangles, count, weights))
+    dense = data if len(data.polygons) <= DENSE else meshes.own(decimated(data, DENSE))
+    places = around.chosen(slice(None, None, max(1, len(around.points) // FITTED[1])))
+    nearest, _, _ = Surface(*_arrays(dense)).closest(places.points.astype(np.float32))
+    return Base(data, dense, replace(places, triangles=nearest), is_remeshed)
+
+
+def _arrays(data: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """The points (V, 3) float32 and the triangles (T, 3) int of a mesh of triangles."""
+    return mesh_reader.points(data), mesh_reader.corner_vertices(data).reshape(-1, 3)
 
 
 def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, around: Samples) -> np.ndarray:

@@ -17,23 +17,27 @@ AT_ONCE = 0.15
 TURNED, THIN = 0.3, 0.06
 """The least cosine between a triangle's normals before and after, and the least quality of a triangle, which is 1 for an
 equilateral one: collapses that make worse triangles are refused."""
-IDLE = 3
-"""Rounds without a collapse after which there is none."""
+IDLE = 60
+"""Rounds without a collapse after which it ends. Each of them refuses some edges, and the next one tries others."""
 
 
-def collapsed(points: np.ndarray, triangles: np.ndarray, wanted: int) -> tuple[np.ndarray, np.ndarray]:
+def collapsed(
+    points: np.ndarray, triangles: np.ndarray, wanted: int, weights: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """A mesh with about `wanted` triangles, or more where no edge can collapse.
 
     Args:
         points: (V, 3) float.
         triangles: (T, 3) int, with shared vertices and areas above 0.
+        weights: (T,), how much the distances from each triangle count; None for all alike.
 
     Returns:
         Points (P, 3) float64 and triangles (N, 3) int64.
     """
     start = points.astype(np.float64)
     center, size = start.mean(axis=0), max(float(np.ptp(start, axis=0).max(initial=0.0)), 1e-30)
-    state = _State((start - center) / size, triangles.astype(np.int64))
+    weights = np.ones(len(triangles)) if weights is None else weights
+    state = _State((start - center) / size, triangles.astype(np.int64), weights)
     idle = 0
     while len(state.triangles) > wanted and idle < IDLE:
         idle = 0 if state.step(wanted) else idle + 1
@@ -59,13 +63,13 @@ class _Edges:
 class _State:
     """A mesh on its way. points (V, 3); triangles (T, 3), those that are left."""
 
-    def __init__(self, points: np.ndarray, triangles: np.ndarray):
+    def __init__(self, points: np.ndarray, triangles: np.ndarray, weights: np.ndarray):
         self.points, self.triangles, self._round = points, triangles, 0
         self._refused, self._since = np.zeros((2, 0), np.int64)
         """The keys of edges whose collapse was refused, and in which rounds."""
         self._changed = np.zeros(len(points), np.int64)
         """The rounds in which the vertices, or those beside them, were last moved."""
-        self._planes, self._offsets, self._constants = _quadrics(points, triangles)
+        self._planes, self._offsets, self._constants = _quadrics(points, triangles, weights)
 
     def step(self, wanted: int) -> bool:
         """Collapse some edges. Returns whether any did."""
@@ -178,13 +182,18 @@ def _quality(corners: np.ndarray, twice_areas: np.ndarray) -> np.ndarray:
     return 2.0 * np.sqrt(3.0) * twice_areas / np.maximum(squares, 1e-300)
 
 
-def _quadrics(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The quadrics of vertices: (V, 3, 3), (V, 3) and (V,), so that x A x + 2 b x + c is the sum of squared distances."""
+def _quadrics(
+    points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The quadrics of vertices: (V, 3, 3), (V, 3) and (V,), so that x A x + 2 b x + c is the sum of squared distances.
+
+    of_faces: (T,), the weights of triangles.
+    """
     corners = points[triangles]
     normals = _normals(corners)
     lengths = np.linalg.norm(normals, axis=1)
     unit = normals / np.maximum(lengths, 1e-300)[:, None]
-    vertices, planes, through, weights = [triangles], [unit], [corners[:, 0]], [lengths / 6.0]
+    vertices, planes, through, weights = [triangles], [unit], [corners[:, 0]], [of_faces * lengths / 6.0]
     edges = _Edges.of(triangles, len(points))
     sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1)
     keys = np.sort(sides, axis=-1) @ np.array([len(points), 1])
@@ -197,7 +206,7 @@ def _quadrics(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np
     vertices.append(ends)
     planes.append(across)
     through.append(points[ends[:, 0]])
-    weights.append(BORDER * (along**2).sum(axis=1))
+    weights.append(BORDER * of_faces[face] * (along**2).sum(axis=1))
     result = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3)), np.zeros(len(points))
     for of, normal, place, weight in zip(vertices, planes, through, weights, strict=True):
         distance = -(normal * place).sum(axis=1)

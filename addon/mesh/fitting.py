@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .closest import Surface
+from .closest import Surface, closest_on_triangles
 
 ROUNDS = 4
 """How often the closest points are looked for: they change as vertices move."""
@@ -19,41 +19,41 @@ TURNED = 0.2
 """The cosine between the normals of a triangle before and after, below which its vertices stay where they were."""
 THIN = 0.05
 """The share of its area that a triangle keeps at least."""
-A_TRIANGLE, LEAST, MOST = 30, 60_000, 120_000
-"""Samples for each triangle of the coarse mesh, and the fewest and the most of all."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Places on a surface. points, normals: (N, 3) float64, of the faces. triangles: (N,) int, the faces."""
+    """Places on a surface. points, normals: (N, 3) float64, of the faces. triangles: (N,) int, the faces. shares: (N,), of the
+    area that each stands for, as a factor on the mean."""
 
     points: np.ndarray
     normals: np.ndarray
     triangles: np.ndarray
+    shares: np.ndarray
 
     def chosen(self, which: np.ndarray | slice) -> "Samples":
         """Some of them. which: (N,) bool, numbers, or a slice."""
-        return Samples(self.points[which], self.normals[which], self.triangles[which])
-
-    def thinned(self, count: int) -> "Samples":
-        """About this many of them, or more, as evenly."""
-        return self.chosen(slice(None, None, max(1, len(self.points) // count)))
+        return Samples(self.points[which], self.normals[which], self.triangles[which], self.shares[which])
 
 
-def samples(points: np.ndarray, triangles: np.ndarray, count: int, seed: int = 1) -> Samples:
-    """Places on a surface, evenly by its area.
+def samples(
+    points: np.ndarray, triangles: np.ndarray, count: int, weights: np.ndarray | None = None, seed: int = 1
+) -> Samples:
+    """Places on a surface, evenly by its area, or by its weighted area.
 
     Args:
         points: (V, 3) float.
         triangles: (T, 3) int; those without an area have no sample.
         count: their number.
+        weights: (T,) of the triangles' areas; None for all alike.
         seed: of the places.
     """
     dice = np.random.default_rng(seed)
     first, second, third = (points[triangles[:, i]] for i in range(3))
     normals = np.cross(second - first, third - first)
     areas = np.linalg.norm(normals, axis=1)
-    sums = np.cumsum(areas)
+    weights = np.ones(len(triangles)) if weights is None else weights
+    sums = np.cumsum(areas * weights)
     # One place in each of `count` equal parts of the area, so that no part is left out.
     chosen = np.searchsorted(sums, (np.arange(count) + dice.random(count)) / count * sums[-1], side="right")
     chosen = np.minimum(chosen, len(triangles) - 1)
@@ -62,16 +62,12 @@ def samples(points: np.ndarray, triangles: np.ndarray, count: int, seed: int = 1
     outside = u + v > 1.0
     u, v = np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)
     corners = points[triangles[chosen]].astype(np.float64)
-    weights = np.stack([1.0 - u - v, u, v], axis=1)
-    return Samples((corners * weights[..., None]).sum(axis=1), normals[chosen] / areas[chosen, None], chosen)
+    places = (corners * np.stack([1.0 - u - v, u, v], axis=1)[..., None]).sum(axis=1)
+    shares = sums[-1] / max(float(areas.sum()), 1e-300) / weights[chosen]
+    return Samples(places, normals[chosen] / areas[chosen, None], chosen, shares)
 
 
-def sample_count(triangles: int) -> int:
-    """How many samples a coarse mesh of so many triangles needs."""
-    return int(np.clip(A_TRIANGLE * triangles, LEAST, MOST))
-
-
-def fitted(points: np.ndarray, triangles: np.ndarray, around: Samples) -> np.ndarray:
+def fitted(points: np.ndarray, triangles: np.ndarray, around: Samples) -> tuple[np.ndarray, np.ndarray]:
     """Where vertices lie so that the squares of the distances of samples from the mesh are least.
 
     No triangle is turned over, or loses nearly all of its area: its vertices stay.
@@ -82,15 +78,19 @@ def fitted(points: np.ndarray, triangles: np.ndarray, around: Samples) -> np.nda
         around: of the surface that it stands for, in the same space.
 
     Returns:
-        (V, 3) float64.
+        The vertices (V, 3) float64, and the triangle of each sample (N,) int, which is the nearest one or beside it.
     """
     start = points.astype(np.float64)
     is_free = np.zeros(len(start), bool)
     is_free[triangles] = True
     edges = np.unique(np.sort(np.concatenate([triangles[:, [i, i - 1]] for i in range(3)]), axis=1), axis=0)
-    now = start
+    now, places, found = start, around.points.astype(np.float32), None
+    beside = _Beside.of(triangles)
     for _ in range(ROUNDS):
-        found, where, _ = Surface(now.astype(np.float32), triangles).closest(around.points.astype(np.float32))
+        if found is None:
+            found, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
+        else:
+            found, where = beside.closest(places, found, now.astype(np.float32))
         corners = triangles[found]
         normals, _ = _normals(now, corners)
         is_same_side = (normals * around.normals).sum(axis=1) > WITHIN
@@ -101,7 +101,45 @@ def fitted(points: np.ndarray, triangles: np.ndarray, around: Samples) -> np.nda
         system = _System(corners, weights, edges, len(start))
         missing = around.points[is_same_side] - (start[corners] * weights[..., None]).sum(axis=1)
         now = _without_turns(start, start + system.solved(missing, now - start), triangles, is_free)
-    return now
+    return now, found
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """The triangles at each vertex. triangles (T, 3) int. corners (3 T,) int: of the triangles, sorted by vertex. firsts
+    (V + 1,): where those of each vertex begin."""
+
+    triangles: np.ndarray
+    corners: np.ndarray
+    firsts: np.ndarray
+
+    @classmethod
+    def of(cls, triangles: np.ndarray) -> "_Beside":
+        vertices = triangles.reshape(-1)
+        counts = np.bincount(vertices)
+        return cls(triangles, np.argsort(vertices, kind="stable") // 3, np.concatenate([[0], np.cumsum(counts)]))
+
+    def closest(self, places: np.ndarray, known: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As Surface.closest, among triangles that touch the `known` ones (N,): moving vertices seldom changes more.
+
+        Args:
+            places: (N, 3) float32.
+            points: (V, 3) float32, of the vertices.
+        """
+        vertices = self.triangles[known].reshape(-1)
+        counts = self.firsts[vertices + 1] - self.firsts[vertices]
+        ends = np.cumsum(counts)
+        within = np.arange(ends[-1]) - np.repeat(ends - counts, counts)
+        triangles = self.corners[np.repeat(self.firsts[vertices], counts) + within]
+        of_place = counts.reshape(-1, 3).sum(axis=1)
+        here = np.repeat(places, of_place, axis=0)
+        found = closest_on_triangles(here, points[self.triangles[triangles]])
+        squares = ((found - here) ** 2).sum(axis=1)
+        starts = np.cumsum(of_place) - of_place
+        which = np.repeat(np.arange(len(places)), of_place)
+        is_nearest = np.flatnonzero(squares == np.minimum.reduceat(squares, starts)[which])
+        chosen = is_nearest[np.flatnonzero(np.diff(which[is_nearest], prepend=-1))]
+        return triangles[chosen], found[chosen]
 
 
 class _System:

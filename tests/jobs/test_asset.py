@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from addon import older_blender
+from addon.audit import appearance
 from addon.core.asset import Wanted
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes
@@ -33,6 +34,14 @@ pi / 2 d over the disc as a mean. 400 triangles with edges e = 0.27 lie e^2 / 6 
 them is outside. Vertices on the sphere have twice that error."""
 BY_HAND = 0.81
 """Degrees: the mean shading error of the king with 3,000 triangles, by Decimate, Smart UV Project and Cycles."""
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Look less closely, and correct once: the meshes are small."""
+    monkeypatch.setattr(appearance, "USUAL", appearance.Detail(12, 192))
+    monkeypatch.setattr(asset, "CORRECTIONS", 1)
+    monkeypatch.setattr(asset_highs, "VOXELS", 15_000)
 
 
 def task(highs, wanted=FEW, settings=SETTINGS, low=None):

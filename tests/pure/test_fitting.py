@@ -8,7 +8,7 @@ from addon.core.asset import SIZES, Wanted, size_for
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes, low_name_of
 from addon.mesh import fitting, soup
-from addon.mesh.closest import Surface
+from addon.mesh.closest import Surface, closest_on_triangles
 
 
 def sphere(rings):
@@ -36,7 +36,7 @@ def outwards(points, triangles):
 def test_a_coarse_sphere_comes_three_times_as_close_and_no_face_turns():
     coarse, triangles = sphere(8)
     around = fitting.samples(*sphere(40), 20_000)
-    moved = fitting.fitted(coarse, triangles, around)
+    moved, _ = fitting.fitted(coarse, triangles, around)
     before, after = (np.sqrt((distances(points, triangles, around) ** 2).mean()) for points in (coarse, moved))
     assert after < before / 3.0
     assert outwards(moved, triangles).all()
@@ -46,8 +46,17 @@ def test_a_coarse_sphere_comes_three_times_as_close_and_no_face_turns():
 
 def test_a_mesh_on_its_surface_stays():
     points, triangles = sphere(12)
-    moved = fitting.fitted(points, triangles, fitting.samples(points, triangles, 20_000))
+    moved, _ = fitting.fitted(points, triangles, fitting.samples(points, triangles, 20_000))
     assert np.abs(moved - points).max() < 1e-4
+
+
+def test_the_triangles_of_samples_are_the_nearest_ones():
+    coarse, triangles = sphere(8)
+    around = fitting.samples(*sphere(40), 5_000)
+    moved, found = fitting.fitted(coarse, triangles, around)
+    far = ((closest_on_triangles(around.points, moved[triangles[found]]) - around.points) ** 2).sum(axis=1)
+    # The last move comes after the last search.
+    assert np.sqrt(far).mean() == pytest.approx(distances(moved, triangles, around).mean(), rel=0.01)
 
 
 def test_faces_that_would_turn_over_keep_their_vertices():
