@@ -17,12 +17,15 @@ from addon.core.progress import finish
 from addon.core.settings import Run, Settings
 from addon.engine import baking, normal_space
 from addon.jobs import Job, bake_jobs
+from addon.mesh.fitting import Samples
 from addon.scene import reading
 from tests.support import seen_from_sides, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SMALL = Detail(4, 80)
+PLACES = (0.4, 0.0), (-0.6, 0.0), (0.4, -0.3)
+"""The x and z of places on the right, on the left, and beneath the right."""
 CLOSE = 0.02
 """The relative error of means and percentiles that rasterizers may make: corners are rounded to 1/256 pixel, and at outlines
 either pixel may be covered."""
@@ -213,6 +216,32 @@ def test_several_low_meshes_are_compared_with_the_same_pictures():
 
 
 # In reports
+
+
+def test_places_have_the_errors_that_viewers_see_there():
+    """The right half of the low square is turned by 20 degrees. Both sides are seen, and half of the viewers do not see what is
+    beneath the high square."""
+    square = np.array([[0, -1, 0], [1, -1, 0], [1, 1, 0], [0, 1, 0]], float)
+    quads, turned = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], np.radians(20.0)
+    left, right = square - [1, 0, 0], square * [np.cos(turned), 1, 0] + square[:, :1] * [0, 0, np.sin(turned)]
+    high = zoo.build("high", np.concatenate([left, square]), quads)
+    low = zoo.build("low", np.concatenate([left, right]), quads)
+    low.data.uv_layers.new()
+    bpy.context.view_layer.update()
+    meshes = reading.read(bpy.context, low, [high], None, settings())
+    y = np.linspace(-0.5, 0.5, 21)
+    points = np.concatenate([np.stack([np.full(21, x), y, np.full(21, z)], axis=1) for x, z in PLACES])
+    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    places = Samples(points, normals, np.zeros(len(points), int), np.ones(len(points)))
+    pictures = SeenHighs(meshes.highs, [*meshes.highs, meshes.low], Detail(16, 200), places)
+    finish(pictures.draw())
+    found = finish(pictures.compare(meshes.low, None))
+    facing = np.abs(appearance.directions(16)[:, 2]).sum()
+    right, left, beneath = np.median(found.places.reshape(3, 21), axis=1)
+    assert right == pytest.approx(20.0 * facing, rel=0.1)
+    assert left < 0.1 * right
+    assert beneath == pytest.approx(0.5 * right, rel=0.1)
+    assert "places" not in found.to_dict()
 
 
 def test_a_bake_that_is_not_asked_measures_nothing(monkeypatch):
