@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compares the shading errors of game assets: made by Imprint, and by hand with Blender, at equal triangles and map size.
 
-.venv/bin/python scripts/bench/asset_by_hand.py FILE.blend ... [--high NAME] [--triangles 3000] [--size 512] [--samples 4]
+.venv/bin/python scripts/bench/asset_by_hand.py FILE.blend ... [--high NAME] [--triangles 3000] [--size 512] [--equal]
 
-By hand: Decimate, Smart UV Project, and Cycles' selected to active with the best of five distances. Maps are in object space
-with 32 bits, so that no tangent basis and no rounding enters.
+By hand: Decimate, Smart UV Project, and Cycles' selected to active with the best of five distances. --equal also says how many
+triangles that takes for the error of Imprint. Maps are in object space with 32 bits, so that no tangent basis and no rounding
+enters.
 """
 
 import argparse
+import math
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,6 +38,8 @@ from addon.scene import reading  # noqa: E402
 DISTANCES = 0.002, 0.005, 0.01, 0.02, 0.05
 """How far outside the low mesh Cycles' rays start, as a share of the diagonal. They are twice as long."""
 CYCLES_SAMPLES = 16
+EQUAL, TRIES = 0.02, 6
+"""The share by which errors that count as equal differ at most, and how many counts of triangles are tried for that."""
 ANGLE = np.radians(66.0)
 """The default of Smart UV Project."""
 
@@ -64,6 +69,7 @@ def main() -> None:
     parser.add_argument("--triangles", type=int, default=3000, metavar="N")
     parser.add_argument("--size", type=int, default=512, metavar="TEXELS")
     parser.add_argument("--samples", type=int, default=4, metavar="N")
+    parser.add_argument("--equal", action="store_true")
     options = parser.parse_args()
     gpu.init()
     settings = Settings(
@@ -77,9 +83,11 @@ def main() -> None:
         print(f"{Path(file).stem}, {options.size} x {options.size}")
         ours = of_imprint(high, options.triangles, settings)
         print(ours.row(), flush=True)
-        best = min(by_hand(high, ours.triangles, settings), key=lambda each: each.errors["mean"])
+        distance, best = min(by_hand(high, ours.triangles, settings), key=lambda each: each[1].errors["mean"])
         print(best.row())
         print(f"  Imprint has {ours.errors['mean'] / best.errors['mean']:.2f} of the error by hand", flush=True)
+        if options.equal:
+            print_equal(high, ours, best, distance, settings)
 
 
 def of_imprint(high: bpy.types.Object, triangles: int, settings: Settings) -> Made:
@@ -92,19 +100,43 @@ def of_imprint(high: bpy.types.Object, triangles: int, settings: Settings) -> Ma
     return Made("Imprint", report.triangles["low"], report.appearance, seconds)
 
 
-def by_hand(high: bpy.types.Object, triangles: int, settings: Settings) -> list[Made]:
+def print_equal(high: bpy.types.Object, ours: Made, first: Made, distance: float, settings: Settings) -> None:
+    """Print how many triangles the way by hand takes for the error of Imprint's low mesh, by the secant in logarithms."""
+    most = sum(len(polygon.vertices) - 2 for polygon in high.data.polygons)
+    tried = [(first.triangles, first.errors["mean"])]
+    while len(tried) <= TRIES and abs(tried[-1][1] / ours.errors["mean"] - 1.0) > EQUAL:
+        slope = -1.0
+        if len(tried) > 1:
+            (before, error), (last, now) = tried[-2:]
+            slope = min(math.log(now / error) / math.log(last / before), -0.2)
+        count, error = tried[-1]
+        count = round(min(max(count * (ours.errors["mean"] / error) ** (1.0 / slope), count / 2, 100), 3 * count, most))
+        if count == tried[-1][0]:
+            break
+        ((_, made),) = by_hand(high, count, settings, [distance])
+        tried.append((made.triangles, made.errors["mean"]))
+    count, error = tried[-1]
+    print(
+        f"  By hand, {count:,} triangles have {error:.3f}: Imprint takes {ours.triangles / count:.2f} of them",
+        flush=True,
+    )
+
+
+def by_hand(
+    high: bpy.types.Object, triangles: int, settings: Settings, distances: Sequence[float] = DISTANCES
+) -> list[tuple[float, Made]]:
     """By Blender alone, with each of the distances."""
     start = time.perf_counter()
     low = decimated(high, triangles)
     image = target(low, settings.sampling.width)
     diagonal = float(np.linalg.norm(np.array(high.dimensions)))
     before, made = time.perf_counter() - start, []
-    for distance in DISTANCES:
+    for distance in distances:
         start = time.perf_counter()
         bake(low, high, distance * diagonal)
         seconds = before + time.perf_counter() - start
         errors = measured(low, high, image, settings)
-        made.append(Made(f"by hand, {distance:.1%}", len(low.data.polygons), errors, seconds))
+        made.append((distance, Made(f"by hand, {distance:.1%}", len(low.data.polygons), errors, seconds)))
     bpy.data.meshes.remove(low.data)
     return made
 
