@@ -112,7 +112,7 @@ def main() -> int:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE.blend")
     parser.add_argument("--degrees", type=float, default=2.0, metavar="DEGREES")
     parser.add_argument("--size", type=int, default=2048, metavar="TEXELS")
-    parser.add_argument("--view", type=int, default=512, metavar="PIXELS")
+    parser.add_argument("--view", type=int, default=1536, metavar="PIXELS")
     parser.add_argument("--npm", type=Path, metavar="DIR")
     given = parser.parse_args()
     is_far = False

@@ -12,14 +12,16 @@ from mathutils import Euler, Matrix
 from addon.audit import appearance
 from addon.audit.appearance import Detail, SeenHighs, ShownMap, measure
 from addon.cli import limits
+from addon.core.asset import Wanted
 from addon.core.map_types import NORMAL
-from addon.core.progress import finish
+from addon.core.naming import Suffixes
+from addon.core.progress import Pace, finish
 from addon.core.settings import Run, Settings
 from addon.engine import baking, normal_space
-from addon.jobs import Job, bake_jobs
+from addon.jobs import Job, asset, bake_jobs
 from addon.mesh.fitting import Samples
 from addon.scene import reading
-from tests.support import seen_from_sides, zoo
+from tests.support import lanes, seen_from_sides, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -114,6 +116,33 @@ def test_real_meshes_are_measured_as_rays_see_them(shared_assets, name):
         decimate.ratio = min(1.0, most / sum(len(polygon.vertices) - 2 for polygon in obj.data.polygons))
     chosen = settings(width=256, height=256)
     found = check_against_rays(*read_and_baked(low, [high], chosen), chosen, Detail(5, 128))
+    print(name, found)
+
+
+HIGHS = {
+    "ball": lambda: zoo.ball("high", 24),
+    "coarse ball": lambda: zoo.ball("high", 8),
+    "cube": lambda: zoo.cube("high"),
+    "plane": lambda: zoo.plane("high", 8, slope=0.4),
+    "hills": lambda: zoo.terrain("high", 32, height=0.2),
+    "flat hills": lambda: zoo.terrain("high", 24, height=0.05, waves=3),
+    "steep hills": lambda: zoo.terrain("high", 32, height=0.5),
+    "belt": lambda: zoo.sphere("high", 20),
+    "flat faces": lambda: zoo.ball("high", 10, smooth=False),
+    "roof": lambda: zoo.mirrored("high", 6, slope=0.7),
+}
+
+
+@pytest.mark.parametrize("name", lanes.slow_but(["ball"], HIGHS))
+def test_assets_are_measured_as_rays_see_them(name):
+    high = HIGHS[name]()
+    high.matrix_world = ASLANT
+    chosen = settings()
+    job = Job(high, [high])
+    task = asset.work(bpy.context, job, Wanted(triangles=200), chosen, Pace(0.0), suffixes=Suffixes())
+    (report,) = finish(task)
+    low = bpy.data.objects[report.low]
+    found = check_against_rays(*read_and_baked(low, [high], chosen), chosen, Detail(5, 160))
     print(name, found)
 
 

@@ -17,7 +17,7 @@ from addon.jobs.job import Job
 from addon.jobs.temporary import TemporaryMeshes
 from addon.mesh.closest import Surface
 from addon.scene import mesh_reader
-from tests.support import zoo
+from tests.support import spoiled, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -126,13 +126,44 @@ def test_faces_that_are_turned_over_are_turned_back():
     assert outwards(*arrays(low)).all() and all_near(*arrays(low))
 
 
-def test_triangles_that_share_edges_with_many_are_remeshed():
+def test_a_sheet_points_to_the_side_to_which_most_of_it_did():
+    hills = zoo.terrain("Hills", 16, height=0.05)
+    soup = spoiled.of_object(hills)
+    rng = np.random.default_rng(7)
+    for name, share in (("Up", 0.25), ("Down", 0.75)):
+        _, low = made([spoiled.build(name, spoiled.flipped_at_random(soup, rng, share))], Wanted(triangles=100))
+        points, triangles = arrays(low)
+        a, b, c = (points[triangles[:, i]] for i in range(3))
+        assert ((np.cross(b - a, c - a)[:, 2] > 0.0) == (name == "Up")).all()
+
+
+def test_a_vertex_beyond_all_measures_is_one_sentence():
+    points, triangles = arrays(zoo.ball("Ball"))
+    points[5] = 1e30, 0.0, 0.0
+    with pytest.raises(BakeError, match=r"'Far' has a vertex 1e\+30 units away"):
+        made([zoo.build("Far", points, triangles)])
+
+
+def finned(size=1.0):
     """A sphere with a fin on many of its edges, inwards: its volume is that of the sphere."""
-    ball = zoo.ball("Ball", 24)
-    points, corners = arrays(ball)
+    points, corners = arrays(zoo.ball("Ball", 24))
     fins = np.stack([corners[::8, 0], corners[::8, 1], np.full(len(corners[::8]), len(points))], axis=1)
-    soup = zoo.build("Soup", np.concatenate([points, [[0.0, 0.0, 0.0]]]), np.concatenate([corners, fins]))
-    report, low = made([soup])
+    points = size * np.concatenate([points, [[0.0, 0.0, 0.0]]])
+    return zoo.build("Soup", points, np.concatenate([corners, fins]))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_soups_of_any_size_are_remeshed(size):
+    soup = finned(size)
+    with TemporaryMeshes() as meshes:
+        found = asset_highs.read(bpy.context, Job(soup, [soup]), SETTINGS, meshes)
+        (base,) = (base for base in found.bases if base.is_remeshed and not base.is_collapsed)
+        far = np.abs(np.linalg.norm(mesh_reader.points(base.data), axis=1) / size - 1.0)
+    assert far.max() < FARTHEST
+
+
+def test_triangles_that_share_edges_with_many_are_remeshed():
+    report, low = made([finned()])
     assert report.asset["is_remeshed"]
     assert report.asset["faults"] > 0.01 and report.asset["inside"] > 0.5  # 276 fins of the radius and an edge
     assert outwards(*arrays(low)).all() and all_near(*arrays(low))
