@@ -11,6 +11,8 @@ OPPOSED = -0.1
 """The cosine between normals below which they point to opposite sides."""
 MOST = 0.2
 """The share of folded triangles from which the mesh is too coarse to tell folds from its shape."""
+TOWARDS = 0.3
+"""The cosine from which a normal points to the side of an axis."""
 ROUNDS = 8
 """How often folds are looked for: a collapse can make another one."""
 
@@ -26,22 +28,27 @@ def removed(points: np.ndarray, triangles: np.ndarray, around: Samples) -> tuple
     Returns:
         Points (P, 3) float64 and triangles (N, 3) int64. Those of the arguments, if nothing is folded.
     """
-    numbers = np.arange(len(around.points))
-    places = Surface(around.points.astype(np.float32), np.stack([numbers, numbers, numbers], axis=1))
+    places = _surface(around.points)
     for _ in range(ROUNDS):
-        chosen = np.flatnonzero(_is_folded(points, triangles, places, around.normals))
+        chosen = np.flatnonzero(_is_folded(points, triangles, places, around))
         if not len(chosen) or len(chosen) > MOST * len(triangles):
             break
         points, triangles = _collapsed(points, triangles, chosen)
     return points, triangles
 
 
-def _is_folded(points: np.ndarray, triangles: np.ndarray, places: Surface, normals: np.ndarray) -> np.ndarray:
-    """Which triangles (T,) bool are. normals: of the places."""
+def _surface(points: np.ndarray) -> Surface:
+    """Of single points (N, 3)."""
+    numbers = np.arange(len(points))
+    return Surface(points.astype(np.float32), np.stack([numbers, numbers, numbers], axis=1))
+
+
+def _is_folded(points: np.ndarray, triangles: np.ndarray, places: Surface, around: Samples) -> np.ndarray:
+    """Which triangles (T,) bool are. places: the surface of the samples around."""
     own = orientation.face_normals(points, triangles)
     own /= np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-300)
     nearest, _, _ = places.closest(points[triangles].mean(axis=1).astype(np.float32))
-    is_opposed = (own * normals[nearest]).sum(axis=1) < OPPOSED
+    is_opposed = (own * around.normals[nearest]).sum(axis=1) < OPPOSED
     if not is_opposed.any():
         return is_opposed
     # Near a thin part, the other side of the surface can be nearest: then neighbors point to the same side.
@@ -50,7 +57,26 @@ def _is_folded(points: np.ndarray, triangles: np.ndarray, places: Surface, norma
     against = (own[one] * own[other]).sum(axis=1) < OPPOSED
     is_against = np.zeros(len(triangles), bool)
     is_against[one[against]] = is_against[other[against]] = True
-    return is_opposed & is_against
+    chosen = np.flatnonzero(is_opposed & is_against)
+    found = np.zeros(len(triangles), bool)
+    found[chosen] = ~_is_of_surface(points[triangles[chosen]], own[chosen], around)
+    return found
+
+
+def _is_of_surface(corners: np.ndarray, normals: np.ndarray, around: Samples) -> np.ndarray:
+    """Which triangles, with corners (K, 3, 3) and normals (K, 3), have a place of the surface that points to their side nearer
+    than half of their longest edge: (K,) bool. Those at a thin rim have."""
+    result = np.zeros(len(corners), bool)
+    reach = 0.5 * np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    axes = np.abs(normals).argmax(axis=1)
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            some = np.flatnonzero((axes == axis) & (sign * normals[:, axis] > 0.0))
+            towards = around.points[sign * around.normals[:, axis] > TOWARDS]
+            if len(some) and len(towards):
+                _, _, squares = _surface(towards).closest(corners[some].mean(axis=1).astype(np.float32))
+                result[some] = squares < reach[some] ** 2
+    return result
 
 
 def _collapsed(points: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Folds of coarse meshes are removed, and what only looks like one stays."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from addon.mesh import fitting, folds
@@ -45,10 +47,22 @@ def test_the_back_of_a_thin_plate_is_no_fold():
     both = np.concatenate([points, points - (0.0, 0.0, 0.01)])
     plate = np.concatenate([triangles, triangles[:, ::-1] + len(points)])
     around = fitting.samples(both, plate, 2000)
-    shifted = fitting.Samples(around.points + (0.0, 0.0, 0.008), around.normals, around.triangles)
+    shifted = replace(around, points=around.points + (0.0, 0.0, 0.008))
     assert folds.removed(both, plate, shifted)[1] is plate
 
 
 def test_a_mesh_that_opposes_the_surface_everywhere_keeps_its_triangles():
     points, triangles = grid(2)
     assert folds.removed(points, triangles, fitting.samples(points, triangles[:, ::-1], 500))[1] is triangles
+
+
+def test_the_rim_of_a_thin_plate_is_no_fold():
+    """Its sides share the vertices of the rim, and the middles of its faces are nearer to the other side of the surface."""
+    points, triangles = grid(6)
+    is_inside = ((points[:, :2] > 0.0) & (points[:, :2] < 1.0)).all(axis=1)
+    lower = np.where(is_inside, len(points) + np.cumsum(is_inside) - 1, np.arange(len(points)))
+    both = np.concatenate([points, points[is_inside] - (0.0, 0.0, 0.01)])
+    plate = np.concatenate([triangles, lower[triangles[:, ::-1]]])
+    around = fitting.samples(both, plate, 4000)
+    shifted = replace(around, points=around.points + (0.0, 0.0, 0.008))
+    assert folds.removed(both, plate, shifted)[1] is plate
