@@ -42,6 +42,8 @@ FAR_AWAY = 1e9
 FAR, MOST_FAR = 2.0, 0.25
 """Voxels, and a share of what is seen from outside. If more of it is farther from the remeshed surface, the volume is open.
 What is farther in a closed volume lies in gaps that the voxels close."""
+MOST_READ = 2_000_000
+"""The triangles from which a surface is thinned by a grid first: Blender's Decimate takes 600 bytes for each."""
 NEAR_CORNERS = np.array([(1, 1, 1), (8, 1, 1), (1, 8, 1), (1, 1, 8)]) / ((3,), (10,), (10,), (10,))
 """Barycentric coordinates (4, 3): a large triangle is left out only if none of these places on it sees the outside."""
 DENSE = 60_000
@@ -171,6 +173,10 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
     """Read the high objects of a job with their modifiers and instances. Raises BakeError. meshes: owns those of the bases."""
     points, triangles = _triangles(context, job, settings)
     origin = np.array(job.highs[0].matrix_world.translation, np.float64)
+    edge = _edge(areas(points, triangles)) if len(triangles) else 0.0
+    if len(triangles) > MOST_READ:
+        cell = math.sqrt(2.0 * float(areas(points, triangles).sum()) / MOST_READ)  # two triangles a cell
+        points, triangles = soup.clustered(points, triangles, max(cell, float(np.ptp(points, axis=0).max()) / 2**20))
     points, triangles = soup.welded((points - origin).astype(np.float32), triangles)
     if not len(triangles):
         raise BakeError(f"{job.highs[0].name!r} has no faces with an area: choose a mesh that has some.")
@@ -200,7 +206,7 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
     if not bases or soup.edges(triangles[is_seen]).faults <= MOST_FAULTS:
         bases.append(_base(outside, meshes, outer))
     bases = [way for each in bases for way in (each, each.weighted())]
-    return High(points, triangles, origin, bases, outer, inside, found.faults, _edge(of_each))
+    return High(points, triangles, origin, bases, outer, inside, found.faults, edge)
 
 
 def edge_of(context: bpy.types.Context, job: Job, settings: Settings) -> float:

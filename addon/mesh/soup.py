@@ -44,6 +44,26 @@ def welded(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     return points[first[used]], numbers.reshape(-1, 3)
 
 
+def clustered(points: np.ndarray, triangles: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh with one vertex, in the middle of them, for all vertices in each cell of a grid, and without triangles that are
+    a line.
+
+    Args:
+        points: (V, 3) float.
+        triangles: (T, 3) int.
+        cell: the side of a cell.
+
+    Returns:
+        Points (P, 3) float64 and triangles (N, 3) int64.
+    """
+    cells = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
+    _, numbers = np.unique((cells * [1, 2**21, 2**42]).sum(axis=1), return_inverse=True)
+    counts = np.bincount(numbers)
+    middles = np.stack([np.bincount(numbers, column) / counts for column in points.T], axis=1)
+    joined = numbers[triangles]
+    return middles, joined[(joined != np.roll(joined, 1, axis=1)).all(axis=1)]
+
+
 def edges(triangles: np.ndarray) -> Edges:
     """Counts the edges of a mesh that is welded. triangles: (T, 3) int."""
     starts, ends = triangles.reshape(-1).astype(np.int64), np.roll(triangles, -1, axis=1).reshape(-1).astype(np.int64)

@@ -147,3 +147,22 @@ def test_texels_are_as_small_as_asked_for():
 )
 def test_names_of_low_objects(high, low):
     assert low_name_of(high, Suffixes()) == low
+
+
+def test_vertices_in_a_cell_become_one_in_their_middle():
+    """A square of 40 x 40 quads, in cells of a tenth of its side: each has the middle of its 4 x 4 vertices."""
+    u, v = np.meshgrid(np.arange(40) / 40.0, np.arange(40) / 40.0)
+    points = np.stack([u.ravel(), v.ravel(), 5.0 + 0.0 * u.ravel()], axis=1)
+    i, j = np.meshgrid(np.arange(39), np.arange(39))
+    first = (i + 40 * j).ravel()
+    triangles = np.concatenate(
+        [np.stack(each, axis=1) for each in ((first, first + 1, first + 41), (first, first + 41, first + 40))]
+    )
+    found, left = soup.clustered(points, triangles, 0.1 - 1e-9)
+    expected = (4.0 * np.arange(10) + 1.5) / 40.0
+    assert np.allclose(np.unique(found[:, 0].round(6)), expected, atol=1e-6)
+    assert np.allclose(np.unique(found[:, 1].round(6)), expected, atol=1e-6)
+    assert (found[:, 2] == 5.0).all() and len(found) == 100
+    assert len(np.unique(np.sort(left, axis=1), axis=0)) == len(left) == 2 * 9 * 9
+    a, b, c = (found[left[:, k]] for k in range(3))
+    assert np.isclose(np.cross(b - a, c - a)[:, 2].sum() / 2.0, 0.9**2)
