@@ -52,6 +52,8 @@ SHARP = math.radians(100.0)
 """The angle between faces from which the edge between them is sharp: normals that are shared there point behind faces."""
 CLEARLY = 1.03
 """By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
+LITTLE = 0.1
+"""The share of a map below which it is hardly used."""
 WHOLE = 1.1
 """By which factor a surface with faults or walls inside must be better than its remeshed one: they may show later."""
 CORRECTIONS = 3
@@ -160,7 +162,7 @@ def work(
             how = low.how | {"missed": _missed(report, low, distance)}
             if distance:
                 how["distance"] = distance
-            found.append(replace(report, asset=how).with_warnings(how["missed"]))
+            found.append(replace(report, asset=how).with_warnings([*how["missed"], *_unused(report, low)]))
         for low in lows[1:]:
             low.obj.hide_set(True)  # it lies in the first one
     before = time.perf_counter() - start - sum(report.seconds["total"] for report in found)
@@ -202,6 +204,16 @@ def _missed(report: Report, low: Low, distance: float) -> list[str]:
             f"{report.low!r} has {count:,} triangles, not {limit.triangles:,}: the high mesh allows no others."
         )
     return found
+
+
+def _unused(report: Report, low: Low) -> list[str]:
+    """A sentence if hardly anything of a map is used, by a UV map that was made for it."""
+    if not low.how["unwrapped"] or report.coverage > LITTLE:
+        return []
+    return [
+        f"{report.low!r} covers only {report.coverage:.1%} of its map: margins around its islands take the rest. Set a larger "
+        "map, or fewer levels in Clean Mips."
+    ]
 
 
 class _Maker:

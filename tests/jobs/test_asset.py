@@ -205,6 +205,14 @@ def test_a_mesh_of_fewer_triangles_keeps_them_and_the_report_says_so():
     assert any("12 triangles, not 400" in text for text in report.warnings)
 
 
+@pytest.mark.parametrize(("size", "is_little"), [(32, True), (256, False)])
+def test_a_map_that_is_hardly_used_is_said(size, is_little):
+    settings = Settings(width=size, height=size, storage="MEMORY", margin=2)
+    report, _ = made([zoo.ball("Ball", 16)], Wanted(triangles=200), settings)
+    assert (report.coverage <= 0.1) == is_little
+    assert any("of its map: margins around its islands" in text for text in report.warnings) == is_little
+
+
 @pytest.mark.slow
 def test_the_fewest_triangles_within_a_limit_are_found():
     ball = zoo.terrain("Hills", 40, height=0.3)
