@@ -97,6 +97,7 @@ def test_what_fails_writes_nothing(folder, capfd, more, text):
     assert files(folder) == ["ball.blend"]
 
 
+@pytest.mark.slow
 def test_a_limit_that_cannot_be_kept_is_the_exit_code(folder, capfd):
     assert command.run([*ASSET, "--distance", "0.0001%", "--report", "report.json"]) == 4
     (entry,) = json.loads((folder / "report.json").read_text())["bakes"]
@@ -116,6 +117,7 @@ def test_a_list_makes_nothing_and_a_second_call_has_nothing_left(folder, capfd):
     assert (folder / "out" / "ball.glb").stat().st_mtime_ns > before
 
 
+@pytest.mark.slow
 def test_levels_lie_in_one_file(folder):
     assert command.run([*ASSET, "--levels", "1", "--report", "report.json"]) == 0
     assert files(folder) == sorted(
@@ -127,5 +129,6 @@ def test_levels_lie_in_one_file(folder):
     assert len(tree["meshes"]) == 2
 
 
+@pytest.mark.slow
 def test_a_limit_of_strict_that_is_missed_is_the_exit_code(folder):
     assert command.run([*ASSET, "--strict", "appearance.p99<0.001deg"]) == 4

@@ -2,8 +2,6 @@
 """Game assets of random highs, most of them wrong in all ways at once: each ends in an asset whose faces and maps are right, or
 in one sentence."""
 
-from functools import partial
-
 import bpy
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from addon.core.errors import BakeError
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import asset
+from addon.jobs import asset, asset_highs
 from addon.jobs.job import Job
 from addon.scene import mesh_reader
 from tests.support import maps, random_cases, spoiled, wrong_highs, zoo
@@ -117,7 +115,9 @@ def is_crumb(soup):
 
 def made(high, rng, monkeypatch, fewest=4):
     """The report of an asset and its low object. Raises BakeError."""
-    monkeypatch.setattr(appearance, "measure", partial(appearance.measure, detail=FEW_VIEWS))
+    monkeypatch.setattr(appearance, "USUAL", FEW_VIEWS)
+    monkeypatch.setattr(asset, "CORRECTIONS", 1)
+    monkeypatch.setattr(asset_highs, "VOXELS", 15_000)
     by_degrees = rng.random() < 0.3
     wanted = Wanted(
         degrees=float(rng.choice([5.0, 20.0])) if by_degrees else np.inf,
@@ -181,7 +181,7 @@ def test_any_high_becomes_an_asset_or_a_sentence(seed, outcomes, monkeypatch):
     check(reports)
 
 
-@random_cases.seeds(40, fast=2)
+@random_cases.seeds(40, fast=1)
 def test_a_spoiled_surface_becomes_an_asset_without_turned_faces(seed, monkeypatch):
     rng = np.random.default_rng(1000 + seed)
     high, truth = spoiled_surface(rng)
