@@ -554,7 +554,7 @@ def part_asset() -> Steps:
     check("with its map", mine() == ["rock_low_normal"])
     yield from keys("ctrl+z")
     check("one step back", kept() == before)
-    for number in range(len(stages)):
+    for number in range(len(stages) - 1):  # to store takes less time than a key
         yield from click_row("rock")
         yield from press("imprint.make_asset")
         yield from until(lambda number=number: modal.runner.run is None or stage() in stages[number:])
