@@ -199,6 +199,14 @@ def test_a_triangle_of_which_a_corner_is_seen_stays():
     assert len(top) == 2
 
 
+def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch):
+    monkeypatch.setattr(asset_highs, "MOST_READ", 2000)
+    ball = zoo.ball("Ball", 48)
+    report, low = made([ball])
+    assert report.asset["of"] < 0.7 * len(ball.data.polygons)
+    assert outwards(*arrays(low)).all() and all_near(*arrays(low))
+
+
 def test_a_mesh_of_fewer_triangles_keeps_them_and_the_report_says_so():
     report, low = made([zoo.cube()], Wanted(triangles=400))
     assert len(low.data.polygons) == 12
