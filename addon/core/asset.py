@@ -17,6 +17,8 @@ SIZES = 256, 4096
 
 OFF = 0.02
 """The share by which a number of triangles may be missed."""
+STAGES = ("read", "decimate", "unwrap", "draw", "look")
+"""Of making a low mesh, in the order in which a report lists them."""
 MOST_LEVELS = 8
 """The most levels of detail of an asset."""
 

@@ -6,7 +6,7 @@ import itertools
 import math
 import os
 import time
-from collections.abc import Callable, Collection, Generator, Iterator
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
@@ -237,8 +237,8 @@ BEGUN = "IMPRINT_BEGUN"
 class Timings:
     """The seconds of each stage of a bake. The steps of the bake write to it."""
 
-    def __init__(self):
-        self.seconds: dict[str, float] = dict.fromkeys((*STAGES, "total"), 0.0)
+    def __init__(self, stages: Sequence[str] = STAGES):
+        self.seconds: dict[str, float] = dict.fromkeys((*stages, "total"), 0.0)
         """By stage, and in total."""
         self._inside = 0.0
         """The seconds of stages inside the current one."""

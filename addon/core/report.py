@@ -19,6 +19,8 @@ EXACT = 5e-4
 """Degrees below which stored normals are exact, for the summary: nobody sees a thousandth of a degree."""
 BY_IMPRINT, BY_CYCLES, LEFT_OUT = "IMPRINT", "CYCLES", "NONE"
 """How an input of a material is read."""
+MINUTES = 120.0
+"""Seconds from which minutes are said, too."""
 VISIBLE = 1.0
 """Degrees at the 99th percentile from which a file for an engine is worth a word. 8 bits alone cost 0.3."""
 _NORMALS = {name.lower() for name, map_type in BY_NAME.items() if map_type.kind is Kind.NORMAL}
@@ -136,7 +138,8 @@ class Report:
     inside, the share of their area that sees nothing of the outside; faults, that of edges of more than two triangles, or of
     two that point to different sides; measured, how many low meshes were compared; limits, those that are set: degrees,
     distance, triangles; distance, from the high mesh, if that has a limit; missed, a sentence for each limit that it does not
-    keep; unwrapped, a sentence about the new UV map; seconds, before the bakes. Empty for other bakes."""
+    keep; unwrapped, a sentence about the new UV map; seconds, of each
+    stage before the bakes, and their total. Empty for other bakes."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
@@ -265,6 +268,9 @@ class Report:
             tries = f"; {how['measured']} meshes were compared" if how["measured"] else ""
             inside = f", {how['inside']:.0%} of the area lies inside" if how["inside"] > 0.005 else ""
             lines.append(f"{self.low}: {self.triangles['low']:,} of {how['of']:,} triangles{inside}, {way}{tries}")
+        stages = {stage: seconds for stage, seconds in how.get("seconds", {}).items() if stage != "total"}
+        if any(stages.values()):
+            lines.append(f"Low mesh: {_in_stages(stages, how['seconds']['total'])}")
         if "distance" in how:
             lines.append(f"Distance from the high mesh: {how['distance']:.2%} of the size (99th percentile)")
         return [*lines, *filter(None, [how.get("unwrapped")])]
@@ -294,9 +300,9 @@ class Report:
     def summary(self, length: Length = plain_length) -> list[str]:
         """Lines for the user: what was baked, and how long it took. length: a length in scene units as text."""
         width, height = self.size
-        parts = {stage: self.seconds[stage] for stage in STAGES if self.seconds[stage]}
-        parts["other"] = max(0.0, self.seconds["total"] - sum(parts.values()))
-        stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in parts.items())
+        before = self.asset.get("seconds", {}).get("total", 0.0)
+        parts = {"low mesh": before} if before else {}
+        parts |= {stage: self.seconds[stage] for stage in STAGES}
         details = self._made()
         has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
@@ -342,8 +348,18 @@ class Report:
             f"{self.method.capitalize()}, {self.space.lower()} space, {width} x {height}: {self.image}",
             f"{self.triangles['high']:,} triangles onto {self.triangles['low']:,}, {self.coverage:.1%} of the map covered",
             *details,
-            f"{self.seconds['total']:.2f} s ({stages})",
+            _in_stages(parts, self.seconds["total"]),
         ]
+
+
+def _in_stages(stages: dict[str, float], total: float) -> str:
+    """Seconds, and those of each stage that has some; minutes and the longest stage, if it takes that long."""
+    parts = {stage: seconds for stage, seconds in stages.items() if seconds}
+    parts["other"] = max(0.0, total - sum(parts.values()))
+    each = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in parts.items())
+    if total < MINUTES:
+        return f"{total:.2f} s ({each})"
+    return f"{total:.0f} s, which is {total / 60.0:.1f} minutes ({each}; longest: {max(parts, key=parts.__getitem__)})"
 
 
 def evaluated(materials: dict[str, dict[str, str]]) -> list[str]:

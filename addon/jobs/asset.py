@@ -23,7 +23,7 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError, NoGpu, NothingDrawn
 from ..core.map_types import NORMAL
 from ..core.naming import Suffixes
-from ..core.progress import Pace, Progress, Task, part
+from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import Run, Settings
 from ..engine import normal_space
@@ -118,7 +118,7 @@ def work(
     Returns:
         The reports of the low object and of its levels, from the finest.
     """
-    start = time.perf_counter()
+    start, timings = time.perf_counter(), Timings(asset.STAGES)
     wanted.check()
     settings.check()
     if settings.sampling.udim or settings.map.texture_sets:
@@ -131,7 +131,8 @@ def work(
         if is_made or wanted.levels or wanted.distance < math.inf:
             check_gpu()
             yield Progress("Reading the high objects", 0.0)
-            maker = _Maker(context, job, settings, pace, meshes)
+            with timings.timed("read"):
+                maker = _Maker(context, job, settings, pace, meshes, timings=timings)
         lows = [] if is_made else [Low(job.low, wanted, {"is_made": False})]
         if maker is not None:
             lows = yield from part(maker.lows(lows, wanted, suffixes), 0.05, SEARCHED)
@@ -139,7 +140,8 @@ def work(
         for low in lows:
             unwrapped.enter_context(_uv_map_of(low.obj))
             is_new.append(not low.obj.data.uv_layers)
-            low.how["unwrapped"] = unwrapping.unwrap(low.obj, settings) if is_new[-1] else ""
+            with timings.timed("unwrap"):
+                low.how["unwrapped"] = unwrapping.unwrap(low.obj, settings) if is_new[-1] else ""
             own = job.for_low(low.obj)
             own.is_seen = True
             if wanted.fits_size:
@@ -166,7 +168,7 @@ def work(
         for low in lows[1:]:
             low.obj.hide_set(True)  # it lies in the first one
     before = time.perf_counter() - start - sum(report.seconds["total"] for report in found)
-    found[0].asset["seconds"] = before
+    found[0].asset["seconds"] = timings.seconds | {"total": before}
     seconds = found[0].seconds | {"total": found[0].seconds["total"] + before}
     return [replace(found[0], seconds=seconds), *found[1:]]
 
@@ -219,8 +221,17 @@ def _unused(report: Report, low: Low) -> list[str]:
 class _Maker:
     """Makes low objects of the high ones of a job. count: how many were measured."""
 
-    def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, meshes: TemporaryMeshes):
-        self._context, self._job, self._pace, self._meshes = context, job, pace, meshes
+    def __init__(
+        self,
+        context: bpy.types.Context,
+        job: Job,
+        settings: Settings,
+        pace: Pace,
+        meshes: TemporaryMeshes,
+        *,
+        timings: Timings,
+    ):
+        self._context, self._job, self._pace, self._meshes, self._timings = context, job, pace, meshes, timings
         self._settings, self.count = settings, 0
         self._seen_highs: tuple[Samples, SeenHighs] | None = None
         """As they were last looked at, and the places of the base then."""
@@ -339,13 +350,16 @@ class _Maker:
         if is_compared or limit.degrees < math.inf:
             yield Progress(f"Unwrapping {wanted:,} triangles", 0.1)
             settings = _to_compare(self._settings, self._context)
-            unwrapping.unwrap(low, settings, is_quick=True)
+            with self._timings.timed("unwrap"):
+                unwrapping.unwrap(low, settings, is_quick=True)
             job = self._job.for_low(low)
             job.is_seen = job.is_exported = job.is_measured = job.is_pictured = False
             check_job(self._context, job, settings)
             try:
-                drawn, maps = yield from part(draw_raw(self._context, job, Run(settings, self._pace)), 0.2, 0.6)
-                seen = yield from part(self._looked_at(drawn, maps[udim.FIRST][NORMAL.name], base), 0.6, 1.0)
+                drawing = self._timed(draw_raw(self._context, job, Run(settings, self._pace)), "draw")
+                drawn, maps = yield from part(drawing, 0.2, 0.6)
+                looking = self._timed(self._looked_at(drawn, maps[udim.FIRST][NORMAL.name], base), "look")
+                seen = yield from part(looking, 0.6, 1.0)
             except NothingDrawn:
                 is_drawn = False
             if seen is None and is_drawn and limit.degrees < math.inf:
@@ -355,6 +369,10 @@ class _Maker:
         low.hide_set(True)
         self.count += 1
         return Tried(low, base, limit, seen, distance, is_drawn=is_drawn, nearest=nearest)
+
+    def _timed(self, work: Task[Any], stage: str) -> Task[Any]:
+        """`work`, with its time added to a stage. The time between its steps does not count."""
+        return relay(work, within=lambda: self._timings.timed(stage))
 
     def _looked_at(self, drawn: DrawnJob, normals: np.ndarray, base: Base) -> Task[Appearance | None]:
         """The shading error of a low mesh, and what is seen of the places of its base. None if it cannot be measured.
@@ -376,8 +394,9 @@ class _Maker:
 
     def _made(self, base: Base, triangles: int) -> tuple[bpy.types.Object, np.ndarray]:
         """A low object of about this many triangles, and its triangles as Base.fitted returns them."""
-        data = self._meshes.own(self.high.low(base, triangles))
-        nearest = base.fitted(data)
+        with self._timings.timed("decimate"):
+            data = self._meshes.own(self.high.low(base, triangles))
+            nearest = base.fitted(data)
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
         data.update()
         data.set_sharp_from_angle(angle=SHARP)

@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..core.asset import OFF
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.progress import Timings
@@ -156,13 +157,20 @@ class High:
 
     def low(self, base: Base, triangles: int) -> bpy.types.Mesh:
         """A mesh of about this many triangles, without folds. The caller removes it."""
-        data = base.low(triangles)
+        data, folded = self._unfolded(base.low(triangles))
+        if not folded or len(data.polygons) > (1.0 - OFF / 2.0) * triangles:
+            return data
+        bpy.data.meshes.remove(data)
+        return self._unfolded(base.low(triangles + folded))[0]
+
+    def _unfolded(self, data: bpy.types.Mesh) -> tuple[bpy.types.Mesh, int]:
+        """A mesh without the folds of `data`, which is `data` itself or takes its place, and the triangles that it lost."""
         corners = mesh_reader.corner_vertices(data).reshape(-1, 3)
         points, unfolded = folds.removed(mesh_reader.points(data), corners, self.around)
         if unfolded is corners:
-            return data
+            return data, 0
         bpy.data.meshes.remove(data)
-        return _mesh(points, unfolded)
+        return _mesh(points, unfolded), len(corners) - len(unfolded)
 
     @cached_property
     def _surface(self) -> Surface:

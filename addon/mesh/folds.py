@@ -55,19 +55,22 @@ def _is_folded(points: np.ndarray, triangles: np.ndarray, places: Surface, aroun
     pairs, _ = orientation.edge_pairs(triangles, own)
     one, other = pairs.first // 3, pairs.second // 3
     against = (own[one] * own[other]).sum(axis=1) < OPPOSED
-    is_against = np.zeros(len(triangles), bool)
-    is_against[one[against]] = is_against[other[against]] = True
-    chosen = np.flatnonzero(is_opposed & is_against)
+    counts = np.bincount(np.concatenate([one[against], other[against]]), minlength=len(triangles))
+    chosen = np.flatnonzero(is_opposed & (counts > 0))
+    corners = points[triangles[chosen]]
+    sides = corners - np.roll(corners, 1, axis=1)
+    longest = np.linalg.norm(sides, axis=2).max(axis=1, initial=0.0)
+    height = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / np.maximum(longest, 1e-300)
+    reach = 0.5 * np.where(counts[chosen] > 1, height, longest)  # what is at a rim opposes the other side of it alone
     found = np.zeros(len(triangles), bool)
-    found[chosen] = ~_is_of_surface(points[triangles[chosen]], own[chosen], around)
+    found[chosen] = ~_is_of_surface(corners, own[chosen], around, reach)
     return found
 
 
-def _is_of_surface(corners: np.ndarray, normals: np.ndarray, around: Samples) -> np.ndarray:
+def _is_of_surface(corners: np.ndarray, normals: np.ndarray, around: Samples, reach: np.ndarray) -> np.ndarray:
     """Which triangles, with corners (K, 3, 3) and normals (K, 3), have a place of the surface that points to their side nearer
-    than half of their longest edge: (K,) bool. Those at a thin rim have."""
+    than `reach` (K,): (K,) bool. Those at a thin rim have."""
     result = np.zeros(len(corners), bool)
-    reach = 0.5 * np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
     axes = np.abs(normals).argmax(axis=1)
     for axis in range(3):
         for sign in (-1.0, 1.0):

@@ -30,6 +30,8 @@ CRUMB = 0.01
 """The share of the area of a low mesh below which a part is a crumb."""
 CLEARLY = -0.1
 """The cosine between normals below which they oppose each other."""
+FEWEST = 40
+"""Triangles of a low mesh below which it cannot follow a ring: where it cuts across, no side is the right one."""
 
 
 def tube(rng):
@@ -185,7 +187,9 @@ def test_any_high_becomes_an_asset_or_a_sentence(seed, outcomes, monkeypatch):
 def test_a_spoiled_surface_becomes_an_asset_without_turned_faces(seed, monkeypatch):
     rng = np.random.default_rng(1000 + seed)
     high, truth = spoiled_surface(rng)
-    reports = made(high, rng, monkeypatch, fewest=40)
+    reports = made(high, rng, monkeypatch, fewest=FEWEST)
     check(reports)
     for report in reports:
+        if report.triangles["low"] < 0.9 * FEWEST:  # a level of detail
+            continue
         assert turned(bpy.data.objects[report.low], truth) == 0

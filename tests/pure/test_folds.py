@@ -66,3 +66,15 @@ def test_the_rim_of_a_thin_plate_is_no_fold():
     around = fitting.samples(both, plate, 4000)
     shifted = replace(around, points=around.points + (0.0, 0.0, 0.008))
     assert folds.removed(both, plate, shifted)[1] is plate
+
+
+def test_a_triangle_that_opposes_two_neighbors_is_a_fold_though_another_side_is_near():
+    sheet, upper = grid(6)
+    fan = np.array([(0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 2.0, 0.0), (0.0, 2.0, 0.0), (0.5, 0.9, 0.0)])
+    points = np.concatenate([sheet, fan])
+    triangles = np.concatenate([upper, len(sheet) + np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)])])
+    assert np.flatnonzero(up(points, triangles) < 0.0).tolist() == [len(upper)]
+    both = np.concatenate([sheet, sheet - (0.0, 0.0, 0.2)]) * (1.0, 2.0, 1.0)
+    around = fitting.samples(both, np.concatenate([upper, upper[:, ::-1] + len(sheet)]), 4000)
+    found, left = folds.removed(points, triangles, around)
+    assert len(left) == len(triangles) - 2 and (up(found, left) > 0.0).all()

@@ -21,7 +21,7 @@ from addon.cli import sheet as sheet_module
 from addon.cli.arguments import WrongUsage
 from addon.cli.run_report import Cause, Entry, Only, ReportFile, State, Totals, ranges
 from addon.cli.sheet import SheetFile
-from addon.core import report
+from addon.core import asset, report
 from addon.core.errors import BakeError
 from addon.core.report import Report
 from scripts.dev import report_schema
@@ -92,6 +92,17 @@ def test_the_stages_add_up_to_the_total(done):
     seconds = dict.fromkeys((*report.STAGES, "total"), 0.0) | {"draw": 1.0, "audit": 0.5, "total": 2.0}
     lines = dataclasses.replace(done, triangles={"high": 1, "low": 1}, seconds=seconds).summary()
     assert lines[-1] == "2.00 s (draw 1.00, audit 0.50, other 0.50)"
+
+
+def test_a_long_bake_says_minutes_and_its_longest_stage(done):
+    seconds = dict.fromkeys((*report.STAGES, "total"), 0.0) | {"draw": 100.0, "audit": 5.0, "total": 300.0}
+    of_low = dict.fromkeys(asset.STAGES, 0.0) | {"decimate": 60.0, "look": 70.0, "total": 150.0}
+    how = {"seconds": of_low}
+    lines = dataclasses.replace(done, triangles={"high": 1, "low": 1}, seconds=seconds, asset=how).summary()
+    assert "Low mesh: 150 s, which is 2.5 minutes (decimate 60.00, look 70.00, other 20.00; longest: look)" in lines
+    assert lines[-1] == (
+        "300 s, which is 5.0 minutes (low mesh 150.00, draw 100.00, audit 5.00, other 45.00; longest: low mesh)"
+    )
 
 
 @pytest.mark.parametrize(
