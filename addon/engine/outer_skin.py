@@ -56,9 +56,10 @@ def _boxes(patches: HighPatches, number: int) -> tuple[np.ndarray, np.ndarray]:
     order = np.argsort(of_vertex, kind="stable")
     starts = np.searchsorted(of_vertex, np.arange(one.count + 1), sorter=order)
     points = patches.space.points(high)[order[: starts[-1]]].T
-    return tuple(
+    lows, highs = (
         np.stack([pick.reduceat(axis, starts[:-1]) for axis in points], 1) for pick in (np.minimum, np.maximum)
     )
+    return lows, highs
 
 
 def one_skin(
