@@ -252,7 +252,7 @@ class _Maker:
                 "is_made": True,
                 "is_remeshed": base.is_remeshed,
                 "is_collapsed": base.is_collapsed,
-                "of": len(self.high.triangles),
+                "of": self.high.count,
                 "inside": self.high.inside,
                 "faults": self.high.faults,
                 "measured": self.count,

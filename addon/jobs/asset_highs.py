@@ -128,7 +128,7 @@ class High:
 
     points (V, 3) float32, relative to `origin`; triangles (T, 3) int. bases: what low meshes are made of, and in which ways.
     around: places on the surface that see the outside. inside: the share of the area that does not. faults: as soup.Edges has
-    them. edge: the side of a triangle of middle size.
+    them. edge: the side of a triangle of middle size. count: the triangles of the high objects, before any are thinned.
     """
 
     points: np.ndarray
@@ -139,6 +139,7 @@ class High:
     inside: float
     faults: float
     edge: float
+    count: int
 
     def distance(self, points: np.ndarray, triangles: np.ndarray) -> float:
         """The distance between this surface and a low mesh that 99 % of the places on each of them have at most, as a share of
@@ -180,7 +181,7 @@ class High:
 def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: TemporaryMeshes) -> High:
     """Read the high objects of a job with their modifiers and instances. Raises BakeError. meshes: owns those of the bases."""
     points, triangles = _triangles(context, job, settings)
-    origin = np.array(job.highs[0].matrix_world.translation, np.float64)
+    origin, count = np.array(job.highs[0].matrix_world.translation, np.float64), len(triangles)
     edge = _edge(areas(points, triangles)) if len(triangles) else 0.0
     if len(triangles) > MOST_READ:
         cell = math.sqrt(2.0 * float(areas(points, triangles).sum()) / MOST_READ)  # two triangles a cell
@@ -214,7 +215,7 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
     if not bases or soup.edges(triangles[is_seen]).faults <= MOST_FAULTS:
         bases.append(_base(outside, meshes, outer))
     bases = [way for each in bases for way in (each, each.weighted())]
-    return High(points, triangles, origin, bases, outer, inside, found.faults, edge)
+    return High(points, triangles, origin, bases, outer, inside, found.faults, edge, count)
 
 
 def edge_of(context: bpy.types.Context, job: Job, settings: Settings) -> float:

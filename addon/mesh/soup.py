@@ -46,7 +46,7 @@ def welded(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def clustered(points: np.ndarray, triangles: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
     """The mesh with one vertex, in the middle of them, for all vertices in each cell of a grid, and without triangles that are
-    a line.
+    a line, or a thin part pressed flat: as many in one place that point to one side as to the other.
 
     Args:
         points: (V, 3) float.
@@ -61,7 +61,12 @@ def clustered(points: np.ndarray, triangles: np.ndarray, cell: float) -> tuple[n
     counts = np.bincount(numbers)
     middles = np.stack([np.bincount(numbers, column) / counts for column in points.T], axis=1)
     joined = numbers[triangles]
-    return middles, joined[(joined != np.roll(joined, 1, axis=1)).all(axis=1)]
+    joined = joined[(joined != np.roll(joined, 1, axis=1)).all(axis=1)]
+    _, places = np.unique(np.sort(joined, axis=1), axis=0, return_inverse=True)
+    rises = np.count_nonzero(joined < np.roll(joined, -1, axis=1), axis=1)
+    sides = np.where(rises == 2, 1, -1)  # two rises: turned until the least comes first, the corners are in order
+    sums = np.bincount(places.reshape(-1), sides)[places.reshape(-1)]
+    return middles, joined[sums * sides > 0.0]
 
 
 def edges(triangles: np.ndarray) -> Edges:

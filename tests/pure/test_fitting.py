@@ -149,6 +149,21 @@ def test_names_of_low_objects(high, low):
     assert low_name_of(high, Suffixes()) == low
 
 
+def test_thin_parts_pressed_flat_are_gone():
+    """Layers of a triangle in the same cells: of one that points up over one that points down, nothing is left, however their
+    corners are turned; of a third, the one that has no other."""
+    corners = np.array([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 0.0)])
+    points = np.concatenate([corners + (0.0, 0.0, height) for height in (0.0, 0.1, 0.2)])
+    for turn in range(3):
+        up, down, over = (0, 1, 2), np.roll((3, 5, 4), turn), (6, 7, 8)
+        assert len(soup.clustered(points, np.array([up, down]), 1.0)[1]) == 0
+        assert soup.clustered(points, np.array([up, down, over]), 1.0)[1].tolist() == [[0, 1, 2]] * 2
+        assert (
+            soup.clustered(points, np.array([down, up, down]), 1.0)[1].tolist()
+            == [np.roll((0, 2, 1), turn).tolist()] * 2
+        )
+
+
 def test_vertices_in_a_cell_become_one_in_their_middle():
     """A square of 40 x 40 quads, in cells of a tenth of its side: each has the middle of its 4 x 4 vertices."""
     u, v = np.meshgrid(np.arange(40) / 40.0, np.arange(40) / 40.0)
