@@ -40,8 +40,8 @@ from .temporary import TEMPORARY, TemporaryMeshes
 
 SEARCHED = 0.8
 """The share of the work that is done before the maps are baked."""
-SIDE = 1024
-"""The most texels a side of the maps by which low meshes are compared."""
+QUICK_SIDE, SIDE = 1024, 2048
+"""The most texels a side of the maps by which ways to make a low mesh are compared, and of those by which a limit is kept."""
 SHARE, FEWEST = 0.1, 500
 """The share of the high triangles with which a search begins, and how many it begins with at least."""
 NOT_DRAWN = 100.0
@@ -342,16 +342,25 @@ class _Maker:
                 self._meshes.remove(each.low.data)  # and the object with it
 
     def _tried(self, base: Base, wanted: int, limit: Wanted, *, is_compared: bool = False) -> Task[Tried]:
-        """A low object that was measured. is_compared: whether it is looked at even if there is no limit in degrees."""
+        """A low object that was measured, as it would be finished.
+
+        is_compared: whether it is looked at, quickly, even if there is no limit in degrees.
+        """
         yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
         low, nearest = self._made(base, wanted)
         distance = self.distance(low) if limit.distance < math.inf else 0.0
         seen, is_drawn = None, True
         if is_compared or limit.degrees < math.inf:
             yield Progress(f"Unwrapping {wanted:,} triangles", 0.1)
-            settings = _to_compare(self._settings, self._context)
+            settings = _normals_alone(self._settings, self._context)
+            if is_compared:
+                settings = replace(_of_at_most(settings, QUICK_SIDE), samples=1)
             with self._timings.timed("unwrap"):
-                unwrapping.unwrap(low, settings, is_quick=True)
+                unwrapping.unwrap(low, settings, is_quick=is_compared)
+            if limit.fits_size and not is_compared:
+                size = _size(low, self.high.edge)
+                settings = replace(settings, width=size, height=size)
+            settings = _of_at_most(settings, SIDE)
             job = self._job.for_low(low)
             job.is_seen = job.is_exported = job.is_measured = job.is_pictured = False
             check_job(self._context, job, settings)
@@ -424,18 +433,24 @@ def _count(low: bpy.types.Object) -> int:
     return len(low.data.loop_triangles)
 
 
-def _to_compare(settings: Settings, context: bpy.types.Context) -> Settings:
-    """The settings by which low meshes are compared: the normal map alone, on at most SIDE texels a side."""
-    shrink = max(1.0, max(settings.sampling.size) / SIDE)
+def _normals_alone(settings: Settings, context: bpy.types.Context) -> Settings:
+    """The settings by which low meshes are measured: for the normal map alone, which is not kept."""
     return replace(
         settings.read_by(context.scene.render.engine).without_file().without_other_maps(),
         method=Method.CAST,
-        width=max(1, round(settings.sampling.width / shrink)),
-        height=max(1, round(settings.sampling.height / shrink)),
-        samples=1,
         normal=True,
         material=False,
         connect_maps=False,
+    )
+
+
+def _of_at_most(settings: Settings, side: int) -> Settings:
+    """The settings with at most this many texels a side."""
+    shrink = max(1.0, max(settings.sampling.size) / side)
+    return replace(
+        settings,
+        width=max(1, round(settings.sampling.width / shrink)),
+        height=max(1, round(settings.sampling.height / shrink)),
     )
 
 

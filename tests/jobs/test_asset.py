@@ -238,10 +238,11 @@ def test_a_map_that_is_hardly_used_is_said(size, is_little):
 @pytest.mark.slow
 def test_the_fewest_triangles_within_a_limit_are_found():
     ball = zoo.terrain("Hills", 40, height=0.3)
-    settings = Settings(width=256, height=256, storage="MEMORY", margin=2)
+    settings = Settings(width=256, height=256, samples=8, storage="MEMORY", margin=2)
     report, low = made([ball], Wanted(degrees=6.0, triangles=0), settings)
+    assert report.asset["missed"] == []  # meshes are measured with the samples of the finished one
     assert 1 < report.asset["measured"] <= 16 and len(low.data.polygons) < 3200
-    assert report.appearance["percentile_99"] <= 6.0
+    assert 5.5 < report.appearance["percentile_99"] <= 6.0
     assert [obj.name for obj in bpy.data.objects if obj.name.startswith("Imprint")] == []
     assert len(bpy.data.meshes) == 2 and low.visible_get()
 
