@@ -202,6 +202,8 @@ def _percent(share: float, digits: int) -> str:
 
 STRIDE = 0.5
 """The share of triangles that the first steps leave. After a step beyond the limit, they become smaller."""
+FAR = 1.6
+"""The excess from which a step is taken for much too large."""
 FEWER = 0.95
 """The share of triangles that the last step leaves: a search ends when this one is beyond the limit."""
 LEAST = 4
@@ -242,7 +244,8 @@ def search(
         elif share >= FEWER:
             return within, min(coarser, key=lambda each: each.excess, default=None)
         else:
-            share = min(math.sqrt(share), FEWER)
+            is_far = min((each.excess for each in coarser), default=1.0) > FAR
+            share = min(share ** (0.25 if is_far else 0.5), FEWER)
 
 
 TRIES = 16

@@ -5,7 +5,7 @@ Most surfaces are decimated themselves. Soups of triangles and surfaces with muc
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import bpy
@@ -51,6 +51,8 @@ DENSE = 60_000
 """The triangles that Decimate leaves of larger surfaces, for all low meshes that are coarser still: it takes most time."""
 FINER = 6
 """How many times as many triangles as a low mesh those have at least: until then, hardly anything is lost."""
+MOST_BEGUN = 0.8
+"""The share of the triangles up to which low meshes that differ by their weights alone have a mesh in common on their way."""
 FITTED = 10_000, 60_000
 """The fewest and the most places on the surface to which low meshes are fitted: two a triangle of the surface, or about 20 a
 triangle of the low mesh."""
@@ -68,7 +70,7 @@ class Base:
 
     data: of triangles. dense: of as many of them as the way needs for most low meshes. places: on the surface, in the triangles
     of `dense`. is_remeshed: whether it is made of voxels. weights: of the triangles of `dense`, if edges collapse to the best
-    places by them, as mesh/collapse.py does; without them, Decimate makes it all.
+    places by them, as mesh/collapse.py does; without them, Decimate makes it all. begun: where these collapses go on, so far.
     """
 
     data: bpy.types.Mesh
@@ -76,6 +78,7 @@ class Base:
     places: Samples
     is_remeshed: bool = False
     weights: np.ndarray | None = None
+    begun: list[collapse.Begun] = field(default_factory=list)
 
     @property
     def triangles(self) -> int:
@@ -87,7 +90,7 @@ class Base:
 
     def weighted(self) -> "Base":
         """The same mesh, whose edges collapse by how much it bends."""
-        return replace(self, weights=face_weights.by_bending(*_arrays(self.dense)))
+        return replace(self, weights=face_weights.by_bending(*_arrays(self.dense)), begun=[])
 
     def corrected(self, nearest: np.ndarray, errors: np.ndarray) -> "Base":
         """The same mesh, whose edges collapse by what a viewer saw of a low one.
@@ -107,13 +110,24 @@ class Base:
         is_enough = FINER * triangles <= len(self.dense.polygons) or self.dense == self.data
         if not self.is_collapsed or not is_enough:
             return decimated(self.dense if is_enough else self.data, triangles)
-        coarse = _mesh(*collapse.collapsed(*_arrays(self.dense), triangles, self.weights))
+        coarse = _mesh(*collapse.collapsed(*_arrays(self.dense), triangles, self.weights, self._begun(triangles)))
         if len(coarse.polygons) <= triangles:
             return coarse
         try:  # its borders are in the way
             return decimated(coarse, triangles)
         finally:
             bpy.data.meshes.remove(coarse)
+
+    def _begun(self, triangles: int) -> collapse.Begun | None:
+        """Where edges go on to collapse to this many triangles; None for the dense mesh."""
+        least = FINER * triangles
+        if least >= MOST_BEGUN * len(self.dense.polygons):
+            return None
+        found = [each for each in self.begun if len(each.triangles) >= least]
+        if not found:
+            found = [collapse.begun(*_arrays(self.dense), least, self.weights)]
+            self.begun.extend(found)
+        return min(found, key=lambda each: len(each.triangles))
 
     def fitted(self, low: bpy.types.Mesh) -> np.ndarray:
         """Move the vertices of a low mesh to where this surface is nearest. Returns its triangle at each place, (N,) int."""

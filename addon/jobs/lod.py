@@ -5,6 +5,7 @@ Each level is made step by step from finer ones, whose deviation from the origin
 degrees and in distance.
 """
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -98,12 +99,22 @@ class LevelSearch:
     def __init__(self, original: Source, settings: Settings, pace: Pace, meshes: TemporaryMeshes):
         self.original, self.pace, self.meshes, self.count = original, pace, meshes, 0
         self.settings = level_judge.settings_for(settings)
+        self.judge = QuickJudge(original.surface, self.settings, pace)
         self._found: list[tuple[Source, Deviations]] = []
         """The original, and the levels that were found: a search starts from the coarsest within its limit."""
 
     def measure_original(self) -> Task[None]:
         """Measure the original with its own map. Raises BakeError if it has no texel on the map."""
-        self._found.append((self.original, (yield from self._measured(self.original))))
+        yield from self.judge.prepare()
+        found = self.quickly_measured(self.original, 0.0)
+        if not math.isfinite(found.degrees):
+            raise self._nowhere()
+        self._found.append((self.original, found))
+
+    def quickly_measured(self, source: Source, farthest: float) -> Deviations:
+        """As QuickJudge.measure."""
+        self.count += 1
+        return self.judge.measure(source.surface, mesh_reader.smooth_normals(source.data, source.surface), farthest)
 
     def coarsest(self, limit: Limit) -> Task[tuple[bpy.types.Mesh, Level]]:
         """The coarsest mesh within a limit. Raises BakeError.
@@ -119,10 +130,8 @@ class LevelSearch:
                 f"more than {limit}, or store more bits."
             )
         start = min((each for each in known if each.excess <= 1.0), key=lambda each: each.triangles)
-        judge = QuickJudge(self.original.surface, self.settings, self.pace, limit.distance)
-        yield from part(judge.prepare(), 0.0, 0.02)
-        steps = _Steps(self, judge, limit)
-        within, beyond = yield from part(levels.search(start, steps.attempt), 0.02, 0.9)
+        steps = _Steps(self, limit)
+        within, beyond = yield from part(levels.search(start, steps.attempt), 0.0, 0.9)
         within, beyond = yield from part(self._confirmed(steps, start, within, beyond), 0.9, 1.0)
         steps.remove_all_but([within])
         self._found.append((within.source, within.deviations))
@@ -157,7 +166,9 @@ class LevelSearch:
                 exact = yield from part(self._exact(within), *next(steps.shares))
                 if exact.excess > 1.0:
                     steps.correct(within, exact)
-                    within, beyond = yield from levels.search(steps.within(start), steps.attempt, levels.FEWER)
+                    finer = steps.within(start)
+                    share = min(max(math.sqrt(exact.triangles / finer.triangles), levels.STRIDE), levels.FEWER)
+                    within, beyond = yield from levels.search(finer, steps.attempt, share)
                     continue
                 within = exact
             if beyond is None:
@@ -178,10 +189,13 @@ class LevelSearch:
             self.original.surface, source.data, source.layer, self.settings, self.pace
         )
         if found is None:
-            raise BakeError(
-                f"No triangle of {self.original.surface.name!r} lies on the map: its UVs are outside 0 to 1, or empty."
-            )
+            raise self._nowhere()
         return found
+
+    def _nowhere(self) -> BakeError:
+        return BakeError(
+            f"No triangle of {self.original.surface.name!r} lies on the map: its UVs are outside 0 to 1, or empty."
+        )
 
 
 class _Steps:
@@ -192,13 +206,13 @@ class _Steps:
     done with all triangles free. factor: on the excess of all meshes, as Candidate has it.
     """
 
-    def __init__(self, search: LevelSearch, judge: QuickJudge, limit: Limit):
-        self.search, self.judge, self.limit, self.factor = search, judge, limit, 1.0
+    def __init__(self, search: LevelSearch, limit: Limit):
+        self.search, self.limit, self.factor = search, limit, 1.0
         self._made: list[Candidate] = []
         """Those whose meshes exist."""
         self._passed: list[Candidate] = []
         """The results of steps that were within the limit."""
-        self._frozen = np.zeros(judge.size[::-1], bool)
+        self._frozen = np.zeros(search.judge.size[::-1], bool)
         self.shares = shares_of_steps()
         """Where the progress of each step begins and ends."""
 
@@ -260,8 +274,7 @@ class _Steps:
         for data in (moved, plain):
             yield Progress(f"Decimating to {wanted:,} triangles", 0.5)
             coarser = of_mesh(data, source.layer, source.surface.name, source.surface.to_world)
-            self.search.count += 1
-            deviations = self.judge.measure(coarser.surface, mesh_reader.smooth_normals(data, coarser.surface))
+            deviations = self.search.quickly_measured(coarser, self.limit.distance)
             found.append(Candidate(coarser, deviations, self.limit, self.factor))
             self._made.append(found[-1])
             if not 1.0 < found[0].excess < MOST_FOR_UVS:
@@ -507,17 +520,19 @@ def _uvs_of(target: bpy.types.Object) -> Iterator[bpy.types.NodeTree]:
         info.inputs["Object"].default_value = target
         geometry = start.outputs[0]
         for layer in target.data.uv_layers:
-            uv, sample, store = (
+            uv, sample, at_points, store = (
                 nodes.nodes.new(f"GeometryNode{kind}")
-                for kind in ("InputNamedAttribute", "SampleNearestSurface", "StoreNamedAttribute")
+                for kind in ("InputNamedAttribute", "SampleNearestSurface", "FieldOnDomain", "StoreNamedAttribute")
             )
-            uv.data_type = sample.data_type = "FLOAT_VECTOR"
+            uv.data_type = sample.data_type = at_points.data_type = "FLOAT_VECTOR"
+            at_points.domain = "POINT"  # once for all corners at a vertex
             store.data_type, store.domain = "FLOAT2", "CORNER"
             uv.inputs["Name"].default_value = store.inputs["Name"].default_value = layer.name
             nodes.links.new(info.outputs["Geometry"], sample.inputs["Mesh"])
             nodes.links.new(uv.outputs["Attribute"], sample.inputs["Value"])
             nodes.links.new(geometry, store.inputs["Geometry"])
-            nodes.links.new(sample.outputs["Value"], store.inputs["Value"])
+            nodes.links.new(sample.outputs["Value"], at_points.inputs[0])
+            nodes.links.new(at_points.outputs[0], store.inputs["Value"])
             geometry = store.outputs["Geometry"]
         nodes.links.new(geometry, end.inputs[0])
         yield nodes

@@ -12,8 +12,10 @@ BORDER = 10.0
 """How much the planes along open edges count, as a factor on the square of an edge's length."""
 STIFF = 1e-4
 """The share of a quadric by which a point is held in the middle of its edge, where its planes leave it free."""
-AT_ONCE = 0.15
+AT_ONCE = 0.1
 """The share of the edges, from the cheapest, of which a round collapses those that do not touch."""
+PASSES = 2
+"""How often a round looks for edges that touch none that it has: after a single time, many are left."""
 TURNED, THIN = 0.3, 0.06
 """The least cosine between a triangle's normals before and after, and the least quality of a triangle, which is 1 for an
 equilateral one: collapses that make worse triangles are refused."""
@@ -21,8 +23,29 @@ IDLE = 60
 """Rounds without a collapse after which it ends. Each of them refuses some edges, and the next one tries others."""
 
 
+@dataclass(frozen=True)
+class Begun:
+    """A mesh on its way to coarser ones. points (V, 3) float64, scaled and moved. triangles (T, 3) int64: those that are left.
+    of_vertex (V,) int: what each vertex has become."""
+
+    points: np.ndarray
+    triangles: np.ndarray
+    of_vertex: np.ndarray
+
+
+def begun(points: np.ndarray, triangles: np.ndarray, wanted: int, weights: np.ndarray) -> Begun:
+    """A mesh with about `wanted` triangles, from which others go on, also with other weights. Takes what `collapsed` takes."""
+    state = _State.of(points, triangles, weights)
+    state.run(wanted)
+    return Begun(state.points, state.triangles, state.of_vertex)
+
+
 def collapsed(
-    points: np.ndarray, triangles: np.ndarray, wanted: int, weights: np.ndarray | None = None
+    points: np.ndarray,
+    triangles: np.ndarray,
+    wanted: int,
+    weights: np.ndarray | None = None,
+    start: Begun | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A mesh with about `wanted` triangles, or more where no edge can collapse.
 
@@ -30,19 +53,23 @@ def collapsed(
         points: (V, 3) float.
         triangles: (T, 3) int, with shared vertices and areas above 0.
         weights: (T,), how much the distances from each triangle count; None for all alike.
+        start: of the same points and triangles: where to go on.
 
     Returns:
         Points (P, 3) float64 and triangles (N, 3) int64.
     """
-    start = points.astype(np.float64)
-    center, size = start.mean(axis=0), max(float(np.ptp(start, axis=0).max(initial=0.0)), 1e-30)
-    weights = np.ones(len(triangles)) if weights is None else weights
-    state = _State((start - center) / size, triangles.astype(np.int64), weights)
-    idle = 0
-    while len(state.triangles) > wanted and idle < IDLE:
-        idle = 0 if state.step(wanted) else idle + 1
+    center, size = _box(points)
+    state = _State.of(points, triangles, np.ones(len(triangles)) if weights is None else weights)
+    if start is not None:
+        state.go_on(start)
+    state.run(wanted)
     used, numbers = np.unique(state.triangles, return_inverse=True)
     return state.points[used] * size + center, numbers.reshape(-1, 3)
+
+
+def _box(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """The mean of points, and the longest side of the box around them."""
+    return points.mean(axis=0, dtype=np.float64), max(float(np.ptp(points, axis=0).max(initial=0.0)), 1e-30)
 
 
 @dataclass
@@ -61,15 +88,38 @@ class _Edges:
 
 
 class _State:
-    """A mesh on its way. points (V, 3); triangles (T, 3), those that are left."""
+    """A mesh on its way, as Begun has it."""
 
     def __init__(self, points: np.ndarray, triangles: np.ndarray, weights: np.ndarray):
         self.points, self.triangles, self._round = points, triangles, 0
+        self.of_vertex = np.arange(len(points))
         self._refused, self._since = np.zeros((2, 0), np.int64)
         """The keys of edges whose collapse was refused, and in which rounds."""
         self._changed = np.zeros(len(points), np.int64)
         """The rounds in which the vertices, or those beside them, were last moved."""
         self._planes, self._offsets, self._constants = _quadrics(points, triangles, weights)
+        self._known = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
+        """The keys of edges, in order, and what `_best` found for them when both of their ends were as they are now."""
+
+    @classmethod
+    def of(cls, points: np.ndarray, triangles: np.ndarray, weights: np.ndarray) -> "_State":
+        """Of a mesh as it is. Its points are moved, so that sums of squares stay exact."""
+        center, size = _box(points)
+        return cls((points.astype(np.float64) - center) / size, triangles.astype(np.int64), weights)
+
+    def go_on(self, start: Begun) -> None:
+        """Take the mesh from there, with the quadrics of all faces that its vertices stand for."""
+        self.points, self.triangles, self.of_vertex = start.points.copy(), start.triangles, start.of_vertex
+        for values in (self._planes, self._offsets, self._constants):
+            own = values.copy()
+            values[:] = 0.0
+            np.add.at(values, self.of_vertex, own)
+
+    def run(self, wanted: int) -> None:
+        """Collapse edges until about `wanted` triangles are left."""
+        idle = 0
+        while len(self.triangles) > wanted and idle < IDLE:
+            idle = 0 if self.step(wanted) else idle + 1
 
     def step(self, wanted: int) -> bool:
         """Collapse some edges. Returns whether any did."""
@@ -85,11 +135,13 @@ class _State:
         chosen = np.flatnonzero(is_allowed)
         if not len(chosen):
             return False
-        places, costs = self._best(edges.ends[chosen])
-        order = np.argsort(costs, kind="stable")
+        places, costs = self._best(edges.keys[chosen], edges.ends[chosen])
+        most = max(1, int(AT_ONCE * len(costs)))
+        cheapest = np.flatnonzero(costs <= np.partition(costs, most - 1)[most - 1])
+        order = cheapest[np.argsort(costs[cheapest], kind="stable")][:most]
         ranks = np.full(len(edges.ends), len(edges.ends), np.int64)
-        ranks[chosen[order]] = np.arange(len(order))
-        which = self._apart(edges, ranks, max(1, int(AT_ONCE * len(order))))
+        ranks[chosen[order]] = np.arange(most)
+        which = self._apart(edges, ranks)
         which = which[np.argsort(ranks[which])]
         removed = np.cumsum(edges.counts[which])
         which = which[: 1 + np.searchsorted(removed, len(self.triangles) - wanted)]
@@ -106,8 +158,24 @@ class _State:
         self._collapse(edges.ends[which[is_good]], places[is_good])
         return bool(is_good.any())
 
-    def _best(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where edges (E, 2) collapse to (E, 3), and what that costs (E,)."""
+    def _best(self, keys: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where edges (E, 2) collapse to (E, 3), and what that costs (E,). keys: (E,), of the edges, in order."""
+        known, *values = self._known
+        places, costs = np.empty((len(keys), 3)), np.empty(len(keys))
+        if len(known):
+            at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
+            is_known = known[at] == keys
+            for into, before in zip((places, costs), values, strict=True):
+                into[is_known] = before[at[is_known]]
+            left = np.flatnonzero(~is_known)
+        else:
+            left = np.arange(len(keys))
+        places[left], costs[left] = self._cheapest(ends[left])
+        self._known = keys, places, costs
+        return places, costs
+
+    def _cheapest(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `_best`, of edges that are not known."""
         a, b = ends.T
         planes, offsets = self._planes[a] + self._planes[b], self._offsets[a] + self._offsets[b]
         constants, middles = self._constants[a] + self._constants[b], 0.5 * (self.points[a] + self.points[b])
@@ -118,16 +186,24 @@ class _State:
         lengths = ((self.points[a] - self.points[b]) ** 2).sum(axis=1)
         return places, np.maximum(costs, 0.0) + 1e-10 * lengths
 
-    def _apart(self, edges: _Edges, ranks: np.ndarray, most: int) -> np.ndarray:
-        """Edges (N,) int of the `most` best ones, of which no two touch or have neighbors in common that touch."""
+    def _apart(self, edges: _Edges, ranks: np.ndarray) -> np.ndarray:
+        """Edges (N,) int, of which no two touch or have neighbors in common that touch. ranks (E,): of those that may collapse,
+        from 0; E of the others."""
         a, b = edges.ends.T
-        least = np.full(len(self.points), len(ranks), np.int64)
-        for end in (a, b):
-            np.minimum.at(least, end, ranks)
-        around = least.copy()
-        np.minimum.at(around, a, least[b])
-        np.minimum.at(around, b, least[a])
-        return np.flatnonzero((ranks == around[a]) & (ranks == around[b]) & (ranks < most))
+        left, chosen = np.flatnonzero(ranks < len(ranks)), []
+        for _ in range(PASSES):
+            least = np.full(len(self.points), len(ranks), np.int64)
+            for end in (a, b):
+                np.minimum.at(least, end[left], ranks[left])
+            around = least.copy()
+            np.minimum.at(around, a, least[b])
+            np.minimum.at(around, b, least[a])
+            chosen.append(left[(ranks[left] == around[a[left]]) & (ranks[left] == around[b[left]])])
+            is_taken = np.zeros(len(self.points), bool)
+            is_taken[edges.ends[chosen[-1]]] = True
+            is_taken[edges.ends[is_taken[edges.ends].any(axis=1)]] = True
+            left = left[~is_taken[edges.ends[left]].any(axis=1)]
+        return np.concatenate(chosen)
 
     def _is_good(self, edges: _Edges, which: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Which collapses (N,) bool keep the surface a surface, and turn no triangle. places: (N, 3)."""
@@ -162,11 +238,17 @@ class _State:
 
     def _collapse(self, ends: np.ndarray, places: np.ndarray) -> None:
         a, b = ends.T
+        moved = np.zeros(len(self.points), bool)
+        moved[ends] = True
+        keys, *values = self._known
+        is_still = ~moved[np.stack(np.divmod(keys, len(moved)))].any(axis=0)
+        self._known = keys[is_still], *(each[is_still] for each in values)
         self.points[a] = places
         for values in (self._planes, self._offsets, self._constants):
             values[a] += values[b]
         new = np.arange(len(self.points))
         new[b] = a
+        self.of_vertex = new[self.of_vertex]
         triangles = new[self.triangles]
         self.triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
 

@@ -17,6 +17,8 @@ WITHIN = float(np.cos(np.radians(70.0)))
 """The cosine up to which the normals of a sample and of the closest triangle differ, or they lie on different sides."""
 TURNED = 0.2
 """The cosine between the normals of a triangle before and after, below which its vertices stay where they were."""
+ROUNDING = 1.0001
+"""The factor on distances by which single precision may be off."""
 THIN = 0.05
 """The share of its area that a triangle keeps at least."""
 
@@ -98,7 +100,7 @@ def fitted(points: np.ndarray, triangles: np.ndarray, around: Samples) -> tuple[
         if not len(corners):
             break
         weights = _weights(where[is_same_side].astype(np.float64), now[corners])
-        system = _System(corners, weights, edges, len(start))
+        system = _System(found[is_same_side], weights, triangles, edges, len(start))
         missing = around.points[is_same_side] - (start[corners] * weights[..., None]).sum(axis=1)
         now = _without_turns(start, start + system.solved(missing, now - start), triangles, is_free)
     return now, found
@@ -106,18 +108,21 @@ def fitted(points: np.ndarray, triangles: np.ndarray, around: Samples) -> tuple[
 
 @dataclass(frozen=True)
 class _Beside:
-    """The triangles at each vertex. triangles (T, 3) int. corners (3 T,) int: of the triangles, sorted by vertex. firsts
-    (V + 1,): where those of each vertex begin."""
+    """The triangles that touch each triangle, and itself. triangles (T, 3) int. beside (N,) int: sorted by the triangle that
+    they touch. firsts (T + 1,): where those of each triangle begin."""
 
     triangles: np.ndarray
-    corners: np.ndarray
+    beside: np.ndarray
     firsts: np.ndarray
 
     @classmethod
     def of(cls, triangles: np.ndarray) -> "_Beside":
         vertices = triangles.reshape(-1)
-        counts = np.bincount(vertices)
-        return cls(triangles, np.argsort(vertices, kind="stable") // 3, np.concatenate([[0], np.cumsum(counts)]))
+        at_vertex, counts = np.argsort(vertices, kind="stable") // 3, np.bincount(vertices)
+        within, which = _runs((np.cumsum(counts) - counts)[vertices], counts[vertices])
+        keys = np.unique(which // 3 * len(triangles) + at_vertex[within])
+        own, beside = np.divmod(keys, len(triangles))
+        return cls(triangles, beside, np.searchsorted(own, np.arange(len(triangles) + 1)))
 
     def closest(self, places: np.ndarray, known: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As Surface.closest, among triangles that touch the `known` ones (N,): moving vertices seldom changes more.
@@ -126,32 +131,53 @@ class _Beside:
             places: (N, 3) float32.
             points: (V, 3) float32, of the vertices.
         """
-        vertices = self.triangles[known].reshape(-1)
-        counts = self.firsts[vertices + 1] - self.firsts[vertices]
-        ends = np.cumsum(counts)
-        within = np.arange(ends[-1]) - np.repeat(ends - counts, counts)
-        triangles = self.corners[np.repeat(self.firsts[vertices], counts) + within]
-        of_place = counts.reshape(-1, 3).sum(axis=1)
-        here = np.repeat(places, of_place, axis=0)
-        found = closest_on_triangles(here, points[self.triangles[triangles]])
-        squares = ((found - here) ** 2).sum(axis=1)
-        starts = np.cumsum(of_place) - of_place
-        which = np.repeat(np.arange(len(places)), of_place)
-        is_nearest = np.flatnonzero(squares == np.minimum.reduceat(squares, starts)[which])
-        chosen = is_nearest[np.flatnonzero(np.diff(which[is_nearest], prepend=-1))]
-        return triangles[chosen], found[chosen]
+        corners = points[self.triangles]
+        middles = corners.mean(axis=1)
+        radii = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
+        found = closest_on_triangles(places, corners[known])
+        far = ((found - places) ** 2).sum(axis=1)
+        within, which = _runs(self.firsts[known], self.firsts[known + 1] - self.firsts[known])
+        others = self.beside[within]
+        # No triangle is nearer than the sphere around it.
+        away = places[which] - middles[others]
+        is_near = (away * away).sum(axis=1) <= (np.sqrt(far[which]) * ROUNDING + radii[others]) ** 2
+        is_near &= others != known[which]
+        which, others = which[is_near], others[is_near]
+        here = places[which]
+        ways = closest_on_triangles(here, corners[others])
+        squares = ((ways - here) ** 2).sum(axis=1)
+        order = np.argsort(-squares, kind="stable")  # so that the nearest one of each place comes last
+        order = order[squares[order] < far[which[order]]]
+        triangles = known.copy()
+        triangles[which[order]], found[which[order]] = others[order], ways[order]
+        return triangles, found
+
+
+def _runs(firsts: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The numbers from each of `firsts` on, as many as `counts` has, one after the other, and whose they are."""
+    ends = np.cumsum(counts)
+    which = np.repeat(np.arange(len(counts)), counts)
+    return np.arange(len(which)) + (firsts - ends + counts)[which], which
 
 
 class _System:
-    """Least squares for the moves of vertices: samples, differences along edges, and the moves themselves."""
+    """Least squares for the moves of vertices: samples, differences along edges, and the moves themselves.
 
-    def __init__(self, corners: np.ndarray, weights: np.ndarray, edges: np.ndarray, count: int):
-        self._corners, self._weights, self._edges, self._count = corners, weights, edges, count
-        self._scale = len(corners) / count
+    found (N,) int: the triangles of samples, of triangles (T, 3) int. weights (N, 3): of their vertices.
+    """
+
+    def __init__(self, found: np.ndarray, weights: np.ndarray, triangles: np.ndarray, edges: np.ndarray, count: int):
+        self._found, self._weights, self._edges, self._count = found, weights, edges, count
+        self._scale = len(found) / count
+        self._triangles = triangles
+        # The samples of a triangle move with its vertices alone, so that their products are summed once.
+        products = (weights[:, :, None] * weights[:, None, :]).reshape(-1, 9)
+        self._products = _sums(found, products, len(triangles)).reshape(-1, 3, 3)
 
     def solved(self, missing: np.ndarray, moves: np.ndarray) -> np.ndarray:
         """The moves (V, 3), by conjugate gradients from `moves`. missing: (N, 3), the way from each sample's place."""
-        rest = self._gathered(missing) - self._applied(moves)
+        ways = (self._weights[:, :, None] * missing[:, None, :]).reshape(-1, 9)
+        rest = self._gathered(_sums(self._found, ways, len(self._triangles)).reshape(-1, 3, 3)) - self._applied(moves)
         along, power = rest, (rest * rest).sum(axis=0)
         enough = 1e-12 * np.maximum(power, 1e-300)
         for _ in range(STEPS):
@@ -165,16 +191,15 @@ class _System:
         return moves
 
     def _applied(self, moves: np.ndarray) -> np.ndarray:
-        result = self._gathered((moves[self._corners] * self._weights[..., None]).sum(axis=1))
+        result = self._gathered(self._products @ moves[self._triangles])
         first, last = self._edges.T
         differences = moves[first] - moves[last]
         along = _sums(first, differences, self._count) - _sums(last, differences, self._count)
         return result + self._scale * (SMOOTH * along + PULL * moves)
 
     def _gathered(self, values: np.ndarray) -> np.ndarray:
-        """The sums (V, 3) of values (N, 3) of samples, by the weights of their triangles' vertices."""
-        each = (values[:, None] * self._weights[..., None]).reshape(-1, 3)
-        return _sums(self._corners.reshape(-1), each, self._count)
+        """The sums (V, 3) of values (T, 3, 3) at the corners of triangles."""
+        return _sums(self._triangles.reshape(-1), values.reshape(-1, 3), self._count)
 
 
 def _sums(places: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:

@@ -64,6 +64,13 @@ def test_steps_start_from_the_last_mesh_within_the_limit_and_only_the_last_is_an
     assert [is_last for base, wanted, is_last in steps] == [wanted == int(FEWER * base) for base, wanted, _ in steps]
 
 
+def test_a_step_far_beyond_the_limit_is_followed_by_one_that_is_much_smaller():
+    (within, _), steps = found(10_000, lambda number: (8_000.0 / number) ** 4)
+    wanted = [each for _, each, _ in steps]
+    assert wanted[:2] == [5_000, int(0.5**0.25 * 10_000)] and len(steps) <= 5
+    assert 8_000 <= within.triangles < 8_500
+
+
 def test_borders_that_are_kept_end_the_search():
     (within, beyond), steps = found(10_000, lambda number: 100.0 / number, floor=800)
     assert (within.triangles, beyond) == (800, None)

@@ -70,3 +70,38 @@ def test_triangles_of_three_on_an_edge_stay():
     kept, coarse = collapse.collapsed(whole, np.concatenate([triangles, *strips]), 20)
     assert len(coarse) < len(triangles)
     assert {tuple(each) for each in points[on_line]} <= {tuple(np.round(each, 9)) for each in kept}
+
+
+def test_what_is_known_of_edges_stays_true():
+    state = collapse._State.of(*sphere(24), np.ones(len(sphere(24)[1])))
+    state.run(500)
+    keys, *known = state._known
+    assert len(keys) > 300
+    for before, now in zip(known, state._cheapest(np.stack(np.divmod(keys, len(state.points)), axis=1)), strict=True):
+        assert before == pytest.approx(now, abs=1e-12)
+
+
+def test_a_mesh_on_its_way_stands_for_all_faces():
+    points, triangles = sphere(24)
+    weights = 1.0 + (points[triangles].mean(axis=1)[:, 2] > 0.0)
+    whole, again = (collapse._State.of(points, triangles, weights) for _ in range(2))
+    whole.run(900)
+    again.go_on(collapse.begun(points, triangles, 900, weights))
+    used = np.unique(whole.triangles)
+    for name in ("points", "_planes", "_offsets", "_constants"):
+        assert getattr(again, name)[used] == pytest.approx(getattr(whole, name)[used], abs=1e-12)
+    for found in (again.triangles, again.of_vertex[triangles[:, 0]]):
+        assert set(found.reshape(-1)) <= set(used)
+
+
+def test_other_weights_go_on_from_a_mesh_on_its_way():
+    points, triangles = sphere(24)
+    begun = collapse.begun(points, triangles, 1200, np.ones(len(triangles)))
+    of_top = np.where(points[triangles].mean(axis=1)[:, 2] > 0.0, 30.0, 1.0)
+    shares = []
+    for weights in (np.ones(len(triangles)), of_top):
+        places, coarse = collapse.collapsed(points, triangles, 300, weights, begun)
+        assert len(coarse) == 300 and (counts_of_edges(coarse) == 2).all()
+        assert np.abs(np.linalg.norm(places, axis=1) - 1.0).max() < 0.1
+        shares.append((places[coarse].mean(axis=1)[:, 2] > 0.0).mean())
+    assert shares[0] == pytest.approx(0.5, abs=0.05) and shares[1] > 0.6

@@ -59,6 +59,46 @@ def test_the_triangles_of_samples_are_the_nearest_ones():
     assert np.sqrt(far).mean() == pytest.approx(distances(moved, triangles, around).mean(), rel=0.01)
 
 
+def test_the_nearest_triangle_beside_a_known_one_seed_5():
+    dice = np.random.default_rng(5)
+    points, triangles = sphere(8)
+    points = (points + dice.normal(0.0, 0.02, points.shape)).astype(np.float32)
+    places = fitting.samples(*sphere(40), 500).points.astype(np.float32)
+    known = Surface(points, triangles).closest(places)[0]
+    known = triangles_beside(triangles, known, dice)
+    found, where = fitting._Beside.of(triangles).closest(places, known, points)
+    touches = (triangles[known][:, None, :, None] == triangles[None, :, None, :]).any(axis=(2, 3))
+    every = closest_on_triangles(np.repeat(places, len(triangles), axis=0), np.tile(points[triangles], (500, 1, 1)))
+    far = ((every.reshape(500, -1, 3) - places[:, None]) ** 2).sum(axis=2)
+    best = np.where(touches, far, np.inf).min(axis=1)
+    assert touches[np.arange(500), found].all()
+    assert ((where - places) ** 2).sum(axis=1) == pytest.approx(best, rel=1e-4, abs=1e-10)
+
+
+def triangles_beside(triangles, which, dice):
+    """One that shares a vertex with each of these, by chance."""
+    vertices = triangles[which, dice.integers(0, 3, len(which))]
+    return np.array([dice.choice(np.flatnonzero((triangles == vertex).any(axis=1))) for vertex in vertices])
+
+
+def test_moves_are_least_squares_seed_6():
+    dice = np.random.default_rng(6)
+    _, triangles = sphere(3)
+    count, samples = int(triangles.max()) + 1, 200
+    edges = np.unique(np.sort(np.concatenate([triangles[:, [i, i - 1]] for i in range(3)]), axis=1), axis=0)
+    found, weights = dice.integers(0, len(triangles), samples), dice.dirichlet(np.ones(3), samples)
+    missing = dice.normal(size=(samples, 3))
+    moves = fitting._System(found, weights, triangles, edges, count).solved(missing, np.zeros((count, 3)))
+    rows = np.zeros((samples, count))
+    np.add.at(rows, (np.arange(samples)[:, None], triangles[found]), weights)
+    steps = np.zeros((len(edges), count))
+    steps[np.arange(len(edges)), edges[:, 0]], steps[np.arange(len(edges)), edges[:, 1]] = 1.0, -1.0
+    scale = samples / count
+    parts = rows, np.sqrt(fitting.SMOOTH * scale) * steps, np.sqrt(fitting.PULL * scale) * np.eye(count)
+    wanted = np.concatenate([missing, np.zeros((len(edges) + count, 3))])
+    assert moves == pytest.approx(np.linalg.lstsq(np.concatenate(parts), wanted)[0], abs=1e-4)
+
+
 def test_faces_that_would_turn_over_keep_their_vertices():
     """A strip of a plane, whose samples pull one vertex over the opposite edge."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], float)
