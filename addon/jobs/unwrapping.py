@@ -40,7 +40,7 @@ QUICK = "medium charts"
 """Those that are tried if it has to be quick."""
 MANY = 600
 """More charts than this are not tried, and more islands are packed by boxes alone: both would take long."""
-AGAIN = 4
+AGAIN = 8
 """How often charts are unwrapped anew, at most, because some are bad."""
 ANGLE = np.radians(66.0)
 """The angle between faces from which Smart Project cuts, as Blender has it."""
@@ -169,7 +169,7 @@ def _by_charts(obj: bpy.types.Object, charts: Charts, step: int) -> bool:
         steps[smaller] = np.maximum(steps[smaller] - 1, 0)
         if is_again:
             steps[mesh.faces[folded]] = 0
-    return False
+    return not folded.any()
 
 
 def _by_seams(obj: bpy.types.Object, seams: np.ndarray) -> bool:
@@ -181,6 +181,7 @@ def _by_seams(obj: bpy.types.Object, seams: np.ndarray) -> bool:
 
 
 def _project(obj: bpy.types.Object) -> bool:
+    obj.data.edges.foreach_set("use_seam", np.zeros(len(obj.data.edges), bool))
     with editing(obj):
         bpy.ops.uv.smart_project(angle_limit=ANGLE, island_margin=0.0, area_weight=0.0, correct_aspect=False)
     return True
