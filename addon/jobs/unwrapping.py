@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Gives low meshes a UV map: unwraps a copy in several ways by Blender's own operators, and takes the sharpest.
+"""Gives low meshes a UV map: cuts a copy into charts in several ways, unwraps them by Blender, and takes the sharpest.
 
 The mesh itself only gets the UV map. Its modes, its selection and its seams stay as they are.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import bpy
 import numpy as np
@@ -15,25 +15,54 @@ import numpy as np
 from ..audit import mip_gaps
 from ..core.errors import BakeError
 from ..core.settings import SamplingSettings, Settings
-from ..mesh import uv_islands, uv_stretch
+from ..mesh import uv_crossings, uv_islands, uv_packing, uv_stretch
+from ..mesh.triangle_mesh import Mesh
+from ..mesh.uv_charts import Charts
 from ..mesh.uv_stretch import Layout
 from ..scene import mesh_reader
 from . import temporary
 
 NAME = "UVMap"
 """Of the new UV map, as Blender calls it."""
-FEW_CUTS, MANY_CUTS = np.radians(80.0), np.radians(66.0)
-"""The angle between faces from which Smart Project cuts: of islands that are unwrapped anew, and of those that stay flat."""
+STEPS = (
+    (300.0, ""),
+    (100.0, "tiny charts"),
+    (30.0, ""),
+    (10.0, ""),
+    (3.0, ""),
+    (1.0, "small charts"),
+    (0.3, "medium charts"),
+    (0.1, "large charts"),
+)
+"""The steps in which charts grow: how much stretch counts, and their name if they are tried. Where they are bad they are split
+into those of the step before."""
+QUICK = "medium charts"
+"""Those that are tried if it has to be quick."""
+MANY = 600
+"""More charts than this are not tried, and more islands are packed by boxes alone: both would take long."""
+AGAIN = 8
+"""How often charts are unwrapped anew, at most, because some are bad."""
+ANGLE = np.radians(66.0)
+"""The angle between faces from which Smart Project cuts, as Blender has it."""
 
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """A way to unwrap, and what it gave. uv: (C, 2) float32 by corner."""
+    """A way to unwrap, and what it gave. mesh: with its UVs. of: the island of each of its triangles."""
 
     name: str
-    layout: Layout
-    islands: int
-    uv: np.ndarray
+    mesh: Mesh
+    of: np.ndarray
+
+    @cached_property
+    def layout(self) -> Layout:
+        """How the UVs use the map."""
+        return uv_stretch.measure(_points(self.mesh), self.mesh.uv[self.mesh.triangles])
+
+    @property
+    def islands(self) -> int:
+        """Their number."""
+        return int(self.of.max(initial=-1)) + 1
 
     @property
     def sentence(self) -> str:
@@ -44,81 +73,126 @@ class Unwrapped:
             f"{found.area:.2f} (areas)"
         )
 
+    def packed(self, margin: float, *, is_quick: bool = False) -> "Unwrapped":
+        """With the islands packed by their outlines if that is better. margin: around each, as a share of the map's side."""
+        if self.islands > MANY:
+            return self
+        packed = uv_packing.pack(self.mesh.uv[self.mesh.triangles], self.of, margin, is_quick=is_quick)
+        if packed is None:
+            return self
+        owner = np.zeros(len(self.mesh.uv), np.int64)
+        owner[self.mesh.triangles] = self.of[:, None]
+        found = replace(self, mesh=replace(self.mesh, uv=packed.move(self.mesh.uv, owner).astype(np.float32)))
+        return max(self, found, key=lambda each: each.layout.sharpness)
+
 
 def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -> str:
-    """Give an object's own mesh a UV map. Returns a sentence about it. is_quick: whether only the first way is tried.
+    """Give an object's own mesh a UV map. Returns a sentence about it. is_quick: whether only one way is tried.
 
     Raises BakeError if no way works, and then nothing has changed.
     """
     if low.type != "MESH" or not low.data.polygons:
         raise BakeError(f"{low.name!r} has no faces: choose a mesh that has some.")
-    ways = islice(attempts(low, settings.sampling), 1 if is_quick else None)
-    best = max(ways, key=lambda each: each.layout.sharpness, default=None)
+    found = attempts(low, settings.sampling, is_quick=is_quick)
+    best = max(found, key=lambda each: each.layout.sharpness, default=None)
     if best is None or best.layout.sharpness == 0.0:
         raise BakeError(f"{low.name!r} has no UV map, and Blender cannot unwrap it: its faces have no area.")
+    if not is_quick:
+        best = best.packed(margin(settings.sampling))
     layer = low.data.uv_layers.new(name=NAME, do_init=False)
     if layer is None:
         raise BakeError(f"{low.name!r} has as many UV maps as a mesh can have: remove one.")
-    layer.uv.foreach_set("vector", best.uv.reshape(-1))
+    layer.uv.foreach_set("vector", best.mesh.uv.reshape(-1))
     low.data.uv_layers.active = layer
     layer.active_render = True
     low.data.update()
     return f"{low.name!r} is unwrapped: {best.sentence}"
 
 
-def attempts(low: bpy.types.Object, sampling: SamplingSettings) -> Iterator[Unwrapped]:
-    """What each way gives with the margin that the clean mip levels of the settings need."""
-    for name in _ways(low.data):
-        found = _attempt(low, sampling, name)
-        if found is not None:
-            yield found
-
-
-def _attempt(low: bpy.types.Object, sampling: SamplingSettings, name: str) -> Unwrapped | None:
-    """Unwrap a copy of the object's mesh. Returns None if Blender cannot."""
-    margin = mip_gaps.needed(sampling) / 2.0 / min(sampling.size)
+def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Iterator[Unwrapped]:
+    """What each way gives with the margin that the clean mip levels of the settings need, packed quickly."""
+    seams = np.zeros(len(low.data.edges), bool)
+    low.data.edges.foreach_get("use_seam", seams)
     with _copy(low) as obj:
-        try:
-            with editing(obj):
-                _ways(low.data)[name]()
-                pack_boxes(margin)
-        except RuntimeError:  # an operator that cannot work says so in this way
+        mesh = _read(obj)
+        charts = Charts(mesh.positions, mesh.vertices[mesh.triangles], mesh.faces, margin(sampling))
+        ways: dict[str, Callable[[], bool]] = {}
+        for stretch, name in STEPS:
+            charts.grow(stretch)
+            if name and charts.count <= MANY and (name == QUICK or not is_quick):
+                ways[name] = partial(_by_charts, obj, charts, charts.steps)
+        if seams.any() and not is_quick:
+            ways["the mesh's seams"] = partial(_by_seams, obj, seams)
+        found = [each for each in (_attempt(obj, name, way, margin(sampling)) for name, way in ways.items()) if each]
+        if not found:
+            found = [_attempt(obj, "Smart Project", partial(_project, obj), margin(sampling))]
+        yield from filter(None, found)
+
+
+def _attempt(obj: bpy.types.Object, name: str, way: Callable[[], bool], margin: float) -> Unwrapped | None:
+    """Unwrap an object and pack its islands. Returns None if Blender cannot."""
+    try:
+        if not way():
             return None
-        layer = obj.data.uv_layers.active.name
-        mesh = mesh_reader.surface(obj.data, layer, low.name, np.eye(4))
-        layout = uv_stretch.measure(mesh.positions[mesh.vertices[mesh.triangles]], mesh.uv[mesh.triangles])
-        islands = int(uv_islands.islands(mesh).max(initial=-1)) + 1
-        return Unwrapped(name, layout, islands, mesh_reader.uvs(obj.data, layer))
+        with editing(obj):
+            pack_boxes(margin)
+    except RuntimeError:  # an operator that cannot work says so in this way
+        return None
+    mesh = _read(obj)
+    return Unwrapped(name, mesh, uv_islands.islands(mesh)).packed(margin, is_quick=True)
 
 
-def _ways(data: bpy.types.Mesh) -> dict[str, Callable[[], None]]:
-    """How to unwrap, by what the closing note calls it."""
-    methods = {item.identifier for item in bpy.ops.uv.unwrap.get_rna_type().properties["method"].enum_items}
-    ways = {"Smart Project": lambda: _project(MANY_CUTS)}
-    seams = np.zeros(len(data.edges), bool)
-    data.edges.foreach_get("use_seam", seams)
-    for method, title in (("ANGLE_BASED", "Angle Based"), ("MINIMUM_STRETCH", "Minimum Stretch")):
-        if method in methods:  # Minimum Stretch is there from Blender 4.3 on
-            ways[title] = lambda method=method: _flatten(method)
-            if seams.any():
-                ways[f"{title} and the mesh's seams"] = lambda method=method: _by_seams(method)
-    return ways
+def margin(sampling: SamplingSettings) -> float:
+    """The margin around islands that the clean mip levels of the settings need, as a share of the map's side."""
+    return mip_gaps.needed(sampling) / 2.0 / min(sampling.size)
 
 
-def _project(angle: float) -> None:
-    bpy.ops.uv.smart_project(angle_limit=angle, island_margin=0.0, area_weight=0.0, correct_aspect=False)
+def _by_charts(obj: bpy.types.Object, charts: Charts, step: int) -> bool:
+    """Unwrap by the charts after a number of steps, and again with smaller ones where they fold, overlap or are stretched.
+
+    Returns whether that works.
+    """
+    steps = np.full(len(obj.data.polygons), step)
+    ends = np.empty((len(obj.data.edges), 2), np.int32)
+    obj.data.edges.foreach_get("vertices", ends.reshape(-1))
+    keys = np.sort(ends, axis=1).astype(np.int64) @ [len(obj.data.vertices), 1]
+    for is_again in (False, *[True] * AGAIN):
+        _by_seams(obj, np.isin(keys, charts.seams(steps).astype(np.int64) @ [len(obj.data.vertices), 1]))
+        mesh = _read(obj)
+        islands = uv_islands.islands(mesh)
+        folded, stretched = uv_stretch.bad(_points(mesh), mesh.uv[mesh.triangles], islands)
+        folded |= uv_crossings.crossing(mesh, islands)
+        if not (folded | stretched).any():
+            return True
+        # Smaller charts may do. If they still are folded, only the faces where they are become charts of their own.
+        smaller = mesh.faces[np.isin(islands, islands[stretched if is_again else stretched | folded])]
+        steps[smaller] = np.maximum(steps[smaller] - 1, 0)
+        if is_again:
+            steps[mesh.faces[folded]] = 0
+    return not folded.any()
 
 
-def _flatten(method: str) -> None:
-    """Unwrap the islands of Smart Project anew: they may be more bent then, so that there are fewer."""
-    _project(FEW_CUTS)
-    bpy.ops.uv.seams_from_islands(mark_seams=True, mark_sharp=False)
-    _by_seams(method)
+def _by_seams(obj: bpy.types.Object, seams: np.ndarray) -> bool:
+    obj.data.edges.foreach_set("use_seam", seams)
+    with editing(obj):
+        bpy.ops.uv.unwrap(method="MINIMUM_STRETCH", fill_holes=False, correct_aspect=False, margin=0.0)
+        bpy.ops.uv.average_islands_scale()
+    return True
 
 
-def _by_seams(method: str) -> None:
-    bpy.ops.uv.unwrap(method=method, fill_holes=False, correct_aspect=False, margin=0.0)
-    bpy.ops.uv.average_islands_scale()
+def _project(obj: bpy.types.Object) -> bool:
+    obj.data.edges.foreach_set("use_seam", np.zeros(len(obj.data.edges), bool))
+    with editing(obj):
+        bpy.ops.uv.smart_project(angle_limit=ANGLE, island_margin=0.0, area_weight=0.0, correct_aspect=False)
+    return True
+
+
+def _read(obj: bpy.types.Object) -> Mesh:
+    return mesh_reader.surface(obj.data, obj.data.uv_layers.active.name, obj.name, np.eye(4), with_faces=True)
+
+
+def _points(mesh: Mesh) -> np.ndarray:
+    return mesh.positions[mesh.vertices[mesh.triangles]]
 
 
 def pack_boxes(margin: float) -> None:

@@ -8,6 +8,8 @@ import numpy as np
 WORST = 100.0
 """The most that a triangle counts for, as a factor on the mean distance between its texels: slivers without area in UV space
 would decide alone."""
+ENOUGH = 0.75
+"""The least share of an island's area that it would need without stretch, or else it is bad."""
 
 
 @dataclass(frozen=True)
@@ -28,32 +30,65 @@ class Layout:
 
 def measure(points: np.ndarray, uv: np.ndarray) -> Layout:
     """Measure triangles with points (T, 3, 3) and UVs (T, 3, 2). Those without area on the surface do not count."""
-    points, uv = points.astype(np.float64), uv.astype(np.float64)
-    u, v = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
-    surface = 0.5 * np.linalg.norm(np.cross(u, v), axis=1)
-    counts = surface > 1e-12 * surface.max(initial=0.0)
-    u, v, uv, surface = u[counts], v[counts], uv[counts], surface[counts]
-    if not len(surface):
-        return Layout(0.0, 1.0, 1.0, 0.0)
-    # The triangle in its own plane, so that a 2 x 2 matrix leads from there to UV space.
-    length = np.linalg.norm(u, axis=1)
-    along = (u * v).sum(axis=1) / length
-    flat = np.zeros((len(surface), 2, 2))
-    flat[:, 0, 0], flat[:, 0, 1], flat[:, 1, 1] = length, along, 2.0 * surface / length
-    edges = np.stack([uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]], axis=2)
-    most, least = np.moveaxis(np.linalg.svd(edges @ np.linalg.inv(flat), compute_uv=False), 1, 0)
-    weights = surface / surface.sum()
-    in_uv = 0.5 * np.abs(np.linalg.det(edges))
-    used = float(in_uv.sum())
+    found = _Triangles(points, uv)
+    used = float(found.used.sum())
     if used == 0.0:
         return Layout(0.0, 1.0, 1.0, 0.0)
-    even = np.sqrt(used / surface.sum())  # the texels by length, if all had the same size
-    most, least = np.maximum(most, even / WORST), np.maximum(least, even / WORST)
+    weights = found.surface / found.surface.sum()
+    even = np.sqrt(used / found.surface.sum())  # the texels by length, if all had the same size
+    most, least = np.maximum(found.most, even / WORST), np.maximum(found.least, even / WORST)
     size = most * least / even**2
-    spacing = 0.5 * (1.0 / most**2 + 1.0 / least**2)
     return Layout(
         used,
         float((weights * most / least).sum()),
         float((weights * np.maximum(size, 1.0 / size)).sum()),
-        float(surface.sum() / (weights * spacing).sum()),
+        float(found.surface.sum() / (weights * _spacing(most, least)).sum()),
     )
+
+
+def bad(points: np.ndarray, uv: np.ndarray, islands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which triangles are folded, and which are in islands that need much more of the map than they would without stretch.
+
+    Returns two (T,) bool.
+
+    islands: (T,) int from 0, the island of each triangle.
+    """
+    found, count = _Triangles(points, uv), int(islands.max(initial=-1)) + 1
+    islands = islands[found.counts]
+    used, surface = np.bincount(islands, found.used, count), np.bincount(islands, found.surface, count)
+    even = np.sqrt(used / np.where(surface > 0.0, surface, 1.0))[islands] / WORST
+    most, least = np.maximum(found.most, even), np.maximum(found.least, even)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        spacing = np.bincount(islands, found.surface * _spacing(most, least), count)
+        share = surface**2 / (spacing * used)
+    folded, stretched = np.zeros((2, len(points)), bool)
+    folded[found.counts], stretched[found.counts] = found.signed <= 0.0, ~(share >= ENOUGH)[islands]
+    return folded, stretched
+
+
+class _Triangles:
+    """Those triangles that have area on the surface.
+
+    counts (T,) bool: which they are. surface, used, signed: their areas there and in UV space. most, least: the widest and
+    the narrowest distance in UV space of points that are 1 apart on the surface.
+    """
+
+    def __init__(self, points: np.ndarray, uv: np.ndarray):
+        points, uv = points.astype(np.float64), uv.astype(np.float64)
+        u, v = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+        surface = 0.5 * np.linalg.norm(np.cross(u, v), axis=1)
+        self.counts = surface > 1e-12 * surface.max(initial=0.0)
+        u, v, uv, self.surface = u[self.counts], v[self.counts], uv[self.counts], surface[self.counts]
+        # The triangle in its own plane, so that a 2 x 2 matrix leads from there to UV space.
+        length = np.linalg.norm(u, axis=1)
+        flat = np.zeros((len(u), 2, 2))
+        flat[:, 0, 0], flat[:, 0, 1], flat[:, 1, 1] = length, (u * v).sum(axis=1) / length, 2.0 * self.surface / length
+        edges = np.stack([uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]], axis=2)
+        self.most, self.least = np.moveaxis(np.linalg.svd(edges @ np.linalg.inv(flat), compute_uv=False), 1, 0)
+        self.signed = 0.5 * np.linalg.det(edges)
+        self.used = np.abs(self.signed)
+
+
+def _spacing(most: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """The mean square of the distance of texels on the surface."""
+    return 0.5 * (1.0 / most**2 + 1.0 / least**2)
