@@ -342,7 +342,7 @@ class _Maker:
                 self._meshes.remove(each.low.data)  # and the object with it
 
     def _tried(self, base: Base, wanted: int, limit: Wanted, *, is_compared: bool = False) -> Task[Tried]:
-        """A low object that was measured, as it would be finished.
+        """A low object that was measured with the samples and the size of the finished one.
 
         is_compared: whether it is looked at, quickly, even if there is no limit in degrees.
         """
@@ -356,7 +356,7 @@ class _Maker:
             if is_compared:
                 settings = replace(_of_at_most(settings, QUICK_SIDE), samples=1)
             with self._timings.timed("unwrap"):
-                unwrapping.unwrap(low, settings, is_quick=is_compared)
+                unwrapping.unwrap(low, settings, is_quick=True)
             if limit.fits_size and not is_compared:
                 size = _size(low, self.high.edge)
                 settings = replace(settings, width=size, height=size)
