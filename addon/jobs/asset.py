@@ -44,6 +44,8 @@ QUICK_SIDE, SIDE = 1024, 2048
 """The most texels a side of the maps by which ways to make a low mesh are compared, and of those by which a limit is kept."""
 SHARE, FEWEST = 0.1, 500
 """The share of the high triangles with which a search begins, and how many it begins with at least."""
+KEPT = 0.97
+"""The share of a limit in degrees that meshes of a search keep: the UV map of the finished one differs from theirs."""
 NOT_DRAWN = 100.0
 """The excess of a low mesh that cannot be judged: it is far beyond any limit."""
 ALONE = 90.0
@@ -84,7 +86,7 @@ class Tried:
         if not self.is_drawn:
             return NOT_DRAWN
         degrees = self.seen.percentile_99 if self.seen is not None else 0.0
-        return max(degrees / self.limit.degrees, self.distance / self.limit.distance)
+        return max(degrees / (KEPT * self.limit.degrees), self.distance / self.limit.distance)
 
     @property
     def cost(self) -> float:
@@ -156,7 +158,8 @@ def work(
             if not is_made:
                 raise
             raise BakeError(
-                f"So coarse a mesh shows nothing of {job.highs[0].name!r}: allow more triangles."
+                f"So coarse a mesh shows nothing of {job.highs[0].name!r} on so small a map: allow more triangles, or set a "
+                "larger map."
             ) from error
         found = []
         for low, report in zip(lows, reports, strict=True):

@@ -197,10 +197,11 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
     points, triangles = _triangles(context, job, settings)
     origin, count = np.array(job.highs[0].matrix_world.translation, np.float64), len(triangles)
     edge = _edge(areas(points, triangles)) if len(triangles) else 0.0
+    points, triangles = soup.welded((points - origin).astype(np.float32), triangles)
     if len(triangles) > MOST_READ:
         cell = math.sqrt(2.0 * float(areas(points, triangles).sum()) / MOST_READ)  # two triangles a cell
         points, triangles = soup.clustered(points, triangles, max(cell, float(np.ptp(points, axis=0).max()) / 2**20))
-    points, triangles = soup.welded((points - origin).astype(np.float32), triangles)
+        points, triangles = soup.welded(points.astype(np.float32), triangles)
     if not len(triangles):
         raise BakeError(f"{job.highs[0].name!r} has no faces with an area: choose a mesh that has some.")
     farthest = float(np.abs(points).max())

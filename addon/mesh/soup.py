@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import orientation
+
 
 @dataclass(frozen=True)
 class Edges:
@@ -45,8 +47,9 @@ def welded(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def clustered(points: np.ndarray, triangles: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh with one vertex, in the middle of them, for all vertices in each cell of a grid, and without triangles that are
-    a line, or a thin part pressed flat: as many in one place that point to one side as to the other.
+    """The mesh with one vertex, in the middle of them, for all vertices in each cell of a grid that edges in it connect: where
+    two parts of the surface share a cell they stay apart. Triangles that are a line are left out, and thin parts pressed
+    flat: as many in one place that point to one side as to the other.
 
     Args:
         points: (V, 3) float.
@@ -57,7 +60,11 @@ def clustered(points: np.ndarray, triangles: np.ndarray, cell: float) -> tuple[n
         Points (P, 3) float64 and triangles (N, 3) int64.
     """
     cells = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
-    _, numbers = np.unique((cells * [1, 2**21, 2**42]).sum(axis=1), return_inverse=True)
+    cells = cells @ [1, 2**21, 2**42]
+    of_corners, ends = cells[triangles], []
+    for first, last in ((0, 1), (1, 2), (2, 0)):
+        ends.append(triangles[of_corners[:, first] == of_corners[:, last]][:, [first, last]])
+    _, numbers = np.unique(orientation.connected(len(points), *np.concatenate(ends).T), return_inverse=True)
     counts = np.bincount(numbers)
     middles = np.stack([np.bincount(numbers, column) / counts for column in points.T], axis=1)
     joined = numbers[triangles]

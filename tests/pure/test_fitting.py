@@ -190,18 +190,27 @@ def test_names_of_low_objects(high, low):
 
 
 def test_thin_parts_pressed_flat_are_gone():
-    """Layers of a triangle in the same cells: of one that points up over one that points down, nothing is left, however their
-    corners are turned; of a third, the one that has no other."""
+    """Layers of a triangle in the same cells, which edges connect: of one that points up over one that points down, nothing is
+    left, however their corners are turned; of a third, the one that has no other."""
     corners = np.array([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 0.0)])
     points = np.concatenate([corners + (0.0, 0.0, height) for height in (0.0, 0.1, 0.2)])
+    across = [(0, 3, 6), (1, 4, 7), (2, 5, 8)]
     for turn in range(3):
         up, down, over = (0, 1, 2), np.roll((3, 5, 4), turn), (6, 7, 8)
-        assert len(soup.clustered(points, np.array([up, down]), 1.0)[1]) == 0
-        assert soup.clustered(points, np.array([up, down, over]), 1.0)[1].tolist() == [[0, 1, 2]] * 2
-        assert (
-            soup.clustered(points, np.array([down, up, down]), 1.0)[1].tolist()
-            == [np.roll((0, 2, 1), turn).tolist()] * 2
-        )
+        left = [soup.clustered(points, np.array([*across, *some]), 1.0)[1] for some in ([up, down], [up, down, over])]
+        assert [found.tolist() for found in left] == [[], [[0, 1, 2]] * 2]
+
+
+def test_parts_in_a_cell_that_no_edge_connects_stay_apart():
+    corners = np.array([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 0.0)])
+    points = np.concatenate([corners, corners + (0.0, 0.0, 0.1)])
+    found, left = soup.clustered(points, np.array([(0, 1, 2), (3, 5, 4)]), 1.0)
+    assert len(found) == 6 and len(left) == 2
+    points = np.concatenate(
+        [points, points + (0.2, 0.0, 0.0)]
+    )  # and those that only the last edge of a triangle connects
+    found, left = soup.clustered(points, np.array([(0, 1, 2), (3, 5, 4), (0, 1, 6), (6, 1, 2), (3, 4, 9)]), 1.0)
+    assert len(np.unique(left)) == 6
 
 
 def test_vertices_in_a_cell_become_one_in_their_middle():
