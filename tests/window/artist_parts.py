@@ -552,6 +552,7 @@ def part_asset() -> Steps:
     check("of 800 triangles", low is not None and abs(len(low.data.polygons) - 800) <= 16)
     check("which is selected", bpy.context.object == low and bpy.context.selected_objects == [low])
     check("with its map", mine() == ["rock_low_normal"])
+    keep_for("asset_next_day")
     yield from keys("ctrl+z")
     check("one step back", kept() == before)
     for number in range(len(stages) - 1):  # to store takes less time than a key
@@ -563,6 +564,17 @@ def part_asset() -> Steps:
         yield from finished()
         check(f"Esc in {stages[number]!r} leaves nothing", kept() == before)
     picture("stopped")
+
+
+def part_asset_next_day() -> Steps:
+    """The asset is as it was saved, and is baked again at once."""
+    same_as_saved()
+    first = contents()
+    check("its map is there", list(first) == ["rock_low_normal"])
+    yield from click_row("rock_low")
+    yield from bake()
+    picture("baked again")
+    check("baked again at once", contents() == first)
 
 
 def part_atlas() -> Steps:
