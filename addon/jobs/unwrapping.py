@@ -115,7 +115,7 @@ def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: boo
     low.data.edges.foreach_get("use_seam", seams)
     with _copy(low) as obj:
         mesh = _read(obj)
-        charts = Charts(mesh.positions, mesh.vertices[mesh.triangles], mesh.faces, margin(sampling))
+        charts = Charts(mesh.positions, mesh.vertices[mesh.triangles], mesh.faces, margin(sampling), _hard(obj.data))
         ways: dict[str, Callable[[], bool]] = {}
         for stretch, name in STEPS:
             charts.grow(stretch)
@@ -178,6 +178,14 @@ def _by_seams(obj: bpy.types.Object, seams: np.ndarray) -> bool:
         bpy.ops.uv.unwrap(method="MINIMUM_STRETCH", fill_holes=False, correct_aspect=False, margin=0.0)
         bpy.ops.uv.average_islands_scale()
     return True
+
+
+def _hard(data: bpy.types.Mesh) -> np.ndarray:
+    """The edges that are marked as sharp, as vertices (H, 2)."""
+    ends, is_sharp = np.empty((len(data.edges), 2), np.int32), np.empty(len(data.edges), bool)
+    data.edges.foreach_get("vertices", ends.reshape(-1))
+    data.edges.foreach_get("use_edge_sharp", is_sharp)
+    return ends[is_sharp]
 
 
 def _project(obj: bpy.types.Object) -> bool:

@@ -24,7 +24,9 @@ class Charts:
     edges (E, 2) int: their vertices, the lower one first.
     """
 
-    def __init__(self, points: np.ndarray, corners: np.ndarray, faces: np.ndarray, margin: float):
+    def __init__(
+        self, points: np.ndarray, corners: np.ndarray, faces: np.ndarray, margin: float, hard: np.ndarray | None = None
+    ):
         """Begin with each face by itself.
 
         Args:
@@ -32,6 +34,7 @@ class Charts:
             corners: (T, 3) int, the vertices of triangles.
             faces: (T,) int from 0, the face of each triangle.
             margin: around charts, as a share of the map's side.
+            hard: (H, 2) int, the vertices of edges that must be seams: those where normals break.
         """
         count = int(faces.max(initial=-1)) + 1
         points = points.astype(np.float64)
@@ -46,9 +49,9 @@ class Charts:
         self._neighbors: list[dict[int, list[int]] | None] = [{} for _ in range(count)]
         self._parents: list[int] = list(range(count))
         self._of_faces = self._areas.copy(), self._normals.copy()
-        self._read_edges(points, corners, faces)
+        self._read_edges(points, corners, faces, np.zeros((0, 2), int) if hard is None else hard)
 
-    def _read_edges(self, points: np.ndarray, corners: np.ndarray, faces: np.ndarray) -> None:
+    def _read_edges(self, points: np.ndarray, corners: np.ndarray, faces: np.ndarray, hard: np.ndarray) -> None:
         ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
         self.edges, number, uses = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
         number = number.reshape(-1)
@@ -58,6 +61,8 @@ class Charts:
         sides = np.stack([faces[first // 3], faces[second // 3]], axis=1)
         # Faces on both sides of an edge run along it in opposite directions, unless one of them shows its back.
         joins = (uses == 2) & (ends[first, 0] == ends[second, 1]) & (ends[first, 0] != ends[first, 1])
+        keys, of_hard = (np.sort(each, axis=1).astype(np.int64) @ [len(points), 1] for each in (self.edges, hard))
+        joins &= ~np.isin(keys, of_hard)
         self._seams = [~(joins & (sides[:, 0] == sides[:, 1]))]
         self._is_seam: list[bool] = self._seams[0].tolist()
         self._lengths = np.linalg.norm(points[self.edges[:, 0]] - points[self.edges[:, 1]], axis=1).tolist()

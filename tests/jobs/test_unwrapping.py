@@ -85,6 +85,12 @@ def test_a_mesh_is_unwrapped_and_nothing_else_changes():
     assert uv.min() > 0.0 and uv.max() < 1.0
 
 
+def test_sharp_edges_are_borders_of_islands():
+    low = bare(zoo.cube("lo"))
+    low.data.set_sharp_from_angle(angle=0.5)
+    assert "6 islands" in unwrapping.unwrap(low, SETTINGS)
+
+
 @pytest.mark.usefixtures("gpu_context")
 @pytest.mark.parametrize("mips", [1, 4])
 def test_islands_have_the_margin_that_mip_levels_need(mips):

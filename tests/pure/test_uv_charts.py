@@ -131,6 +131,19 @@ def test_the_sides_of_a_cube_are_charts_if_stretch_counts_much():
     assert len(cuts(charts, triangles)) == 12 * 4
 
 
+def test_hard_edges_are_borders():
+    points, triangles = cube()
+    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+    on_sides = ((points[ends] == points[ends][:, :1]).all(axis=1)) & np.isin(points[ends][:, 0], [0.0, 1.0])
+    hard = ends[on_sides.sum(axis=1) == 2]  # along the edges of the cube
+    assert len(np.unique(np.sort(hard, axis=1), axis=0)) == 12 * 4
+    for stretch in (1.0, 0.001):
+        soft = grown(points, triangles, stretch)
+        charts = Charts(points, triangles, np.arange(len(triangles)), MARGIN, hard)
+        charts.grow(stretch)
+        assert soft.count < charts.count == 6
+
+
 @pytest.mark.parametrize("shape", [flat, cylinder, torus, sphere, cube], ids=lambda shape: shape.__name__)
 @pytest.mark.parametrize("stretch", [30.0, 1.0, 0.01])
 def test_charts_are_disks(shape, stretch):
