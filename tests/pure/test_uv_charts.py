@@ -137,11 +137,9 @@ def test_hard_edges_are_borders():
     on_sides = ((points[ends] == points[ends][:, :1]).all(axis=1)) & np.isin(points[ends][:, 0], [0.0, 1.0])
     hard = ends[on_sides.sum(axis=1) == 2]  # along the edges of the cube
     assert len(np.unique(np.sort(hard, axis=1), axis=0)) == 12 * 4
-    for stretch in (1.0, 0.001):
-        soft = grown(points, triangles, stretch)
-        charts = Charts(points, triangles, np.arange(len(triangles)), MARGIN, hard)
-        charts.grow(stretch)
-        assert soft.count < charts.count == 6
+    charts = Charts(points, triangles, np.arange(len(triangles)), MARGIN, hard)
+    charts.grow(0.001)
+    assert grown(points, triangles, 0.001).count < charts.count == 6
 
 
 @pytest.mark.parametrize("shape", [flat, cylinder, torus, sphere, cube], ids=lambda shape: shape.__name__)
