@@ -40,6 +40,8 @@ QUICK = "medium charts"
 """Those that are tried if it has to be quick."""
 MANY = 600
 """More charts than this are not tried, and more islands are packed by boxes alone: both would take long."""
+TINIEST, FEW = STEPS[1][1], 200
+"""The smallest charts that are tried, and only if there are few: many margins cost more of the map than stretch does."""
 AGAIN = 8
 """How often charts are unwrapped anew, at most, because some are bad."""
 ANGLE = np.radians(66.0)
@@ -119,7 +121,8 @@ def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: boo
         ways: dict[str, Callable[[], bool]] = {}
         for stretch, name in STEPS:
             charts.grow(stretch)
-            if name and charts.count <= MANY and (name == QUICK or not is_quick):
+            most = FEW if name == TINIEST else MANY
+            if name and charts.count <= most and (name == QUICK or not is_quick):
                 ways[name] = partial(_by_charts, obj, charts, charts.steps)
         if seams.any() and not is_quick:
             ways["the mesh's seams"] = partial(_by_seams, obj, seams)

@@ -2,23 +2,30 @@
 """Packs UV islands into a map by their outlines, as large as they fit, with a margin around each.
 
 The map is divided into cells, and an island takes all cells that it touches, with the margin around them. One after the other,
-the largest first, islands go to the place where their center is lowest. All cells of the map are the bits of one whole number:
-one shift moves a row of an island to all places at once, and one "and" tells which of them are taken.
+the largest first, islands go to the lowest place. All cells of the map are the bits of an array of bytes: a part of the array
+has what a row of an island would lie on for all places at once, and an "or" of these parts tells where a cell is taken.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-CELLS = 256
-"""Cells a side, about: up to twice as many, so that the margin is a whole number of them."""
-ROTATIONS, FEW_ROTATIONS = 16, 8
-"""The directions in which an island is tried, evenly over the circle; fewer in a quick search."""
+QUICK_CELLS, CELLS = 256, 512
+"""Cells a side, about: up to twice as many, so that the margin is a whole number of them. Fewer in a quick search."""
+TURNS = 2
+"""The directions in which an island is tried in each quarter of the circle, evenly."""
+RULES = ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5))
+"""Which place is the lowest: the weights of the height of the island's center there and of its top. Tried in turn."""
 ORDERS, NOISE, SEED = 6, 0.3, 1
-"""How many orders are tried at a size: by area times a random factor, whose logarithm has a standard deviation of NOISE."""
-FULL = 0.75
+"""How many orders are tried at a size, at most: by area times a random factor, whose logarithm has a standard deviation of
+NOISE."""
+PLACED = 150
+"""Fewer orders are tried if they have more islands than this together."""
+MOVES = 3
+"""How often the island that does not fit is moved forward in the order."""
+FULL = 0.72
 """The share of the cells that are taken at the size that is tried first."""
-COARSE, FINE = 1.04, 1.01
+COARSE, FINE = 1.03, 1.01
 """The factors on the area by which the size is searched: of one order, and of all."""
 LEAST = 0.02
 """Islands that do not fit at this share of the map are not packed."""
@@ -43,7 +50,7 @@ def pack(corners: np.ndarray, islands: np.ndarray, margin: float, *, is_quick: b
         corners: (T, 3, 2), the UVs of triangles.
         islands: (T,) int from 0, the island of each triangle.
         margin: around each island, as a share of the side. Along u or along v, two islands are twice as far apart.
-        is_quick: whether the size is searched by one order of islands alone.
+        is_quick: whether the size is searched by one order of islands alone, with fewer cells.
     """
     if not np.isfinite(corners).all():
         return None
@@ -52,143 +59,258 @@ def pack(corners: np.ndarray, islands: np.ndarray, margin: float, *, is_quick: b
     area = float(0.5 * np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum())
     if area == 0.0:
         return None
-    return _Packing(corners, islands, area, margin, is_quick=is_quick).search()
+    found = _Packing(corners, islands, area, margin, QUICK_CELLS).first()
+    if found is not None and not is_quick:
+        found = _Packing(corners, islands, area, margin, CELLS).better(found)
+    return None if found is None else found.packed
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What fits at a share of the map: the order of the islands, the weights of a rule, and where they go."""
+
+    share: float
+    order: list[int]
+    rule: tuple[float, float]
+    packed: Packed
 
 
 class _Packing:
-    """The search for the size. Triangles are in the order of their islands."""
+    """The search for the size, which is the triangles' share of the map. Triangles are in the order of their islands."""
 
-    def __init__(self, corners: np.ndarray, islands: np.ndarray, area: float, margin: float, *, is_quick: bool):
+    def __init__(self, corners: np.ndarray, islands: np.ndarray, area: float, margin: float, cells: int):
         self.corners, self.islands, self.area = corners, islands, area
-        self.rotations = FEW_ROTATIONS if is_quick else ROTATIONS
-        self.steps = ((COARSE, 1),) if is_quick else ((COARSE, 1), (FINE, ORDERS))
-        self.reach = max(1, int(np.ceil(CELLS * margin - 1e-6)))
-        self.side = max(2 * self.reach + 1, int(min(self.reach / max(margin, 1e-6), 2.0 * CELLS) + 1e-6))
-        self.inside: dict[tuple[int, int], int] = {}
+        self.reach = max(1, int(np.ceil(cells * margin - 1e-6)))
+        self.side = max(2 * self.reach + 1, int(min(self.reach / max(margin, 1e-6), 2.0 * cells) + 1e-6))
+        self.random = np.random.default_rng(SEED)
 
-    def search(self) -> Packed | None:
-        share = self._guess()
-        best = self._try(share, 1)
-        while best is None and share > LEAST:
-            share /= COARSE
-            best = self._try(share, 1)
-        if best is None:
-            return None
-        for factor, orders in self.steps:
-            while (found := self._try(share * factor, orders)) is not None:
-                best, share = found, share * factor
-        return best
-
-    def _guess(self) -> float:
+    def first(self) -> _Found | None:
+        """Pack by area, at a size that is guessed and then searched."""
         share = 0.5
         for _ in range(3):
-            taken = int(self._shapes(0.0, share).cells.sum())
+            taken = int(self._shapes(0.0, share)[0].cells.sum())
             share *= min(2.0, FULL * self.side**2 / taken)
-        return max(share, LEAST)
+        share = max(share, LEAST)
+        found = self._try(share, None, 1)
+        while found is None and share > LEAST:
+            share /= COARSE
+            found = self._try(share, None, 1)
+        return None if found is None else self._grow(found, COARSE, 1)
 
-    def _shapes(self, angle: float, share: float) -> "_Shapes":
-        cosine, sine = self.side * np.sqrt(share / self.area) * np.array([np.cos(angle), np.sin(angle)])
-        matrix = np.array([[cosine, -sine], [sine, cosine]])
-        return _Shapes(self.corners, self.islands, matrix, self.reach, self.side)
+    def better(self, found: _Found) -> _Found:
+        """Pack larger, beginning with the order that fits."""
+        orders = max(1, min(ORDERS, PLACED // len(found.order)))
+        return self._grow(self._grow(found, COARSE, 1), FINE, orders)
 
-    def _try(self, share: float, orders: int) -> Packed | None:
-        """Pack at a size, the triangles' share of the map."""
-        turned = [self._shapes(2.0 * np.pi * k / self.rotations, share) for k in range(self.rotations)]
-        random = np.random.default_rng(SEED)
+    def _grow(self, found: _Found, factor: float, orders: int) -> _Found:
+        while (larger := self._try(found.share * factor, found, orders)) is not None:
+            found = larger
+        return found
+
+    def _try(self, share: float, last: _Found | None, orders: int) -> _Found | None:
+        """Pack at a size. The first order that is tried is the one that fit last."""
+        angles = 0.5 * np.pi * np.arange(TURNS) / TURNS
+        turned = [shapes for angle in angles.tolist() for shapes in self._shapes(angle, share)]
+        cells = turned[0].cells
         for k in range(orders):
-            noise = NOISE * random.standard_normal(len(turned[0].cells)) if k else 0.0
-            places = self._place(turned, np.argsort(-turned[0].cells * np.exp(noise), kind="stable").tolist())
-            if places is not None:
-                matrices = np.stack([turned[k].matrix for k, _, _ in places]) / self.side
-                corner = np.array([turned[k].least[island] for island, (k, _, _) in enumerate(places)])
-                cell = np.array([(x, y) for _, x, y in places], float) + self.reach
-                return Packed(matrices, (cell - corner) / self.side)
+            noise = NOISE * self.random.standard_normal(len(cells)) if k else 0.0
+            order = np.argsort(-cells * np.exp(noise), kind="stable").tolist()
+            rule = RULES[k % len(RULES)]
+            if last is not None and k == 0:
+                order, rule = last.order.copy(), last.rule
+            for _ in range(MOVES + 1):
+                places = self._place(turned, order, rule)
+                if len(places) == len(order):
+                    return _Found(share, order, rule, self._packed(turned, places))
+                order.insert(len(places) // 2, order.pop(len(places)))
         return None
 
-    def _place(self, turned: list["_Shapes"], order: list[int]) -> list[tuple[int, int, int]] | None:
-        """Place islands one after the other. Returns the rotation and the first cell along u and v of each, or None."""
-        # taken[k]: the cells from which one of the next 2^k cells in the row is taken.
-        taken = [0] * self.side.bit_length()
-        places = [(0, 0, 0)] * len(order)
+    def _shapes(self, angle: float, share: float) -> list["_Shapes"]:
+        """The islands in a direction, and turned by one to three quarters of the circle from there."""
+        cosine, sine = self.side * np.sqrt(share / self.area) * np.array([np.cos(angle), np.sin(angle)])
+        matrix = np.array([[cosine, -sine], [sine, cosine]])
+        turned = self.corners @ matrix.T
+        starts = np.flatnonzero(np.diff(self.islands, prepend=-1))
+        least = np.minimum.reduceat(turned.min(axis=1), starts)
+        extent = np.maximum.reduceat(turned.max(axis=1), starts) - least
+        inner = np.minimum(np.floor(extent) + 1.0, 2.0 * self.side)  # those that are larger do not fit anyway
+        corner = least - 0.5 * (inner - extent) - self.reach  # with as much place on one side as on the other
+        size = inner.astype(np.int64) + 2 * self.reach
+        turned -= (corner + self.reach)[self.islands][:, None]
+        mask, first_rows = _touched(turned, self.islands, size, self.reach)
+        (left, bottom), (right, top), (wide, high) = corner.T, (corner + size).T, size.T
+        quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
+        row, column, length = _runs(mask)
+        owner = np.searchsorted(first_rows, row, side="right") - 1
+        row -= first_rows[owner]
+        end = wide[owner] - column - length
+        along_u = [
+            _Shapes(matrix, (left, bottom), (wide, high), _Runs(owner, row, column, length), self.side),
+            _Shapes(-matrix, (-right, -top), (wide, high), _Runs(owner, high[owner] - 1 - row, end, length), self.side),
+        ]
+        column, row, length = _runs(np.ascontiguousarray(mask.T))
+        order = np.argsort(row, kind="stable")  # by islands
+        column, row, length = column[order], row[order], length[order]
+        owner = np.searchsorted(first_rows, row, side="right") - 1
+        row -= first_rows[owner]
+        end, column_2 = high[owner] - row - length, wide[owner] - 1 - column
+        matrix = quarter @ matrix
+        along_v = [
+            _Shapes(matrix, (-top, left), (high, wide), _Runs(owner, column, end, length), self.side),
+            _Shapes(-matrix, (bottom, -right), (high, wide), _Runs(owner, column_2, row, length), self.side),
+        ]
+        return along_u + along_v
+
+    def _place(
+        self, turned: list["_Shapes"], order: list[int], rule: tuple[float, float]
+    ) -> dict[int, tuple[int, int, int]]:
+        """Place islands one after the other, up to the first that does not fit. Returns the direction of each, and the first
+        cell along u and v."""
+        by_center, by_top = rule
+        taken, places = _Taken(self.side), {}
         for island in order:
-            found = []
-            for k, shapes in enumerate(turned):
-                free = self._inside(*shapes.sizes[island]) & ~shapes.overlaps(island, taken)
-                if free:
-                    row, column = divmod((free & -free).bit_length() - 1, self.side)
-                    found.append((row + shapes.centers[island], column, row, k))
-            if not found:
-                return None
-            _, column, row, k = min(found)
-            places[island] = k, column, row
-            taken[0] |= turned[k].bits(island) << (row * self.side + column)
-            for power in range(1, len(taken)):
-                taken[power] = taken[power - 1] | taken[power - 1] >> (1 << (power - 1))
+            best, lowest = None, np.inf
+            above = [by_center * shapes.centers[island] + by_top * shapes.sizes[island][1] for shapes in turned]
+            for k in sorted(range(len(turned)), key=above.__getitem__):
+                place = taken.first_free(turned[k], island, min(lowest - above[k], self.side))
+                if place is not None and place[1] + above[k] < lowest:
+                    best, lowest = (k, *place), place[1] + above[k]
+            if best is None:
+                break
+            places[island] = best
+            taken.add(turned[best[0]], island, *best[1:])
         return places
 
-    def _inside(self, width: int, height: int) -> int:
-        """The cells where an island of this size can start."""
-        if (width, height) not in self.inside:
-            bits = 0
-            if width <= self.side and height <= self.side:
-                row = "0" * (width - 1) + "1" * (self.side - width + 1)
-                bits = int(row * (self.side - height + 1), 2)
-            self.inside[width, height] = bits
-        return self.inside[width, height]
+    def _packed(self, turned: list["_Shapes"], places: dict[int, tuple[int, int, int]]) -> Packed:
+        found = [places[island] for island in range(len(places))]
+        matrices = np.stack([turned[k].matrix for k, _, _ in found]) / self.side
+        corners = np.array([turned[k].corners[island] for island, (k, _, _) in enumerate(found)])
+        return Packed(matrices, (np.array([place for _, *place in found], float) - corners) / self.side)
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """Cells side by side in a row: their island, the row and the column of the first, and how many. (R,) int, by islands."""
+
+    owner: np.ndarray
+    row: np.ndarray
+    column: np.ndarray
+    length: np.ndarray
 
 
 class _Shapes:
     """The cells of all islands in one direction and size.
 
-    matrix (2, 2): from UVs to cells. least (I, 2): the lowest corner of each island then. sizes: the cells along u and v.
-    cells (I,): how many there are. centers: the mean row. All count the margin.
+    matrix (2, 2): from UVs to cells. corners (I, 2): where the first cell of each island is then. sizes: the cells along u and
+    v. cells (I,): how many there are. centers: the mean row. parts: where the bytes start that tell what each run of an island
+    would lie on, if it starts at the first cell. runs: the rows, the columns and the lengths. All count the margin.
     """
 
-    def __init__(self, corners: np.ndarray, islands: np.ndarray, matrix: np.ndarray, reach: int, side: int):
-        self.matrix = matrix
-        turned = corners @ self.matrix.T
-        starts = np.flatnonzero(np.diff(islands, prepend=-1))
-        self.least = np.minimum.reduceat(turned.min(axis=1), starts)
-        size = np.maximum.reduceat(turned.max(axis=1), starts) - self.least
-        size = np.minimum(size.astype(np.int64) + 1 + 2 * reach, 2 * side)  # those that are larger do not fit anyway
-        self.sizes = [tuple(row) for row in size.tolist()]
-        turned -= self.least[islands][:, None]
-        mask, first_rows = _touched(turned, islands, size, reach)
-        starts, stops = _runs(mask)
-        owner = np.searchsorted(first_rows, starts // mask.shape[1], side="right") - 1
-        rows = starts // mask.shape[1] - first_rows[owner]
-        lengths = stops - starts
-        self.cells = np.bincount(owner, lengths, len(size))
-        self.centers = (np.bincount(owner, lengths * rows, len(size)) / self.cells).tolist()
+    def __init__(
+        self,
+        matrix: np.ndarray,
+        corner: tuple[np.ndarray, np.ndarray],
+        size: tuple[np.ndarray, np.ndarray],
+        runs: "_Runs",
+        side: int,
+    ):
+        self.matrix, self.corners = matrix, np.stack(corner, axis=1)
+        self.sizes = list(zip(*[x.tolist() for x in size], strict=True))
+        count = len(self.sizes)
+        self.cells = np.bincount(runs.owner, runs.length, count)
+        self.centers = (np.bincount(runs.owner, runs.length * runs.row, count) / self.cells).tolist()
         # A run is covered by two that overlap, of a length that is a power of two.
-        power = np.frexp(lengths)[1] - 1
-        first = rows * side + starts % mask.shape[1]
-        shifts = np.stack([first, first + lengths - (1 << power)], axis=1).tolist()
-        cuts = np.searchsorted(owner, np.arange(len(size) + 1)).tolist()
-        runs = [(k, shift) for k, pair in zip(power.tolist(), shifts, strict=True) for shift in pair]
-        self._runs = [list(dict.fromkeys(runs[2 * a : 2 * b])) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+        power = np.frexp(runs.length)[1] - 1
+        first = runs.row * 8 * _bytes(side) + runs.column
+        bits = np.stack([first, first + runs.length - (1 << power)], axis=1)
+        parts = (power[:, None] * 8 + bits % 8) * (side * _bytes(side)) + bits // 8
+        cuts = np.searchsorted(runs.owner, np.arange(count + 1)).tolist()
+        bounds = list(zip(cuts[:-1], cuts[1:], strict=True))
+        self.parts = [list(dict.fromkeys(parts[a:b].reshape(-1).tolist())) for a, b in bounds]
+        self.runs = [(runs.row[a:b], runs.column[a:b], runs.length[a:b]) for a, b in bounds]
 
-    def overlaps(self, island: int, taken: list[int]) -> int:
-        """The cells at which the island would overlap taken ones."""
-        bits = 0
-        for power, shift in self._runs[island]:
-            bits |= taken[power] >> shift
-        return bits
 
-    def bits(self, island: int) -> int:
-        """The cells of the island that starts at the first cell."""
-        bits = 0
-        for power, shift in self._runs[island]:
-            bits |= ((1 << (1 << power)) - 1) << shift
-        return bits
+class _Taken:
+    """The cells of the map that are taken. Rows are whole bytes, whose lowest bit is the first cell."""
+
+    def __init__(self, side: int):
+        self.side, self.wide = side, _bytes(side)
+        self._cells = np.zeros((side, 8 * self.wide), bool)
+        # [k, b]: from which cells one of the next 2^k cells in the row is taken, moved down by b bits.
+        self._moved = np.zeros((side.bit_length(), 8, side * self.wide), np.uint8)
+        self._parts = self._moved.reshape(-1)
+        self._over = np.empty(side * self.wide, np.uint8)
+        self._outside: dict[int, np.ndarray] = {}
+
+    def first_free(self, shapes: _Shapes, island: int, limit: float) -> tuple[int, int] | None:
+        """The first cell (along u and v) where the island does not overlap taken ones, in the rows below a limit."""
+        width, height = shapes.sizes[island]
+        rows = int(min(self.side - height + 1, np.ceil(limit)))
+        if width > self.side or rows <= 0:
+            return None
+        length = rows * self.wide
+        over = self._over[:length]
+        over[:] = self._too_far(width)[:length]
+        for start in shapes.parts[island]:
+            np.bitwise_or(over, self._parts[start : start + length], over)
+        is_free = over != 255
+        byte = int(is_free.argmax())
+        if not is_free[byte]:
+            return None
+        free = ~int(over[byte]) & 255
+        row, column = divmod(8 * byte + (free & -free).bit_length() - 1, 8 * self.wide)
+        return column, row
+
+    def _too_far(self, width: int) -> np.ndarray:
+        """The cells where an island of this width cannot start."""
+        if width not in self._outside:
+            row = np.arange(8 * self.wide) > self.side - width
+            self._outside[width] = np.tile(np.packbits(row, bitorder="little"), self.side)
+        return self._outside[width]
+
+    def add(self, shapes: _Shapes, island: int, column: int, row: int) -> None:
+        """Take the cells of an island whose first cell is given."""
+        height = shapes.sizes[island][1]
+        steps = np.zeros((height, 8 * self.wide + 1), np.int8)
+        rows, columns, lengths = shapes.runs[island]
+        steps[rows, column + columns] += 1
+        steps[rows, column + columns + lengths] -= 1
+        cells = self._cells[row : row + height]
+        cells |= np.cumsum(steps[:, :-1], axis=1, dtype=np.int8) > 0
+        # The row before also sees the first cells of this one.
+        first = max(row - 1, 0)
+        part = slice(first * self.wide, (row + height) * self.wide)
+        moved = self._moved[:, :, part]
+        moved[0, 0] = np.packbits(self._cells[first : row + height], bitorder="little")
+        for k in range(1, len(moved)):
+            moved[k, 0] = moved[k - 1, 0] | _down(moved[k - 1, 0], 1 << (k - 1))
+        for bits in range(1, 8):
+            moved[:, bits] = _down(moved[:, 0], bits)
+
+
+def _bytes(side: int) -> int:
+    """How many bytes a row of cells has."""
+    return (side + 7) // 8
+
+
+def _down(cells: np.ndarray, bits: int) -> np.ndarray:
+    """Cells (..., N) uint8 moved down by a number of bits: the first ones get lost."""
+    found = np.zeros_like(cells)
+    whole, rest = divmod(bits, 8)
+    length = max(0, cells.shape[-1] - whole)
+    found[..., :length] = cells[..., whole:] >> rest
+    if rest:
+        found[..., : max(0, length - 1)] |= cells[..., whole + 1 :] << (8 - rest)
+    return found
 
 
 def _touched(corners: np.ndarray, islands: np.ndarray, size: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
     """The cells that triangles touch, or are `reach` from those.
 
-    Returns a mask (rows, columns) bool with the islands one below the other, and the first row of each.
+    Returns a mask (rows, columns) bool with the islands one below the other, and the first row of each. The last column is
+    empty, and a row after each island.
     """
-    first_rows = np.cumsum(size[:, 1]) - size[:, 1]
+    first_rows = np.cumsum(size[:, 1] + 1) - size[:, 1] - 1
     bottom, top = np.floor(corners[:, :, 1].min(axis=1)), np.floor(corners[:, :, 1].max(axis=1))
     count = np.minimum(top - bottom + 1, size[islands, 1] - 2 * reach).astype(np.int64)
     triangle = np.repeat(np.arange(len(corners)), count)
@@ -211,7 +333,7 @@ def _touched(corners: np.ndarray, islands: np.ndarray, size: np.ndarray, reach: 
     start = np.clip(first, 0, limit).astype(np.int64)
     stop = np.clip(last + 1 + 2 * reach, 1, limit + 1).astype(np.int64)
     at = (first_rows[islands][triangle] + np.minimum(row, size[islands, 1][triangle] - 1 - 2 * reach) + reach) * columns
-    length = int(size[:, 1].sum()) * columns
+    length = int((size[:, 1] + 1).sum()) * columns
     steps = np.bincount(at + start, minlength=length) - np.bincount(at + stop, minlength=length)
     mask = np.cumsum(steps).reshape(-1, columns) > 0
     grown = mask.copy()
@@ -221,7 +343,8 @@ def _touched(corners: np.ndarray, islands: np.ndarray, size: np.ndarray, reach: 
     return grown, first_rows
 
 
-def _runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first and the last cell but one of each run in the rows of a mask whose last column is empty."""
+def _runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The row, the first column and the length of each run in the rows of a mask whose last column is empty."""
     steps = np.diff(mask.reshape(-1).view(np.int8), prepend=np.int8(0))
-    return np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    starts, stops = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    return *np.divmod(starts, mask.shape[1]), stops - starts
