@@ -86,12 +86,10 @@ def fitted(points: np.ndarray, triangles: np.ndarray, around: Samples) -> tuple[
     is_free = np.zeros(len(start), bool)
     is_free[triangles] = True
     edges = np.unique(np.sort(np.concatenate([triangles[:, [i, i - 1]] for i in range(3)]), axis=1), axis=0)
-    now, places, found = start, around.points.astype(np.float32), None
-    beside = _Beside.of(triangles)
-    for _ in range(ROUNDS):
-        if found is None:
-            found, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
-        else:
+    now, places, beside = start, around.points.astype(np.float32), _Beside.of(triangles)
+    found, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
+    for done in range(ROUNDS):
+        if done:
             found, where = beside.closest(places, found, now.astype(np.float32))
         corners = triangles[found]
         normals, _ = _normals(now, corners)

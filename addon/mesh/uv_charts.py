@@ -44,9 +44,10 @@ class Charts:
         sums = np.stack([np.bincount(faces, normals[:, axis], count) for axis in range(3)], axis=1)
         self._border = 2.0 * margin * float(areas.sum()) ** 0.5
         # Of each chart; those that were joined stay in the lists, without neighbors.
+        self._is_left: list[bool] = [True] * count
         self._areas: list[float] = np.bincount(faces, areas, count).tolist()
         self._normals: list[Vector] = [(x, y, z) for x, y, z in sums.tolist()]
-        self._neighbors: list[dict[int, list[int]] | None] = [{} for _ in range(count)]
+        self._neighbors: list[dict[int, list[int]]] = [{} for _ in range(count)]
         self._parents: list[int] = list(range(count))
         self._of_faces = self._areas.copy(), self._normals.copy()
         self._read_edges(points, corners, faces, np.zeros((0, 2), int) if hard is None else hard)
@@ -94,7 +95,7 @@ class Charts:
     @property
     def count(self) -> int:
         """How many charts there are."""
-        return len(self._neighbors) - self._neighbors.count(None)
+        return sum(self._is_left)
 
     def seams(self, steps: np.ndarray) -> np.ndarray:
         """The edges to cut, (S, 2) int, as vertices. steps (F,) int: after how many steps, for each face; 0 is by itself."""
@@ -106,12 +107,12 @@ class Charts:
         """Join neighbors as long as it pays, and make borders shorter. stretch: how much it counts, less from step to step."""
         heap: list[tuple[float, int, int]] = []
         for one, around in enumerate(self._neighbors):
-            for other in around or ():
+            for other in around:
                 if one < other:
                     self._offer(heap, one, other, stretch)
         while heap:
             _, one, other = heapq.heappop(heap)
-            if self._neighbors[one] is not None and self._neighbors[other] is not None:
+            if self._is_left[one] and self._is_left[other]:
                 new = self._join(one, other)
                 for neighbor in self._neighbors[new]:
                     self._offer(heap, neighbor, new, stretch)
@@ -179,9 +180,10 @@ class Charts:
             many[neighbor] = many.get(neighbor, []) + edges
         for chart in (one, other):
             many.pop(chart, None)
-            self._neighbors[chart] = None
+            self._neighbors[chart], self._is_left[chart] = {}, False
             self._parents[chart] = new
         self._neighbors.append(many)
+        self._is_left.append(True)
         for neighbor, edges in many.items():
             around = self._neighbors[neighbor]
             around.pop(one, None)

@@ -134,7 +134,9 @@ class _Packing:
         least = np.minimum.reduceat(turned.min(axis=1), starts)
         extent = np.maximum.reduceat(turned.max(axis=1), starts) - least
         inner = np.minimum(np.floor(extent) + 1.0, 2.0 * self.side)  # those that are larger do not fit anyway
-        corner = least - 0.5 * (inner - extent) - self.reach  # with as much place on one side as on the other
+        corner = (
+            least - 0.5 * np.maximum(inner - extent, 0.0) - self.reach
+        )  # with as much place on one side as on the other
         size = inner.astype(np.int64) + 2 * self.reach
         turned -= (corner + self.reach)[self.islands][:, None]
         mask, first_rows = _touched(turned, self.islands, size, self.reach)

@@ -278,6 +278,7 @@ def test_squares_fill_most_of_the_map():
     assert 0.1 < side <= 0.125 - 2.0 * MARGIN
 
 
+@pytest.mark.slow
 def test_more_orders_pack_larger():
     corners, islands = random_islands(7, 16)
     quick, slow = (uv_packing.pack(corners, islands, MARGIN, is_quick=is_quick) for is_quick in (True, False))
@@ -299,3 +300,9 @@ def test_an_island_lies_in_the_hole_of_another():
     corners = np.concatenate([nodes[np.array(ring)], 0.5 * places[np.array([[0, 1, 2], [0, 2, 3]])]])
     packed = uv_packing.pack(corners, np.array([0] * 8 + [1] * 2), MARGIN)
     assert np.linalg.det(packed.matrices[0]) > 0.94
+
+
+def test_an_island_much_longer_than_the_map_does_not_stop_the_search():
+    """Nothing is packed, as the other island would have no cell."""
+    corners = np.array([[(0.0, 0.0), (1e6, 0.0), (1e6, 1.0)], [(0.0, 2.0), (500.0, 2.0), (0.0, 502.0)]])
+    assert uv_packing.pack(corners, np.array([0, 1]), 0.01) is None
