@@ -376,7 +376,7 @@ def read_asset(words: Sequence[str], program: str) -> argparse.Namespace:
         wanted = asset.Wanted.of_texts(*limits_of_asset)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
-    options = parse([*rest, *(["--size", own.size] if own.size and not wanted.fits_size else [])], program)
+    options = parse([*rest, *(["--size", own.size] if own.size and not wanted.finds_size else [])], program)
     defaults = vars(parse([]))
     wrong = next((name for name in _NOT_OF_ASSET if getattr(options, name) != defaults[name]), None)
     if wrong:
@@ -445,7 +445,8 @@ def _asset_parser(program: str) -> argparse.ArgumentParser:
         "--size",
         default=None,
         metavar="auto",
-        help=f"Of the maps: {asset.AUTO} for texels as small as the high meshes' triangles, or as for `bake`",
+        help=f"Of the maps: {asset.AUTO} for texels as small as the high meshes' triangles, 512{asset.A_METER} for at least "
+        "512 texels a meter, or as for `bake`",
     )
     return parser
 

@@ -11,6 +11,8 @@ TRIANGLES = 5000
 """How many triangles a low mesh has if nothing else is said."""
 AUTO = "auto"
 """The word for maps as large as the detail needs."""
+A_METER = "/m"
+"""What follows a number of texels a meter."""
 SIZES = 256, 4096
 """The smallest and the largest map that a size found by itself can have."""
 
@@ -30,7 +32,8 @@ class Wanted:
     degrees: the shading error that 99 % of the pixels may have, infinite for no limit. distance: from the high mesh, that 99 %
     of the surface may have, as a share of the longest side of the box; infinite for no limit. triangles: how many the low mesh
     has; with another limit the most of them, 0 for as many as that takes. fits_size: whether the maps are as large as the
-    detail of the high objects needs. levels: how many levels of detail follow the low mesh.
+    detail of the high objects needs. levels: how many levels of detail follow the low mesh. density: the texels a meter that
+    the maps have at least; 0 for the size in the settings.
     """
 
     degrees: float = math.inf
@@ -38,11 +41,12 @@ class Wanted:
     fits_size: bool = False
     distance: float = math.inf
     levels: int = 0
+    density: float = 0.0
 
     @classmethod
     def of_texts(cls, degrees: str, triangles: str, size: str, distance: str = "", levels: int = 0) -> "Wanted":
-        """The limits in texts, each of which may be empty. size: AUTO, or anything else. distance: in percent. Raises
-        BakeError."""
+        """The limits in texts, each of which may be empty. size: AUTO, texels a meter with A_METER, or anything else.
+        distance: in percent. Raises BakeError."""
         most = _number(triangles, "a number of triangles") if triangles.strip() else 0.0
         if triangles.strip() and not most >= LEAST:
             raise BakeError(f"{triangles.strip()} triangles enclose nothing: give {LEAST} or more.")
@@ -51,9 +55,18 @@ class Wanted:
         far = _number(percent, "a distance in percent") / 100.0 if percent else math.inf
         if min(angle, far) == math.inf and not triangles.strip():
             most = TRIANGLES
-        result = cls(angle, round(most), size.strip().lower() == AUTO, far, levels)
+        word = size.strip().lower()
+        density = _number(word.removesuffix(A_METER), "a number of texels a meter") if word.endswith(A_METER) else 0.0
+        if word.endswith(A_METER) and not density > 0.0:
+            raise BakeError(f"{density:g} texels a meter show nothing: give a number above 0.")
+        result = cls(angle, round(most), word == AUTO, far, levels, density)
         result.check()
         return result
+
+    @property
+    def finds_size(self) -> bool:
+        """Whether the maps are as large as the low mesh asks, and not as the settings say."""
+        return self.fits_size or self.density > 0.0
 
     @property
     def has_count(self) -> bool:

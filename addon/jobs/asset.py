@@ -6,9 +6,10 @@ Each low mesh that the search tries is baked and looked at from all sides, so th
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import bpy
@@ -146,8 +147,9 @@ def work(
                 low.how["unwrapped"] = unwrapping.unwrap(low.obj, settings) if is_new[-1] else ""
             own = job.for_low(low.obj)
             own.is_seen = True
-            if wanted.fits_size:
-                own.size = _size(low.obj, maker.high.edge if maker else asset_highs.edge_of(context, job, settings))
+            if wanted.finds_size:
+                edge = maker.edge if maker else partial(asset_highs.edge_of, context, job, settings)
+                own.size = _size(low.obj, _texel(wanted, context, edge))
             jobs.append(own)
         own_settings = replace(settings, connect_maps=True)
         if all(is_new):  # no high mesh has these UVs
@@ -267,6 +269,10 @@ class _Maker:
         self._seen_highs = None  # its pictures
         return found
 
+    def edge(self) -> float:
+        """As High.edge has it."""
+        return self.high.edge
+
     def distance(self, low: bpy.types.Object) -> float:
         """As High.distance has it."""
         to_world = mesh_reader.matrix(low)
@@ -360,8 +366,8 @@ class _Maker:
                 settings = replace(_of_at_most(settings, QUICK_SIDE), samples=1)
             with self._timings.timed("unwrap"):
                 unwrapping.unwrap(low, settings, is_quick=True)
-            if limit.fits_size and not is_compared:
-                size = _size(low, self.high.edge)
+            if limit.finds_size and not is_compared:
+                size = _size(low, _texel(limit, self._context, self.edge))
                 settings = replace(settings, width=size, height=size)
             settings = _of_at_most(settings, SIDE)
             job = self._job.for_low(low)
@@ -472,8 +478,15 @@ def _uv_map_of(low: bpy.types.Object) -> Iterator[None]:
                     obj.data.uv_layers.remove(obj.data.uv_layers[name])
 
 
+def _texel(wanted: Wanted, context: bpy.types.Context, edge: Callable[[], float]) -> float:
+    """The side of a texel that is wanted, in scene units. edge: returns that of the high mesh's triangles."""
+    if wanted.fits_size:
+        return edge()
+    return 1.0 / (wanted.density * context.scene.unit_settings.scale_length)
+
+
 def _size(low: bpy.types.Object, edge: float) -> int:
-    """The side of the maps at which a texel is not larger than the high mesh's triangles."""
+    """The side of the maps at which a texel is not larger than an edge of this length in scene units."""
     layer = low.data.uv_layers.active.name
     mesh = mesh_reader.surface(low.data, layer, low.name, mesh_reader.matrix(low))
     points = mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T

@@ -328,6 +328,18 @@ def test_maps_are_as_large_as_the_detail():
     assert report.size == (512, 512)
 
 
+@pytest.mark.parametrize(("scale", "side"), [(1.0, 512), (0.5, 256), (4.0, 2048)])
+def test_maps_have_the_texels_a_meter_that_are_wanted(scale, side):
+    """A square of 2 units: 200 texels a meter are 400 times the meters of a unit, over the side of its island on the map."""
+    bpy.context.scene.unit_settings.scale_length = scale
+    low = zoo.plane("Plane_low", 1)
+    report, _ = made([zoo.plane("Plane_high", 4)], Wanted(density=200.0 * side / 512.0 / scale), low=low)
+    square = np.ptp(mesh_reader.points(low.data)[:, 0]) * scale
+    used = np.ptp(mesh_reader.uvs(low.data, "UVMap")[:, 0])
+    needed = 200.0 * side / 512.0 / scale * square / used
+    assert report.size == (side, side) and needed <= side < 2.0 * needed
+
+
 @pytest.mark.parametrize("has_low", [False, True])
 @pytest.mark.parametrize("steps", [1, 2, 4, 12])
 def test_nothing_remains_of_an_asset_that_is_stopped(has_low, steps):

@@ -156,6 +156,12 @@ def test_limits_in_texts(texts, limits):
     assert (found.degrees, found.triangles, found.fits_size) == limits
 
 
+def test_a_size_is_texels_a_meter():
+    found, plain = Wanted.of_texts("", "", "512.5/M"), Wanted.of_texts("", "", "512")
+    assert (found.density, found.finds_size, found.fits_size) == (512.5, True, False)
+    assert (plain.density, plain.finds_size) == (0.0, False)
+
+
 @pytest.mark.parametrize(
     ("texts", "reason"),
     [
@@ -167,6 +173,8 @@ def test_limits_in_texts(texts, limits):
         (("", "3", ""), "enclose nothing"),
         (("", "0", ""), "enclose nothing"),
         (("2", "-5", ""), "enclose nothing"),
+        (("", "", "many/m"), "is not a number of texels a meter"),
+        (("", "", "0/m"), "show nothing"),
     ],
 )
 def test_wrong_limits_are_named(texts, reason):
