@@ -15,7 +15,7 @@ from addon.core.settings import Settings
 from addon.jobs import asset, asset_highs
 from addon.jobs.job import Job
 from addon.jobs.temporary import TemporaryMeshes
-from addon.mesh import soup
+from addon.mesh import folds, soup
 from addon.mesh.closest import Surface
 from addon.scene import mesh_reader
 from tests.support import spoiled, zoo
@@ -219,6 +219,15 @@ def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch):
     assert len(thinned[0][1]) < 0.7 * len(ball.data.loop_triangles) == 0.7 * report.asset["of"]
     assert not report.asset["is_remeshed"] and report.asset["faults"] < 0.005
     assert outwards(*arrays(low)).all() and all_near(*arrays(low))
+
+
+def test_triangles_that_folds_take_are_made_up_for(monkeypatch):
+    def removed(points, triangles, around):
+        return points, triangles[: -len(triangles) // 20]
+
+    monkeypatch.setattr(folds, "removed", removed)
+    report, low = made([zoo.ball("Ball", 24)])
+    assert abs(len(low.data.polygons) - 400) <= 8
 
 
 def test_a_mesh_of_fewer_triangles_keeps_them_and_the_report_says_so():
