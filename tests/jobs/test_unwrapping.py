@@ -112,6 +112,11 @@ def test_the_sharpest_way_wins():
     assert f"islands by {best.name}" in unwrapping.unwrap(low, SETTINGS)
 
 
+def test_charts_that_always_overlap_leave_smart_project(monkeypatch):
+    monkeypatch.setattr(unwrapping.uv_crossings, "crossing", lambda mesh, islands: np.ones(len(islands), bool))
+    assert "islands by Smart Project" in unwrapping.unwrap(bare(zoo.terrain("lo", 4, height=0.3)), SETTINGS)
+
+
 def test_seams_of_the_mesh_are_tried_and_stay():
     low = bare(zoo.terrain("lo", 8, height=0.3))
     for edge in low.data.edges:

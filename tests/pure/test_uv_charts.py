@@ -215,6 +215,13 @@ def test_borders_that_cross_are_found():
     assert not uv_crossings.crossing(mesh_of(ring, triangles), np.arange(len(triangles))).any()
 
 
+def test_borders_whose_lines_alone_cross_are_apart():
+    """The line of a side of the small triangle parts the ends of the long side of the other one, but does not reach it."""
+    uv = np.array([(0.0, 0.0), (4.0, 0.0), (0.0, 4.0), (3.0, 3.0), (3.0, 2.5), (2.8, 3.0)])
+    triangles = np.array([(0, 1, 2), (3, 4, 5)])
+    assert not uv_crossings.crossing(mesh_of(uv, triangles), np.zeros(2, int)).any()
+
+
 def test_folds_and_stretch_are_found():
     points, triangles = flat(4, 4)
     islands = np.zeros(len(triangles), int)
