@@ -18,6 +18,7 @@ from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import asset, asset_highs
 from addon.jobs.job import Job
+from addon.mesh import uv_packing
 from addon.scene import mesh_reader
 from tests.support import maps, random_cases, spoiled, wrong_highs, zoo
 from tests.support.snapshot import difference, snapshot
@@ -124,6 +125,7 @@ def made(high, rng, monkeypatch, fewest=4, side=64):
     """The report of an asset and its low object. Raises BakeError. side: of the map, in texels."""
     monkeypatch.setattr(appearance, "USUAL", FEW_VIEWS)
     monkeypatch.setattr(asset, "CORRECTIONS", 1)
+    monkeypatch.setattr(uv_packing, "ORDERS", 1)
     monkeypatch.setattr(asset_highs, "VOXELS", 15_000)
     by_degrees = rng.random() < 0.3
     wanted = Wanted(
