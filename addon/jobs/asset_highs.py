@@ -47,6 +47,8 @@ MOST_READ = 2_000_000
 """The triangles from which a surface is thinned by a grid first: Blender's Decimate takes 600 bytes for each."""
 NEAR_CORNERS = np.array([(1, 1, 1), (8, 1, 1), (1, 8, 1), (1, 1, 8)]) / ((3,), (10,), (10,), (10,))
 """Barycentric coordinates (4, 3): a large triangle is left out only if none of these places on it sees the outside."""
+LEAST_LEFT = 0.5
+"""The share of the area below which thinning has lost single triangles, which no edges connect with others."""
 DENSE = 60_000
 """The triangles that Decimate leaves of larger surfaces, for all low meshes that are coarser still: it takes most time."""
 FINER = 6
@@ -199,9 +201,14 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
     edge = _edge(areas(points, triangles)) if len(triangles) else 0.0
     points, triangles = soup.welded((points - origin).astype(np.float32), triangles)
     if len(triangles) > MOST_READ:
-        cell = math.sqrt(2.0 * float(areas(points, triangles).sum()) / MOST_READ)  # two triangles a cell
-        points, triangles = soup.clustered(points, triangles, max(cell, float(np.ptp(points, axis=0).max()) / 2**20))
-        points, triangles = soup.welded(points.astype(np.float32), triangles)
+        area = float(areas(points, triangles).sum())
+        cell = max(
+            math.sqrt(2.0 * area / MOST_READ), float(np.ptp(points, axis=0).max()) / 2**20
+        )  # two triangles a cell
+        thinned = soup.clustered(points, triangles, cell)
+        if areas(*thinned).sum() < LEAST_LEFT * area:
+            thinned = soup.clustered(points, triangles, cell, is_torn=True)
+        points, triangles = soup.welded(thinned[0].astype(np.float32), thinned[1])
     if not len(triangles):
         raise BakeError(f"{job.highs[0].name!r} has no faces with an area: choose a mesh that has some.")
     farthest = float(np.abs(points).max())

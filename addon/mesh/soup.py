@@ -46,7 +46,9 @@ def welded(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     return points[first[used]], numbers.reshape(-1, 3)
 
 
-def clustered(points: np.ndarray, triangles: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+def clustered(
+    points: np.ndarray, triangles: np.ndarray, cell: float, *, is_torn: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """The mesh with one vertex, in the middle of them, for all vertices in each cell of a grid that edges in it connect: where
     two parts of the surface share a cell they stay apart. Triangles that are a line are left out, and thin parts pressed
     flat: as many in one place that point to one side as to the other.
@@ -55,16 +57,19 @@ def clustered(points: np.ndarray, triangles: np.ndarray, cell: float) -> tuple[n
         points: (V, 3) float.
         triangles: (T, 3) int.
         cell: the side of a cell.
+        is_torn: whether all vertices in a cell become one, since hardly any edges connect the triangles.
 
     Returns:
         Points (P, 3) float64 and triangles (N, 3) int64.
     """
     cells = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
     cells = cells @ [1, 2**21, 2**42]
-    of_corners, ends = cells[triangles], []
-    for first, last in ((0, 1), (1, 2), (2, 0)):
-        ends.append(triangles[of_corners[:, first] == of_corners[:, last]][:, [first, last]])
-    _, numbers = np.unique(orientation.connected(len(points), *np.concatenate(ends).T), return_inverse=True)
+    if not is_torn:
+        of_corners, ends = cells[triangles], []
+        for first, last in ((0, 1), (1, 2), (2, 0)):
+            ends.append(triangles[of_corners[:, first] == of_corners[:, last]][:, [first, last]])
+        cells = orientation.connected(len(points), *np.concatenate(ends).T)
+    _, numbers = np.unique(cells, return_inverse=True)
     counts = np.bincount(numbers)
     middles = np.stack([np.bincount(numbers, column) / counts for column in points.T], axis=1)
     joined = numbers[triangles]

@@ -221,6 +221,18 @@ def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch):
     assert outwards(*arrays(low)).all() and all_near(*arrays(low))
 
 
+def test_a_scan_of_single_triangles_is_thinned_too(monkeypatch):
+    """None shares an edge with another one, and most are smaller than a cell."""
+    monkeypatch.setattr(asset_highs, "MOST_READ", 1000)
+    ball = spoiled.of_object(zoo.ball("clean", 48))
+    corners = ball.points[ball.triangles] * np.random.default_rng(4).normal(1.0, 1e-4, (len(ball.triangles), 3, 1))
+    numbers = np.arange(3 * len(corners)).reshape(-1, 3)
+    torn = spoiled.build("Torn", spoiled.Soup(corners.reshape(-1, 3), numbers))
+    report, low = made([torn], Wanted(triangles=100))
+    assert report.asset["of"] == len(ball.triangles)
+    assert np.abs(np.linalg.norm(arrays(low)[0], axis=1) - 1.0).max() < 0.1
+
+
 def test_triangles_that_folds_take_are_made_up_for(monkeypatch):
     def removed(points, triangles, around):
         return points, triangles[: -len(triangles) // 20]
