@@ -8,7 +8,6 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections import Counter
 from pathlib import PurePath
 
 import pytest
@@ -61,7 +60,19 @@ WITH_BLENDER = {
 
 @functools.cache
 def parsed(path):
-    return ast.parse((ROOT / path).read_text(encoding="utf-8"))
+    """The tree of a file, parsed as the oldest Python does."""
+    return ast.parse((ROOT / path).read_text(encoding="utf-8"), feature_version=(3, 11))
+
+
+@functools.cache
+def nodes(path):
+    """All nodes of a file: each is walked once, as this takes most of the time of these tests."""
+    return list(ast.walk(parsed(path)))
+
+
+def attributes(path):
+    """Where a name is taken from another one: `x.y`."""
+    return [node for node in nodes(path) if isinstance(node, ast.Attribute)]
 
 
 def imports(path, *, at_once=False):
@@ -72,12 +83,12 @@ def imports(path, *, at_once=False):
     here = path.parent.parts
     tree = parsed(path)
     for_types = {node for branch in tree.body if is_for_types(branch) for node in ast.walk(branch)}
-    for node in tree.body if at_once else ast.walk(tree):
-        if node in for_types:
+    for node in tree.body if at_once else nodes(path):
+        if not isinstance(node, ast.Import | ast.ImportFrom) or node in for_types:
             continue
         if isinstance(node, ast.Import):
             yield from (alias.name.replace(".", "/") for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = list(here[: len(here) - node.level + 1]) if node.level else []
             base += (node.module or "").split(".") if node.module else []
             # "from . import x" imports modules, "from .x import y" imports their contents.
@@ -154,21 +165,13 @@ def test_folders_without_blender_import_none():
 
 def test_state_is_in_objects():
     """No function assigns to a global name."""
-    found = [
-        (path.as_posix(), node.names)
-        for path in MODULES
-        for node in ast.walk(parsed(path))
-        if isinstance(node, ast.Global)
-    ]
+    found = [(path.as_posix(), node.names) for path in MODULES for node in nodes(path) if isinstance(node, ast.Global)]
     assert found == []
 
 
 def test_tests_of_the_window_use_public_names():
     private = [
-        (path.as_posix(), node.attr)
-        for path in TESTS_IN_THE_WINDOW
-        for node in ast.walk(parsed(path))
-        if isinstance(node, ast.Attribute) and is_private(node)
+        (path.as_posix(), node.attr) for path in TESTS_IN_THE_WINDOW for node in attributes(path) if is_private(node)
     ]
     assert private == []
 
@@ -190,86 +193,48 @@ def test_blenders_entry_point_imports_nothing_until_it_is_called():
 # Older blender
 
 
-CALLS = {
-    ("jobs/job.py", "start_gpu"): 1,
-    ("cli/baker.py", "start_gpu"): 1,
-    ("cli/baker.py", "with_gpu"): 1,
-    ("jobs/bake_jobs.py", "with_gpu"): 1,
-    ("jobs/convert.py", "with_gpu"): 1,
-    ("ui/modal.py", "with_gpu"): 1,
-    ("jobs/lod.py", "start_gpu"): 1,
-    ("jobs/gpu_test.py", "start_gpu"): 1,
-    ("jobs/gpu_test.py", "with_gpu"): 1,
-    ("ui/gpu_test.py", "with_gpu"): 1,
-    ("output/map_nodes.py", "normal_map_values"): 2,
-    ("output/map_nodes.py", "normal_map_color"): 1,
-    ("export/staging.py", "exported_channels"): 1,
-    ("export/staging.py", "switch_on_nodes"): 1,
-    ("scene/materials/material_reading.py", "shows_nodes"): 1,
-    ("output/materials.py", "switch_on_nodes"): 2,
-    ("cli/importers.py", "switch_on_nodes"): 1,
-    ("scene/dependencies.py", "kept_properties"): 1,
-    ("scene/dependencies.py", "modifier_input"): 2,
-    ("scene/dependencies.py", "visit_file_paths"): 1,
-    ("cli/scene_files.py", "visit_file_paths"): 1,
-}
-"""What to change when older versions are dropped: the docstrings of older_blender.py say into what."""
+OLDER = PurePath("addon/older_blender.py")
+OTHERS = [path for path in MODULES if path != OLDER]
 
 
-@functools.cache
-def trees():
-    """Each module of the add-on but the one for older versions, by its path in addon/, parsed as Python 3.11 does."""
-    return [
-        (path.relative_to(ADDON).as_posix(), ast.parse(path.read_text(encoding="utf-8"), feature_version=(3, 11)))
-        for path in sorted(ADDON.rglob("*.py"))
-        if path.name != "older_blender.py"
-    ]
+def calls_of(path):
+    """The functions of older_blender.py that a module calls."""
+    return {node.attr for node in attributes(path) if ast.unparse(node.value) == "older_blender"}
 
 
-def test_the_calls_are_known():
-    found = Counter(
-        (path, node.attr)
-        for path, tree in trees()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "older_blender"
-    )
-    assert found == CALLS
-
-
-def test_each_function_says_what_5_2_does():
-    tree = ast.parse((ADDON / "older_blender.py").read_text(encoding="utf-8"))
+def test_each_function_is_called_and_says_what_5_2_does():
     functions = {
         node.name: ast.get_docstring(node)
-        for node in tree.body
+        for node in parsed(OLDER).body
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
     }
-    assert set(functions) == {name for _, name in CALLS}
+    assert set(functions) == set().union(*map(calls_of, OTHERS))
     assert [name for name, text in functions.items() if not text.startswith("In 5.2: ")] == []
 
 
 def test_no_other_module_asks_for_the_version_of_blender():
     found = [
-        (path, node.attr)
-        for path, tree in trees()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Attribute) and node.attr in {"version", "version_string"} and "app" in ast.unparse(node)
+        (path.as_posix(), node.attr)
+        for path in OTHERS
+        for node in attributes(path)
+        if node.attr in {"version", "version_string"} and "app" in ast.unparse(node)
     ]
-    assert found == [("core/versions.py", "version")]  # for reports
+    assert found == [("addon/core/versions.py", "version")]  # for reports
 
 
 def test_new_materials_get_nodes():
-    makers = {path for path, tree in trees() if "bpy.data.materials.new(" in ast.unparse(tree)}
-    assert makers == {path for path, name in CALLS if name == "switch_on_nodes"}
+    makers = [path for path in OTHERS if "bpy.data.materials.new" in ends_of(path, "new")]
+    assert makers
+    assert [path for path in makers if "switch_on_nodes" not in calls_of(path)] == []
 
 
 def test_no_other_module_starts_the_gpu():
-    found = [
-        path
-        for path, tree in trees()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Attribute) and ast.unparse(node) == "gpu.init"
-    ]
-    assert found == []
+    assert [path for path in OTHERS if "gpu.init" in ends_of(path, "init")] == []
+
+
+def ends_of(path, name):
+    """What a module takes by this name, from whatever: {"gpu.init", "bpy.data.x.init"}."""
+    return {ast.unparse(node) for node in attributes(path) if node.attr == name}
 
 
 def test_the_manifest_names_the_oldest_version():
@@ -383,7 +348,7 @@ def test_no_sentence_of_a_window_names_an_option():
         (str(path), node.value)
         for path in MODULES
         if not path.as_posix().removeprefix("addon/").startswith(IN_A_SHELL)
-        for node in ast.walk(parsed(path))
+        for node in nodes(path)
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
         if re.search(r"(?<![\w-])--[a-z]", node.value) and not _is_docstring(path, node)
     }
@@ -392,4 +357,4 @@ def test_no_sentence_of_a_window_names_an_option():
 
 def _is_docstring(path, node):
     """Whether a text stands alone, as a docstring does."""
-    return any(isinstance(each, ast.Expr) and each.value is node for each in ast.walk(parsed(path)))
+    return any(isinstance(each, ast.Expr) and each.value is node for each in nodes(path))
