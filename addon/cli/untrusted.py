@@ -22,7 +22,7 @@ from ..core import naming, udim
 from ..core.errors import WrongPlace
 from ..core.naming import printable
 from ..output.atomic_file import make_folder
-from . import arguments
+from . import arguments, system_calls
 from .options import RunOptions
 
 OUTPUT = "out"
@@ -234,13 +234,19 @@ TRIAL = 60.0
 """Seconds that the trial of the sandbox may take."""
 ROOT = str(Path(__file__).resolve().parents[2])
 _SYSTEM = (
-    *("/usr", "/lib", "/lib32", "/lib64", "/bin", "/sbin", "/opt", "/nix/store", "/run/opengl-driver", "/sys"),
+    *("/usr", "/lib", "/lib32", "/lib64", "/bin", "/sbin", "/opt", "/nix/store", "/run/opengl-driver"),
+    *("/sys/bus", "/sys/class", "/sys/dev", "/sys/devices", "/sys/module"),
     *("/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d", "/etc/alternatives", "/etc/glvnd", "/etc/egl"),
     *("/etc/drirc", "/etc/vulkan", "/etc/OpenCL", "/etc/fonts", "/etc/localtime", "/etc/nsswitch.conf", "/etc/nvidia"),
 )
 """Programs, libraries and drivers, which the worker may read and execute."""
-_DEVICES = ("/dev/dri", "/dev/kfd", "/dev/dxg")
-"""GPUs, beside those of NVIDIA, which have numbers."""
+_DEVICES = ("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
+_GPUS = (
+    *("/dev/dri/renderD*", "/dev/kfd", "/dev/dxg", "/dev/nvidia[0-9]*", "/dev/nvidiactl", "/dev/nvidia-modeset"),
+    *("/dev/nvidia-uvm", "/dev/nvidia-uvm-tools", "/dev/nvidia-caps/nvidia-cap[3-9]*"),
+    "/dev/nvidia-caps/nvidia-cap[12][0-9]*",
+)
+"""Devices that draw and compute. Others beside them set screens, and root divides GPUs by them."""
 _PATHS_OF_DRIVERS = (
     *("LD_LIBRARY_PATH", "LIBGL_DRIVERS_PATH", "GBM_BACKENDS_PATH", "VK_DRIVER_FILES", "VK_ICD_FILENAMES"),
     *("__EGL_VENDOR_LIBRARY_DIRS", "__EGL_VENDOR_LIBRARY_FILENAMES"),
@@ -252,6 +258,18 @@ _VARIABLES = (
     *("NVIDIA_", "RADV_", "ROCR_", "VK_", "ZINK_", "__EGL_", "__GLX_", "__GL_", "__NV_"),
 )
 """The starts of the names of environment variables that the worker gets: those of Blender, Python and drivers."""
+_LOOK = """
+import os, socket, sys
+for path in "/", "/proc", "/proc/sys", "/dev", "/sys":
+    if not os.statvfs(path).f_flag & os.ST_RDONLY:
+        sys.exit(f"{path} can be written to in it")
+try:
+    socket.socket(socket.AF_UNIX)
+except PermissionError:
+    sys.exit(0)
+sys.exit("it lets sockets through")
+"""
+"""The program that looks at the sandbox before anything else runs there."""
 _INSTEAD = "bake each job in a container of its own, as the manual's page about farms shows"
 
 
@@ -279,6 +297,8 @@ class Sandbox:
         self.bounds, self._memory, self._log = bounds, memory, log
         if sys.platform != "linux":
             raise WrongPlace(f"--untrusted needs bubblewrap, which exists on Linux alone: {_INSTEAD}.")
+        if not system_calls.known():
+            raise WrongPlace(f"--untrusted needs a machine with x86_64 or aarch64: {_INSTEAD}.")
         for program, package in (("bwrap", "bubblewrap"), ("prlimit", "util-linux"), ("choom", "util-linux")):
             if shutil.which(program) is None:
                 raise WrongPlace(f"--untrusted needs {program}: install the package {package}, or {_INSTEAD}.")
@@ -286,6 +306,9 @@ class Sandbox:
         if log:
             make_folder(Path(log).absolute())
         self._folder = tempfile.TemporaryDirectory(prefix="imprint-untrusted-")
+        self._shared, self._calls = (os.path.join(self._folder.name, name) for name in ("shared", "calls"))
+        os.mkdir(self._shared)
+        Path(self._calls).write_bytes(system_calls.program())
         if problem := self._try():
             self.close()
             raise WrongPlace(f"--untrusted needs bubblewrap, which may not run here ({problem}): {_INSTEAD}.")
@@ -299,23 +322,37 @@ class Sandbox:
         """Remove the temporary files."""
         self._folder.cleanup()
 
-    def command(self, words: Sequence[str]) -> list[str]:
-        """The command that runs `words` in the sandbox: no network, no other processes, and no files but those named here."""
+    def command(self, words: Sequence[str], taken: int = -1) -> list[str]:
+        """The command that runs `words` in the sandbox: no network, no other processes, and no files but those named here.
+
+        taken: a file descriptor that the command inherits.
+        """
         here = os.getcwd()
+        number = 8 if taken == 9 else 9  # shells know those of one digit
         writable = list(self._writable())
         readable = [path for path in self._readable(words) if not _is_in(path, writable)]
         return [
+            *("/bin/sh", "-c", f'exec "$@" {number}< "$0"', self._calls),
             *("choom", "--adjust", "1000", "--"),  # if the machine's memory runs out, this process ends first
             *("prlimit", "--core=0", f"--fsize={_lowered('FSIZE', LARGEST_FILE)}"),
             *(f"--nofile={_lowered('NOFILE', MOST_OPEN)}", f"--data={_lowered('DATA', 2 * self._memory)}"),
             *("bwrap", "--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL"),
+            *("--seccomp", str(number)),
             *("--dir", "/tmp", "--dir", here),
             *(word for link, path in self._links([*readable, *writable]).items() for word in ("--symlink", path, link)),
             *(word for path in readable for word in ("--ro-bind-try", path, path)),
-            *("--proc", "/proc", "--dev", "/dev"),
-            *(word for path in (*_DEVICES, *glob.glob("/dev/nvidia*")) for word in ("--dev-bind-try", path, path)),
+            *(
+                "--proc",
+                "/proc",
+                "--remount-ro",
+                "/proc",
+                "--dir",
+                "/dev/shm",
+            ),  # root may write to /proc without rights
+            *(word for name in ("fd", "stdin", "stdout", "stderr") for word in _standard_link(name)),
+            *(word for path in (*_DEVICES, *_gpus()) for word in ("--dev-bind-try", path, path)),
             *(word for path in writable for word in ("--bind", path, path)),
-            *("--remount-ro", "/dev", "--remount-ro", "/"),  # else files there would take memory without limit
+            *("--remount-ro", "/"),  # else files there would take memory without limit
             *("--chdir", here, "--", *words),
         ]
 
@@ -323,11 +360,11 @@ class Sandbox:
         """The environment variables of the sandbox. Compiled shaders are kept in the temporary folder."""
         kept = {name: value for name, value in os.environ.items() if name.startswith(_VARIABLES)}
         names = ("TMPDIR", "TMP", "TEMP", "XDG_CACHE_HOME", "MESA_SHADER_CACHE_DIR", "__GL_SHADER_DISK_CACHE_PATH")
-        return {**kept, **dict.fromkeys(names, self._folder.name), "PYTHONDONTWRITEBYTECODE": "1"}
+        return {**kept, **dict.fromkeys(names, self._shared), "PYTHONDONTWRITEBYTECODE": "1"}
 
     def _try(self) -> str:
-        """Run a program in the sandbox that does nothing. Returns why that fails, or ""."""
-        words = self.command([sys.executable, "-I", "-S", "-c", ""])
+        """Run a program in the sandbox that looks at it. Returns what is wrong, or ""."""
+        words = self.command([sys.executable, "-I", "-S", "-c", _LOOK])
         try:
             done = subprocess.run(
                 words,
@@ -344,7 +381,7 @@ class Sandbox:
 
     def _writable(self) -> Iterator[str]:
         """The folders that the worker may write to, without those in another one of them."""
-        folders = [self.bounds.outputs, os.path.realpath(self._folder.name)]
+        folders = [self.bounds.outputs, os.path.realpath(self._shared)]
         folders += [os.path.realpath(self._log)] if self._log else []
         for place, path in enumerate(folders):
             if not _is_in(path, [*folders[:place], *(each for each in folders[place + 1 :] if each != path)]):
@@ -363,7 +400,7 @@ class Sandbox:
 
     def _links(self, folders: Sequence[str]) -> dict[str, str]:
         """The symbolic links outside `folders` by which paths lead into them, and what they lead to."""
-        given = (*self.bounds.spelled, os.path.abspath(self._log or "."), self._folder.name, sys.executable)
+        given = (*self.bounds.spelled, os.path.abspath(self._log or "."), self._shared, sys.executable)
         return {link: path for each in given for link, path in _links_of(each) if not _is_in(link, folders)}
 
 
@@ -377,6 +414,16 @@ def processes_in(number: int) -> list[int]:
             found += map(int, children)
             places += map(int, children)
     return found
+
+
+def _gpus() -> list[str]:
+    return [path for pattern in _GPUS for path in sorted(glob.glob(pattern))]
+
+
+def _standard_link(name: str) -> tuple[str, str, str]:
+    """The words that make a link in /dev to the descriptors of each process, or to one of them."""
+    numbers = {"fd": "", "stdin": "/0", "stdout": "/1", "stderr": "/2"}
+    return "--symlink", f"/proc/self/fd{numbers[name]}", f"/dev/{name}"
 
 
 def _is_in(path: str, folders: Iterable[str]) -> bool:

@@ -409,7 +409,7 @@ class Worker:
         variables[interruption.BAKING] = ""  # this process names the bake
         words = command()
         if self._sandbox is not None:
-            words = self._sandbox.command(command(is_untrusted=True))
+            words = self._sandbox.command(command(is_untrusted=True), number)
             own = {name: variables[name] for name in (BEGUN, CONNECTION, interruption.BAKING)}
             own[interruption.LAUNCHER] = "1"  # the init of the sandbox, its parent there
             variables = {**self._sandbox.environment(), **own}
