@@ -22,6 +22,7 @@ from ..passes.viewport import draw_cage_shell
 from ..scene import reading
 from ..scene.mesh_elements import without_missing
 from ..scene.object_checks import ObjectRef
+from ..scene.updates import Shapes
 from .bake_results import results
 from .callbacks import DrawCallbacks, Handlers, Timer, redraw
 from .live import live
@@ -133,6 +134,7 @@ class CageOverlay:
             ("undo_post", self._on_undo),
             ("redo_post", self._on_undo),
         )
+        self._shapes = Shapes()
         self.timer = Timer(self.catch_up)
         self._wanted: Subject | None = None
         """The shells that a view needed when it was last drawn."""
@@ -205,12 +207,8 @@ class CageOverlay:
         """Only changes of the low object and the cage count: the user may move or sculpt another object for minutes."""
         if self._read is None:
             return
-        self._is_outdated |= any(
-            (update.is_updated_geometry or update.is_updated_transform)
-            and update.id.original.session_uid in self._read.uids
-            for update in depsgraph.updates
-            if isinstance(update.id, bpy.types.Object)
-        )
+        moved = {update.id.original.session_uid for update in depsgraph.updates if update.is_updated_transform}
+        self._is_outdated |= not (self._shapes.changed(depsgraph) | moved).isdisjoint(self._read.uids)
 
     def _on_undo(self, *_) -> None:
         self._is_outdated = True

@@ -16,6 +16,7 @@ from ..jobs.job import Job
 from ..output import datablocks
 from ..scene import evaluation
 from ..scene.object_checks import scene_by_uid
+from ..scene.updates import Shapes
 from . import object_pairs
 from .callbacks import Handlers, Timer
 from .progress_display import display
@@ -114,7 +115,7 @@ class Following:
         self._refused: tuple[Settings | None, str] | None = None
         """Settings of the panel that cannot be baked, and why."""
         self._scene = scene.session_uid
-        self._strokes = Strokes(session)
+        self._strokes, self._shapes = Strokes(session), Shapes()
         self._task: Task[None] | None = None
         """The normal map that is being drawn."""
         self._other_task: Task[None] | None = None
@@ -158,14 +159,14 @@ class Following:
         self._may_be_gone = True
         if self._strokes.is_asking:
             return
-        followed = self.session.uids
+        followed, shaped = self.session.uids, self._shapes.changed(depsgraph)
         for update in depsgraph.updates:
             obj = update.id.original
             if self.session.shows(obj):
                 self._all_changed = True
             if not isinstance(obj, bpy.types.Object) or obj.session_uid not in followed:
                 continue
-            if update.is_updated_geometry or update.is_updated_transform:
+            if obj.session_uid in shaped or update.is_updated_transform:
                 self._changed.add(obj.session_uid)
             else:
                 self._strokes.note(obj)

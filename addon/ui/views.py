@@ -20,6 +20,7 @@ from ..engine.bands import BAND_TEXELS
 from ..jobs import live_session
 from ..jobs.job import PastBake
 from ..scene.object_checks import ObjectRef
+from ..scene.updates import Shapes
 from . import object_pairs, progress_display, stored_maps, view_labels, view_shading
 from .callbacks import DrawCallbacks, Handlers, Timer, redraw
 from .live import live
@@ -68,6 +69,7 @@ class ViewMode:
         self.shading: view_shading.Shading | None = None
         self.own: OwnMap | None = None
         self.stored: dict[int, StoredShading] = {}
+        self._shapes = Shapes()
         self.timer = Timer(self.catch_up)
         self.sharpening = Timer(self.sharpen)
         self._drawings: list[Drawing] = []
@@ -312,11 +314,7 @@ class ViewMode:
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """Forget the meshes that have changed."""
-        changed = {
-            update.id.original.session_uid
-            for update in depsgraph.updates
-            if update.is_updated_geometry and isinstance(update.id, bpy.types.Object)
-        }
+        changed = self._shapes.changed(depsgraph)
         if changed:
             self._forget(
                 uid for uid, one in self.stored.items() if not changed.isdisjoint(r.uid for r in one.bake.job.refs)
