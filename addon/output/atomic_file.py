@@ -169,6 +169,8 @@ def _lock(descriptor: int, *, wait: bool = True) -> None:
 
 
 _SYSTEM_MESSAGES = frozenset(map(os.strerror, errno.errorcode))
+_SAVE_FAILED = "Failed to write blendfile"
+"""What Blender 5.3 says before the last error of the system, or alone, where older versions say that error alone."""
 _NEW_FOLDERS: set[Path] = set()
 """Folders that were made for files that are not yet written."""
 
@@ -240,7 +242,7 @@ class Partial:
         except RuntimeError as error:  # of Blender's writers
             found = reason(error)
             # If it cannot write all of a file, Blender reports the last error of the system, which may be of an earlier call.
-            if found in _SYSTEM_MESSAGES:
+            if found == _SAVE_FAILED or found.removeprefix(f"{_SAVE_FAILED}: ") in _SYSTEM_MESSAGES:
                 found = "Blender could not write all of it, as on a full disk"
             raise BakeError(f"{str(self.path)!r} could not be written: {found}.") from error
 

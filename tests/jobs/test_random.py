@@ -331,12 +331,14 @@ def make_cage(rng, low):
 
 def from_library(rng, obj, folder):
     """Replace the object by one that is linked from a file, perhaps with an override."""
-    linked = scenes.to_library(folder / "library.blend", obj)
+    linked = link(scenes.to_library(folder / "library.blend", obj))
     if rng.random() < 0.5:
-        linked = linked.override_create()
+        override = linked.override_create()  # of an object in the scene: Blender 5.3 makes none of others
+        bpy.context.scene.collection.objects.unlink(linked)
+        linked = link(override)
         if linked.data and rng.random() < 0.5:
             linked.data.override_create()
-    return link(linked)
+    return linked
 
 
 def make_settings(rng, folder, low):

@@ -37,6 +37,29 @@ def test_missing_folders_are_created_when_the_file_is_stored(tmp_path):
     assert tree(tmp_path) == {"a": False, "a/b": False, "a/b/map.png": "new"}
 
 
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("No such file or directory", "Blender could not write all of it, as on a full disk"),
+        (
+            "Failed to write blendfile: No such file or directory",
+            "Blender could not write all of it, as on a full disk",
+        ),
+        ("Failed to write blendfile", "Blender could not write all of it, as on a full disk"),
+        (
+            "Cannot open file a.blend@ for writing: Is a directory",
+            "Cannot open file a.blend@ for writing: Is a directory",
+        ),
+        ("Failed to write blendfile: of the moon", "Failed to write blendfile: of the moon"),
+    ],
+)
+def test_errors_of_blender_are_shown_unless_they_are_the_last_error_of_the_system(tmp_path, said, shown):
+    partial = Partial(tmp_path / "a.blend")
+    with pytest.raises(BakeError) as error, partial.writing():
+        raise RuntimeError(f"Error: {said}\n")
+    assert str(error.value) == f"{str(tmp_path / 'a.blend')!r} could not be written: {shown}."
+
+
 @pytest.mark.parametrize("first", [0, 1])
 def test_new_folders_are_removed_if_all_files_in_them_fail(tmp_path, first):
     def partials():

@@ -77,10 +77,11 @@ def settings(struct) -> dict:
         if prop.type == "POINTER":
             values[name] = value.name_full if isinstance(value, bpy.types.ID) else value is not None
         elif getattr(prop, "is_array", False):
-            values[name] = np.array(value).tolist() if prop.type != "BOOLEAN" else list(value)
+            values[name] = (np.array(value) + 0.0).tolist() if prop.type == "FLOAT" else np.array(value).tolist()
         else:
-            values[name] = value
-    # NaN differs from itself, and is allowed in coordinates.
+            values[name] = value + 0.0 if prop.type == "FLOAT" else value
+    # NaN differs from itself, and is allowed in coordinates. -0.0 + 0.0 is 0.0, which Blender 5.3 computes anew on the way out
+    # of Edit Mode.
     return {name: repr(value) for name, value in values.items()}
 
 
