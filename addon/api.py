@@ -2,16 +2,17 @@
 """The door for other programs: meshes in as arrays, Blender's objects or files, maps out as arrays and files."""
 
 import os
+import threading
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import bpy
 import numpy as np
 
-from .cli.importers import PLAIN
+from .cli.importers import PLAIN, scene_apart
 from .cli.scene_files import import_meshes
 from .core import file_formats, map_types
 from .core.declarations import kinds
@@ -56,8 +57,9 @@ class Result:
     """What a bake made.
 
     Attributes:
-        maps: the maps by name in lower case, (H, W, 4) float32, row 0 at v = 0. Normals lie in 0 to 1, other values are those
-            of a 32-bit file, or of the files that were written. Empty for UDIM tiles, which are in files alone.
+        maps: the maps by the names that were asked for, and found in any spelling: (H, W, 4) float32, row 0 at v = 0. Normals
+            lie in 0 to 1, other values are those of a 32-bit file, or of the files that were written. Empty for UDIM tiles,
+            which are in files alone.
         files: the absolute paths of the files that were written.
         warnings: sentences.
         report: everything that is known of the bake, as `bake --report` writes it.
@@ -84,7 +86,7 @@ def bake(
 
     Args:
         low: with UVs. A file must hold one mesh.
-        high: one mesh or several.
+        high: one mesh or a list of them.
         maps: names as on the command line: "normal", "ao", "height", "basecolor" ...
         size: the side of a square map in texels, or its width and height.
         cage: a mesh with the vertices of `low` in the same order, on which rays start.
@@ -95,9 +97,14 @@ def bake(
     Raises:
         BakeError: for what cannot be baked, with a sentence that says what to fix.
     """
-    asked = _settings(maps, size, os.fspath(output), settings)
+    if threading.current_thread() is not threading.main_thread():
+        raise BakeError("imprint.bake was called in a thread: Blender draws in the main thread alone. Call it there.")
+    if on_progress is not None and not callable(on_progress):
+        raise BakeError(f"on_progress: {kinds.shown(on_progress)} is not a function.")
+    names = _names(maps)
+    asked = _settings(names, size, output, settings)
     sources = list(high) if isinstance(high, list | tuple) else [high]
-    with _nothing_left():
+    with _nothing_left() as made_by_caller:
         low_object = _only(_objects(low, "low"), "low")
         highs = [obj for number, source in enumerate(sources) for obj in _objects(source, f"high {number + 1}")]
         cages = _objects(cage, "cage") if cage is not None else []
@@ -105,62 +112,99 @@ def bake(
             raise BakeError("The low mesh has no UVs: give `uv` by vertex (V, 2) or by corner (T, 3, 2).")
         job = Job(low_object, highs, _only(cages, "cage") if cages else None)
         with _without_users(low_object):
-            (report,) = bake_all(bpy.context, [job], asked, on_progress=on_progress)
-            return Result(_arrays(report, asked), list(report.output), list(report.warnings), report.to_dict())
+            (report,) = bake_all(bpy.context, [job], asked, on_progress=on_progress and made_by_caller(on_progress))
+            maps = _named(_arrays(report, asked), names)
+            return Result(maps, list(report.output), list(report.warnings), report.to_dict())
 
 
-def _settings(maps: Sequence[str] | str, size: int | tuple[int, int], output: str, values: dict[str, Any]) -> Settings:
+class _Maps(dict[str, np.ndarray]):
+    """The maps by their names, which are found in any spelling."""
+
+    def __missing__(self, name: Any) -> np.ndarray:
+        for each, texels in self.items():
+            if kinds.spelled(each) == kinds.spelled(name):
+                return texels
+        raise KeyError(name)
+
+
+_ELSEWHERE = {"width": "size", "height": "size", "normal": "maps"}
+"""Settings that an argument of another name holds."""
+_OF_SCENES = ("image", "storage", "material", "connect_maps", "texture_sets")
+"""Settings of what a bake leaves in the file, where this one leaves nothing."""
+
+
+def _names(maps: Any) -> dict[str, str]:
+    """The maps of a call: as it spells them, with their names among map_types."""
+    parts = maps.split(",") if isinstance(maps, str) else kinds.listed(maps)
+    if parts is None or not all(isinstance(part, str) for part in parts):
+        raise BakeError(f'maps: {kinds.shown(maps)} is not a list of names, such as ["normal", "ao"].')
+    known = {kinds.spelled(each.name): each.name for each in (map_types.NORMAL, *map_types.OTHERS)}
+    for part in parts:
+        if kinds.spelled(part) not in known:
+            raise BakeError(f"There is no map {part!r}{did_you_mean([kinds.spelled(part)], known) or '.'}")
+    return {part.strip(): known[kinds.spelled(part)] for part in parts}
+
+
+def _named(arrays: dict[str, np.ndarray], names: dict[str, str]) -> _Maps:
+    """The maps of a bake, first those of `names`, by the spelling there."""
+    keys = {name: key.lower() for name, key in names.items() if key.lower() in arrays}
+    others = {key: texels for key, texels in arrays.items() if key not in keys.values()}
+    return _Maps({name: arrays[key] for name, key in keys.items()} | others)
+
+
+def _settings(names: dict[str, str], size: Any, output: Any, values: dict[str, Any]) -> Settings:
     """The settings of a call. Raises BakeError for names that are unknown and for values that are not valid."""
-    reserved = {"width", "height", "maps", "normal", "output", "storage", "material", "connect_maps", "texture_sets"}
-    names = [name for name in PART_OF if name not in reserved]
-    for name in values:
-        if name not in names:
-            raise BakeError(f"There is no setting {name!r} of a bake{did_you_mean([name], names) or '.'}")
-    known = {_plain(each.name): each.name for each in (map_types.NORMAL, *map_types.OTHERS)}
-    chosen = []
-    for name in maps.split(",") if isinstance(maps, str) else maps:
-        if _plain(name) not in known:
-            raise BakeError(f"There is no map {name!r}{did_you_mean([_plain(name)], known) or '.'}")
-        chosen.append(known[_plain(name)])
-    width, height = (size, size) if isinstance(size, int) else size
-    depth = values.pop("depth", file_formats.usual_depth(output) if output else 32)
+    _check_names(values)
+    size = kinds.plain(size)
+    both = size if isinstance(size, list | tuple) else (size, size)
+    if len(both) != 2:
+        raise BakeError(f"size: {kinds.shown(size)} is neither a number of texels nor a width and a height.")
+    path = _value("output", output)
+    values = {"depth": file_formats.usual_depth(path) if path else 32, **values}
     result = Settings(
-        width=width,
-        height=height,
-        normal=map_types.NORMAL.name in chosen,
-        maps=tuple(name for name in map_types.NAMES if name in chosen),
-        storage=Storage.FILE if output else Storage.MEMORY,
-        output=os.path.abspath(output) if output else "",
+        width=_value("width", both[0], "size"),
+        height=_value("height", both[1], "size"),
+        normal=map_types.NORMAL.name in names.values(),
+        maps=tuple(name for name in map_types.NAMES if name in names.values()),
+        storage=Storage.FILE if path else Storage.MEMORY,
+        output=os.path.abspath(path) if path else "",
         image=f".imprint {uuid.uuid4().hex}",  # no image of the open file has this name
-        depth=depth,
         material=False,
-        **{name: _value(DECLARED[name], value) for name, value in values.items()},
+        **{name: _value(name, value) for name, value in values.items()},
     )
     result.check()
     return result
 
 
-def _plain(name: str) -> str:
-    return str(name).strip().lower().replace("_", "").replace("-", "").replace(" ", "")
+def _check_names(values: dict[str, Any]) -> None:
+    names = [name for name in PART_OF if name not in {*_ELSEWHERE, *_OF_SCENES}]
+    for name in values:
+        if name in _ELSEWHERE:
+            raise BakeError(f"There is no setting {name!r} here: give {_ELSEWHERE[name]!r}.")
+        if name in _OF_SCENES:
+            raise BakeError(
+                f"There is no setting {name!r} here: the maps are arrays and files, and the scene stays as it was."
+            )
+        if name not in names:
+            raise BakeError(f"There is no setting {name!r} of a bake{did_you_mean([name], names) or '.'}")
 
 
-def _value(setting: kinds.Setting, value: Any) -> Any:
-    """A value as Settings has it: of a choice, in any spelling."""
-    if isinstance(setting, kinds.Choice):
-        known = {_plain(each): each for each in setting.values}
-        if isinstance(setting, kinds.Flags):
-            found = value.split(",") if isinstance(value, str) else value
-            return tuple(known.get(_plain(each), each) for each in found)
-        return known.get(_plain(value), value)
-    return tuple(value) if isinstance(value, list) else value
+def _value(name: str, value: Any, title: str = "") -> Any:
+    """A value as Settings has it. title: the name in messages, if it differs."""
+    return replace(DECLARED[name], label=title or name).coerced(value)
 
 
 def _objects(source: Source, name: str) -> list[bpy.types.Object]:
     """The objects of a source, which are made or imported if they are not in the scene. name: of one that has none."""
     if isinstance(source, bpy.types.Object):
+        try:
+            source.name  # noqa: B018
+        except ReferenceError:
+            raise BakeError(f"The object of {name!r} was deleted: give one of the open file.") from None
         return [source]
     if isinstance(source, str | os.PathLike):
-        return import_meshes(os.fspath(source), PLAIN)
+        with scene_apart():
+            return import_meshes(_value("output", source, name), PLAIN)
     if not isinstance(source, Surface) and hasattr(source, "vertices") and hasattr(source, "faces"):
         visual = getattr(source, "visual", None)
         normals = getattr(source, "vertex_normals", None)
@@ -169,6 +213,8 @@ def _objects(source: Source, name: str) -> list[bpy.types.Object]:
         raise BakeError(
             f"{type(source).__name__} is not a mesh: give a Surface, an object of Blender or the path of a file."
         )
+    if not isinstance(source.name, str):
+        raise BakeError(f"The name of the Surface for {name!r} is not a text: {kinds.shown(source.name)}.")
     return [_made(source, source.name or name)]
 
 
@@ -180,11 +226,13 @@ def _only(objects: Sequence[bpy.types.Object], role: str) -> bpy.types.Object:
 
 def _made(surface: Surface, name: str) -> bpy.types.Object:
     """An object of the open scene with the mesh of a surface."""
-    vertices, triangles = _rows(surface.vertices, 3, f"The vertices of {name!r}"), np.asarray(surface.triangles)
+    vertices, triangles = _rows(surface.vertices, 3, f"The vertices of {name!r}"), _array(surface.triangles)
     if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
         raise BakeError(f"The triangles of {name!r} are not whole numbers of the shape (T, 3).")
     if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
         raise BakeError(f"The triangles of {name!r} name vertices that it does not have: indices count from 0.")
+    if not triangles.size:
+        raise BakeError(f"{name!r} has no triangles.")
     data = bpy.data.meshes.new(name)
     data.vertices.add(len(vertices))
     data.attributes["position"].data.foreach_set(  # pyright: ignore[reportAttributeAccessIssue]
@@ -210,7 +258,7 @@ def _made(surface: Surface, name: str) -> bpy.types.Object:
 
 def _by_corner(values: Any, width: int, of: tuple[int, np.ndarray], what: str) -> np.ndarray:
     """Values by vertex or corner as (3 T, width) float32. of: the number of vertices, and the triangles."""
-    found, (count, triangles) = np.asarray(values), of
+    found, (count, triangles) = _array(values), of
     if found.shape == (*triangles.shape, width):
         return _rows(found.reshape(-1, width), width, what)
     if found.shape == (count, width):
@@ -222,10 +270,19 @@ def _by_corner(values: Any, width: int, of: tuple[int, np.ndarray], what: str) -
 
 def _rows(values: Any, width: int, what: str) -> np.ndarray:
     """Values as (N, width) float32."""
-    found = np.asarray(values)
+    found = _array(values)
     if found.dtype.kind not in "iuf" or found.ndim != 2 or found.shape[1] != width:
         raise BakeError(f"{what} are not numbers of the shape (N, {width}).")
-    return np.ascontiguousarray(found, np.float32)
+    with np.errstate(over="ignore"):  # what no single-precision number holds is infinite, and left out as that
+        return np.ascontiguousarray(found, np.float32)
+
+
+def _array(values: Any) -> np.ndarray:
+    """Values as an array, of the kind "O" if they are not the numbers of one."""
+    try:
+        return np.asarray(values)
+    except ValueError:  # rows of different lengths
+        return np.asarray(None)
 
 
 def _arrays(report: Report, settings: Settings) -> dict[str, np.ndarray]:
@@ -245,20 +302,34 @@ def _arrays(report: Report, settings: Settings) -> dict[str, np.ndarray]:
 
 
 @contextmanager
-def _nothing_left() -> Iterator[None]:
-    """Remove what the block adds to the open file."""
-    before = {kind: set(getattr(bpy.data, kind)) for kind in _KINDS}
+def _nothing_left() -> Iterator[Callable[[Callable[[Progress], None]], Callable[[Progress], None]]]:
+    """Remove what the block adds to the open file. Yields a decorator of functions of the caller: what these add stays."""
+    before = _everything()
+
+    def kept(on_progress: Callable[[Progress], None]) -> Callable[[Progress], None]:
+        def called(progress: Progress) -> None:
+            start = _everything()
+            try:
+                on_progress(progress)
+            finally:
+                before.update(_everything() - start)
+
+        return called
+
     try:
-        yield
+        yield kept
     finally:
-        bpy.data.batch_remove([each for kind in _KINDS for each in getattr(bpy.data, kind) if each not in before[kind]])
+        bpy.data.batch_remove(_everything() - before)
 
 
-_KINDS = (
-    *("objects", "meshes", "materials", "images", "collections", "node_groups", "textures", "armatures", "actions"),
-    *("lights", "cameras", "curves", "texts", "libraries"),
-)
-"""What importers and a bake add to a file, as bpy.data names it."""
+def _everything() -> set[bpy.types.ID]:
+    """All datablocks of the open file that a bake and importers can add."""
+    kinds_of = (each.identifier for each in bpy.data.bl_rna.properties if each.type == "COLLECTION")
+    return {each for kind in kinds_of if kind not in _OTHERS for each in getattr(bpy.data, kind)}
+
+
+_OTHERS = {"shape_keys", "window_managers", "workspaces", "screens", "all_ids"}
+"""Collections of bpy.data whose datablocks come and go with others, or with the window."""
 
 
 @contextmanager

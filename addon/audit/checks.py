@@ -135,8 +135,12 @@ def _uv_layout(plan: Plan, sampling: SamplingSettings) -> tuple[Checks, list[War
         "no_area": _count(areas == 0.0, count),
     }
     counts = [
-        (mesh, mesh.not_finite, "are left out: their coordinates are NaN or infinite", severity.NOT_FINITE)
+        count
         for mesh in (low, *highs)
+        for count in (
+            (mesh, mesh.not_finite, "are left out: their coordinates are NaN or infinite", severity.NOT_FINITE),
+            (mesh, mesh.without_normals, "have normals without a length: they are shaded smooth", ""),
+        )
     ]
     if not plan.casts_rays:
         for high in highs:

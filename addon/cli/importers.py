@@ -388,6 +388,32 @@ def import_file(path: Path, space: Space) -> list[bpy.types.Object]:
     return [obj for obj in bpy.data.objects if obj.type == "MESH" and obj not in before]
 
 
+@contextmanager
+def scene_apart() -> Iterator[None]:
+    """Import into a scene of its own, whose objects come into the open one at the end.
+
+    Importers set frames, world, selection and mode of a scene, or switch to another one.
+    """
+    scene, window = bpy.context.scene, bpy.context.window
+    layer = bpy.context.view_layer
+    apart = bpy.data.scenes.new(" ")  # the first by name, in which the importer of glTF puts the variants of materials
+    try:
+        for name in ("scale_length", "system"):
+            setattr(apart.unit_settings, name, getattr(scene.unit_settings, name))
+        for name in ("fps", "fps_base"):
+            setattr(apart.render, name, getattr(scene.render, name))
+        with bpy.context.temp_override(scene=apart, view_layer=apart.view_layers[0]):
+            yield
+        for obj in apart.collection.objects:
+            scene.collection.objects.link(obj)
+        for collection in apart.collection.children:
+            scene.collection.children.link(collection)
+    finally:
+        if window is not None and window.scene != scene:
+            window.scene, window.view_layer = scene, layer
+        bpy.data.scenes.remove(apart)
+
+
 def _import(path: Path, space: Space) -> None:
     far = scan_files.far_origin(path)
     subtracted = far if space.origin is None or far is None else np.array(space.origin, np.float64)

@@ -20,7 +20,7 @@ from ..output.atomic_file import reason
 from ..scene import dependencies
 from ..scene.evaluation import set_until
 from . import interruption, plans, standard_streams
-from .importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file
+from .importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file, scene_apart
 from .untrusted import is_below
 
 
@@ -54,7 +54,8 @@ class SceneLoader:
         else:  # a .blend1 as well
             _open_blend(first)
         for name in others:
-            self._import_meshes(name, space)
+            with scene_apart():
+                self._import_meshes(name, space)
         self.take()
         self._open = wanted
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of
-from ..mesh.orientation import face_normals, welded
+from ..mesh.orientation import vertex_normals, welded
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 
 LEAST, ALIKE = 0.0045, 0.6
@@ -90,10 +90,10 @@ class _Move:
         # Vertices that are at one place, but not joined, stay together.
         same = welded(start, np.ones(len(start), bool), float(np.linalg.norm(np.ptp(start, axis=0))))
         triangles, places = same[triangles], start[same]
-        after = before = _vertex_normals(places, triangles)[same]
+        after = before = vertex_normals(places, triangles)[same]
         for _ in range(STEPS):
             places = places + distance / STEPS * after
-            after = _vertex_normals(places, triangles)[same]
+            after = vertex_normals(places, triangles)[same]
         self._low, self._before, self._after = low, before[low.vertices], after[low.vertices]
         self._positions = ((places - place) @ np.linalg.inv(matrix).T).astype(np.float32)
 
@@ -111,17 +111,3 @@ class _Move:
         turned += 2.0 * (before * world).sum(axis=1, keepdims=True) * after
         world = np.where(length > 1e-3, turned, world)
         return (world @ np.linalg.inv(normal_matrix(self._low.to_world)).T).astype(np.float32)
-
-
-def _vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The unit normals (V, 3) of vertices: the mean of the faces around, by their angles there."""
-    faces = face_normals(points, triangles)
-    faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-300)
-    sums = np.zeros((len(points), 3))
-    for corner in range(3):
-        here, ahead, behind = (points[triangles[:, (corner + turn) % 3]] for turn in range(3))
-        u, v = ahead - here, behind - here
-        angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(axis=1))
-        for axis in range(3):
-            sums[:, axis] += np.bincount(triangles[:, corner], angles * faces[:, axis], len(points))
-    return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)

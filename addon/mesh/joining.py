@@ -48,6 +48,7 @@ def join(name: str, to_world: np.ndarray, parts: Sequence[Part]) -> Mesh:
         uv=_empty(parts, "uv", corners),
         labels=_empty(parts, "labels", triangles),
         not_finite=sum(len(part.matrices) * part.mesh.not_finite for part in parts),
+        without_normals=sum(len(part.matrices) * part.mesh.without_normals for part in parts),
         instances=sum(len(part.matrices) for part in parts),
         layers=_empty_layers(parts, corners),
         normals_domain=_common_domain(parts),

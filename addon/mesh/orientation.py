@@ -339,6 +339,20 @@ def face_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]], axis=1)
 
 
+def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The unit normals (V, 3) of vertices: the mean of the faces around, by their angles there."""
+    faces = face_normals(points, triangles)
+    faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-300)
+    sums = np.zeros((len(points), 3))
+    for corner in range(3):
+        here, ahead, behind = (points[triangles[:, (corner + turn) % 3]] for turn in range(3))
+        u, v = ahead - here, behind - here
+        angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(axis=1))
+        for axis in range(3):
+            sums[:, axis] += np.bincount(triangles[:, corner], angles * faces[:, axis], len(points))
+    return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
+
+
 def edge_pairs(vertices: np.ndarray, normals: np.ndarray) -> tuple[Pairs, np.ndarray]:
     """The pairs of triangles that share edges and belong together, and the cosines (E,) between their normals once they agree.
 

@@ -80,7 +80,8 @@ class Mesh:
     uv (C, 2) float32, or None if no layer was read; tangents (C, 4) float32, w the sign of the bitangent, or None.
     triangles (T, 3) int32, indices into the corners; faces (T,) int32, the face of each triangle, or None if not read;
     labels (T, n), numbers that go with each triangle, or None. to_world (4, 4) float64. not_finite: the number of triangles
-    left out for NaN or infinite values. instances: the number of instances joined; 0 for the object's own mesh.
+    left out for NaN or infinite values. without_normals: of those whose own normals have no length, which got smooth ones.
+    instances: the number of instances joined; 0 for the object's own mesh.
     layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE, TANGENTS or GENERATED) and name.
     normals_domain: "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions
     alone, "CORNER" if hard edges and flat faces count, too, and empty for the mesh's own normals.
@@ -97,6 +98,7 @@ class Mesh:
     uv: MaybeArray = None
     tangents: MaybeArray = None
     not_finite: int = 0
+    without_normals: int = 0
     faces: MaybeArray = None
     labels: MaybeArray = None
     instances: int = 0

@@ -14,9 +14,12 @@ from functools import partial
 import bpy
 import numpy as np
 
+from ..mesh.orientation import vertex_normals
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
 from . import steady_tangents
 
+SHORTEST = 1e-18
+"""The length below which a normal has no direction: shaders square it, and the square is no single-precision number."""
 LARGE = 2**25
 """Face corners. Smaller meshes are read without copies: Blender then keeps their normals for the next bake."""
 
@@ -149,12 +152,33 @@ def surface(
         mesh.positions[~positions] = 0.0  # no triangle uses them, but NaN would change sums
         by_corner = positions[mesh.vertices]
         finite = by_corner if finite is None else finite & by_corner
-    return keep_corners(mesh, finite)
+    return _with_lengths(keep_corners(mesh, finite), data)
+
+
+def _with_lengths(mesh: Mesh, data: bpy.types.Mesh) -> Mesh:
+    """`mesh`, which was read from `data`, with smooth normals where its own have no length.
+
+    Only free normals can be like that: Blender computes others."""
+    own = data.attributes.get("custom_normal")
+    if own is None or own.data_type != "FLOAT_VECTOR":
+        return mesh
+    normals, lacks = _filled(mesh.normals, mesh)
+    return replace(mesh, normals=normals, without_normals=int(np.count_nonzero(lacks[mesh.triangles].any(axis=1))))
+
+
+def _filled(normals: np.ndarray, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Normals by corner (C, 3) float32, where those without a length are smooth ones, and which corners (C,) lacked it."""
+    lacks = np.einsum("ij,ij->i", normals, normals) < SHORTEST**2
+    if lacks.any():
+        smooth = vertex_normals(mesh.positions.astype(np.float64), mesh.vertices[mesh.triangles])[mesh.vertices]
+        normals = np.where(lacks[:, None], smooth, normals).astype(np.float32)
+    return normals, lacks
 
 
 def smooth_normals(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray:
     """The vertex normals of `mesh`, which was read from `data`: (C, 3) float32, by corner. They ignore hard edges."""
-    return _read(data.vertex_normals, "vector", len(data.vertices), 3)[mesh.vertices]
+    normals = _read(data.vertex_normals, "vector", len(data.vertices), 3)[mesh.vertices]
+    return _filled(normals, mesh)[0] if mesh.without_normals else normals
 
 
 def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
@@ -167,6 +191,10 @@ def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.n
         with _triangulated(data, uv_layer) as triangles_only:
             return with_tangents(triangles_only, uv_layer, name, to_world)
     mesh = surface(data, uv_layer, name, to_world, with_faces=True)
+    if mesh.without_normals:
+        with _triangulated(data, uv_layer, mesh.normals) as mended:
+            mended_mesh = with_tangents(mended, uv_layer, name, to_world)
+        return replace(mended_mesh, without_normals=mesh.without_normals)
     indices = face_values(data, "material_index")
     mesh = replace(mesh, labels=indices[mesh.faces][:, None].astype(np.float32))
     data.calc_tangents(uvmap=uv_layer)
@@ -306,11 +334,11 @@ def _max_face_size(data: bpy.types.Mesh) -> int:
 
 
 @contextmanager
-def _triangulated(data: bpy.types.Mesh, uv_layer: str) -> Iterator[bpy.types.Mesh]:
-    """A temporary triangulated copy of `data` with the same corner normals, and only this UV layer."""
+def _triangulated(data: bpy.types.Mesh, uv_layer: str, normals: np.ndarray | None = None) -> Iterator[bpy.types.Mesh]:
+    """A temporary triangulated copy of `data` with these corner normals (C, 3) or the same ones, and only this UV layer."""
     corners = triangles(data).reshape(-1)
     positions = points(data)
-    normals = _read(data.corner_normals, "vector", len(data.loops), 3)[corners]
+    normals = (corner_normals(data) if normals is None else normals)[corners]
     uv = uvs(data, uv_layer)[corners]
     copy = bpy.data.meshes.new("Imprint triangles")
     try:

@@ -1,10 +1,43 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The kinds of settings. The panels, the command line, job files and the manual are made from such declarations."""
 
+import numbers
+import os
+import reprlib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
+from .. import udim
 from ..errors import BakeError
+
+
+def spelled(value: Any) -> str:
+    """A word without what its spellings differ in: "Base Color", "base-color" and "BASE_COLOR" are the same."""
+    return str(value).strip().lower().replace("_", "").replace("-", "").replace(" ", "")
+
+
+def plain(value: Any) -> Any:
+    """Numbers and arrays of numpy, and of libraries like it, as those of Python. Other values stay."""
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def listed(value: Any) -> list | None:
+    """The items of a list, an array, a generator and the like; None for a single value, a text and a dictionary."""
+    is_list = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
+    return [plain(item) for item in value] if is_list else None
+
+
+def shown(value: Any) -> str:
+    """A value of any type for a message."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # Python does not write numbers of thousands of digits
+        return f"a {type(value).__name__} of that size"
+
+
+def _is_number(value: Any, kind: type = numbers.Real) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
@@ -47,6 +80,22 @@ class Setting:
     def check(self, value: Any) -> None:
         """Raise BakeError for a value that is not valid."""
 
+    def coerced(self, value: Any) -> Any:
+        """What a program gives, as Settings has it: numbers of any library, choices in any spelling, lists.
+
+        Raises BakeError for a value of a wrong type, and for one that is not valid.
+        """
+        found = self._typed(plain(value))
+        self.check(found)
+        return found
+
+    def _typed(self, value: Any) -> Any:
+        """A value of the type that Settings has. Raises BakeError for other types."""
+        return value
+
+    def _refuse(self, value: Any, wanted: str) -> NoReturn:
+        raise BakeError(f"{self.label}: {shown(value)} is not {wanted}.")
+
     @property
     def panel_tooltip(self) -> str:
         """The tooltip, with the value that an empty field means."""
@@ -60,6 +109,11 @@ class Switch(Setting):
     default: bool = False
     empties: bool | None = None
     """The state in which the settings that name this switch are None. None if no setting names it."""
+
+    def _typed(self, value: Any) -> bool:
+        if not isinstance(value, int) or value not in (False, True):
+            self._refuse(value, "True or False")
+        return bool(value)
 
 
 @dataclass(frozen=True)
@@ -85,7 +139,15 @@ class Choice(Setting):
 
     def check(self, value: Any) -> None:
         if value not in self.values:
-            raise BakeError(f"{self.label}: {value!r} is not one of {', '.join(map(str, self.values))}.")
+            self._refuse(value, f"one of {', '.join(map(str, self.values))}")
+
+    def _typed(self, value: Any) -> Any:
+        word = int(value) if isinstance(value, float) and value.is_integer() else value
+        known = {spelled(each): each for each in self.values}
+        found = known.get(spelled(word if isinstance(word, str) else shown(word)))
+        if found is None:
+            self._refuse(value, f"one of {', '.join(map(str, self.values))}")
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +162,12 @@ class Flags(Choice):
     def check(self, value: tuple) -> None:
         for part in value:
             super().check(part)
+
+    def _typed(self, value: Any) -> tuple:
+        parts = value.split(",") if isinstance(value, str) else listed(value)
+        if parts is None:
+            self._refuse(value, f"a list of some of {', '.join(map(str, self.values))}")
+        return tuple(super(Flags, self)._typed(part) for part in parts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,8 +186,18 @@ class WholeNumber(Setting):
         if value is None and self.none_word:
             return
         if value is None or not self.least <= value <= self.most:
-            more = f", or {self.none_word}" if self.none_word else ""
-            raise BakeError(f"{self.label}: {value} is outside {self.least} to {self.most}{more}.")
+            raise BakeError(f"{self.label}: {shown(value)} is outside {self._allowed}.")
+
+    def _typed(self, value: Any) -> int | None:
+        if self.none_word and (value is None or value == self.none_word):
+            return None
+        if not _is_number(value, numbers.Integral):
+            self._refuse(value, f"a whole number from {self._allowed}")
+        return int(value)
+
+    @property
+    def _allowed(self) -> str:
+        return f"{self.least} to {self.most}" + (f", or {self.none_word}" if self.none_word else "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,8 +219,17 @@ class Distance(Setting):
     def check(self, value: float | None) -> None:
         if value is None or 0.0 < value <= self.LARGEST or (self.may_be_zero and value == 0.0):
             return
+        self._refuse_distance(value)
+
+    def _typed(self, value: Any) -> float | None:
+        # What is compared here has any size: float() of a large whole number is an error.
+        if value is not None and not (_is_number(value) and abs(value) <= self.LARGEST):
+            self._refuse_distance(value)
+        return None if value is None else float(value)
+
+    def _refuse_distance(self, value: Any) -> NoReturn:
         least = "0 or more" if self.may_be_zero else "more than 0"
-        raise BakeError(f"{self.label}: {value} is not a distance. It must be {least}, up to {self.LARGEST:g}.")
+        self._refuse(value, f"a distance. It must be {least}, up to {self.LARGEST:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,8 +245,15 @@ class Color(Setting):
 
     def check(self, value: tuple[float, float, float]) -> None:
         if len(value) != 3 or not all(0.0 <= part <= 1.0 for part in value):
-            numbers = ", ".join(map(str, value))
-            raise BakeError(f"{self.label}: {numbers} is not a color. It must be three numbers from 0 to 1.")
+            raise BakeError(
+                f"{self.label}: {', '.join(map(shown, value))} is not a color. It must be three numbers from 0 to 1."
+            )
+
+    def _typed(self, value: Any) -> tuple[float, ...]:
+        parts = listed(value)
+        if parts is None or not all(_is_number(part) and 0.0 <= part <= 1.0 for part in parts):
+            self._refuse(value, "a color. It must be three numbers from 0 to 1")
+        return tuple(map(float, parts))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,12 +263,24 @@ class Text(Setting):
     default: str = ""
     metavar: ClassVar[str] = "NAME"
 
+    def _typed(self, value: Any) -> str:
+        # Blender's own look-ups raise errors of other kinds for text that is no UTF-8 or has a null character.
+        if not isinstance(value, str) or "\0" in value or value != value.encode(errors="ignore").decode():
+            self._refuse(value, "a name")
+        return str(value)
+
 
 @dataclass(frozen=True, kw_only=True)
 class FilePath(Text):
     """A path to a file."""
 
     metavar: ClassVar[str] = "FILE"
+
+    def _typed(self, value: Any) -> str:
+        path = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+        if not isinstance(path, str) or "\0" in path:
+            self._refuse(value, "the path of a file")
+        return path
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,6 +289,13 @@ class Tiles(Setting):
 
     default: tuple[int, ...] = ()
     metavar: ClassVar[str] = "1001,1002..."
+
+    def _typed(self, value: Any) -> tuple[int, ...]:
+        words = value.replace(",", " ").split() if isinstance(value, str) else ()
+        parts = [int(word) if len(word) == 4 and word.isdecimal() else None for word in words] or listed(value)
+        if parts is None or not all(_is_number(part, numbers.Integral) and part in udim.TILES for part in parts):
+            self._refuse(value, f"a list of UDIM tiles: their numbers are {udim.TILES[0]} to {udim.TILES[-1]}")
+        return tuple(map(int, parts))
 
 
 @dataclass(frozen=True, kw_only=True)
