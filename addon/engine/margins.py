@@ -7,7 +7,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import MarginType, Space
-from ..core.map_types import BY_NAME, DEFERRED, MARGIN, MISSED, NORMAL, WRITTEN, Kind
+from ..core.map_types import BY_NAME, DEFERRED, MARGIN, MISSED, NORMAL, WRITTEN, Kind, Map
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
@@ -181,8 +181,13 @@ def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> N
         texels[y, x], state[y, x] = found[is_found], MARGIN
 
 
-def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]:
-    """A PostProcess for each map of a bake, by name. lows: the meshes whose islands are on the map."""
+OWNER = "OWNER"
+"""The name of the map of who owns each texel, see `owned_by`."""
+
+
+def for_maps(lows: Sequence[Mesh], settings: Settings, *, has_owner: bool = False) -> dict[str, PostProcess]:
+    """A PostProcess for each map of a bake, by name. lows: the meshes whose islands are on the map. has_owner: whether OWNER is
+    one of the maps."""
     borders = None
     if settings.sampling.margin_type == MarginType.ADJACENT_FACES and settings.sampling.margin != 0:
         found = uv_seams.find(lows)
@@ -190,4 +195,31 @@ def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]
     normal = margin_fill.TANGENT if settings.map.space == Space.TANGENT else margin_fill.NORMAL
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: margin_fill.VALUE, Kind.LABEL: margin_fill.LABEL}
     kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.map.drawn_maps)}
+    kinds |= {OWNER: margin_fill.LABEL} if has_owner else {}
     return {name: PostProcess(settings, kind, borders) for name, kind in kinds.items()}
+
+
+def with_owner(maps: dict[str, np.ndarray], is_others: np.ndarray) -> dict[str, np.ndarray]:
+    """The maps of a tile, as Renderer.raw has them, with OWNER, and with values where others are, so that margins end there.
+
+    is_others: the texels (height, width) bool on which other low objects are.
+    """
+    owner = np.zeros_like(maps[NORMAL.name])
+    owner[..., 0] = is_others
+    for values in maps.values():
+        values[is_others] = (0.0, 0.0, 1.0, 1.0)
+    owner[..., 3] = maps[NORMAL.name][..., 3]
+    return maps | {OWNER: owner}
+
+
+def without_others(finished: dict[str, Map], processes: dict[str, PostProcess]) -> np.ndarray:
+    """Take OWNER out of finished maps, and clear the texels that belong to others, with their margins.
+
+    Returns these texels (height, width) bool, with the background.
+    """
+    owner, state = finished.pop(OWNER)
+    is_others = (owner[..., 0] > 0.5) & (state != MISSED)
+    for name, (texels, states) in finished.items():
+        texels[is_others] = (*(processes[name].encode @ (0.0, 0.0, 1.0, 1.0))[:3], 0.0)
+        states[is_others] = 0
+    return is_others | (state == 0)

@@ -23,7 +23,7 @@ from ..core.naming import ATLAS
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import Run, Settings, TracingSettings
-from ..engine import gpu_memory, margins, mip_levels
+from ..engine import coverage, gpu_memory, margins, mip_levels
 from ..engine.baking import Renderer
 from ..engine.bands import DrawnMaps
 from ..output import datablocks, map_names, materials, outputs
@@ -31,15 +31,17 @@ from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_
 from ..output.materials import into_materials
 from ..output.outputs import Outputs
 from ..scene.object_checks import scene_by_uid
-from . import checks, weights
+from . import checks, shared_image, weights
 from .bake import DrawnJob, bake_job, draw_raw, report_of
 from .job import Job, by_material, check_clashes, check_file_clashes, check_job, files_kept
+from .shared_image import Kept
 
 
 class Atlas:
-    """Collects the maps of bakes, as Renderer.raw returns them, and stores them as one."""
+    """Collects the maps of bakes, as Renderer.raw returns them, and stores them as one. kept: what others have in it."""
 
-    def __init__(self, settings: Settings):
+    def __init__(self, settings: Settings, kept: Kept | None = None):
+        self.kept = kept or Kept()
         # All samples and the tangent spaces of the objects are already in the maps.
         self.settings = replace(settings, samples=1)
         self.drawn: list[DrawnJob] = []
@@ -61,7 +63,11 @@ class Atlas:
     def store(self) -> list[Report]:
         """Add the margin and store the maps. Returns a report of each bake. Raises BakeError."""
         last = self.drawn[-1].timings
-        with last.in_total(), Outputs(self.settings) as outputs:
+        baked = [
+            shared_image.part_of(each.meshes.low, each.meshes.uv_layer, is_own_base=each.meshes.is_own_base)
+            for each in self.drawn
+        ]
+        with last.in_total(), Outputs(self.settings, baked, self.kept.parts) as outputs:
             lows = [drawn.job.low for drawn in self.drawn]  # before anything changes: it raises if one was deleted
             for low, drawn in zip(lows, self.drawn, strict=True):
                 outputs.sample_onto(low, drawn.meshes.uv_layer, is_own_base=drawn.meshes.is_own_base)
@@ -78,18 +84,35 @@ class Atlas:
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
         """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
-        post_processes = margins.for_maps([drawn.meshes.low for drawn in self.drawn], self.settings)
+        lows = [*(drawn.meshes.low for drawn in self.drawn), *self.kept.lows]
+        post_processes = margins.for_maps(lows, self.settings, has_owner=bool(self.kept))
         margin = texels = 0
         with gpu_memory.trimmed():
             for tile, maps in self.tiles.items():
-                run = Run(self.settings, timings=timings)
+                run, is_kept = Run(self.settings, timings=timings), None
+                if self.kept:
+                    maps = margins.with_owner(maps, self._of_others(tile, maps))  # noqa: PLW2901 - the same, with more
                 renderer = Renderer(DrawnMaps(maps), run)
                 finished = progress.finish(renderer.texels(tile, post_processes))
+                if self.kept:
+                    is_kept = margins.without_others(finished, post_processes)
                 state = finished[NORMAL.name][1]
                 margin += int(np.count_nonzero(state == MARGIN))
                 texels += state.size
-                outputs.add(tile, finished, progress.finish(mip_levels.of(finished, tile, run)))
+                outputs.add(tile, finished, progress.finish(mip_levels.of(finished, tile, run)), is_kept)
         return margin / texels
+
+    def _of_others(self, tile: int, maps: dict[str, np.ndarray]) -> np.ndarray:
+        """The texels (height, width) bool of a tile that low objects have which are not baked."""
+        found = coverage.covered(self.kept.lows, tile, self.drawn[0].settings.sampling)
+        is_hit = maps[NORMAL.name][..., 3] > 0.0
+        lost = np.count_nonzero(is_hit & found)
+        if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
+            self._warnings[0].append(
+                f"{lost:,} texels overlap texels of other objects in the same image, which stay as they are: move their UVs "
+                "apart, or bake a map for each with {low} in the name."
+            )
+        return found
 
     def _lay_over(self, below: dict[str, np.ndarray], above: dict[str, np.ndarray]) -> None:
         """Combine one tile of the last bake with those of the bakes before it."""
@@ -190,10 +213,13 @@ def work(
     for job, job_settings in zip(jobs, filled, strict=True):
         check_job(context, job, job_settings)
     if share_image:
-        return (yield from _into_one(context, jobs, filled, pace))
+        kept = shared_image.kept(context, jobs, filled[0], is_shared=True)
+        return (yield from _into_one(context, jobs, filled, pace, kept))
+    all_kept = [shared_image.kept(context, [job], of_job) for job, of_job in zip(jobs, filled, strict=True)]
     reports = [] if reports is None else reports
-    for number, (job, job_settings) in enumerate(zip(jobs, filled, strict=True)):
-        steps = part(bake_job(context, job, job_settings, pace), number / len(jobs), (number + 1) / len(jobs))
+    for number, (job, job_settings, kept) in enumerate(zip(jobs, filled, all_kept, strict=True)):
+        steps = _alone(context, job, job_settings, pace, kept)
+        steps = part(steps, number / len(jobs), (number + 1) / len(jobs))
         name = job.low_ref.name
         try:
             reports.append((yield from relay(steps, partial(replace, finished=len(reports)))))
@@ -223,11 +249,18 @@ def _find_occluders(jobs: Sequence[Job], tracing: TracingSettings) -> None:
         job.other_refs = [ref for uid, ref in refs.items() if uid not in own]
 
 
+def _alone(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, kept: Kept) -> Task[Report]:
+    """Bake one job into its own images, or into those that others share, whose texels are kept."""
+    if not kept:
+        return (yield from bake_job(context, job, settings, pace))
+    return (yield from _into_one(context, [job], [settings], pace, kept))[0]
+
+
 def _into_one(
-    context: bpy.types.Context, jobs: Sequence[Job], filled: Sequence[Settings], pace: Pace
+    context: bpy.types.Context, jobs: Sequence[Job], filled: Sequence[Settings], pace: Pace, kept: Kept
 ) -> Task[list[Report]]:
     """Bake all jobs into the same images. filled: the settings of each job, with the same names."""
-    atlas = Atlas(filled[0])
+    atlas = Atlas(filled[0], kept)
     for number, (job, settings) in enumerate(zip(jobs, filled, strict=True)):
         run = Run(settings, pace)
         steps = run.timings.counted(relay(draw_raw(context, job, run), partial(_check_lows, jobs)))

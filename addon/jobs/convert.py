@@ -30,6 +30,7 @@ from ..output.materials import into_materials
 from ..output.outputs import Outputs
 from ..scene import evaluation, object_checks, reading, textures
 from ..scene.object_checks import ObjectRef
+from . import shared_image
 from .job import Job, check_file_clashes, check_outputs, files_kept
 
 
@@ -185,6 +186,7 @@ def _work(context: bpy.types.Context, conversion: Conversion, run: Run) -> Task[
     yield Progress(f"Reading {conversion.image.name}", 0.0)
     ready = _read(context, conversion, run.settings, timings)
     settings, mesh, counts = ready.settings, ready.mesh, np.zeros(3, np.int64)
+    shared_image.check_alone(context, Job(conversion.low, [conversion.low]), settings, "the converted map")
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
             drawn = ConvertedMap(mesh, ready.before, settings.map)

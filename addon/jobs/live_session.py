@@ -32,7 +32,7 @@ from ..output import datablocks, materials, outputs
 from ..passes import data_texture, target
 from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
-from . import bake_jobs
+from . import bake_jobs, shared_image
 from .bake import READY, DrawnJob, report_of
 from .job import Job, check_clashes, check_job, files_kept, set_numbers
 
@@ -118,6 +118,7 @@ class Session:
         self.others = LiveMaps(settings)
         check_clashes(settings.storing, [settings], [job.low.name], files_kept([job], settings.storing))
         check_job(context, job, settings)
+        shared_image.check_alone(context, job, settings.without_file(), "Live")
         self.pace = pace
         self.drawn = 0
         self._timings = Timings()

@@ -5,10 +5,12 @@ import importlib
 import os
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType, ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -51,8 +53,35 @@ _ENCODINGS: Mapping[FileFormat, _Encoding] = MappingProxyType(
 )
 
 
+KEYWORD, ATTRIBUTE = "Imprint", "ImageDescription"
+"""Where a file has its note: the keyword of a text in PNG files, and OpenImageIO's name in all others."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """How texels are stored. size: width and height. depth: bits per channel. has_alpha: whether alpha is stored."""
+
+    size: tuple[int, int]
+    depth: int
+    is_float: bool
+    has_alpha: bool = True
+
+    def __str__(self) -> str:
+        kind = "-bit floats" if self.is_float else " bits"
+        return (
+            f"{self.size[0]} x {self.size[1]} texels of {self.depth}{kind}{'' if self.has_alpha else ' without alpha'}"
+        )
+
+
 def content(
-    texels: np.ndarray, path: Path, depth: int, *, has_alpha: bool = True, is_color: bool = False, is_gray: bool = False
+    texels: np.ndarray,
+    path: Path,
+    depth: int,
+    *,
+    has_alpha: bool = True,
+    is_color: bool = False,
+    is_gray: bool = False,
+    note: str = "",
 ) -> Content:
     """The file of `texels` in the format that the ending of `path` names. The texels may change afterwards.
 
@@ -62,19 +91,80 @@ def content(
         is_color: Whether values are sRGB, which only PNG files declare.
         is_gray: Whether red stands for all colors. Then a file has one channel, if its format has that: beside alpha in PNG
             alone.
+        note: A text in ASCII for the file's metadata, which `note_of` reads.
     """
     file_format = file_formats.of(path)
     if file_format is file_formats.PNG:
-        return png_writer.content(texels, depth, has_alpha=has_alpha, is_color=is_color, is_gray=is_gray)
+        texts = {KEYWORD: note} if note else {}
+        return png_writer.content(texels, depth, has_alpha=has_alpha, is_color=is_color, is_gray=is_gray, texts=texts)
     is_single = is_gray and not has_alpha and file_format is file_formats.TIFF
     texels = top_first(texels, has_alpha, is_gray=is_single)
     numbers = _numbers(texels, depth, is_float=file_format.is_float)
 
     def write(path: Path, _results: Iterator) -> None:
         path.open("wb").close()  # raises the error of the system, which OpenImageIO does not name
-        _write(numbers, path, file_format)
+        _write(numbers, path, file_format, {ATTRIBUTE: note} if note else {})
 
     return Content([], write)
+
+
+def note_of(path: str | Path) -> str:
+    """The note in the metadata of a file; empty if it has none, or is no image."""
+    if file_formats.of(path) is file_formats.PNG:
+        return png_writer.texts(path).get(KEYWORD, "")
+    try:
+        with _opened(path) as (picture, _):
+            return str(picture.spec().getattribute(ATTRIBUTE) or "")
+    except BakeError:
+        return ""
+
+
+def format_of(path: str | Path) -> Format:
+    """How a file stores its texels. Raises BakeError."""
+    with _opened(path) as (_, found):
+        return found
+
+
+def read(path: str | Path) -> np.ndarray:
+    """The texels (height, width, 4) float32 of a file, row 0 at v = 0, that `content` would store as they are there. Raises
+    BakeError."""
+    with _opened(path) as (picture, found):
+        numbers = picture.read_image(0, 0, 0, picture.spec().nchannels, _number_type(found))
+        if numbers is None:
+            raise BakeError(f"{str(path)!r} could not be read: {picture.geterror()}.")
+    height, width, channels = numbers.shape
+    texels = np.ones((height, width, 4), np.float32)
+    colors = channels - (channels in (2, 4))
+    texels[..., :3] = numbers[..., :colors]
+    if found.has_alpha:
+        texels[..., 3] = numbers[..., -1]
+    if not found.is_float:
+        texels[..., : 3 + found.has_alpha] /= np.float32(2**found.depth - 1)
+    return np.ascontiguousarray(texels[::-1])
+
+
+@contextmanager
+def _opened(path: str | Path) -> Iterator[tuple[Any, Format]]:
+    """A file in OpenImageIO, and how it stores its texels. Raises BakeError."""
+    library = _library()
+    wanted = library.ImageSpec()
+    for name, value in _OF_ALL.items():
+        wanted.attribute(name, value)
+    picture = library.ImageInput.open(os.fsencode(path), wanted)
+    if picture is None:
+        raise BakeError(f"{str(path)!r} could not be read: {library.geterror()}.")
+    try:
+        spec = picture.spec()
+        kind = np.dtype({"half": "f2", "float": "f4"}.get(str(spec.format), str(spec.format)))
+        size = spec.width, spec.height
+        yield picture, Format(size, 8 * kind.itemsize, kind.kind == "f", spec.nchannels in (2, 4))
+    finally:
+        picture.geterror()
+        picture.close()
+
+
+def _number_type(stored: Format) -> str:
+    return _type_name(np.dtype(f"{'f' if stored.is_float else 'u'}{stored.depth // 8}"))
 
 
 def write(texels: np.ndarray, path: Path, depth: int, *, has_alpha: bool = True, is_color: bool = False) -> None:
@@ -135,12 +225,12 @@ def _numbers(texels: np.ndarray, depth: int, *, is_float: bool) -> np.ndarray:
     return result
 
 
-def _write(numbers: np.ndarray, path: Path, file_format: FileFormat) -> None:
+def _write(numbers: np.ndarray, path: Path, file_format: FileFormat, more: Mapping[str, str]) -> None:
     """Write a file with OpenImageIO. Raises RuntimeError if not all of it could be written."""
     library, encoding = _library(), _ENCODINGS[file_format]
     height, width, channels = numbers.shape
     spec = library.ImageSpec(width, height, channels, _type_name(numbers.dtype))
-    for name, value in (_OF_ALL | encoding.attributes).items():
+    for name, value in (_OF_ALL | encoding.attributes | more).items():
         spec.attribute(name, value)
     output = library.ImageOutput.create(encoding.name)
     is_written = output.open(os.fsencode(path), spec) and output.write_image(numbers)

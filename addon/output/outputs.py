@@ -5,12 +5,14 @@ Nothing changes before `commit`. A bake that ends early leaves the `with` block 
 beside the files.
 """
 
+import functools
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import bpy
 import numpy as np
@@ -21,9 +23,10 @@ from ..core.errors import BakeError, Fix, shorten_list
 from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, Kind, Labeled, Map
 from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
-from . import atomic_file, datablocks, image_file, map_names, value_encoding
+from . import atomic_file, datablocks, image_file, map_names, shared_maps, value_encoding
 from .atomic_file import Partial, check_writable
 from .map_names import name_for, output_for, settings_by_map, stored_maps
+from .shared_maps import Part
 from .value_encoding import SRGB
 from .vertex_attributes import VertexMaps
 from .write_queue import WriteQueue
@@ -86,7 +89,8 @@ class MapWriter:
 
     is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
     color_spaces.assign. is_packed: whether alpha holds a map. is_gray: whether all colors of a texel are the same. queue:
-    what writes the files. Without one, it has its own. has_image: whether an image datablock shows the files.
+    what writes the files. Without one, it has its own. has_image: whether an image datablock shows the files. baked, kept: the
+    parts of a map that several low objects share, and those whose texels stay as they are.
     """
 
     def __init__(
@@ -100,7 +104,10 @@ class MapWriter:
         is_gray: bool = False,
         queue: WriteQueue | None = None,
         has_image: bool = True,
+        baked: Sequence[Part] = (),
+        kept: Sequence[Part] = (),
     ):
+        self.parts, self.has_kept = shared_maps.joined(baked, kept), bool(kept)
         self.name, self.settings, self.is_normal = (
             settings.storing.image or name_for(low_name, settings.storing),
             settings,
@@ -128,8 +135,10 @@ class MapWriter:
     def __exit__(self, *_):
         self.discard()
 
-    def add(self, tile: int, texels: np.ndarray) -> None:
+    def add(self, tile: int, texels: np.ndarray, is_kept: np.ndarray | None = None) -> None:
         """Add the map of one UDIM tile, (height, width, 4) float32 with row 0 at v = 0. Without UDIM, the tile is udim.FIRST.
+
+        is_kept: the texels (height, width) bool that stay as they are stored now if the map has kept parts; None for none.
 
         Its file is written later. Raises BakeError if that already failed. The texels must not change before `commit` unless
         they go into a file.
@@ -139,6 +148,12 @@ class MapWriter:
         stored = texels  # Blender rounds
         if _is_dithered(settings.storing):
             stored = value_encoding.dithered(texels, with_alpha=self.is_packed)
+        if self.is_normal and not settings.storing.is_float:
+            rounded = value_encoding.rounded(value_encoding.sample_texels(stored), settings.storing.depth)
+            self._angles.append(value_encoding.angles_between(value_encoding.sample_texels(texels), rounded))
+        before = shared_maps.stored(settings, tile) if self.has_kept and is_kept is not None else None
+        if before is not None:
+            np.copyto(stored, before.read(), where=is_kept[..., None])
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             # As in Blender's own packed images, floats have 32 bits.
@@ -150,20 +165,19 @@ class MapWriter:
             with partial.writing():
                 partial.temporary.touch()
             has_alpha, is_color = settings.storing.alpha or bool(self._folder), self.color_space == SRGB
-            is_gray = self.is_gray and not self._folder
-            self._written.append(
-                self._queue.add(
-                    lambda: image_file.content(
-                        stored, partial.temporary, depth, has_alpha=has_alpha, is_color=is_color, is_gray=is_gray
-                    ),
-                    partial,
-                )
+            content = functools.partial(
+                image_file.content,
+                stored,
+                partial.temporary,
+                depth,
+                has_alpha=has_alpha,
+                is_color=is_color,
+                is_gray=self.is_gray and not self._folder,
+                note="" if self._folder else shared_maps.to_text(self.parts, self._path),
             )
+            self._written.append(self._queue.add(content, partial))
         else:
             self._texels = stored
-        if self.is_normal and not settings.storing.is_float:
-            rounded = value_encoding.rounded(value_encoding.sample_texels(stored), settings.storing.depth)
-            self._angles.append(value_encoding.angles_between(value_encoding.sample_texels(texels), rounded))
 
     @property
     def paths(self) -> list[str]:
@@ -202,13 +216,16 @@ class MapWriter:
 
     def show(self) -> bpy.types.Image:
         """Put the added texels into the image, and return it."""
-        settings = self.settings
+        storing = self.settings.storing
         if self._path:
-            return datablocks.show(self.name, self._path, pack=self._folder is not None, color_space=self.color_space)
-        pack = settings.storing.storage == Storage.PACK
-        return datablocks.fill(
-            self.name, self._texels, is_float=settings.storing.is_float, pack=pack, color_space=self.color_space
-        )
+            image = datablocks.show(self.name, self._path, pack=self._folder is not None, color_space=self.color_space)
+        else:
+            pack = storing.storage == Storage.PACK
+            image = datablocks.fill(
+                self.name, self._texels, is_float=storing.is_float, pack=pack, color_space=self.color_space
+            )
+        shared_maps.note(image, self.parts)
+        return image
 
     def discard(self) -> None:
         """Remove temporary files. Can be called at any time, and more than once. A queue of several writers must be closed."""
@@ -299,7 +316,13 @@ class Stored:
 class Outputs:
     """Stores maps when `commit` is called. Before, no datablock or existing file changes. Use it in a `with` block."""
 
-    def __init__(self, settings: Settings):
+    def __init__(
+        self,
+        settings: Settings,
+        baked: Sequence[Part] = (),
+        kept: Mapping[str, Sequence[Part]] = MappingProxyType({}),
+    ):
+        """baked, kept: as in MapWriter; those that are kept by the name of the map."""
         self.settings = settings
         types = stored_maps(settings.map)
         self._queue = WriteQueue()
@@ -313,6 +336,8 @@ class Outputs:
                 is_packed=name == self._packed,
                 is_gray=types[name].is_gray and name != self._packed,
                 queue=self._queue,
+                baked=baked,
+                kept=kept.get(name, ()),
             )
             for name, of_map in settings_by_map(settings).items()
         }
@@ -324,6 +349,8 @@ class Outputs:
                 is_gray=types[name].is_gray and name != self._packed,
                 queue=self._queue,
                 has_image=False,
+                baked=baked,
+                kept=kept.get(name, ()),
             )
             for name, writer in self._writers.items()
             for level in map_names.levels_of(settings, name)
@@ -338,6 +365,8 @@ class Outputs:
         """The maps that are encoded when the range of all tiles is known, by tile and level. Others do not stay in memory."""
         self._unpacked: dict[tuple[int, int], dict[str, np.ndarray]] = {}
         """The maps to pack, by tile and level, and by name, if they are encoded late."""
+        self._kept: dict[int, np.ndarray] = {}
+        """The texels of each tile that stay as they are stored."""
         self._vertices: list[VertexMaps] = []
         self._hides_misses = False
         """Whether a file has texels without a hit, and nothing that shows which."""
@@ -362,20 +391,29 @@ class Outputs:
         if self.settings.storing.vertex_domain != VertexDomain.NONE:
             self._vertices.append(VertexMaps(low, uv_layer, self.settings, is_own_base=is_own_base, slots=slots))
 
-    def add(self, tile: int, maps: dict[str, Map], levels: Sequence[dict[str, Map]] = ()) -> None:
+    def add(
+        self,
+        tile: int,
+        maps: dict[str, Map],
+        levels: Sequence[dict[str, Map]] = (),
+        is_kept: np.ndarray | None = None,
+    ) -> None:
         """Add one UDIM tile of all maps, by name. Empty tiles are ignored: a triangle may touch a tile and cover no texel.
 
-        levels: those of the maps that have mip levels, from level 1 on, if the settings write them.
+        levels: those of the maps that have mip levels, from level 1 on, if the settings write them. is_kept: as in
+        MapWriter.add, of all maps, which then have no levels and are encoded without the range of their values.
         """
         texels, state = maps[NORMAL.name]
+        if is_kept is not None:
+            self._kept[tile] = is_kept
         if not state.any():
             return
         for vertices in self._vertices:
             vertices.add(tile, maps)
         if NORMAL.name in self._writers:
-            self._writers[NORMAL.name].add(tile, texels)
+            self._writers[NORMAL.name].add(tile, texels, is_kept)
         if MASK.name in self._writers:
-            self._writers[MASK.name].add(tile, black_and_white(state == MISSED))
+            self._writers[MASK.name].add(tile, black_and_white(state == MISSED), is_kept)
         elif self.settings.storing.storage == Storage.FILE and not self.settings.storing.alpha:
             self._hides_misses |= bool((state == MISSED).any())
         self._empty -= {name for name in self._empty if (maps[name][0][..., 3] > 0.0).any()}
@@ -474,7 +512,7 @@ class Outputs:
         ):
             self._cut_off.add(name)
         if name in self._writers:
-            self._writer(name, level).add(tile, texels)
+            self._writer(name, level).add(tile, texels, self._kept.get(tile))
 
     def _writer(self, name: str, level: int) -> MapWriter:
         return self._levels[name, level] if level else self._writers[name]
@@ -482,7 +520,8 @@ class Outputs:
     def _pack(self) -> None:
         """Add the encoded maps that wait to the packed image."""
         for (tile, level), maps in self._unpacked.items():
-            self._writer(self._packed, level).add(tile, value_encoding.packed(self.settings.map.packing, maps))
+            packed = value_encoding.packed(self.settings.map.packing, maps)
+            self._writer(self._packed, level).add(tile, packed, self._kept.get(tile))
         self._unpacked.clear()
 
 

@@ -4,8 +4,9 @@
 import io
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
@@ -80,10 +81,17 @@ class _Piece(NamedTuple):
 
 
 def content(
-    texels: np.ndarray, depth: int, *, has_alpha: bool, is_color: bool = False, is_gray: bool = False
+    texels: np.ndarray,
+    depth: int,
+    *,
+    has_alpha: bool,
+    is_color: bool = False,
+    is_gray: bool = False,
+    texts: Mapping[str, str] = MappingProxyType({}),
 ) -> Content:
     """The file of `texels` (height, width, 4) float32 with row 0 at v = 0, as `depth` bits per channel. is_color: whether they
-    are sRGB, which the file says. is_gray: whether red stands for all colors, as a single channel."""
+    are sRGB, which the file says. is_gray: whether red stands for all colors, as a single channel. texts: in ASCII, by their
+    keywords."""
     texels = top_first(texels, has_alpha, is_gray=is_gray)
     height, width, channels = texels.shape
     filtered = _filtered(texels, depth)
@@ -98,7 +106,8 @@ def content(
     def write(path: Path, results: Iterator[_Piece]) -> None:
         with path.open("wb") as file:
             file.write(SIGNATURE)
-            for name, data in ((b"IHDR", head), *(COLOR_SPACE if is_color else ()), (b"IDAT", HEADER)):
+            notes = [(b"tEXt", f"{key}\0{text}".encode("ascii")) for key, text in texts.items()]
+            for name, data in ((b"IHDR", head), *(COLOR_SPACE if is_color else ()), *notes, (b"IDAT", HEADER)):
                 _write_chunk(file, name, data)
             adler = 1
             for found in results:
@@ -108,6 +117,22 @@ def content(
             _write_chunk(file, b"IEND", b"")
 
     return Content([lambda where=where: part(where) for where in slices], write)
+
+
+def texts(path: str | Path) -> dict[str, str]:
+    """The texts before the texels of a PNG file, by their keywords; none if it is no PNG file."""
+    found = {}
+    with open(path, "rb") as file:
+        if file.read(len(SIGNATURE)) != SIGNATURE:
+            return found
+        while len(head := file.read(8)) == 8 and head[4:] != b"IDAT":
+            length = int.from_bytes(head[:4], "big")
+            if head[4:] == b"tEXt":
+                key, _, text = file.read(length).partition(b"\0")
+                found[key.decode("latin-1")] = text.decode("latin-1")
+                length = 0
+            file.seek(length + 4, io.SEEK_CUR)
+    return found
 
 
 def small(pixels: np.ndarray) -> bytes:

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake of some low objects keeps of a map that others share: who these are, and whether their texels can stay.
+
+The texels of a low object, with its margin, stay to the bit while another one is baked into the same image or file. Where they
+could not, the bake is refused before it starts.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import bpy
+
+from ..core import udim
+from ..core.declarations.choices import Space, Storage
+from ..core.errors import BakeError
+from ..core.map_types import BY_NAME, Kind
+from ..core.settings import Settings
+from ..mesh import uv_layout
+from ..mesh.triangle_mesh import Mesh
+from ..output import datablocks, map_names, shared_maps, value_encoding
+from ..output.shared_maps import Part
+from ..scene import evaluation, object_checks, reading
+from .job import Job
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The parts of each map that are not baked, by the map's name, and their low meshes with UVs."""
+
+    parts: dict[str, list[Part]] = field(default_factory=dict)
+    lows: list[Mesh] = field(default_factory=list)
+
+    def __bool__(self) -> bool:
+        return bool(self.lows)
+
+
+def kept(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, *, is_shared: bool = False) -> Kept:
+    """What the bake of these jobs into the same maps keeps. Raises BakeError if it would lose texels of others.
+
+    settings: with names filled in. is_shared: whether the low objects share the maps on purpose, also those without a record,
+    of earlier versions.
+    """
+    search, parts = _Search(context, jobs, settings), {}
+    for name, of_map in map_names.settings_by_map(settings).items():
+        others = list(search.others(of_map, is_shared))
+        if others:
+            parts[name] = others
+            _check(name, of_map, others, [search.found[part] for part in others])
+    lows = {id(search.found[part]): search.found[part] for others in parts.values() for part in others}
+    return Kept(parts, list(lows.values()))
+
+
+def check_alone(context: bpy.types.Context, job: Job, settings: Settings, what: str) -> None:
+    """Raise BakeError if others are in the maps of a job that writes all of them. what: that job, in a sentence."""
+    others = kept(context, [job], settings).parts
+    for name, parts in others.items():
+        of_map = map_names.settings_by_map(settings)[name]
+        raise BakeError(
+            f"{_place(of_map)} also has the map of {shared_maps.listed(parts)}, which {what} would replace: choose another "
+            "name."
+        )
+
+
+def part_of(low: Mesh, uv_layer: str, *, is_own_base: bool) -> Part:
+    """The part of a low mesh that is baked."""
+    return Part.of(low.name, uv_layer, low.uv, is_own_base=is_own_base)
+
+
+class _Search:
+    """Looks for the low objects of parts in the open file. found: their meshes."""
+
+    def __init__(self, context: bpy.types.Context, jobs: Sequence[Job], settings: Settings):
+        self.context, self.jobs, self.settings = context, jobs, settings
+        self.lows = [job.low for job in jobs]
+        self.found: dict[Part, Mesh] = {}
+        self._layouts: set[int] | None = None
+        self._known: dict[int, tuple[Part, Mesh]] = {}
+
+    def others(self, of_map: Settings, is_shared: bool) -> Iterator[Part]:
+        """The parts of a map that are not baked, as they are in this file. Raises BakeError for one that is not in it."""
+        name = of_map.storing.image
+        in_image, in_files = shared_maps.parts_of_image(name), shared_maps.parts_of_files(of_map)
+        users = list(_users(name))
+        for part in shared_maps.joined(in_files, in_image):
+            if part.name in {low.name for low in self.lows}:
+                continue
+            obj = _object(part.name) or self._of_layout(part, users)
+            if obj is not None:
+                if obj not in self.lows:
+                    yield self._read(obj, part)
+            elif part in in_files and part.layout not in self._baked_layouts():
+                raise BakeError(
+                    f"{_place(of_map)} also has the map of {shared_maps.listed([part])}, which is not in this file, and "
+                    "would lose it: choose another name for the map, or delete that file first."
+                )
+        if is_shared and not in_image and not in_files:
+            yield from (self._read(obj, None) for obj in users if obj not in self.lows)
+
+    def _baked_layouts(self) -> set[int]:
+        """The checksums of the UVs of the low objects that are baked."""
+        if self._layouts is None:
+            parts = [self._part(job.low, self.settings.map.uv_layer, job.low in job.highs) for job in self.jobs]
+            self._layouts = {part.layout for part, _ in parts}
+        return self._layouts
+
+    def _of_layout(self, part: Part, users: Sequence[bpy.types.Object]) -> bpy.types.Object | None:
+        """The user of an image that has the UVs of a part: it was renamed."""
+        return next((obj for obj in users if self._read(obj, part).layout == part.layout), None)
+
+    def _read(self, obj: bpy.types.Object, part: Part | None) -> Part:
+        uid = obj.session_uid
+        if uid not in self._known:
+            layer = part.uv_layer if part else ""
+            try:
+                self._known[uid] = self._part(obj, layer, part is not None and part.is_own_base)
+            except BakeError:  # it has another UV map now
+                self._known[uid] = self._part(obj, "", False)
+        known, mesh = self._known[uid]
+        self.found[known] = mesh
+        return known
+
+    def _part(self, obj: bpy.types.Object, uv_layer: str, is_own_base: bool) -> tuple[Part, Mesh]:
+        settings = replace(self.settings, uv_layer=uv_layer, space=Space.OBJECT, texture_sets=False)
+        with evaluation.prepared(self.context, obj, [], None, settings.map.modifiers) as depsgraph:
+            meshes = reading.read_low(depsgraph, obj, None, settings, is_own_base=is_own_base)
+        return part_of(meshes.low, meshes.uv_layer, is_own_base=is_own_base), meshes.low
+
+
+def _object(name: str) -> bpy.types.Object | None:
+    found = bpy.data.objects.get(name) if name else None
+    return found if found is not None and found.type == "MESH" and not object_checks.is_deleted(found) else None
+
+
+def _users(name: str) -> Iterator[bpy.types.Object]:
+    """The low objects for which the image of this name was baked."""
+    image = datablocks.get(name)
+    for obj in bpy.data.objects if image is not None else ():
+        is_known = obj.type == "MESH" and hasattr(obj, "imprint") and obj.is_property_set("imprint")
+        if is_known and any(item.image == image for item in obj.imprint.maps) and not object_checks.is_deleted(obj):
+            yield obj
+
+
+def _place(of_map: Settings) -> str:
+    output = map_names.output_for(of_map)
+    return f"The file {output!r}" if output else f"The image {of_map.storing.image!r}"
+
+
+def _check(name: str, of_map: Settings, parts: Sequence[Part], lows: Sequence[Mesh]) -> None:
+    """Raise BakeError if the texels of `parts` cannot stay in a map."""
+    where, whose = _place(of_map), shared_maps.listed(parts)
+    reason = _problem(name, of_map)
+    if reason:
+        raise BakeError(f"{where} also has the map of {whose}, which would change: {reason}")
+    tiles = sorted({tile for low in lows for tile in uv_layout.tiles(low)}) if of_map.sampling.udim else [udim.FIRST]
+    wanted = shared_maps.wanted(of_map)
+    stored = [found for tile in tiles if (found := shared_maps.stored(of_map, tile)) is not None]
+    image = datablocks.get(of_map.storing.image)
+    if of_map.storing.storage == Storage.FILE and image is not None:
+        is_elsewhere = image.source == "GENERATED" and not shared_maps.parts_of_files(of_map)
+        if is_elsewhere or not (stored or of_map.sampling.udim):
+            raise BakeError(
+                f"The map of {whose} in the image {image.name!r} is not in {_lower(where)}: bake all of them together."
+            )
+        if image.is_dirty:
+            raise BakeError(f"The image {image.name!r} has unsaved changes, also on {whose}: save it first.")
+    for found in stored:
+        if found.format != wanted:
+            raise BakeError(
+                f"{found.where} also has the map of {whose}, as {found.format}, and this bake would make it {wanted}: bake "
+                "all of them together, or with the same settings as before."
+            )
+
+
+def _lower(where: str) -> str:
+    return where[0].lower() + where[1:]
+
+
+def _problem(name: str, of_map: Settings) -> str:
+    """Why texels of a map do not stay true beside new ones, and what to do, in a clause; empty if they do."""
+    if len(map_names.levels_of(of_map, name)):
+        return "its mip levels mix all objects. Bake all of them together, or without mip files."
+    packing = of_map.map.packing
+    own = packing.maps if packing is not None and name == packing.map_type.name else [name]
+    types = [BY_NAME[each] for each in own if each in BY_NAME]
+    if any(each.kind is Kind.LABEL for each in types):
+        return "its colors are numbered over all objects. Bake all of them together."
+    is_fixed = of_map.storing.value_range is not None
+    if any(value_encoding.needs_range(each, of_map.storing) and (each.is_color or not is_fixed) for each in types):
+        return (
+            "its values are scaled by the largest of all objects. Bake all of them together, into a file of floats, or with a "
+            "fixed range."
+        )
+    return ""

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Maps that several low objects share: which of them are in an image or a file, and its texels as they are stored.
+
+An image has the record of its parts in a custom property, a file in its metadata, so that a bake of some of them knows whose
+texels it has to keep, also in another scene.
+"""
+
+import json
+import os
+import tempfile
+import zlib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple, dataclass
+from functools import partial
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core import file_formats, udim
+from ..core.declarations.choices import Storage
+from ..core.errors import shorten_list
+from ..core.settings import Settings
+from . import datablocks, image_file
+from .image_file import Format
+from .map_names import output_for
+
+RECORD = "imprint_low"
+"""The custom property of images with the record of their parts."""
+PNG_START = b"\x89PNG"
+LONGEST_IN_TARGA = 300
+"""Bytes of a record in a Targa file, whose comment has four lines of 80 letters. Of a longer one, only checksums are kept."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A low object in a map. uv_layer: of its UVs there. is_own_base: whether these are of its mesh without modifiers. layout:
+    a checksum of the UVs, by which it is known if it was renamed. Names are empty where only that was kept."""
+
+    name: str
+    uv_layer: str
+    is_own_base: bool
+    layout: int
+
+    @classmethod
+    def of(cls, name: str, uv_layer: str, uv: np.ndarray, *, is_own_base: bool) -> "Part":
+        """The part of a low mesh with the UVs (C, 2) float32."""
+        return cls(name, uv_layer, is_own_base, zlib.crc32(np.ascontiguousarray(uv)))
+
+    def is_same(self, other: "Part") -> bool:
+        """Whether both are of one low object."""
+        return bool(self.name and self.name == other.name) or self.layout == other.layout
+
+
+def joined(parts: Iterable[Part], more: Iterable[Part]) -> list[Part]:
+    """`parts`, and those of `more` that are not among them."""
+    found = list(parts)
+    for part in more:
+        if not any(part.is_same(known) for known in found):
+            found.append(part)
+    return found
+
+
+def listed(parts: Sequence[Part]) -> str:
+    """The low objects of parts in a sentence."""
+    return shorten_list(repr(part.name) if part.name else "an object of another scene" for part in parts)
+
+
+def to_text(parts: Sequence[Part], path: str | Path = "") -> str:
+    """The record of parts in ASCII; empty for none. path: the file that it is for."""
+    text = json.dumps([astuple(part) for part in parts], separators=(",", ":")) if parts else ""
+    is_targa = bool(path) and file_formats.of(path) is file_formats.TARGA
+    if is_targa and len(text) > LONGEST_IN_TARGA:
+        return json.dumps([part.layout for part in parts], separators=(",", ":"))
+    return text
+
+
+def _from_text(text: str) -> list[Part]:
+    """The parts of a record; none if it is not one: files hold anything."""
+    try:
+        found = json.loads(text) if text else []
+    except (ValueError, RecursionError):
+        return []
+    return [part for item in (found if isinstance(found, list) else []) if (part := _part(item)) is not None]
+
+
+def _part(item: object) -> Part | None:
+    match item:
+        case [str(name), str(uv_layer), bool(is_own_base), int(layout)]:
+            return Part(name, uv_layer, is_own_base, layout)
+        case int(layout):
+            return Part("", "", False, layout)
+    return None
+
+
+def note(image: bpy.types.Image, parts: Sequence[Part]) -> None:
+    """Store the parts of a map in its image."""
+    if parts:
+        image[RECORD] = to_text(parts)
+    elif RECORD in image:
+        del image[RECORD]
+
+
+def parts_of_image(name: str) -> list[Part]:
+    """The parts of the map in an image; none if it has no record, or does not exist."""
+    image = datablocks.get(name)
+    return _from_text(str(image.get(RECORD, ""))) if image is not None else []
+
+
+def parts_of_files(settings: Settings) -> list[Part]:
+    """The parts of the map in the files that a bake of these settings would replace."""
+    path = bpy.path.abspath(output_for(settings))
+    if not path:
+        return []
+    found = udim.files(path).values() if udim.TOKEN in path else [path] if os.path.isfile(path) else []
+    return joined([], (part for each in found for part in _from_text(image_file.note_of(each))))
+
+
+@dataclass(frozen=True)
+class Stored:
+    """The texels of one tile of a map, where a bake would put its own. where: in a sentence."""
+
+    where: str
+    format: Format
+    read: Callable[[], np.ndarray]
+
+
+def stored(settings: Settings, tile: int) -> Stored | None:
+    """What is stored of a tile where a bake of these settings puts its map; None if nothing is. Raises BakeError for a file
+    that is no image."""
+    storing, image = settings.storing, datablocks.get(settings.storing.image)
+    if storing.storage == Storage.FILE:
+        path = Path(bpy.path.abspath(udim.fill(output_for(settings), tile)))
+        return _in_file(path) if path.is_file() else None
+    if image is None:
+        return None
+    where = f"The image {image.name!r}"
+    if settings.sampling.udim:
+        found = dict(datablocks.tile_contents(image)).get(tile) if image.source == "TILED" else None
+        return None if found is None else _in_tile(found, where)
+    if not image.size[0]:
+        return None
+    # What is written here shows in its pixels: in which depth it was packed does not matter.
+    return Stored(
+        where, Format(tuple(image.size), wanted(settings).depth, image.is_float), partial(_pixels, image.name)
+    )
+
+
+def wanted(settings: Settings) -> Format:
+    """How a bake of these settings stores a map."""
+    storing = settings.storing
+    if storing.storage == Storage.FILE:
+        return Format(settings.sampling.size, storing.depth, storing.is_float, storing.alpha)
+    return Format(settings.sampling.size, 32 if storing.is_float else 8, storing.is_float)
+
+
+def _in_file(path: Path) -> Stored:
+    return Stored(f"The file {str(path)!r}", image_file.format_of(path), partial(image_file.read, path))
+
+
+def _in_tile(content: bytes | Path, where: str) -> Stored:
+    """What a packed tile, or a file, holds."""
+    if isinstance(content, Path):
+        return _in_file(content)
+    is_float = not content.startswith(PNG_START)
+    with tempfile.TemporaryDirectory(prefix="imprint-") as folder:
+        path = Path(folder, f"tile{file_formats.PACKED[is_float].endings[0]}")
+        path.write_bytes(content)
+        found = _in_file(path)
+        texels = found.read()
+    return Stored(where, found.format, lambda: texels)
+
+
+def _pixels(name: str) -> np.ndarray:
+    image = datablocks.get(name)
+    found = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(found)
+    return found.reshape(image.size[1], image.size[0], 4)
