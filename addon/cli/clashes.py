@@ -74,6 +74,8 @@ def map_files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = 
 
 _UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (naming.LOW, naming.NAME, naming.MATERIAL, udim.TOKEN)))})")
 """What stands for a name or number in a planned path. A group, so that splitting keeps it."""
+_OF_RUN = "the run"
+"""By whom the files of the run itself are written, where it is not a bake."""
 
 
 class RunFiles:
@@ -96,8 +98,9 @@ class RunFiles:
         """The files of the maps of the bakes whose maps are in `places`."""
         self._beside: dict[str, list[str]] = {}
         """The files beside those for engines, by bakes."""
-        self.is_harmful = False
-        """Whether the report or the page of results would overwrite a file that a bake has found once it was open."""
+        self.refused: dict[str, str] = {}
+        """A sentence for each bake that must not be done, as its files refer to one that the run itself writes. So no input
+        decides what becomes of other bakes."""
         self.rivals: dict[str, list[str]] = {}
         """The bakes of the same scene, by the name of a bake that would replace an image that the scene names. Only the open
         scene shows whether one of them reads it."""
@@ -129,21 +132,55 @@ class RunFiles:
             check("", self._read_file, path, "a mesh in the folder")
         for name, options in bakes:
             check(name, self._read, name, options)
-        for path, name in _libraries(bakes, report, is_untrusted=self.bounds is not None):
-            check(name, self._read_file, path, _of("a linked library", name), name)
+        self._write_of_run(bakes, report, sheet, check)
+        for name, path, title, by in self._referred(bakes, report):
+            if self._is_of_run(path):
+                self._refuse(name, path, title)
+            else:
+                check(name, self._read_file, path, title, by)
         for name, options in bakes:
             check(name, self._write, name, options)
-            if self._of_record:
-                for path, what in self._of_record(options):
-                    check(name, self.places.write, path, _of(what, name), name)
         for image, name, blend, title in self._images_to_replace(bakes):
             problems.append(f"{name}: {title[:1].upper()}{title[1:]} would overwrite {image!r}, which {blend!r} shows.")
+        return problems
+
+    def _write_of_run(
+        self,
+        bakes: Sequence[tuple[str, argparse.Namespace]],
+        report: str | None,
+        sheet: str | None,
+        check: Callable[..., None],
+    ) -> None:
+        """Add the files of the run itself: its report, its page and the records of its bakes."""
         if report and report != STDOUT:
             check("", self._write_over, run_report.check_report, report, "the report of all bakes")
-            check("", self.places.write, report + LINES, "the report in progress")
+            check("", self.places.write, report + LINES, "the report in progress", _OF_RUN)
         if sheet:
             check("", self._write_over, run_report.check_page, sheet, "the page of results")
-        return problems
+        for name, options in bakes if self._of_record else ():
+            for path, what in self._of_record(options):
+                check(name, self.places.write, path, _of(what, name), _OF_RUN)
+
+    def _is_of_run(self, path: str) -> bool:
+        return any(by == _OF_RUN for _, by in self.places.written_by(path))
+
+    def _refuse(self, name: str, path: str, title: str) -> None:
+        try:
+            self.places.read(path, title, name)
+        except WrongPlace as problem:
+            self.refused.setdefault(name, str(problem))
+
+    def _referred(
+        self, bakes: Sequence[tuple[str, argparse.Namespace]], report: str | None
+    ) -> Iterator[tuple[str, str, str, Hashable]]:
+        """The files that those of the bakes refer to, as far as they are known before: the bake, the path, what it is, and by
+        whom it is read."""
+        for name, options in bakes:
+            for path in plans.scene_paths(options, self._open_file):
+                title = _of(f"what {os.path.basename(path)!r} refers to", name)
+                yield from ((name, other, title, (name, "")) for other in self._inputs.references(path))
+        for path, name in _libraries(bakes, report, is_untrusted=self.bounds is not None):
+            yield name, path, _of("a linked library", name), name
 
     def _images_to_replace(
         self, bakes: Sequence[tuple[str, argparse.Namespace]]
@@ -164,6 +201,8 @@ class RunFiles:
         for blend, names in by_blend.items():
             for image in _images_of(blend):
                 for title, by in self.places.written_by(image):
+                    if by == _OF_RUN:  # a bake that reads it fails alone
+                        continue
                     if by not in names:
                         yield image, names[0], blend, title
                     elif len(names) > 1:
@@ -205,11 +244,7 @@ class RunFiles:
         Raises WrongPlace if a file would be overwritten.
         """
         for path, what in used:
-            try:
-                self._read_file(path, _of(what, name), name)
-            except WrongPlace:
-                self.is_harmful |= any(by is None for _, by in self.places.written_by(path))
-                raise
+            self._read_file(path, _of(what, name), name)
         if name not in self._maps:
             self._write_maps(name, options, lows)
 
@@ -219,16 +254,8 @@ class RunFiles:
         self._beside.setdefault(name, []).append(path)
 
     def _read(self, name: str, options: argparse.Namespace) -> None:
-        for path, what, by in self._read_by(options):
-            self._read_file(path, _of(what, name), (name, by))
-
-    def _read_by(self, options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
-        """The files that a bake reads: path, what it is, and "scene" if the saved scene may replace it."""
-        for path, what in plans.input_paths(options, self._open_file):
-            yield path, what, "scene" if what == plans.OPENED_FILE else ""
-        for path in plans.scene_paths(options, self._open_file):
-            for other in self._inputs.references(path):
-                yield other, f"what {os.path.basename(path)!r} refers to", ""
+        for path, what in plans.input_paths(options, self._open_file):  # the saved scene may replace the first one
+            self._read_file(path, _of(what, name), (name, "scene" if what == plans.OPENED_FILE else ""))
 
     def _read_file(self, path: str, title: str, by: Hashable = None) -> None:
         if self.bounds is not None:
@@ -242,7 +269,7 @@ class RunFiles:
 
     def _write_over(self, check: Callable[[str, str], None], path: str, title: str) -> None:
         """Add a file of the whole call, of which `check` says whether it may replace what is there. Raises WrongPlace."""
-        self.places.write(path, title)
+        self.places.write(path, title, _OF_RUN)
         check(path, title)
 
     def _write(self, name: str, options: argparse.Namespace) -> None:
@@ -361,6 +388,10 @@ def plan_call(
         [own.pairs for own in sets if arguments.is_folder(own)],
         options.sheet,
     )
+    if files.refused and not options.has_table:
+        found = [*found, *files.refused.values()]
+    elif files.refused:
+        planned = [replace(each, problem=each.problem or files.refused.get(each.name, "")) for each in planned]
     options_of = {each.name: each.options for each in planned} if files.rivals else {}
     for place, each in enumerate(planned if files.rivals else ()):
         rivals = tuple(options_of[name] for name in files.rivals.get(each.name, ()))

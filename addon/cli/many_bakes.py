@@ -3,7 +3,7 @@
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing, nullcontext
+from contextlib import ExitStack, closing, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -52,13 +52,13 @@ def run(
     box = closing(Sandbox(files.bounds, options.max_memory, options.log)) if files.bounds else nullcontext()
     with box as sandbox:
         meter.planned(head["planned"], len(chosen), options.part)
-        results = _Results(options, chosen, head, files, meter)
-        return _run(results, sandbox, has_workers=bool(sandbox) or (may_start_processes and options.has_workers))
+        results = _Results(options, chosen, head, meter)
+        return _run(results, files, sandbox, has_workers=bool(sandbox) or (may_start_processes and options.has_workers))
 
 
-def _run(results: "_Results", sandbox: Sandbox | None, *, has_workers: bool) -> int:
+def _run(results: "_Results", files: clashes.RunFiles, sandbox: Sandbox | None, *, has_workers: bool) -> int:
     """As `run`, once the folders are made. Raises BakeError."""
-    options, files, meter = results.options, results.files, results.meter
+    options, meter = results.options, results.meter
     with (
         results,
         _queue(options, results.chosen, files.bounds, meter, is_here=not has_workers) as queue,
@@ -126,26 +126,30 @@ class _Results:
         options: RunOptions,
         chosen: Sequence[Plan],
         head: dict[str, Any],
-        files: clashes.RunFiles,
         meter: Meter,
     ):
         """As in `run`. Raises BakeError if the report cannot be written."""
-        self.options, self.chosen, self.head, self.files, self.meter = options, chosen, head, files, meter
+        self.options, self.chosen, self.head, self.meter = options, chosen, head, meter
         self._out = terminal.out(options)
         self._width = max((len(plan.name) for plan in chosen), default=0)
-        self._path = report_path(options.report)
-        self._file = ReportFile(self._path, head) if self._path else None
+        path = report_path(options.report)
+        self._file = ReportFile(path, head) if path else None
         self._sheet = SheetFile(Path(options.sheet).absolute(), head) if options.sheet else None
         self._entries: list[Entry] = []
         """Those for a report on standard output."""
         self._lines: list[tuple[int, str]] = []
         """The number of each bake, and its line of the table."""
         self.totals = Totals()
+        self._is_written = False
 
     def __enter__(self) -> "_Results":
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, _type: object, error: BaseException | None, _traceback: object) -> None:
+        """Close the files. If Blender does not start, they tell of the bakes before, and what an earlier call wrote is gone."""
+        if isinstance(error, BakeError) and not self._is_written:
+            with suppress(BakeError):
+                self._write()
         for file in filter(None, (self._file, self._sheet)):
             file.close()
 
@@ -164,7 +168,7 @@ class _Results:
         self.meter.ended(entry)
         self.totals.add(entry)
         self._lines.append((entry.number, terminal.line(entry, self._width)))
-        if self.files.is_harmful or not entry.is_listed:
+        if not entry.is_listed:
             return
         if self._sheet:
             self._sheet.add(entry)
@@ -191,15 +195,14 @@ class _Results:
             print(f"{program}: stopped, {finished} of {wanted} were finished.", file=sys.stderr)
         lines = [line for _, line in sorted(self._lines)]
         print("\n".join([*lines, terminal.total(counted, wanted)]), file=self._out)
-        if self.files.is_harmful:
-            print(f"{program}: no report and no page was written over a file that a bake reads.", file=sys.stderr)
-            return
-        if self._file:
-            self._file.finish()
-            print(f"Wrote {self._path}", file=self._out)
-        elif self.options.report == STDOUT:
+        if not self._file and self.options.report == STDOUT:
             entries = sorted(self._entries, key=lambda entry: entry.number)
             print(as_text(document(entries, self.head)))
-        if self._sheet:
-            self._sheet.finish()
-            print(f"Wrote {self._sheet.path}", file=self._out)
+        self._write()
+
+    def _write(self) -> None:
+        """Write the report and the page to their files. Raises BakeError."""
+        self._is_written = True
+        for file in filter(None, (self._file, self._sheet)):
+            file.finish()
+            print(f"Wrote {file.path}", file=self._out)

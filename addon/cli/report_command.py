@@ -34,13 +34,21 @@ class _Part:
         return f"Imprint {self.head['imprint']} in Blender {self.head['blender']}"
 
     @property
+    def started(self) -> str:
+        """When its call began, as a text that sorts by time; empty where it does not say."""
+        return self.head["started"]
+
+    @property
     def code(self) -> str:
         """The hash of the code; empty in reports that were written before they had it."""
-        return self.head.get("code", "")
+        return self.head["code"]
 
 
 def _read_parts(path: str) -> list[_Part]:
-    """What was reported to a path: the report, what a call has left that did not end, both or nothing. Raises BakeError."""
+    """What was reported to a path: the report, what a call has left that did not end, both or nothing. Raises BakeError.
+
+    A report of an earlier second than that call is not read: the call would have replaced it.
+    """
     lines = path if path.endswith(LINES) else path + LINES
     found = []
     if path != lines and Path(path).exists():
@@ -49,7 +57,8 @@ def _read_parts(path: str) -> list[_Part]:
     if Path(lines).exists():
         # The first line is the head of the report. The last one may have been cut off.
         first, *rest = Path(lines).read_bytes().split(b"\n")[:-1] or [b""]
-        found.append(_part(lines, _json(lines, first), [_json(lines, line) for line in rest]))
+        left = _part(lines, _json(lines, first), [_json(lines, line) for line in rest])
+        found = [*(part for part in found if part.started >= left.started), left]
     return found
 
 
@@ -66,7 +75,8 @@ def _part(path: str, head: Any, entries: Any) -> _Part:
             raise BakeError(f"{path!r} is a report of version {head['imprint_report']!r}, not {run_report.VERSION}.")
         known = {"planned": int(head["planned"]), **{key: str(head[key]) for key in ("imprint", "blender")}}
         only = Only.from_dict(head.get("only"), known["planned"])
-        return _Part(path, {**known, "code": str(head.get("code", ""))}, only, list(map(Entry.from_dict, entries)))
+        known |= {key: str(head.get(key, "")) for key in ("code", "started")}
+        return _Part(path, known, only, list(map(Entry.from_dict, entries)))
     except (KeyError, TypeError, ValueError) as error:
         raise BakeError(f"{path!r} is not a report of Imprint.") from error
 

@@ -372,6 +372,12 @@ class RowFile:
             self._file.seek(place)
             yield self._file.read(size)
 
+    def begin(self) -> None:
+        """Open the file now, with nothing in it but what it begins with."""
+        with suppress(OSError):  # the first row tells it
+            self._file = self._start()
+            self._file.flush()
+
     def close(self) -> None:
         """Close the file. Can be called more than once."""
         if self._file is not None:
@@ -385,9 +391,10 @@ class ReportFile:
     def __init__(self, path: Path, head: dict[str, Any]):
         """Raises BakeError if the file cannot be written. head: what comes before the bakes, as `head` returns it."""
         check_writable(path)
-        self._path, self._head, self._totals = path, head, Totals()
+        self.path, self._head, self._totals = path, head, Totals()
         self.lines = path.with_name(path.name + LINES)
         self._rows = RowFile(str(self.lines), self._start)
+        self._rows.begin()  # so that what an earlier call has left there is not taken for this one's
 
     def _start(self) -> IO[bytes]:
         make_folder(self.lines.parent)
@@ -408,7 +415,7 @@ class ReportFile:
     def finish(self) -> None:
         """Write the report from all entries, in the order of their numbers, and remove the other file. Raises BakeError."""
         rows = self._rows.in_order()
-        with replacing(self._path) as partial, partial.open("w", encoding="utf-8") as file:
+        with replacing(self.path) as partial, partial.open("w", encoding="utf-8") as file:
             file.write(as_text(self._head).removesuffix("\n}") + ',\n  "bakes": [')
             before = "\n    "
             for row in rows:

@@ -280,18 +280,23 @@ def test_an_output_that_is_a_hard_link_to_a_mesh_is_refused(capsys, here):
 BESIDE = {
     "the record": ("a.png.imprint.json", ["--resume"]),
     "the claim": ("a.png.imprint.json.lock", ["--force"]),
+    "the record of another bake": ("b.png.imprint.json", ["--resume"]),
+    "the report": ("sub/../r.json", ["--report", "r.json"]),
     "the report in progress": ("r.json.lines", ["--report", "r.json"]),
+    "the page": ("S.HTML", ["--sheet", "s.html"]),
 }
 
 
 @pytest.mark.parametrize(("name", "words"), BESIDE.values(), ids=BESIDE)
-def test_no_file_beside_a_map_or_report_overwrites_an_input(capsys, here, name, words):
-    """An image of a .mtl may have any name."""
+def test_a_bake_of_what_the_run_writes_fails_alone(capsys, here, name, words):
+    """An image of a .mtl may have any name: it must not decide what becomes of other bakes."""
     (here / "a_high.obj").write_text("mtllib a.mtl\nv 0 0 0\n")
     (here / "a.mtl").write_text(f"newmtl a\nmap_Kd {name}\n")
     values = {**SET, "output": "a.png"}
-    code, _, (problem,) = listed(capsys, [values], "--check", *words)
-    assert (code, "would overwrite what 'a_high.obj' refers to" in problem) == (2, True)
+    other = {"low-file": "a_low.obj", "high-file": "a_low.obj", "output": "b.png"}
+    code, _, (problem,) = listed(capsys, [values, other], "--check", *words)
+    assert (code, problem.startswith("imprint: set 1 (a_low): ")) == (1, True)
+    assert "would overwrite what 'a_high.obj' refers to" in problem
     assert listed(capsys, [values], "--check")[0] == 0
 
 
