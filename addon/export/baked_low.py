@@ -16,6 +16,7 @@ from ..core.report import Report
 from ..mesh import triangle_mesh
 from ..mesh.triangle_mesh import Mesh
 from ..scene import evaluation, mesh_reader
+from ..scene.high_materials import materials_of
 from . import deformation
 from .deformation import Deformation
 
@@ -43,8 +44,9 @@ class BakedLow:
     """A low object with the reports of its maps, and its triangles in the order of its material slots.
 
     One row per corner of each triangle, (T, 3, n) float32: positions, normals, tangents with the sign of the bitangent. uvs:
-    the UVs of each layer by name, that of the maps first. slots (T,) int32: the material slot. name, materials: of the
-    object, and of the material in each slot, "" without one; staged copies borrow the names of datablocks. matrix (4, 4)
+    the UVs of each layer by name, that of the maps first. slots (T,) int32: the material slot. materials: in each slot, also
+    those that modifiers set. name, names: of the object and of these materials, "" without one; staged copies borrow the names
+    of datablocks. matrix (4, 4)
     float64: from the positions to the scene. has_applied_scale: whether the scale of the object is in the positions and not in
     the matrix, as of a mirrored or unevenly scaled one: engines differ in how they transform its tangents. deformation: what
     moves the mesh, which is in its rest pose; with an armature, positions are in the scene's space.
@@ -52,7 +54,8 @@ class BakedLow:
 
     low: bpy.types.Object
     name: str
-    materials: list[str]
+    materials: list[bpy.types.Material | None]
+    names: list[str]
     reports: Sequence[Report]
     vertices: np.ndarray
     corners: np.ndarray
@@ -111,7 +114,8 @@ def read(context: bpy.types.Context, reports: Sequence[Report]) -> BakedLow:
             layers = {layer.name: mesh_reader.uvs(data, layer.name) for layer in data.uv_layers}
             drawn = mesh_reader.triangles(data)
             mesh = mesh_reader.with_tangents(data, report.uv_layer, low.name, mesh_reader.matrix(low))
-        slots = mesh.labels[:, 0].astype(np.int32).clip(0, max(0, len(low.material_slots) - 1))
+        materials = materials_of(low if is_own_base else low.evaluated_get(depsgraph))
+        slots = mesh.labels[:, 0].astype(np.int32).clip(0, max(0, len(materials) - 1))
         order = np.argsort(slots, kind="stable")  # as files have them
         # With n-gons, the corners are those of the drawn triangles, else those of the faces.
         has_ngons = len(mesh.vertices) != len(layers[report.uv_layer])
@@ -123,17 +127,18 @@ def read(context: bpy.types.Context, reports: Sequence[Report]) -> BakedLow:
     mesh, deformed, has_applied_scale = _with_scale(mesh, deformed, report)
     mesh, deformed = _in_scene(mesh, deformed)
     triangles = mesh.triangles[order]
-    names = [report.uv_layer, *(name for name in layers if name != report.uv_layer)]
+    uv_layers = [report.uv_layer, *(name for name in layers if name != report.uv_layer)]
     return BakedLow(
         low,
         low.name,
-        [slot.material.name if slot.material else "" for slot in low.material_slots],
+        materials,
+        [material.name if material else "" for material in materials],
         reports,
         mesh.positions,
         mesh.vertices[triangles],
         mesh.normals[triangles],
         mesh.tangents[triangles],
-        {name: layers[name][own] for name in names},
+        {name: layers[name][own] for name in uv_layers},
         slots[order],
         mesh.to_world,
         has_applied_scale,

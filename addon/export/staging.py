@@ -238,12 +238,11 @@ def _fill(
 
 def _material(low: BakedLow, slot: int, tile: int, made: list[bpy.types.ID], names: ExitStack) -> bpy.types.Material:
     """A temporary copy of the material in a slot, or a new one, with its name. A tile's number is added to the name."""
-    slots = low.low.material_slots
-    source = slots[slot].material if slot < len(slots) else None
+    source = low.materials[slot] if slot < len(low.materials) else None
     copy = bpy.data.materials.new(low.name) if source is None else source.copy()
     older_blender.switch_on_nodes(copy)
     made.append(copy)
-    name = low.name if source is None else low.materials[slot]
+    name = low.name if source is None else low.names[slot]
     if low.reports[0].settings["udim"]:
         name = f"{name}_{tile}"
     _take_name(copy, name, bpy.data.materials, made, names)

@@ -487,7 +487,7 @@ def _texel(wanted: Wanted, context: bpy.types.Context, edge: Callable[[], float]
 
 def _size(low: bpy.types.Object, edge: float) -> int:
     """The side of the maps at which a texel is not larger than an edge of this length in scene units."""
-    layer = low.data.uv_layers.active.name
+    layer = mesh_reader.active_uv_layer(low.data)
     mesh = mesh_reader.surface(low.data, layer, low.name, mesh_reader.matrix(low))
     points = mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T
     used = uv_stretch.measure(points[mesh.vertices[mesh.triangles]], mesh.uv[mesh.triangles]).used

@@ -142,7 +142,7 @@ def _split(obj: bpy.types.Object, lows: Sequence[bpy.types.Object]) -> list[np.n
 
 def _layer(low: bpy.types.Object) -> str:
     """The UV map whose islands are packed."""
-    return LAYER if LAYER in low.data.uv_layers else low.data.uv_layers.active.name
+    return LAYER if LAYER in low.data.uv_layers else mesh_reader.active_uv_layer(low.data)
 
 
 def _areas(lows: Sequence[bpy.types.Object]) -> tuple[float, float]:

@@ -107,7 +107,8 @@ def _bake(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[DrawnJob
         low = job.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
             stored = outputs.commit(drawn.labels, [low])
-            notes = into_materials(low, stored, drawn.meshes.uv_layer, settings, slots=job.slots)
+            layer, is_own_base = drawn.meshes.uv_layer, drawn.meshes.is_own_base
+            notes = into_materials(low, stored, layer, settings, slots=job.slots, is_own_base=is_own_base)
     return drawn, stored, [*stored.warnings, *notes]
 
 

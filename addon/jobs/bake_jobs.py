@@ -76,7 +76,8 @@ class Atlas:
                 stored = outputs.commit(self.labels, lows)
                 self._warnings[0] += stored.warnings
                 for low, drawn, warnings in zip(lows, self.drawn, self._warnings, strict=True):
-                    warnings.extend(into_materials(low, stored, drawn.meshes.uv_layer, self.settings))
+                    layer, is_own_base = drawn.meshes.uv_layer, drawn.meshes.is_own_base
+                    warnings.extend(into_materials(low, stored, layer, self.settings, is_own_base=is_own_base))
         return [
             report_of(drawn, stored, warnings, margin)
             for drawn, warnings in zip(self.drawn, self._warnings, strict=True)
@@ -387,8 +388,10 @@ def _show_frames(job: Job, settings: Settings, frames: Sequence[int], reports: S
         datablocks.note_maps(low, [image])
     if low is None or not settings.storing.material:
         return done
-    done[-1] = done[-1].with_warnings(materials.show_normal_map(low, image, done[-1].uv_layer, settings))
-    for material in filter(None, (slot.material for slot in low.material_slots)):
+    is_own_base = low in job.highs
+    notes = materials.show_normal_map(low, image, done[-1].uv_layer, settings, is_own_base=is_own_base)
+    done[-1] = done[-1].with_warnings(notes)
+    for material in materials.of(low, is_own_base=is_own_base):
         for node in material.node_tree.nodes:
             if node.bl_idname == "ShaderNodeTexImage" and node.image == image:
                 user = node.image_user

@@ -74,8 +74,7 @@ def unsolved_by_export(findings: Sequence[Finding], *, is_exported: bool) -> lis
 
 def active_layer(low: bpy.types.Object) -> str:
     """The name of the active UV map of an object's own mesh; empty if it has none."""
-    layer = low.data.uv_layers.active
-    return layer.name if layer is not None else ""
+    return mesh_reader.active_uv_layer(low.data) if low.data.uv_layers else ""
 
 
 def mesh_findings(low: Mesh, obj: bpy.types.Object, uv_layer: str, sampling: SamplingSettings) -> list[Finding]:
@@ -95,7 +94,7 @@ def viewport_findings(
     depsgraph = context.evaluated_depsgraph_get()
     with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
         layers = data.uv_layers
-        layer = settings.map.uv_layer or (layers.active.name if layers.active is not None else "")
+        layer = settings.map.uv_layer or (mesh_reader.active_uv_layer(data) if layers else "")
         if layer not in layers or not 0 < len(data.loops) <= MOST_CORNERS:
             return []
         mesh = mesh_reader.surface(data, layer, low.name, mesh_reader.matrix(low), with_faces=True)
@@ -158,11 +157,13 @@ def _viewport_materials(
     if not sockets:
         return sockets, []
     is_exact = map_settings.exact_materials == ExactMaterials.AUTO
-    numbers = MaterialNumbers(ImageTextures(), low, sockets=sockets, is_exact=is_exact)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    numbers = MaterialNumbers(ImageTextures(), low.evaluated_get(depsgraph), sockets=sockets, is_exact=is_exact)
     for high in highs:
         if high.type == "MESH" and not high.data.is_editmode:
-            for shown in numbers.of_slots(high, high.data):
-                numbers.read(shown)
+            shown = high.evaluated_get(depsgraph)
+            for each in numbers.of_slots(shown, shown.data):
+                numbers.read(each)
     return sockets, numbers.materials
 
 
@@ -367,7 +368,7 @@ def _own_mesh(low: bpy.types.Object, map_settings: MapSettings) -> Mesh:
 
 def _layer_name(low: bpy.types.Object, map_settings: MapSettings) -> str:
     layers = low.data.uv_layers
-    name = map_settings.uv_layer or (layers.active.name if layers.active is not None else "")
+    name = map_settings.uv_layer or (mesh_reader.active_uv_layer(low.data) if layers else "")
     if name not in layers:
         raise BakeError(f"{low.name!r} has no UV map {name!r} without its modifiers: apply them first.")
     return name

@@ -211,7 +211,7 @@ def _work(context: bpy.types.Context, conversion: Conversion, run: Run) -> Task[
         with timings.timed("image"):
             stored = outputs.commit({labeled: [] for labeled in Labeled}, [low])
             datablocks.set_source_objects(stored.image, ready.origin)
-            notes = into_materials(low, stored, ready.uv_layer, settings)
+            notes = into_materials(low, stored, ready.uv_layer, settings, is_own_base=conversion.is_own_base)
     written, margin, texels = counts
     return ConversionReport(
         source=ready.name,

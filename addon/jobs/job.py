@@ -271,7 +271,7 @@ def read_as_is(context: bpy.types.Context, job: Job, settings: Settings) -> Mesh
 
 def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:
     """A job for each texture set of each of `jobs`. Raises BakeError for names that the sets would share."""
-    found = [job.of_set(one) for job in jobs for one in sets_of(job.low)]
+    found = [job.of_set(one) for job in jobs for one in sets_of(job.low, is_own_base=job.low in job.highs)]
     if len(found) > len(jobs):
         for text, what in ((storing.output, "file"), (storing.image, "image")):
             if text and MATERIAL not in text:
@@ -282,10 +282,10 @@ def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:
 def set_numbers(low: bpy.types.Object, meshes: Meshes) -> np.ndarray | None:
     """The number (T,) int of the texture set of each triangle of the low mesh, as it was read; None if there is only one, or if
     they were not read, as for maps without tangents."""
-    found = sets_of(low)
+    found = sets_of(low, is_own_base=meshes.is_own_base)
     if len(found) < 2 or meshes.basis is None or len(meshes.basis.triangles) != len(meshes.low.triangles):
         return None
-    of_slot = np.zeros(max(1, len(low.material_slots)), np.int64)
+    of_slot = np.zeros(1 + max(slot for one in found for slot in one.slots), np.int64)
     for number, one in enumerate(found):
         of_slot[list(one.slots)] = number
     return of_slot[meshes.basis.labels[:, 0].astype(np.int64).clip(0, len(of_slot) - 1)]

@@ -77,15 +77,15 @@ class LiveMaps:
         """Copies of the maps, since storing them encodes them in place."""
         return {name: (texels.copy(), state) for name, (texels, state) in self.drawn.items()}
 
-    def store(self, normals: Map, labels: dict[Labeled, Sequence[str]], low: bpy.types.Object, uv_layer: str) -> None:
+    def store(self, normals: Map, labels: dict[Labeled, Sequence[str]], low: bpy.types.Object, meshes: Meshes) -> None:
         """Put the maps into their image datablocks, but into no file. The first time, also into the materials of `low`, if the
-        settings say so. normals, labels: as outputs.Outputs takes them."""
+        settings say so. normals, labels: as outputs.Outputs takes them. meshes: of the session."""
         settings = replace(self.settings.without_file(), normal=False)
         with outputs.Outputs(settings) as writers:
             writers.add(udim.FIRST, {NORMAL.name: normals, **self.copies()})
             stored = writers.commit(labels, [low])
         if not self._is_stored:
-            materials.into_materials(low, stored, uv_layer, settings)
+            materials.into_materials(low, stored, meshes.uv_layer, settings, is_own_base=meshes.is_own_base)
         self._is_stored = True
 
 
@@ -351,12 +351,13 @@ class Session:
         if is_new or not self._is_stored:
             datablocks.note_maps(self.job.low, [image])
         if settings.storing.material and (is_new or not self._is_stored):
-            materials.show_normal_map(self.job.low, image, self._meshes.uv_layer, settings)
+            layer, is_own_base = self._meshes.uv_layer, self._meshes.is_own_base
+            materials.show_normal_map(self.job.low, image, layer, settings, is_own_base=is_own_base)
         self._is_stored = True
 
     def store_others(self) -> None:
         """Put the other maps into their image datablocks and, the first time, into the material if the settings say so."""
-        self.others.store(self._kept.map, self._labels, self.job.low, self._meshes.uv_layer)
+        self.others.store(self._kept.map, self._labels, self.job.low, self._meshes)
 
     def commit(self) -> outputs.Stored | None:
         """Store the last maps as a bake does: in their files, or packed. Returns None if there is none. Raises BakeError."""
@@ -367,7 +368,8 @@ class Session:
         with outputs.Outputs(settings) as writers:
             writers.add(udim.FIRST, {NORMAL.name: self._kept.map, **self.others.copies()})
             stored = writers.commit(self._labels, [low])
-            materials.into_materials(low, stored, self._meshes.uv_layer, settings)
+            layer, is_own_base = self._meshes.uv_layer, self._meshes.is_own_base
+            materials.into_materials(low, stored, layer, settings, is_own_base=is_own_base)
         return stored
 
     @property

@@ -430,7 +430,7 @@ def read_original(
         raise BakeError(f"{obj.name!r} has no UV layer: unwrap it first.")
     if uv_layer and uv_layer not in data.uv_layers:
         raise BakeError(f"{obj.name!r} has no UV layer {uv_layer!r}: choose one of its layers.")
-    layer = uv_layer or data.uv_layers.active.name
+    layer = uv_layer or mesh_reader.active_uv_layer(data)
     _drop_custom_normals(data)
     source = of_mesh(data, layer, obj.name, mesh_reader.matrix(obj))
     if source.surface.not_finite:

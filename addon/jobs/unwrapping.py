@@ -199,7 +199,7 @@ def _project(obj: bpy.types.Object) -> bool:
 
 
 def _read(obj: bpy.types.Object) -> Mesh:
-    return mesh_reader.surface(obj.data, obj.data.uv_layers.active.name, obj.name, np.eye(4), with_faces=True)
+    return mesh_reader.surface(obj.data, mesh_reader.active_uv_layer(obj.data), obj.name, np.eye(4), with_faces=True)
 
 
 def _points(mesh: Mesh) -> np.ndarray:

@@ -103,12 +103,13 @@ def hook_up(
     channels: tuple[str, str, str],
     single_user: bool = False,
     slots: Sequence[int] | None = None,
+    is_own_base: bool = False,
 ) -> list[str]:
     """Show the image as the normal map of every material on the faces of low. Returns notes for the report.
 
     space, channels: of the map, as in Settings; the axes in red, green and blue. single_user: first copy materials that are
     linked from a library or used by other objects. slots: the numbers of the slots whose
-    materials change; None for all.
+    materials change; None for all. is_own_base: whether low was baked without its modifiers, which may set materials.
     """
     image[MARK] = True
     if channels not in CONVENTIONS:
@@ -119,7 +120,7 @@ def hook_up(
     settings = map_nodes.NormalMapSettings(image, normal_map)
     coordinates = _coordinates(low, uv_layer)
     connect = partial(map_nodes.connect_normals, settings=settings, coordinates=coordinates)
-    return _edit(low, connect, single_user=single_user, slots=slots)
+    return _edit(low, connect, single_user=single_user, slots=slots, is_own_base=is_own_base)
 
 
 def connect_maps(
@@ -129,31 +130,44 @@ def connect_maps(
     uv_layer: str,
     single_user: bool = False,
     slots: Sequence[int] | None = None,
+    is_own_base: bool = False,
 ) -> list[str]:
     """Connect other maps, by their names, to the inputs of every material on the faces of low. Returns notes for the report.
 
-    single_user, slots: as in `hook_up`.
+    single_user, slots, is_own_base: as in `hook_up`.
     """
     for image in images.values():
         image.image[MARK] = True
     coordinates = _coordinates(low, uv_layer)
     connect = partial(map_nodes.connect_surface, images=images, coordinates=coordinates)
-    return _edit(low, connect, single_user=single_user, slots=slots)
+    return _edit(low, connect, single_user=single_user, slots=slots, is_own_base=is_own_base)
 
 
 def into_materials(
-    low: Object, stored: Stored, uv_layer: str, settings: Settings, *, slots: Sequence[int] | None = None
+    low: Object,
+    stored: Stored,
+    uv_layer: str,
+    settings: Settings,
+    *,
+    slots: Sequence[int] | None = None,
+    is_own_base: bool = False,
 ) -> list[str]:
     """Show the stored maps in the materials of `low`, as far as the settings say. Returns warnings.
 
-    slots: the numbers of the material slots that a texture set belongs to; None for all.
+    slots: the numbers of the material slots that a texture set belongs to; None for all. is_own_base: as in `hook_up`.
     """
     warnings = []
     if settings.storing.material and settings.map.normal:
-        warnings += show_normal_map(low, stored.image, uv_layer, settings, slots=slots)
+        warnings += show_normal_map(low, stored.image, uv_layer, settings, slots=slots, is_own_base=is_own_base)
     if settings.storing.connect_maps:
         warnings += connect_maps_of_report(
-            low, stored.maps, uv_layer, space=settings.map.space, single_user=settings.storing.single_user, slots=slots
+            low,
+            stored.maps,
+            uv_layer,
+            space=settings.map.space,
+            single_user=settings.storing.single_user,
+            slots=slots,
+            is_own_base=is_own_base,
         )
     return list(dict.fromkeys(warnings))
 
@@ -165,8 +179,9 @@ def show_normal_map(
     settings: Settings,
     *,
     slots: Sequence[int] | None = None,
+    is_own_base: bool = False,
 ) -> list[str]:
-    """Show `image` as the normal map in the materials of `low`. Returns warnings. slots: as in `into_materials`."""
+    """Show `image` as the normal map in the materials of `low`. Returns warnings. slots, is_own_base: as in `hook_up`."""
     return hook_up(
         low,
         image,
@@ -175,6 +190,7 @@ def show_normal_map(
         channels=settings.map.channels,
         single_user=settings.storing.single_user,
         slots=slots,
+        is_own_base=is_own_base,
     )
 
 
@@ -186,16 +202,19 @@ def connect_maps_of_report(
     space: str,
     single_user: bool,
     slots: Sequence[int] | None = None,
+    is_own_base: bool = False,
 ) -> list[str]:
     """Connect maps other than the normal map, as in Report.maps, in the materials of `low`. Returns warnings.
 
-    Maps whose images are no longer there are left out, with a warning. space, single_user: as in Settings. slots: as in
-    `into_materials`.
+    Maps whose images are no longer there are left out, with a warning. space, single_user: as in Settings. slots,
+    is_own_base: as in `hook_up`.
     """
     images, warnings = images_of_report(maps, space)
     if not images:
         return warnings
-    return warnings + connect_maps(low, images, uv_layer=uv_layer, single_user=single_user, slots=slots)
+    return warnings + connect_maps(
+        low, images, uv_layer=uv_layer, single_user=single_user, slots=slots, is_own_base=is_own_base
+    )
 
 
 def _coordinates(low: Object, uv_layer: str) -> Coordinates:
@@ -204,22 +223,26 @@ def _coordinates(low: Object, uv_layer: str) -> Coordinates:
 
 
 def _edit(
-    low: Object, connect: Callable[[Material], list[str]], *, single_user: bool, slots: Sequence[int] | None
+    low: Object,
+    connect: Callable[[Material], list[str]],
+    *,
+    single_user: bool,
+    slots: Sequence[int] | None,
+    is_own_base: bool,
 ) -> list[str]:
-    """Call `connect` with every material on the faces of low that can be changed. slots: as in `hook_up`.
+    """Call `connect` with every material on the faces of low that can be changed. slots, is_own_base: as in `hook_up`.
 
     Returns notes, with those of `connect`.
     """
-    _fill_slots(low, single_user)
+    _fill_slots(low, _shown(low, is_own_base=is_own_base), single_user)
     sharers = _sharers(low)
     notes = []
-    # Slots may have been removed since the bake.
-    chosen = low.material_slots if slots is None else [slot for slot in low.material_slots if slot.slot_index in slots]
-    for material in dict.fromkeys(slot.material for slot in chosen if slot.material):
+    own = {slot.material for slot in low.material_slots}
+    for material in of(low, slots, is_own_base=is_own_base):
         is_local, others = _is_local(material), sharers[material]
         state = f'Material "{material.name}" ' + (_list(others) if is_local else "is linked from a library")
         target = material
-        if single_user and (others or not is_local):
+        if single_user and (others or not is_local) and material in own:
             target = _copy_for(low, material)
             notes.append(f'{state}; "{low.name}" now uses the copy "{target.name}".')
         elif not is_local:
@@ -237,17 +260,35 @@ def _is_local(datablock: Material | Mesh) -> bool:
     return datablock.is_editable and not datablock.override_library
 
 
-def _fill_slots(low: Object, single_user: bool) -> None:
-    """Put one new material into all empty slots that the faces of low use."""
-    if not low.material_slots:
+def of(low: Object, slots: Sequence[int] | None = None, *, is_own_base: bool) -> list[Material]:
+    """The materials that `low` shows, each once, also those that its modifiers set. slots, is_own_base: as in `hook_up`."""
+    found = [slot.material for slot in _shown(low, is_own_base=is_own_base).material_slots]
+    # Slots may have been removed since the bake.
+    chosen = [material for number, material in enumerate(found) if slots is None or number in slots]
+    return list(dict.fromkeys(material.original for material in chosen if material))
+
+
+def _shown(low: Object, *, is_own_base: bool) -> Object:
+    """`low`, evaluated where modifiers may set its materials."""
+    if is_own_base or not low.modifiers or low.mode != "OBJECT":
+        return low
+    evaluated = low.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return evaluated if evaluated.data.polygons else low
+
+
+def _fill_slots(low: Object, shown: Object, single_user: bool) -> None:
+    """Put one new material into all empty slots that the faces of low use. shown: as `_shown` returns it."""
+    if not shown.material_slots:
         low.data.materials.append(None)
-    slots = low.material_slots
+        shown = low
+    slots = shown.material_slots
     if all(slot.material for slot in slots):
         return
-    faces = np.empty(len(low.data.polygons), dtype=np.int32)
-    low.data.polygons.foreach_get("material_index", faces)
+    faces = np.empty(len(shown.data.polygons), dtype=np.int32)
+    shown.data.polygons.foreach_get("material_index", faces)
     used = np.unique(faces.clip(0, len(slots) - 1))  # a face whose index is too high shows the last slot
-    empty = [slots[i] for i in used.tolist() if not slots[i].material]
+    own = low.material_slots
+    empty = [own[i] for i in used.tolist() if not slots[i].material and i < len(own) and not own[i].material]
     if empty:
         material = bpy.data.materials.new(low.name)
         older_blender.switch_on_nodes(material)

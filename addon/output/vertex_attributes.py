@@ -70,10 +70,10 @@ class VertexMaps:
         mesh.loops.foreach_get("vertex_index", self._vertices)
         counts = np.empty(len(mesh.polygons), np.int32)
         mesh.polygons.foreach_get("loop_total", counts)
-        self._is_baked = np.repeat(_are_in(low, slots), counts)
-        self._tiles, self._uv = self._places(mesh, uv_layer, counts)
         evaluated = low.evaluated_get(bpy.context.evaluated_depsgraph_get())
         self._is_changed = not is_own_base and len(evaluated.data.loops) != len(mesh.loops)
+        self._is_baked = np.repeat(_are_in(low if is_own_base or self._is_changed else evaluated, slots), counts)
+        self._tiles, self._uv = self._places(mesh, uv_layer, counts)
 
     def _places(self, mesh: bpy.types.Mesh, uv_layer: str, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The UDIM tiles (C,) of the corners, and their places (C, 2) float64 in them, moved a bit into their faces.
@@ -183,7 +183,8 @@ class VertexMaps:
 
 
 def _are_in(low: bpy.types.Object, slots: Sequence[int] | None) -> np.ndarray:
-    """Which faces (F,) bool of the mesh of `low` are in material slots; all of them for None."""
+    """Which faces (F,) bool of the mesh of `low` are in material slots; all of them for None. Evaluated, it also has the
+    materials that its modifiers set."""
     indices = np.empty(len(low.data.polygons), np.int32)
     if slots is None:
         return np.ones(len(indices), bool)

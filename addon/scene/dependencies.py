@@ -87,7 +87,7 @@ def not_to_replace(
     bakes, used = list(bakes), _Uses()
     found = of([each for low, highs, others in bakes for each in (low, *highs, *others)])
     for low, highs, _ in bakes:
-        own = {slot.material for slot in low.material_slots}
+        own = used.materials_of(low)
         shown = [block for block in used.by(highs) if isinstance(block, bpy.types.Material)]
         for is_shared in (False, True):
             images = used.by_materials(each for each in shown if (each in own) == is_shared)
@@ -166,6 +166,13 @@ class _Uses:
     def by(self, objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
         """`objects` and all datablocks that they use, also those that these use, except what materials use."""
         return self._walk(objects, lambda block: not isinstance(block, bpy.types.Material))
+
+    def materials_of(self, obj: bpy.types.Object) -> set[bpy.types.ID]:
+        """The materials of an object: of its slots, and those that its modifiers set."""
+        found = self._walk(
+            [obj], lambda block: block == obj or not isinstance(block, bpy.types.Material | bpy.types.Object)
+        )
+        return {block for block in found if isinstance(block, bpy.types.Material)}
 
     def by_materials(self, blocks: Iterable[bpy.types.ID]) -> list[bpy.types.ID]:
         """The images that the materials among `blocks` use, also in groups of nodes."""

@@ -93,8 +93,8 @@ Shown = bpy.types.Material | Bare
 class MaterialNumbers:
     """The materials by their numbers, which count from 1.
 
-    sockets, is_exact: as read_materials takes them. low: the low object; what the bake leaves in its materials is no
-    detail of a high object that shows the same material. before: those of an earlier reading, which keep their numbers.
+    sockets, is_exact: as read_materials takes them. low: the low object, evaluated; what the bake leaves in its materials is
+    no detail of a high object that shows the same material. before: those of an earlier reading, which keep their numbers.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class MaterialNumbers:
         before: Sequence[HighMaterial] = (),
     ):
         self.images, self.sockets, self.is_exact = images, sockets, is_exact
-        self._of_low = {slot.material for slot in low.material_slots if slot.material}
+        self._of_low = {material for material in materials_of(low) if material}
         self._found: dict[int, HighMaterial] = {material.key: material for material in before}
 
     @property
@@ -116,10 +116,10 @@ class MaterialNumbers:
         return list(self._found.values())
 
     def of_slots(self, obj: bpy.types.Object, data: bpy.types.Mesh) -> list[Shown]:
-        """What each slot of `obj` shows on its mesh `data`; at least one."""
+        """What each slot of the evaluated object `obj` shows on its mesh `data`; at least one."""
         # Scans often have vertex colors and no material.
         bare = Bare.COLORED if data.attributes.get(data.attributes.default_color_name or "") else Bare.PLAIN
-        return [slot.material.original if slot.material else bare for slot in obj.material_slots] or [bare]
+        return [material or bare for material in materials_of(obj)] or [bare]
 
     def read(self, material: Shown) -> HighMaterial:
         """What feeds a material."""
@@ -187,6 +187,11 @@ def _is_hooked_up(material: bpy.types.Material) -> bool:
     return any(node.bl_idname == "ShaderNodeNormalMap" and node.get(MARK) for node in nodes)
 
 
+def materials_of(obj: bpy.types.Object) -> list[bpy.types.Material | None]:
+    """The material in each slot of `obj`. An evaluated object also has the slots that its modifiers add."""
+    return [slot.material.original if slot.material else None for slot in obj.material_slots]
+
+
 NO_MATERIAL = "none"
 """The name of the set of faces without a material."""
 
@@ -199,14 +204,18 @@ class MaterialSet:
     slots: tuple[int, ...]
 
 
-def sets_of(low: bpy.types.Object) -> list[MaterialSet]:
-    """The materials on the faces of `low`, in the order of its slots."""
-    names = [slot.material.name if slot.material else NO_MATERIAL for slot in low.material_slots] or [NO_MATERIAL]
+def sets_of(low: bpy.types.Object, *, is_own_base: bool) -> list[MaterialSet]:
+    """The materials on the faces of `low`, in the order of its slots, as the viewport shows it.
+
+    is_own_base: whether it is baked without its modifiers.
+    """
+    if not is_own_base and low.modifiers and low.mode == "OBJECT":  # modifiers may set materials, and leave faces out
+        shown = low.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        low = shown if shown.type == "MESH" and shown.data.polygons else low
+    names = [material.name if material else NO_MATERIAL for material in materials_of(low)] or [NO_MATERIAL]
     if low.type != "MESH" or not low.data.polygons:  # a check refuses it with a sentence
         return [MaterialSet(names[0], (0,))]
-    indices = np.empty(len(low.data.polygons), np.int32)
-    low.data.polygons.foreach_get("material_index", indices)
-    used = np.unique(indices.clip(0, len(names) - 1)).tolist()
+    used = np.unique(mesh_reader.face_values(low.data, "material_index").clip(0, len(names) - 1)).tolist()
     return [
         MaterialSet(name, tuple(number for number in used if names[number] == name))
         for name in dict.fromkeys(names[number] for number in used)
@@ -219,19 +228,17 @@ def with_slots(mesh: Mesh, data: bpy.types.Mesh, obj: bpy.types.Object) -> Mesh:
     return replace(mesh, labels=slots[:, None].astype(np.float32))
 
 
-def restricted(meshes: Meshes, obj: bpy.types.Object, chosen: MaterialSet) -> Meshes:
-    """`meshes` with only those triangles of the low mesh and of its basis that are in a texture set of `obj`.
+def restricted(meshes: Meshes, chosen: MaterialSet) -> Meshes:
+    """`meshes` with only those triangles of the low mesh and of its basis that are in a texture set.
 
-    Both are labeled by `with_slots`. `whole` keeps the low mesh as it was. Raises BakeError if no triangle is left.
+    Both are labeled with their slots. `whole` keeps the low mesh as it was. Raises BakeError if no triangle is left.
     """
-    last = max(0, len(obj.material_slots) - 1)
     kept = np.flatnonzero(np.isin(meshes.low.labels[:, 0], chosen.slots))
     if not len(kept):
-        raise BakeError(f"{obj.name!r} has no faces with the material {chosen.name!r}.")
+        raise BakeError(f"{meshes.low.name!r} has no faces with the material {chosen.name!r}.")
     basis = meshes.basis
     if basis is not None:
-        # A face whose index is too high shows the last slot.
-        basis = basis.with_triangles(np.isin(basis.labels[:, 0].clip(0, last), chosen.slots))
+        basis = basis.with_triangles(np.isin(basis.labels[:, 0], chosen.slots))
     return replace(
         meshes, low=meshes.low.with_triangles(kept), basis=basis, whole=meshes.low, kept=kept, material=chosen.name
     )

@@ -51,7 +51,7 @@ class Reader:
             sockets.add(NORMAL)
         self.materials = MaterialNumbers(
             ImageTextures(),
-            self.low,
+            self.low.evaluated_get(self.depsgraph),
             sockets=sockets,
             is_exact=self.settings.map.exact_materials == ExactMaterials.AUTO,
             before=self.before,
@@ -82,7 +82,8 @@ class Reader:
             with mesh_reader.evaluated(high, self.depsgraph) as data:
                 if data.polygons or not parts:
                     copied = mesh_reader.copied(high, self.depsgraph)
-                    mesh = self._mesh(number, high.name, high, data, to_world, copied=copied)
+                    shown = high.evaluated_get(self.depsgraph)
+                    mesh = self._mesh(number, high.name, shown, data, to_world, copied=copied)
         if not parts:
             if mesh is None or not len(mesh.vertices):
                 raise BakeError(_no_faces(high))
@@ -112,7 +113,10 @@ class Reader:
         *,
         copied: mesh_reader.Copied | None = None,
     ) -> Mesh:
-        """Read the mesh `data` of `obj`, which belongs to the high object `name`. copied: as mesh_reader.surface has it."""
+        """Read the mesh `data` of the evaluated object `obj`, which belongs to the high object `name`.
+
+        Its materials are those of the evaluated object: modifiers set some. copied: as mesh_reader.surface has it.
+        """
         layer, method = "", self.settings.tracing.method
         if not data.polygons:
             raise BakeError(_no_faces(obj))
@@ -210,7 +214,7 @@ def uv_layer(name: str, data: bpy.types.Mesh, wanted: str) -> str:
     if wanted and wanted not in data.uv_layers:
         existing = ", ".join(repr(layer.name) for layer in data.uv_layers)
         raise BakeError(f"{name!r} has no UV layer {wanted!r}: it has {existing}.")
-    return wanted or data.uv_layers.active.name
+    return wanted or mesh_reader.active_uv_layer(data)
 
 
 def _no_faces(high: bpy.types.Object) -> str:

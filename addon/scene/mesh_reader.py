@@ -94,6 +94,11 @@ def uvs(data: bpy.types.Mesh, uv_layer: str) -> np.ndarray:
     return _read(data.uv_layers[uv_layer].uv, "vector", len(data.loops), 2)
 
 
+def active_uv_layer(data: bpy.types.Mesh) -> str:
+    """The name of the active UV layer of a mesh that has some. The first one if none is active: modifiers make such meshes."""
+    return (data.uv_layers.active or data.uv_layers[0]).name
+
+
 def corner_normals(data: bpy.types.Mesh) -> np.ndarray:
     """The normals of the corners, (C, 3) float32."""
     return _read(data.corner_normals, "vector", len(data.loops), 3)

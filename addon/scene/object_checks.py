@@ -197,7 +197,10 @@ def _has_other_uvs(obj: bpy.types.Object) -> bool:
 
 
 def _shows_other_uvs(obj: bpy.types.Object) -> bool:
-    return _has_other_uvs(obj) and not obj.data.uv_layers.active.active_render
+    if not _has_other_uvs(obj):
+        return False
+    layers = obj.data.uv_layers
+    return not (layers.active or layers[0]).active_render
 
 
 def _adds_detail(modifier: bpy.types.Modifier) -> bool:

@@ -72,7 +72,7 @@ def read(
                 raise
             raise BakeError(" ".join([str(error), *lacks])) from error
         if texture_set is not None:
-            meshes = high_materials.restricted(meshes, low, texture_set)
+            meshes = high_materials.restricted(meshes, texture_set)
         if not others:
             return meshes
         # Rays only meet them: they need neither UVs nor materials.
@@ -162,6 +162,7 @@ def read_low(
     with_uv: bool = True,
 ) -> Meshes:
     """Read only the low mesh and its cage. Without UVs, there are no tangents either. Errors: as `read`."""
+    shown = low if is_own_base else low.evaluated_get(depsgraph)
     with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
         uv_layer = uv_layer_of(low.name, data, settings.map.uv_layer) if with_uv else ""
         to_world = mesh_reader.matrix(low)
@@ -170,12 +171,13 @@ def read_low(
         has_basis = settings.map.space == Space.TANGENT and with_uv
         basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if has_basis else None
         if basis is not None:
+            # A face whose index is too high shows the last slot.
+            last = max(0, len(shown.material_slots) - 1)
+            basis = replace(basis, labels=basis.labels.clip(0, last))
             basis = triangle_mesh.with_stretch(basis, settings.map.basis)
         if settings.map.texture_sets:
-            low_mesh = high_materials.with_slots(low_mesh, data, low)
-        offset, straight = _painted(
-            low if is_own_base else low.evaluated_get(depsgraph), data, low_mesh, settings.tracing
-        )
+            low_mesh = high_materials.with_slots(low_mesh, data, shown)
+        offset, straight = _painted(shown, data, low_mesh, settings.tracing)
         # The cage comes last: if it is the low object itself, reading it frees the mesh.
         cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
     return Meshes(

@@ -255,6 +255,7 @@ class IMPRINT_OT_connect_maps(QuickOperator, bpy.types.Operator):
                 space=report.space,
                 single_user=context.scene.imprint.single_user,
                 slots=report.slots or None,
+                is_own_base=low in [ref.find() for ref in report.refs[1:]],
             )
         for warning in dict.fromkeys(warnings):
             self.report({"WARNING"}, warning)

@@ -12,6 +12,7 @@ from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, Family
 from ..core.report import Report
 from ..jobs import weights
 from ..output import datablocks
+from ..scene.high_materials import materials_of
 from . import bake_panel, declared_properties
 from .bake_results import distances, results
 from .cage_overlay import overlay
@@ -65,7 +66,8 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
 
 def _have_normal_maps(highs: Sequence[bpy.types.Object]) -> bool:
     """Whether a material of the high objects has nodes for a normal or bump map, which a bake may follow."""
-    found = (slot.material for high in highs for slot in high.material_slots if slot.material is not None)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    found = (material for high in highs for material in materials_of(high.evaluated_get(depsgraph)) if material)
     trees = [material.node_tree for material in found if material.node_tree is not None]
     return any(node.bl_idname in {"ShaderNodeNormalMap", "ShaderNodeBump"} for tree in trees for node in tree.nodes)
 

@@ -133,8 +133,7 @@ class StoredBake:
             places = np.floor(low.uv[low.triangles].mean(axis=1))
             kept = np.ones(len(places), bool)
             if slots:
-                last = max(0, len(self.job.low.material_slots) - 1)
-                kept = np.isin(low.labels[:, 0].clip(0, last), slots)
+                kept = np.isin(low.labels[:, 0], slots)
             if tile != SINGLE:
                 kept &= (places == udim.place(tile)).all(axis=1)
             uv = low.uv.copy()
