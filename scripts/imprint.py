@@ -51,6 +51,7 @@ PYTHON = VENV / ("Scripts/python.exe" if WINDOWS else "bin/python")
 SITE_PACKAGES = VENV / ("Lib/site-packages" if WINDOWS else f"lib/python{WANTED}/site-packages")
 STAMP = VENV / "imprint-stamp"  # written last: an environment without it is incomplete
 BYTE_CODE = VENV / "imprint-byte-code"
+MARK = "imprint-made"  # a file in each folder that Imprint has made and may empty
 GPU_STAMP = VENV / "imprint-gpu"  # has the name of a machine on which Blender's gpu module has started
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -90,6 +91,12 @@ class Failure(Exception):
 
 class NoGpu(Failure):
     """Blender does not start here. Another machine may have what is missing."""
+
+    code = 3
+
+
+class NoEnvironment(Failure):
+    """The environment is not there and cannot be made here. On another machine it may be."""
 
     code = 3
 
@@ -158,7 +165,7 @@ def find_python(candidates):
         path = base_python(command)
         if path:
             return path
-    raise Failure(
+    raise NoEnvironment(
         f"no Python {WANTED} with venv was found, and Blender's wheel needs one: install it, for example with "
         f"'uv python install {WANTED}' or 'apt-get install python{WANTED}-venv', and run this again"
     )
@@ -193,31 +200,79 @@ def is_ready():
     return PYTHON.is_file() and STAMP.is_file() and STAMP.read_text() == wanted_stamp()
 
 
+def check_own(folder, *marks):
+    """Fail unless Imprint has made a folder, or nothing is lost in it. What a link leads to belongs to another place.
+
+    marks: the names of other files by which Imprint knows it.
+    """
+    if os.path.islink(folder):
+        kind = f"is a link to {os.readlink(folder)}, which Imprint does not change"
+    elif not os.path.lexists(folder):
+        return
+    elif not os.path.isdir(folder):
+        kind = "is no folder"
+    else:
+        names = os.listdir(folder)
+        if not names or not {MARK, *marks}.isdisjoint(names):
+            return
+        kind = "was not made by Imprint, which does not empty it"
+    raise NoEnvironment(f"{folder} {kind}, but the environment has to be there: remove it, or give it another name")
+
+
+def empty(folder, *marks):
+    """Make a folder, or empty one that Imprint has made. Fails as `check_own`, and before anything is changed."""
+    check_own(folder, *marks)
+    os.makedirs(folder, exist_ok=True)
+    mark = Path(folder, MARK)
+    mark.write_text("Imprint has made this folder, and may remove what is in it.\n")
+    for each in os.scandir(folder):
+        if each.is_dir(follow_symlinks=False):
+            shutil.rmtree(each.path)
+        elif each.name != MARK:
+            os.unlink(each.path)
+
+
 def make_environment():
-    """Create .venv. One that was complete for other requirements is updated, and what is incomplete is replaced."""
+    """Create .venv. One that was complete for other requirements is updated, and what is incomplete is replaced.
+
+    Only what Imprint has made is changed.
+    """
+    marks = (STAMP.name, BYTE_CODE.name, GPU_STAMP.name)
+    check_own(VENV, *marks)
     quiet = [] if sys.stderr.isatty() else ["--quiet"]
     pip = [str(PYTHON), "-m", "pip", "install", "--disable-pip-version-check", "--no-input", *quiet]
     commands = [[*pip, "-r", str(REQUIREMENTS)]]
     if base_python([str(PYTHON)]) and STAMP.is_file():
         print_message(f"updating {VENV}", "info")
+        (VENV / MARK).touch()
         STAMP.unlink()
     else:
         base = find_python(python_candidates())
         print_message(f"setting up {VENV} with {base}: about 500 MB to download, once", "info")
-        commands.insert(0, [base, "-m", "venv", "--clear", str(VENV)])
+        empty(VENV, *marks)
+        commands.insert(0, [base, "-m", "venv", str(VENV)])
     for command in commands:
         if subprocess.call(command, stdout=sys.stderr):
-            raise Failure("the environment could not be set up, for the reason above; the next run starts over")
+            raise NoEnvironment("the environment could not be set up, for the reason above; the next run starts over")
     STAMP.write_text(wanted_stamp())
 
 
 def environment():
     """Return the environment's Python. Creates the environment if needed, only once if two processes run at a time."""
     if not is_ready():
-        with open(REQUIREMENTS, "r+b") as file:  # lock a file that always exists, also while .venv is replaced
-            lock(file)
-            if not is_ready():
-                make_environment()
+        try:
+            with open(REQUIREMENTS, "r+b") as file:  # lock a file that always exists, also while .venv is replaced
+                lock(file)
+                if not is_ready():
+                    make_environment()
+        except OSError as error:
+            if of_another_user(error) and os.path.lexists(VENV):
+                raise
+            reason = error.strerror or error
+            raise NoEnvironment(
+                f"there is no complete environment in {VENV}, and none can be made here: {reason}; make it once where you "
+                f"may write to {ROOT}, by any command of this script"
+            ) from error
     return str(PYTHON)
 
 

@@ -13,6 +13,10 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
+sys.path.insert(0, str(ROOT))
+
+from scripts.imprint import empty  # noqa: E402
+
 ENVIRONMENT = ROOT / "out" / "pyright"
 PACKAGES = ["pyright[nodejs]==1.1.414", "fake-bpy-module-5.2==20260730", "numpy==2.5.5", "zstandard==0.25.0"]
 """Stubs of Blender's modules take the place of its own package, which has no types."""
@@ -22,7 +26,8 @@ def main() -> int:
     programs = ENVIRONMENT / ("Scripts" if sys.platform == "win32" else "bin")
     installed = ENVIRONMENT / "packages.txt"
     if not installed.is_file() or installed.read_text(encoding="utf-8") != "\n".join(PACKAGES):
-        venv.create(ENVIRONMENT, with_pip=True, clear=True)
+        empty(ENVIRONMENT)
+        venv.create(ENVIRONMENT, with_pip=True)
         subprocess.run([programs / "python", "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
         installed.write_text("\n".join(PACKAGES), encoding="utf-8")
     command = [programs / "pyright", "--pythonpath", programs / "python", *sys.argv[1:]]

@@ -24,7 +24,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))
 
-from scripts.imprint import pyenv_roots  # noqa: E402
+from scripts.imprint import Failure, empty, pyenv_roots  # noqa: E402
 
 PYTHONS = {"4.5.15": "3.11", "5.0.1": "3.11", "5.1.2": "3.13"}
 """The Python that each wheel needs."""
@@ -153,7 +153,11 @@ def environment(folder: Path, version: str) -> str:
     stamp = folder / version / "complete"
     if not stamp.exists():
         base = find_python(PYTHONS[version])
-        subprocess.run([base, "-m", "venv", "--clear", str(folder / version)], check=True)
+        try:
+            empty(folder / version)
+        except Failure as error:
+            sys.exit(f"same_versions.py: {error}")
+        subprocess.run([base, "-m", "venv", str(folder / version)], check=True)
         subprocess.run([str(python), "-m", "pip", "install", "--quiet", f"bpy=={version}"], check=True)
         stamp.touch()
     return str(python)

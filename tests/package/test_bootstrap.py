@@ -2,6 +2,7 @@
 """Tests the parts of scripts/imprint.py that need no real environment."""
 
 import ast
+import errno
 import os
 import signal
 import subprocess
@@ -45,6 +46,7 @@ def bare(tmp_path, monkeypatch):
 def finish_environment():
     """Does what make_environment() would do."""
     imprint.VENV.mkdir(exist_ok=True)
+    (imprint.VENV / imprint.MARK).touch()
     imprint.PYTHON.touch()
     imprint.STAMP.write_text(imprint.wanted_stamp())
 
@@ -192,6 +194,17 @@ class TestStamp:
         imprint.environment()
         assert [command[2] for command in started] == ["venv", "pip"]
 
+    def test_an_environment_of_an_older_imprint_is_updated_and_then_known(self, bare, monkeypatch):
+        """It has a stamp alone, which an update that fails does not leave."""
+        finish_environment()
+        fake_python(imprint.VENV, "echo 3.13 /base/python3.13", imprint.PYTHON.name)
+        (imprint.VENV / imprint.MARK).unlink()
+        imprint.REQUIREMENTS.write_text("bpy==5.2.4\n")
+        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: 1)
+        for _ in range(2):
+            with pytest.raises(imprint.NoEnvironment, match="starts over"):
+                imprint.environment()
+
     def test_a_failed_update_starts_over(self, bare, monkeypatch):
         finish_environment()
         fake_python(imprint.VENV, "echo 3.13 /base/python3.13", imprint.PYTHON.name)
@@ -221,6 +234,125 @@ class TestStamp:
         lines = [line for line in imprint.REQUIREMENTS.read_text().splitlines() if line and not line.startswith("#")]
         assert "bpy==5.2.3" in lines
         assert [line for line in lines if line.count("==") != 1] == []
+
+
+def tree(folder):
+    """All files and links below a folder, with what they hold or lead to."""
+    return {
+        str(path.relative_to(folder)): os.readlink(path) if path.is_symlink() else path.is_file() and path.read_bytes()
+        for path in folder.rglob("*")
+    }
+
+
+def of_a_person(folder):
+    """An environment that a person made, with a program in it."""
+    (folder / "bin").mkdir(parents=True)
+    (folder / "pyvenv.cfg").write_text("home = /usr/bin\n")
+    (folder / "bin/tool").write_text("mine")
+
+
+def linked(folder, *, is_complete):
+    """A link to the environment of another checkout."""
+    of_a_person(folder.parent / "other")
+    if is_complete:
+        (folder.parent / "other" / imprint.STAMP.name).write_text("3.13 of other requirements\n")
+    folder.symlink_to("other", target_is_directory=True)
+
+
+def dangling(folder):
+    folder.symlink_to("nowhere")
+
+
+STRANGE = {
+    "of a person": (of_a_person, "was not made by Imprint"),
+    "link": (lambda folder: linked(folder, is_complete=False), "is a link to other, which Imprint does not change"),
+    "link to a stamp": (lambda folder: linked(folder, is_complete=True), "is a link to other"),
+    "link to nothing": (dangling, "is a link to nowhere"),
+    "file": (lambda folder: folder.write_text("mine"), "is no folder"),
+}
+
+
+class TestFoldersOfOthers:
+    """Nothing that Imprint has not made is emptied or replaced."""
+
+    @pytest.mark.parametrize(("make", "error"), STRANGE.values(), ids=STRANGE)
+    def test_an_environment_that_is_not_imprints_is_left_alone(self, bare, monkeypatch, capsys, make, error):
+        make(imprint.VENV)
+        before = tree(bare)
+        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: pytest.fail(f"ran {command}"))
+        monkeypatch.setattr(imprint, "find_python", lambda candidates: "python3.13")
+        for command in ("bake", "demo", "test", "build"):
+            assert imprint.main([command]) == 3
+            (line,) = capsys.readouterr().err.splitlines()
+            assert line.startswith(f"imprint: {imprint.VENV} {error}")
+        assert tree(bare) == before
+
+    def test_a_link_to_a_complete_environment_is_used(self, bare):
+        finish_environment()
+        imprint.VENV.rename(bare / "other")
+        imprint.VENV.symlink_to("other", target_is_directory=True)
+        assert imprint.environment() == str(imprint.PYTHON)
+
+    def test_an_empty_folder_is_taken(self, bare):
+        """As where a container mounts a volume."""
+        imprint.VENV.mkdir()
+        imprint.empty(imprint.VENV)
+        assert os.listdir(imprint.VENV) == [imprint.MARK]
+
+    def test_links_in_a_folder_are_removed_and_not_what_they_lead_to(self, bare):
+        (bare / "mine").mkdir()
+        (bare / "mine/file").write_text("mine")
+        imprint.empty(imprint.VENV)
+        (imprint.VENV / "lib").symlink_to(bare / "mine")
+        (imprint.VENV / "sub").mkdir()
+        (imprint.VENV / "sub/link").symlink_to(bare / "mine")
+        imprint.empty(imprint.VENV)
+        assert os.listdir(imprint.VENV) == [imprint.MARK]
+        assert (bare / "mine/file").read_text() == "mine"
+
+    def test_other_scripts_leave_folders_of_others_alone(self, tmp_path, monkeypatch):
+        from scripts.dev import same_versions
+        from scripts.dev.site import build
+
+        of_a_person(tmp_path / "5.1.2")
+        before = tree(tmp_path)
+        monkeypatch.setattr(same_versions, "find_python", lambda wanted: sys.executable)
+        monkeypatch.setattr(subprocess, "run", lambda command, **_: pytest.fail(f"ran {command}"))
+        for make in (
+            lambda: same_versions.environment(tmp_path, "5.1.2"),
+            lambda: build.environment(tmp_path / "5.1.2"),
+        ):
+            with pytest.raises(SystemExit, match="was not made by Imprint"):
+                make()
+        assert tree(tmp_path) == before
+
+
+class TestNoEnvironment:
+    """Another machine may have what this one lacks: farms need exit code 3 for that."""
+
+    def test_without_a_network(self, bare, monkeypatch, capsys):
+        monkeypatch.setattr(imprint, "find_python", lambda candidates: "python3.13")
+        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: int("pip" in command))
+        assert imprint.main(["bake", "--version"]) == 3
+        assert capsys.readouterr().err.splitlines()[-1].startswith("imprint: the environment could not be set up")
+
+    def test_without_a_python(self, bare, monkeypatch, capsys):
+        monkeypatch.setattr(imprint, "python_candidates", list)
+        assert imprint.main(["bake"]) == 3
+        assert not imprint.VENV.exists()
+
+    @pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES, errno.ENOSPC])
+    def test_in_a_checkout_that_is_read_only(self, bare, monkeypatch, capsys, number):
+        def refuse(*_):
+            raise OSError(number, os.strerror(number), str(imprint.REQUIREMENTS))
+
+        monkeypatch.setattr(imprint, "open", refuse, raising=False)
+        assert imprint.main(["bake"]) == 3
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(
+            f"imprint: there is no complete environment in {imprint.VENV}, and none can be made here: "
+        )
+        assert os.strerror(number) in line and "make it once where you may write to" in line
 
 
 @pytest.fixture

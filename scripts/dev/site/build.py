@@ -24,7 +24,14 @@ def environment(folder: Path) -> Path:
     requirements = HERE / "requirements.txt"
     stamp = folder / "requirements.txt"
     if not stamp.exists() or stamp.read_bytes() != requirements.read_bytes():
-        subprocess.run([sys.executable, "-m", "venv", "--clear", str(folder)], check=True)
+        sys.path.insert(0, str(ROOT))
+        from scripts.imprint import Failure, empty  # here, since a complete environment does not need it
+
+        try:
+            empty(folder)
+        except Failure as error:
+            sys.exit(f"build.py: {error}")
+        subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
         subprocess.run([str(python), "-m", "pip", "install", "--quiet", "-r", str(requirements)], check=True)
         stamp.write_bytes(requirements.read_bytes())
     return python
