@@ -21,7 +21,7 @@ from addon.engine import baking, normal_space
 from addon.jobs import Job, asset, bake_jobs
 from addon.mesh.fitting import Samples
 from addon.scene import reading
-from tests.support import lanes, seen_from_sides, zoo
+from tests.support import lanes, quick_assets, seen_from_sides, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -134,7 +134,8 @@ HIGHS = {
 
 
 @pytest.mark.parametrize("name", lanes.slow_but(["ball"], HIGHS))
-def test_assets_are_measured_as_rays_see_them(name):
+def test_assets_are_measured_as_rays_see_them(name, monkeypatch):
+    quick_assets.quicken(monkeypatch)
     high = HIGHS[name]()
     high.matrix_world = ASLANT
     chosen = settings()

@@ -8,7 +8,7 @@ import pytest
 
 from addon.cli import command
 from scripts.imprint import ROOT
-from tests.support import glb, json_schema, zoo
+from tests.support import glb, json_schema, quick_assets, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -20,6 +20,7 @@ ASSET = ["asset", "ball.blend", "--triangles", "200", "--size", "64", "--export"
 def folder(tmp_path, monkeypatch):
     """The working folder, with ball.blend: a ball, and a hidden object."""
     monkeypatch.chdir(tmp_path)
+    quick_assets.quicken(monkeypatch)
     zoo.ball("Ball_high", 16)
     zoo.cube("Hidden").hide_set(True)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "ball.blend"))

@@ -18,7 +18,7 @@ from addon.jobs.temporary import TemporaryMeshes
 from addon.mesh import folds, soup
 from addon.mesh.closest import Surface
 from addon.scene import mesh_reader
-from tests.support import spoiled, zoo
+from tests.support import quick_assets, spoiled, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -39,10 +39,7 @@ BY_HAND = 0.81
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
-    """Look less closely, and correct once: the meshes are small."""
-    monkeypatch.setattr(appearance, "USUAL", appearance.Detail(12, 192))
-    monkeypatch.setattr(asset, "CORRECTIONS", 1)
-    monkeypatch.setattr(asset_highs, "VOXELS", 15_000)
+    quick_assets.quicken(monkeypatch, appearance.Detail(12, 96))
 
 
 def task(highs, wanted=FEW, settings=SETTINGS, low=None):

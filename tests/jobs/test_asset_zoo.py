@@ -10,22 +10,19 @@ import pytest
 from mathutils import Euler, Matrix
 from mathutils.bvhtree import BVHTree
 
-from addon.audit import appearance
 from addon.core.asset import Wanted
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import asset, asset_highs
+from addon.jobs import asset
 from addon.jobs.job import Job
-from addon.mesh import uv_packing
 from addon.scene import mesh_reader
-from tests.support import maps, random_cases, spoiled, wrong_highs, zoo
+from tests.support import maps, quick_assets, random_cases, spoiled, wrong_highs, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-FEW_VIEWS = appearance.Detail(6, 64)
 NEAR = 0.02
 """The share of the size within which other faces of the high mesh are as near as the nearest one: at a crease or an edge, or
 where two sides of it are close, the nearest one alone does not tell the side."""
@@ -123,10 +120,7 @@ def is_crumb(soup):
 
 def made(high, rng, monkeypatch, fewest=4, side=64):
     """The report of an asset and its low object. Raises BakeError. side: of the map, in texels."""
-    monkeypatch.setattr(appearance, "USUAL", FEW_VIEWS)
-    monkeypatch.setattr(asset, "CORRECTIONS", 1)
-    monkeypatch.setattr(uv_packing, "ORDERS", 1)
-    monkeypatch.setattr(asset_highs, "VOXELS", 15_000)
+    quick_assets.quicken(monkeypatch)
     by_degrees = rng.random() < 0.3
     wanted = Wanted(
         degrees=float(rng.choice([5.0, 20.0])) if by_degrees else np.inf,

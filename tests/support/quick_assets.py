@@ -1,0 +1,17 @@
+"""Game assets made with a fifth of the work: the meshes of tests are small, and few of them test the search itself."""
+
+from addon.audit import appearance
+from addon.jobs import asset, asset_highs
+from addon.mesh import uv_packing
+
+
+def quicken(monkeypatch, detail: appearance.Detail | None = None) -> None:
+    """Look from few sides, correct once, pack by one order, and remesh coarsely.
+
+    Args:
+        detail: how closely ways to make a low mesh are looked at; 6 views of 64 x 64 pixels if None.
+    """
+    monkeypatch.setattr(appearance, "USUAL", detail or appearance.Detail(6, 64))
+    monkeypatch.setattr(asset, "CORRECTIONS", 1)
+    monkeypatch.setattr(asset_highs, "VOXELS", 15_000)
+    monkeypatch.setattr(uv_packing, "ORDERS", 1)
