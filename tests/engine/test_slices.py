@@ -2,6 +2,7 @@
 """Tests that nothing that a bake draws keeps a slow GPU busy for long, and that it fits in little memory: the engine's own
 passes, on simulated GPUs."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from addon.engine.sampling import maps_of_bake
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import TANGENTS, UV_LAYER, Mesh
 from addon.passes import allocation, high_in_uv, target
+from tests.support import lanes
 from tests.support.simulated_gpu import GPUS, SimulatedGpu
 
 LONGEST = 0.5
@@ -122,11 +124,18 @@ def check(simulated):
     assert simulated.submitted <= 2.0 * LONGEST
 
 
-@pytest.mark.parametrize("size", [4096, 8192])
-@pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("family", FAMILIES)
-@pytest.mark.parametrize("gpu", GPUS)
-def test_no_dispatch_is_long(simulate, gpu, family, layout, size):
+CASES = list(itertools.product(GPUS, FAMILIES, LAYOUTS, [4096, 8192]))
+FAST = [
+    (gpu, family, list(LAYOUTS)[(i + j) % len(LAYOUTS)], (4096, 8192)[(i + j // 3) % 2])
+    for i, gpu in enumerate(GPUS)
+    for j, family in enumerate(FAMILIES)
+]
+"""Each two values of a GPU, a family, a layout and a size together."""
+
+
+@pytest.mark.parametrize("case", lanes.slow_but(FAST, CASES), ids=str)
+def test_no_dispatch_is_long(simulate, case):
+    gpu, family, layout, size = case
     simulated = simulate(gpu)
     draw(simulated, LAYOUTS[layout], size, Pace(), **FAMILIES[family])
     check(simulated)
@@ -192,10 +201,15 @@ def peaks(monkeypatch):
     return found
 
 
-@pytest.mark.parametrize(("size", "megabytes"), [(4096, 512), (4096, 1536), (8192, 1536)])
+SPACES = [(4096, 512), (4096, 1536), (8192, 1536)]
+"""The texels along a side of a map, and the megabytes that targets may take."""
+
+
+@pytest.mark.parametrize("space", lanes.slow_but(SPACES[:1], SPACES), ids=str)
 @pytest.mark.parametrize("name", BAKES)
-def test_targets_fit_the_budget(simulate, peaks, name, size, megabytes):
+def test_targets_fit_the_budget(simulate, peaks, name, space):
     """And take almost what is told before a bake."""
+    size, megabytes = space
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(allocation, "BUDGET", megabytes * MIB)
         tallest, texel = draw(simulate("RTX 3060"), LAYOUTS["full"], size, Pace(), margin=16, **BAKES[name])
