@@ -156,12 +156,12 @@ def test_a_texel_without_a_center_is_read_by_the_sample_closest_to_it(count, sha
 @pytest.mark.slow
 @pytest.mark.shared
 @pytest.mark.parametrize("method", ["AUTO", "CAST"])
-@pytest.mark.parametrize("name", PAIRS)
-@pytest.mark.parametrize("count", [1, 4, 16, 64])
-def test_each_texel_of_a_real_pair_is_right(shared_assets, count, name, method):
+@pytest.mark.parametrize("case", lanes.in_turn(["spot_1696_536"], PAIRS, [1, 4, 16]), ids=str)
+def test_each_texel_of_a_real_pair_is_right(shared_assets, case, method):
+    name, count = case
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = triangulated(bpy.data.objects["lo"]), bpy.data.objects["hi"]
-    off, counts = most_off(low, high, 1024, method=method, samples=count)
+    off, counts = most_off(low, high, 512, method=method, samples=count)
     print(name, method, count, round(off, 4), counts)
     assert off < EXACT_FOLDED
 

@@ -13,7 +13,7 @@ from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import bake_pair
 from addon.passes import samples, target
-from tests.support import angles, layouts, maps, scenes, zoo
+from tests.support import angles, lanes, layouts, maps, scenes, zoo
 from tests.support.layouts import Layout
 from tests.support.maps import bake, bake_all_maps, texel_uv
 
@@ -277,10 +277,13 @@ def difference(some, every):
     return angles.degrees(angles.decode(some), angles.decode(every))[every[..., 3] > 0.0]
 
 
+SIZES = lanes.in_turn(FAST, PAIRS, [512, 1024])
+
+
 @pytest.mark.shared
-@pytest.mark.parametrize("size", [512, pytest.param(1024, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in PAIRS])
-def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, name, size):
+@pytest.mark.parametrize("case", lanes.slow_but([(FAST[0], 512)], SIZES), ids=str)
+def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, case):
+    name, size = case
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     reach = 0.02 * max(low.dimensions)

@@ -167,7 +167,7 @@ def spoiled_surface(rng):
 outcomes = random_cases.counted(enough=40, assets=0.5, sentences=0.05)
 
 
-@random_cases.seeds(60, fast=3)
+@random_cases.seeds(40, fast=2)
 def test_any_high_becomes_an_asset_or_a_sentence(seed, outcomes, monkeypatch):
     rng = np.random.default_rng(seed)
     high = wrong_highs.made(rng)
@@ -184,7 +184,7 @@ def test_any_high_becomes_an_asset_or_a_sentence(seed, outcomes, monkeypatch):
     check(reports)
 
 
-@random_cases.seeds(40, fast=1)
+@random_cases.seeds(12, fast=1)
 def test_a_spoiled_surface_becomes_an_asset_without_turned_faces(seed, monkeypatch):
     rng = np.random.default_rng(1000 + seed)
     high, truth = spoiled_surface(rng)

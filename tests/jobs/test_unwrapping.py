@@ -94,8 +94,8 @@ def test_sharp_edges_are_borders_of_islands():
 @pytest.mark.usefixtures("gpu_context")
 @pytest.mark.parametrize("mips", [1, 4])
 def test_islands_have_the_margin_that_mip_levels_need(mips):
-    low = bare(zoo.terrain("lo", 24, height=0.8))
-    high = zoo.terrain("high", 48, height=0.8)
+    low = bare(zoo.terrain("lo", 10, height=0.8))
+    high = zoo.terrain("high", 40, height=0.8)
     chosen = Settings(**USUAL, mips=mips)
     unwrapping.unwrap(low, chosen)
     (report,) = bake_jobs.bake_all(bpy.context, [Job(low, [high])], chosen)
@@ -105,7 +105,7 @@ def test_islands_have_the_margin_that_mip_levels_need(mips):
 
 
 def test_the_sharpest_way_wins():
-    low = bare(zoo.terrain("lo", 24, height=0.8))
+    low = bare(zoo.terrain("lo", 8, height=0.8))
     found = list(unwrapping.attempts(low, SETTINGS.sampling))
     best = max(found, key=lambda each: each.layout.sharpness)
     assert len({each.layout.sharpness for each in found}) > 1

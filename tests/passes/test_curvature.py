@@ -30,7 +30,7 @@ SLAB = 0.05
 
 
 @functools.cache
-def sphere(level=6):
+def sphere(level=5):
     """The triangles of a fine unit sphere."""
     return oracle.icosphere(level)
 
@@ -41,10 +41,11 @@ def on_sphere(rng):
 
 
 @pytest.mark.parametrize("is_hollow", [False, True])
-@pytest.mark.parametrize("rho", lanes.slow_but([0.5], [0.1, 0.25, 0.5, 0.8, 1.0]))
+@pytest.mark.parametrize("rho", lanes.slow_but([0.5], [0.1, 0.5, 1.0]))
 def test_curvature_of_spheres_with_balls_of_several_sizes_seed_1(rho, is_hollow):
     """A ball of radius R around a point on a sphere of radius rho is inside it by 1/2 - 3 R / (16 rho)."""
-    points, triangles, side = on_sphere(np.random.default_rng(1)), sphere() * rho, -1.0 if is_hollow else 1.0
+    triangles = sphere(5 if is_hollow else 6) * rho  # finer than the smallest ball
+    points, side = on_sphere(np.random.default_rng(1)), -1.0 if is_hollow else 1.0
     probes = Probes(tables(flipped(triangles) if is_hollow else triangles), points * rho, points * side)
     for share in (0.5,) if is_hollow else (0.1, 0.5, 1.8):
         ball = share * rho

@@ -334,10 +334,11 @@ def distances(point, directions, triangles, faces, *, own, sides):
         slope = directions @ faces[i]
         with np.errstate(divide="ignore", invalid="ignore"):
             t = ((a - point) @ faces[i]) / slope
-        at = point + t[:, None] * directions
-        inside = np.all([np.cross(q - p, at - p) @ faces[i] >= 0.0 for p, q in ((a, b), (b, c), (c, a))], axis=0)
-        is_met = np.where(slope < 0.0, sides & 1, sides & 2) != 0
-        nearest = np.where(inside & is_met & (t > 0.0) & (t < nearest), t, nearest)
+            is_met = (np.where(slope < 0.0, sides & 1, sides & 2) != 0) & (t > 0.0) & (t < nearest)
+            for p, q in ((a, b), (b, c), (c, a)):
+                inwards = np.cross(faces[i], q - p)
+                is_met &= (point - p) @ inwards + t * (directions @ inwards) >= 0.0
+        nearest = np.where(is_met, t, nearest)
     return nearest
 
 
