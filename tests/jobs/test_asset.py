@@ -160,6 +160,7 @@ def test_soups_of_any_size_are_remeshed(size):
     assert far.max() < FARTHEST
 
 
+@pytest.mark.slow
 def test_triangles_that_share_edges_with_many_are_remeshed():
     report, low = made([finned()])
     assert report.asset["is_remeshed"]
@@ -298,6 +299,7 @@ def test_a_limit_that_cannot_be_met_is_said_with_the_best():
     assert {degrees, distance} <= set(report.warnings)
 
 
+@pytest.mark.slow
 def test_the_fewest_triangles_within_a_distance_are_found():
     """Of a sphere, the distance is how far radii are from 1."""
     report, low = made([zoo.ball("Ball", 32)], Wanted(triangles=0, distance=0.004))
@@ -311,6 +313,7 @@ def test_the_fewest_triangles_within_a_distance_are_found():
     assert report.asset["measured"] > 1 and report.asset["missed"] == []
 
 
+@pytest.mark.slow
 def test_levels_of_detail_follow_with_half_the_triangles():
     reports = finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=2)))
     assert [report.low for report in reports] == ["Ball_low", "Ball_low_LOD1", "Ball_low_LOD2"]
