@@ -68,6 +68,7 @@ class Fix(Enum):
     NO_MATERIAL = "--no-material leaves them as they are", "material", False
     TEXTURE_SETS = "--texture-sets bakes an image for each", "texture_sets", True
     MISS_MASK = "--mask shows them", "mask", True
+    REST_POSE = "--rest-pose bakes them without that", "rest_pose", True
 
     def __init__(self, in_shell: str, setting: str, value: Any):
         """Describe a fix.

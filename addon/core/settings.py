@@ -35,6 +35,7 @@ class MapSettings:
     """Names among declarations.targets.BY_NAME, in their order."""
     uv_layer: str = _field("uv_layer")
     modifiers: str = _field("modifiers")
+    rest_pose: bool = _field("rest_pose")
     normal: bool = _field("normal")
     """Whether the normal map is stored."""
     mask: bool = _field("mask")

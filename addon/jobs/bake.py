@@ -144,7 +144,7 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
         if job.is_for_others:
             others = checks.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
             found += checks.unsolved_by_export(others, is_exported=job.is_exported)
-        early = checks.finding_warnings(found)
+        early = [*map(Warned, checks.pose_notes(context, job, settings)), *checks.finding_warnings(found)]
     tiles = tiles_to_bake(meshes, settings.sampling)
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     with timings.timed("method"):

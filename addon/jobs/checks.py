@@ -33,7 +33,7 @@ from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
-from ..scene import evaluation, mesh_elements, mesh_reader
+from ..scene import evaluation, mesh_elements, mesh_reader, poses
 from ..scene.high_materials import MaterialNumbers
 from ..scene.textures import ImageTextures
 from . import material_inputs, unwrapping
@@ -56,6 +56,7 @@ def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> Hi
         meshes = read_as_is(context, job, replace(settings, map=of_maps))
         found = high_look.look(meshes, settings)
     inputs = [*evaluated(material_inputs.ways(meshes, of_maps)), *material_inputs.notes(meshes, of_maps)]
+    inputs = [*pose_notes(context, job, replace(settings, map=of_maps)), *inputs]
     return replace(found, notes=(*found.notes, *inputs))
 
 
@@ -65,6 +66,13 @@ def is_for_others(settings: Settings, *, is_exported: bool) -> bool:
     is_exported: whether Imprint writes the low mesh for an engine. Then it has the triangles and tangents of the bake.
     """
     return before_bake.is_for_others(settings) or (is_exported and before_bake.is_in_tangent_space(settings.map))
+
+
+def pose_notes(context: bpy.types.Context, job: Job, settings: Settings) -> list[str]:
+    """What only one of the objects of a job is moved by, in sentences; none if the bake leaves it out."""
+    if settings.map.rest_pose:
+        return []
+    return poses.notes(context, job.low, job.highs, for_render=settings.map.modifiers == Modifiers.RENDER)
 
 
 def unsolved_by_export(findings: Sequence[Finding], *, is_exported: bool) -> list[Finding]:

@@ -2,6 +2,7 @@
 """Reads all objects of a bake into arrays at once, so that Blender's state changes only for a short time."""
 
 from collections.abc import Collection, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 
@@ -15,7 +16,7 @@ from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import complaints, cycles_values, evaluation, high_materials, mesh_reader
+from . import complaints, cycles_values, evaluation, high_materials, mesh_reader, poses
 from .high_materials import MaterialSet
 from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
@@ -61,7 +62,8 @@ def read(
     lacks = complaints.of_files(objects, for_render=for_render)
     if lacks and must_be_whole:
         raise Incomplete(" ".join(lacks))
-    with evaluation.prepared(context, low, [*highs, *others], cage, settings.map.modifiers) as depsgraph:
+    rest = poses.at_rest(context, low, highs, for_render=for_render) if settings.map.rest_pose else nullcontext()
+    with rest, evaluation.prepared(context, low, [*highs, *others], cage, settings.map.modifiers) as depsgraph:
         lacks += complaints.of_modifiers(context, objects, for_render=for_render)
         if lacks and must_be_whole:
             raise Incomplete(" ".join(lacks))

@@ -324,7 +324,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         problem = "" if live.is_on else bake_problem(context, chosen)  # Live does not depend on the selection
         is_planned = not (live.is_on or problem)
         found = _findings(context, chosen) if is_planned else []
-        notes = _material_notes(chosen) if is_planned else []
+        notes = [*_material_notes(chosen), *_pose_notes(context, chosen)] if is_planned else []
         column = layout.column()
         column.enabled = display.current is None and not live.is_on
         _draw_slots(column, settings, _sign(problem, found, notes))
@@ -355,6 +355,10 @@ def _findings(context: bpy.types.Context, chosen: Chosen) -> list[Finding]:
 
 def _material_notes(chosen: Chosen) -> list[str]:
     return findings.material_notes(chosen.low, chosen.highs, chosen.settings)
+
+
+def _pose_notes(context: bpy.types.Context, chosen: Chosen) -> list[str]:
+    return findings.pose_notes(context, chosen.low, chosen.highs, chosen.settings)
 
 
 def _sign(problem: str, found: Sequence[Finding], notes: Sequence[str]) -> str:
@@ -400,6 +404,8 @@ def _draw_plan(
         box.label(text=count_images(chosen.low, chosen.panel), translate=False)
         draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
         draw_hidden(box, context, chosen.hidden(context))
+        for text in _pose_notes(context, chosen):
+            draw_fixable(box, context, text, "ERROR")
         draw_findings(box, context, found)
         draw_paragraphs(box, context, _material_notes(chosen)[:MOST_NOTES], "ERROR")
         box.operator("imprint.look_at_high", icon="VIEWZOOM")

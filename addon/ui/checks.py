@@ -6,19 +6,25 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, StringProperty
 
+from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError, Fix, in_window
 from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import checks
 from ..jobs.checks import Finding
-from ..scene import evaluation, mesh_elements, reading
-from ..scene.object_checks import object_by_name
+from ..scene import evaluation, mesh_elements, poses, reading
+from ..scene.object_checks import ObjectRef, object_by_name
 from . import bake_results
 from .bake_results import results
-from .callbacks import Handlers
+from .callbacks import Handlers, Timer, redraw
 from .modal import QuickOperator
 from .progress_display import display
 from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, tooltip
+
+POSE_SECONDS = 0.2
+"""Between a change and the measurement of poses for the panel."""
+MOST_POSED = 500_000
+"""The vertices of a pair up to which the panel measures poses. A bake measures them in any case."""
 
 
 class PanelFindings:
@@ -37,6 +43,11 @@ class PanelFindings:
         self._look: list[str] = []
         self._shown: tuple = ()
         self._notes: list[str] = []
+        self._posed: tuple | None = None
+        self._poses: list[str] = []
+        self._pair_refs: list[ObjectRef] = []
+        self._is_measuring = False
+        self._timer = Timer(self.measure_poses)
         self._handlers = Handlers(
             ("depsgraph_update_post", self._after_update), ("undo_post", self._drop), ("redo_post", self._drop)
         )
@@ -98,6 +109,40 @@ class PanelFindings:
             self._shown = key
         return self._notes
 
+    def pose_notes(
+        self, context: bpy.types.Context, low: bpy.types.Object, highs: list[bpy.types.Object], settings: Settings
+    ) -> list[str]:
+        """What only one of the objects is moved by, in sentences, as it was measured last. A panel may not measure it while
+        it is drawn: that is done soon after."""
+        for_render = settings.map.modifiers == Modifiers.RENDER
+        if settings.map.rest_pose or not poses.may_differ(low, highs, for_render=for_render):
+            return []
+        key = (*self._key_of(low, highs), for_render)
+        if key != self._posed:
+            self._handlers.add()
+            self._posed, self._poses = key, []
+            self._pair_refs = [ObjectRef.of(obj) for obj in (low, *highs)]
+            self._timer.start(POSE_SECONDS)
+        return self._poses
+
+    def measure_poses(self) -> None:
+        """Measure what `pose_notes` returns, unless objects have changed since, or other work is under way."""
+        if self._posed is None:
+            return
+        found, for_render = [ref.find() for ref in self._pair_refs], self._posed[-1]
+        screen = bpy.context.screen
+        is_busy = display.current is not None or (screen is not None and screen.is_animation_playing)
+        if None in found or is_busy or any(obj.mode != "OBJECT" for obj in found):
+            return
+        if sum(len(obj.data.vertices) for obj in found if obj.type == "MESH") > MOST_POSED:
+            return
+        self._is_measuring = True
+        try:
+            self._poses = poses.notes(bpy.context, found[0], found[1:], for_render=for_render)
+        finally:
+            self._is_measuring = False
+        redraw()
+
     def keep_look(self, low: bpy.types.Object, highs: list[bpy.types.Object], lines: list[str]) -> None:
         """Remember what a look at the high objects found, until one of the objects changes."""
         self._handlers.add()
@@ -127,6 +172,7 @@ class PanelFindings:
     def forget(self) -> None:
         """Forget the findings, and follow no changes."""
         self._drop()
+        self._timer.stop()
         self._handlers.remove()
 
     def _drop(self, *_) -> None:
@@ -134,13 +180,17 @@ class PanelFindings:
         self._pair, self._flipped = None, []
         self._looked, self._look = (), []
         self._shown, self._notes = (), []
+        if not self._is_measuring:
+            self._posed, self._poses = None, []
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         if self._shown and any(
             isinstance(update.id, (bpy.types.Material, bpy.types.NodeTree)) for update in depsgraph.updates
         ):
             self._shown, self._notes = (), []
-        if self._key is None and self._pair is None and not self._looked:
+        if self._is_measuring or (
+            self._key is None and self._pair is None and self._posed is None and not self._looked
+        ):
             return
         moved = {update.id.original.session_uid for update in depsgraph.updates if update.is_updated_transform}
         changed = {
@@ -150,6 +200,8 @@ class PanelFindings:
         }
         if self._pair is not None and not (changed | moved).isdisjoint(self._pair):
             self._pair, self._flipped = None, []
+        if self._posed is not None and not (changed | moved).isdisjoint(self._posed):
+            self._posed, self._poses = None, []
         if not (changed | moved).isdisjoint(self._looked):
             self._looked, self._look = (), []
         if self._key is not None and changed.intersection(self._key[:2]):
@@ -231,6 +283,11 @@ FIXES = {
         "Also make an image that is white where the rays hit nothing",
         "SETTINGS",
     ),
+    Fix.REST_POSE.name: (
+        "Bake in Rest Pose",
+        "Set Rest Pose, which bakes without the deformers that only one of the objects has, and bake",
+        "ARMATURE_DATA",
+    ),
 }
 """Label, tooltip and icon of each fix: those of the low object, and those that change a setting."""
 
@@ -264,7 +321,17 @@ class IMPRINT_OT_cure(QuickOperator, bpy.types.Operator):
             return checks.fix(context, chosen.low, chosen.highs, chosen.settings, self.kind)
         owner = chosen.rays if change.setting in chosen.rays.bl_rna.properties else chosen.panel
         setattr(owner, change.setting, change.new_value)
+        if change is Fix.REST_POSE:
+            return self._bake(chosen.low)
         return f"{owner.bl_rna.properties[change.setting].name}: {FIXES[self.kind][0]}"
+
+    def _bake(self, low: bpy.types.Object) -> str:
+        """Bake the pair of a low object. Raises BakeError."""
+        try:
+            bpy.ops.imprint.bake("INVOKE_DEFAULT" if self.options.is_invoke else "EXEC_DEFAULT", low=low.name)
+        except RuntimeError as error:  # what the operator has reported
+            raise BakeError(str(error).removeprefix("Error: ").strip()) from error
+        return ""
 
 
 def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str, low: str = "") -> None:

@@ -56,6 +56,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         column.prop(settings, "mips")
         layout.prop(settings, "stacked")
         layout.prop(settings, "modifiers")
+        layout.prop(settings, "rest_pose")
         layout.prop(settings, "keep_faces")
         layout.prop(settings, "smooth_high")
         column = layout.column(align=True)

@@ -189,6 +189,11 @@ MAP: dict[str, Setting] = {
             Item(Modifiers.VIEWPORT, "Viewport", "Levels and visibility as set for the viewport"),
         ),
     ),
+    "rest_pose": Switch(
+        label="Rest Pose",
+        tooltip="Bake without the poses, shape keys and other deformers that only one of the high and low objects has. The "
+        "objects do not change",
+    ),
     "keep_faces": Switch(
         label="Keep Faces",
         tooltip="Take the faces of the high mesh as they are. Without it, faces that point to the wrong side are turned over "
