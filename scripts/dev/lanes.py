@@ -8,7 +8,8 @@
 
 A lane is one of those in LANES below; docs/testing.md says what each finds, and the packages. They run one after another.
 --blender is a command that starts a Blender from 5.2 on, in the background; it may have arguments of its own. Without it,
-Blender's Python package runs, on OpenGL alone. Each PAIR.blend holds two objects, "hi" and "lo". `maps` needs numpy.
+Blender's Python package runs, on OpenGL alone; `newest` and `newest-opengl` run that of the newest version, which is
+installed into out/blender. Each PAIR.blend holds two objects, "hi" and "lo". `maps` needs numpy.
 
 test: tests/passes and tests/engine, or these files, each in a process of its own. Ends with 1 if a test fails, a process
 crashes, or Vulkan's validation has a message.
@@ -36,6 +37,8 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from scripts import imprint  # noqa: E402
+from scripts.dev import blender_packages  # noqa: E402
+from scripts.dev.blender_packages import NEWEST  # noqa: E402
 
 OUT = ROOT / "out" / "lanes"
 TOLERANCE = 1e-5
@@ -54,7 +57,7 @@ class Lane:
 
     variables: of the environment. renderer: a part of its name, if the variables choose one. validates: Khronos' validation
     layer checks each call. other_rasterizer: drawn triangles have other corners and depths, so that maps are not equal.
-    in_package: Blender's Python package runs, also where there is a Blender.
+    in_package: Blender's Python package runs, also where there is a Blender. version: of the package, if not that of .venv.
     """
 
     backend: str = "opengl"
@@ -64,6 +67,7 @@ class Lane:
     validates: bool = False
     other_rasterizer: bool = False
     in_package: bool = False
+    version: str = ""
 
 
 VALIDATION = {"VK_INSTANCE_LAYERS": "VK_LAYER_KHRONOS_validation", "VK_KHRONOS_VALIDATION_VALIDATE_SYNC": "1"}
@@ -75,6 +79,8 @@ SWIFTSHADER = "/usr/lib/chromium/vk_swiftshader_icd.json"
 LANES = {
     "opengl": Lane(),
     "package": Lane(in_package=True),
+    "newest": Lane("vulkan", in_package=True, version=NEWEST),
+    "newest-opengl": Lane(in_package=True, version=NEWEST, variables=blender_packages.OPENGL),
     "images": Lane(driver="images"),
     "nan": Lane(driver="nan"),
     "rounding": Lane(driver="rounding"),
@@ -109,7 +115,8 @@ def run(lane: Lane, blender: list[str], words: list[str], name: str, out: Path) 
         command = [*blender, "--background", "--factory-startup", "--gpu-backend", lane.backend]
         command += ["--python-exit-code", "1", "--python", __file__]
     else:
-        command = [str(imprint.environment()), __file__]
+        found = blender_packages.environment(blender_packages.ENVIRONMENTS, lane.version) if lane.version else ""
+        command = [found or imprint.environment(), __file__]
     with tempfile.TemporaryDirectory(prefix="imprint-lane-") as profile:
         variables = {
             **os.environ,
@@ -449,8 +456,8 @@ def main() -> int:
     blender, names, files = shlex.split(given.blender), given.lanes.split(","), [file.resolve() for file in given.files]
     if unknown := set(names) - set(LANES):
         parser.error(f"no lane {', '.join(unknown)}; there are {', '.join(LANES)}")
-    if not blender and any(LANES[name].backend == "vulkan" for name in names):
-        parser.error("Vulkan needs --blender: Blender's Python package has OpenGL alone")
+    if not blender and any(LANES[name].backend == "vulkan" and not LANES[name].version for name in names):
+        parser.error("Vulkan needs --blender: Blender's Python package has OpenGL alone before 5.3")
     wrong = 0
     for name in names:
         lane, out = LANES[name], given.out.resolve() / name

@@ -2,7 +2,7 @@
 """Installs an extension's zip as a user does, enables it, uses it, and disables it again.
 
 test_build.py starts this in a separate process outside the checkout, so that the add-on can come only from the zip. In a real
-Blender, scripts/dev/in_blender.py does, with the zip after "--".
+Blender, scripts/dev/in_blender.py does, with the zip after "--". A backend before the zip is one that has to draw.
 """
 
 import math
@@ -20,7 +20,7 @@ def install(archive):
 
 
 def use():
-    """Bake a tilted plane onto a flat one, with the installed add-on."""
+    """Bake a tilted plane onto a flat one, with the installed add-on. Returns the name of the backend."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.mesh.primitive_plane_add(rotation=(0.5, 0.0, 0.0))
     high = bpy.context.object
@@ -31,6 +31,7 @@ def use():
     image = bpy.data.images[f"{low.name}_normal"]
     assert abs(image.pixels[1] - (0.5 - 0.5 * math.sin(0.5))) < 1e-3, tuple(image.pixels[:4])
     assert any(node.type == "NORMAL_MAP" for node in low.data.materials[0].node_tree.nodes)
+    return sys.modules[f"{MODULE}.addon.ui.bake_results"].results.of(bpy.context, low).backend
 
 
 def remove():
@@ -41,6 +42,7 @@ def remove():
 
 if __name__ == "__main__":
     install(sys.argv[-1])
-    use()
+    backend = use()
     remove()
+    print(f"Blender {bpy.app.version_string}, {backend}")
     print("installed, used and removed")

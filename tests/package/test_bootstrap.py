@@ -311,15 +311,15 @@ class TestFoldersOfOthers:
         assert (bare / "mine/file").read_text() == "mine"
 
     def test_other_scripts_leave_folders_of_others_alone(self, tmp_path, monkeypatch):
-        from scripts.dev import same_versions
+        from scripts.dev import blender_packages
         from scripts.dev.site import build
 
         of_a_person(tmp_path / "5.1.2")
         before = tree(tmp_path)
-        monkeypatch.setattr(same_versions, "find_python", lambda wanted: sys.executable)
+        monkeypatch.setattr(blender_packages, "find_python", lambda wanted: sys.executable)
         monkeypatch.setattr(subprocess, "run", lambda command, **_: pytest.fail(f"ran {command}"))
         for make in (
-            lambda: same_versions.environment(tmp_path, "5.1.2"),
+            lambda: blender_packages.environment(tmp_path, "5.1.2"),
             lambda: build.environment(tmp_path / "5.1.2"),
         ):
             with pytest.raises(SystemExit, match="was not made by Imprint"):

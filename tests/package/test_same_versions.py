@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests Imprint in older versions of Blender, where scripts/dev/same_versions.py has made their environments.
+"""Tests Imprint in other versions of Blender. Of the newest, these tests make the environment where it is not there; older ones
+are skipped unless scripts/dev/same_versions.py has made theirs.
 
-IMPRINT_BLENDERS names their folder, if it is not out/blender. A version that is not there is skipped.
+IMPRINT_BLENDERS names their folder, if it is not out/blender.
 """
 
 import functools
@@ -16,27 +17,42 @@ import numpy as np
 import pytest
 
 from scripts import imprint
-from scripts.dev import same_versions
+from scripts.dev import blender_packages, same_versions
 
-FOLDER = Path(os.environ.get("IMPRINT_BLENDERS", same_versions.ENVIRONMENTS)).resolve()
+FOLDER = Path(os.environ.get("IMPRINT_BLENDERS", blender_packages.ENVIRONMENTS)).resolve()
 HERE = Path(__file__).resolve().parent
 SMALL = 64
 """The size of the maps."""
-versions = pytest.mark.parametrize("version", same_versions.PYTHONS)
+NEWEST = blender_packages.NEWEST
+OLDER = [version for version in blender_packages.PYTHONS if version != NEWEST]
+ON_BACKENDS = [
+    (version, backend) for version in blender_packages.PYTHONS for backend in blender_packages.backends(version)
+]
+versions = pytest.mark.parametrize("version", blender_packages.PYTHONS)
+older_versions = pytest.mark.parametrize("version", OLDER)
+versions_on_backends = pytest.mark.parametrize(("version", "backend"), ON_BACKENDS)
+TESTS = ("tests/scene", "tests/output/test_materials.py", "tests/ui/test_live.py", "tests/ui/test_live_maps.py")
+"""What is run in the newest version, of the fast lane: where Blender itself has changed most."""
 
 
 def python_of(version):
-    """The Python of a version, or skip the test."""
-    if not (FOLDER / version / "complete").exists():
+    """The Python of a version, or skip the test if it is an older one that is not there."""
+    if version != NEWEST and not (FOLDER / version / "complete").exists():
         pytest.skip(f"no Blender {version} in {FOLDER}: scripts/dev/same_versions.py makes it")
-    return same_versions.environment(FOLDER, version)
+    return blender_packages.environment(FOLDER, version)
 
 
-def run(tmp_path, *command):
+def run(tmp_path, *command, **variables):
     """Run a program in a profile of its own. Returns its output."""
-    profile = dict(os.environ, BLENDER_USER_RESOURCES=str(tmp_path / "profile"), PYTHONPATH=str(imprint.ROOT))
+    profile = {"BLENDER_USER_RESOURCES": str(tmp_path / "profile"), "PYTHONPATH": str(imprint.ROOT)}
     done = subprocess.run(
-        command, env=profile, cwd=imprint.ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+        command,
+        env={**os.environ, **profile, **variables},
+        cwd=imprint.ROOT,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     return done.stdout
@@ -48,30 +64,40 @@ def wanted(tmp_path_factory):
     return same_versions.maps_of(sys.executable, tmp_path_factory.mktemp("own"), SMALL)
 
 
-@versions
+@versions_on_backends
 @pytest.mark.slow
-def test_maps_are_the_same(version, tmp_path, wanted):
-    found = same_versions.maps_of(python_of(version), tmp_path, SMALL)
-    assert same_versions.compare(wanted, found) == []
+def test_maps_are_the_same(version, backend, tmp_path, wanted):
+    variables = blender_packages.backends(version)[backend]
+    found = same_versions.maps_of(python_of(version), tmp_path, SMALL, variables)
+    assert same_versions.compare(wanted, found, backend) == []
     assert len(found) >= 33
     assert min(np.ptp(texels) for name, texels in found.items() if "normal" in name) > 0.1
 
 
-@versions
+@older_versions
 @pytest.mark.slow
 def test_materials_are_as_in_newer_versions(version, tmp_path):
     output = run(tmp_path, python_of(version), str(HERE / "older_materials.py"), str(tmp_path))
     assert output.endswith("all as promised\n")
 
 
-@versions
+@versions_on_backends
 @pytest.mark.slow
-def test_the_zip_can_be_installed_in_older_versions(version, tmp_path):
+def test_the_zip_can_be_installed_in_other_versions(version, backend, tmp_path):
     site_packages = Path(importlib.util.find_spec("bpy").origin).parent.parent
     archive = imprint.build_zip(sys.executable, site_packages, imprint.ROOT, tmp_path)
     program = f"import os, runpy, sys; sys.argv[1:] = [{str(archive)!r}]; "
     program += f"runpy.run_path({str(HERE / 'install_zip.py')!r}, run_name='__main__'); sys.stdout.flush(); os._exit(0)"
-    assert "installed, used and removed\n" in run(tmp_path, python_of(version), "-I", "-c", program)
+    variables = blender_packages.backends(version)[backend]
+    output = run(tmp_path, python_of(version), "-I", "-c", program, **variables)
+    assert f"Blender {version}" in output
+    assert f", {backend.upper()}\ninstalled, used and removed\n" in output
+
+
+@pytest.mark.slow
+def test_tests_pass_in_the_newest_version(tmp_path):
+    lane = ["-q", "-m", "not slow and not shared", "-p", "no:cacheprovider", f"--basetemp={tmp_path / 'tests'}"]
+    assert " passed" in run(tmp_path, python_of(NEWEST), "-m", "pytest", *lane, *TESTS)
 
 
 def make_spheres(tmp_path, python):
@@ -87,7 +113,7 @@ def make_spheres(tmp_path, python):
 
 @versions
 @pytest.mark.slow
-def test_processes_conversions_and_levels_of_detail_in_older_versions(version, tmp_path):
+def test_processes_conversions_and_levels_of_detail_in_other_versions(version, tmp_path):
     python = python_of(version)
     make_spheres(tmp_path, python)
     bake = functools.partial(run, tmp_path, python, "scripts/bake.py")
@@ -111,7 +137,7 @@ def test_processes_conversions_and_levels_of_detail_in_older_versions(version, t
 
 @versions
 @pytest.mark.slow
-def test_the_command_line_bakes_in_older_versions(version, tmp_path):
+def test_the_command_line_bakes_in_other_versions(version, tmp_path):
     """Two pairs, so that a file is opened between two renders of the engine, and a scene is saved."""
     python = python_of(version)
     make_spheres(tmp_path, python)
@@ -141,6 +167,14 @@ def test_differences_are_found():
     assert [line.partition(":")[0] for line in same_versions.compare(one, other)] == ["a", "c", "d"]
     del other["b"]
     assert "b: only one version has it" in same_versions.compare(one, other)
+
+
+def test_other_compilers_may_differ_by_a_step():
+    one = {"exr 32: a.exr": np.ones((1, 1, 4)), "exr 16: a.exr": np.ones((1, 1, 4)), "cast": np.ones((1, 1, 4))}
+    for difference, names in ((2e-5, []), (2e-4, ["cast", "exr 32"]), (1e-3, ["cast", "exr 16", "exr 32"])):
+        other = {name: texels - difference for name, texels in one.items()}
+        assert [line.partition(":")[0] for line in same_versions.compare(one, other, "vulkan")] == names
+        assert len(same_versions.compare(one, other)) == 3
 
 
 def test_all_cases_can_be_baked(tmp_path):

@@ -7,7 +7,7 @@ import shlex
 import pytest
 
 from scripts import imprint
-from scripts.dev import run_workflow, same_versions
+from scripts.dev import blender_packages, run_workflow
 from scripts.imprint import ROOT
 from tests.pure.test_docs import known_options
 
@@ -85,7 +85,15 @@ def test_the_zip_is_installed_in_all_versions_that_are_tested():
     pinned = re.search(
         r"^bpy==(.+)$", (ROOT / "scripts" / "requirements.txt").read_text(encoding="utf-8"), re.MULTILINE
     )
-    assert set(versions) == {*same_versions.PYTHONS, pinned[1], "newest"}
+    assert set(versions) == {*blender_packages.PYTHONS, pinned[1], "newest"}
+
+
+def test_the_package_takes_no_blender_that_is_newer_than_those_tested():
+    bound = re.search(r'"bpy>=4\.5,<(\d+)\.(\d+)"', (ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    major, minor, _ = map(int, blender_packages.NEWEST.split("."))
+    assert tuple(map(int, bound.groups())) == (major, minor + 1)
+    versions = [tuple(map(int, version.split("."))) for version in blender_packages.PYTHONS]
+    assert max(versions) == tuple(map(int, blender_packages.NEWEST.split(".")))
 
 
 def test_the_oldest_python_is_tested():
