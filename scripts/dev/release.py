@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Checks that a tag may become a release, and makes the files of it: the zip, its SHA-256, and notes from the changelog.
 
-    python3 scripts/dev/release.py v0.2.0 [--output dist] [--check]
+    python3 scripts/dev/release.py v0.3.0 [--output dist] [--check]
 
 The tag is "v" and the version. blender_manifest.toml, pyproject.toml and CITATION.cff have the same version, and the changelog
 a section for it with a date, and nothing that is unreleased. What is wrong is printed, a line each, and the exit code is 1.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs the Linux steps of the workflows in .github/workflows here, in a fresh clone of what is committed.
 
-    python3 scripts/dev/run_workflow.py [WORKFLOW[:JOB] ...] [--matrix KEY=VALUE ...] [--ref v0.2.0] [--list]
+    python3 scripts/dev/run_workflow.py [WORKFLOW[:JOB] ...] [--matrix KEY=VALUE ...] [--ref v0.3.0] [--list]
 
 Each job has a clone of its own, in which its `run:` steps run in order until one fails. Of a matrix, the first value of each
 key counts unless --matrix names another. A step that sets up Python, and a container that has one, become an environment of

@@ -2,7 +2,7 @@
 """Presses Test My GPU in the preferences of a real Blender window, with real clicks: Esc stops it, and the second time it shows
 its verdict, copies the report and saves it. Not collected by pytest; needs X11 and xdotool.
 
-    blender --factory-startup --python tests/window/gpu_button.py -- dist/imprint-0.2.0.zip [PICTURE.png]
+    blender --factory-startup --python tests/window/gpu_button.py -- dist/imprint-0.3.0.zip [PICTURE.png]
 
 Blender exits with 1 if a part fails.
 """

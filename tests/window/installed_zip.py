@@ -2,7 +2,7 @@
 """Installs the zip in a real Blender window, bakes with the bar, shows all views, runs Live, and disables it. It is for each
 version of Blender that the manifest allows. Not collected by pytest.
 
-    blender --factory-startup --python tests/window/installed_zip.py -- dist/imprint-0.2.0.zip
+    blender --factory-startup --python tests/window/installed_zip.py -- dist/imprint-0.3.0.zip
 
 Blender exits with 1 if a part fails. It needs no checkout but this file.
 """
