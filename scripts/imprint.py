@@ -637,7 +637,7 @@ def test(options):
     parser.add_argument("-n", dest="processes", metavar="PROCESSES", type=int, default=cores(), help=processes_help)
     known, rest = parser.parse_known_args(options.rest)
     lane = [] if known.all else ["-m", "not slow"]
-    parallel = ["-n", str(known.processes), "--dist", "loadfile"]
+    parallel = ["-n", str(known.processes), "--dist", "loadfile", "--no-loadscope-reorder"]  # see tests/conftest.py
     threads = max(1, cores() // max(1, known.processes))
     linted = subprocess.call([environment(), "-m", "ruff", "check"], cwd=ROOT)
     require_test_programs()

@@ -29,6 +29,19 @@ for _name, _handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signa
 ASSETS = imprint.ROOT.parent / "shared" / "assets"
 
 
+LONGEST = (
+    *("test_other_drivers", "test_blender_engines", "test_asset_zoo", "test_asset", "test_spirv", "test_workers"),
+    *("test_every_texel", "test_saved_files", "test_slices", "test_appearance", "test_openness", "test_endurance"),
+)
+"""The files that take longest, with the slow tests. They come first, so that no process is left with one at the end."""
+
+
+def pytest_collection_modifyitems(items):
+    """Keep the order of the tests of a file, which runs in one process."""
+    places = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.stem, len(places)))
+
+
 @pytest.fixture(scope="session")
 def empty_file(tmp_path_factory):
     """An empty file with factory settings and one workspace: it loads in half the time that all workspaces take."""

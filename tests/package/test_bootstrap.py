@@ -594,17 +594,19 @@ class TestCommands:
         assert imprint.main(["bake"]) == 128 + signal.SIGTERM
         assert not started.exists()
 
+    PARALLEL = ["-n", "6", "--dist", "loadfile", "--no-loadscope-reorder"]
+
     def test_pytest_runs_even_if_ruff_fails(self, ready):
         started, ending = ready
         ending["code"] = 1
         assert imprint.main(["test", "-k", "word", "tests/pure"]) == 1
         assert [command[2] for command in started] == ["ruff", "pytest"]
-        assert started[1][3:] == ["-n", "6", "--dist", "loadfile", "-m", "not slow", "-k", "word", "tests/pure"]
+        assert started[1][3:] == [*self.PARALLEL, "-m", "not slow", "-k", "word", "tests/pure"]
 
     def test_all_runs_the_slow_tests_as_well(self, ready):
         started, _ = ready
         assert imprint.main(["test", "--all", "-k", "word"]) == 0
-        assert started[1][3:] == ["-n", "6", "--dist", "loadfile", "-k", "word"]
+        assert started[1][3:] == [*self.PARALLEL, "-k", "word"]
 
     @pytest.mark.parametrize(("processes", "threads"), [(None, "1"), ("0", "6"), ("1", "6"), ("2", "3"), ("9", "1")])
     def test_processes_share_the_cores(self, ready, monkeypatch, processes, threads):
