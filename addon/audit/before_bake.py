@@ -20,9 +20,11 @@ LOW_FACES, HIGH_FACES = 256, 2048
 """The most faces of the low mesh, and of all high ones, that are compared."""
 BLOCK = 64
 """The low faces that are compared at once: larger products of matrices start threads of their own, which take longer."""
-AGAINST = 0.8
-"""The share of the low faces that point against the high ones near them, above which one of the two meshes is flipped. Thin
-parts reach half of it, because the nearest face can be on their other side."""
+AGAINST, MAYBE = 0.8, 0.2
+"""The share of the low faces that point against the high ones near them, above which one of the two meshes is probably flipped,
+or may be: the nearest face can be the other side of a thin part, or of one that is sunk into the surface. Rays decide."""
+FEW = 64
+"""Fewer low faces say nothing."""
 INWARD = -0.3
 """How much of a closed mesh's surface points inward: -1 for a flipped sphere, 0 for a plane."""
 
@@ -59,28 +61,43 @@ def joined_faces(faces: Sequence[Faces]) -> Faces:
     return Faces(np.concatenate([each.centers for each in faces]), np.concatenate([each.normals for each in faces]))
 
 
-def is_against(low: Faces, high: Faces) -> bool:
-    """Whether the faces of two surfaces in the same place, or side by side, point to opposite sides."""
+def share_against(low: Faces, high: Faces) -> float:
+    """The share of the faces of a surface that point against the nearest ones of another in the same place, or beside it."""
     low, high = _with_area(low), _with_area(high)
     if not len(low.centers) or not len(high.centers):
-        return False
+        return 0.0
     # Relative to a place near them: squares of large coordinates lose the distances.
     below, above = low.centers - low.centers.mean(axis=0), high.centers - low.centers.mean(axis=0)
-    boxes = _box(below), _box(above)
-    if gap_of_boxes(*boxes) > 0.0:
-        above = above + (sum(boxes[0]) - sum(boxes[1])) / 2.0
+    above = above - aside(low, high)
     squares, nearest = (above * above).sum(axis=1), np.empty(len(below), np.intp)
 
     def find(part: slice) -> None:
         nearest[part] = (squares - 2.0 * below[part] @ above.T).argmin(axis=1)
 
     threads.for_blocks(len(below), find, BLOCK)
-    return bool(((low.normals * high.normals[nearest]).sum(axis=1) < 0.0).mean() > AGAINST)
+    return float(((low.normals * high.normals[nearest]).sum(axis=1) < 0.0).mean())
+
+
+def aside(low: Faces, high: Faces) -> np.ndarray:
+    """The way (3,) from one surface to another that lies beside it; 0 if it does not."""
+    boxes = _box(low.centers), _box(high.centers)
+    return (sum(boxes[1]) - sum(boxes[0])) / 2.0 if gap_of_boxes(*boxes) > 0.0 else np.zeros(3)
 
 
 def flipped_one(low: Faces, high: Faces) -> str:
-    """Which of two surfaces that `is_against` finds is flipped: "high" if only its faces point inward, else "low"."""
+    """Which of two surfaces that point to opposite sides is flipped: "high" if only its faces point inward, else "low"."""
     return "high" if high.outward < INWARD < low.outward else "low"
+
+
+GAIN = 0.5
+"""By how much more of the low surface rays have to hit the outside of the high one after a flip: a surface with two sides, and
+parts that stick out of both, are hit from either."""
+
+
+def gains(before: float, after: float) -> bool:
+    """Whether a flip is worth it. before, after: the shares of the low surface from which rays hit the outside of the high one,
+    as the meshes are, and with one of them flipped."""
+    return after - before > GAIN
 
 
 def _with_area(faces: Faces) -> Faces:
@@ -135,9 +152,17 @@ class Finding:
         return self.template.format(**self.values)
 
 
-def find_flipped(low: Faces, highs: Faces, low_name: str, high_names: str) -> list[Finding]:
-    """A finding if the faces of the low object point against those of the high ones. The names are for the sentence."""
-    if not is_against(low, highs):
+def suspicion(low: Faces) -> float:
+    """The share of the faces of a low object from which rays are asked, where there is time for it."""
+    return MAYBE if len(low.centers) >= FEW else -1.0
+
+
+def find_flipped(
+    low: Faces, highs: Faces, low_name: str, high_names: str, *, against: float = AGAINST
+) -> list[Finding]:
+    """A finding if more than a share `against` of the faces of the low object point against those of the high ones: one that
+    `gains` has to confirm. The names are for the sentence."""
+    if share_against(low, highs) <= against:
         return []
     is_high = flipped_one(low, highs) == "high"
     flipped, other = (high_names, low_name) if is_high else (low_name, high_names)

@@ -140,7 +140,7 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
         warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
         warnings += map(Warned, orienting.notes(meshes))
     with timings.timed("audit"):
-        found = checks.flipped_findings(meshes)
+        found = checks.flipped_findings(meshes, timings)
         if job.is_for_others:
             others = checks.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
             found += checks.unsolved_by_export(others, is_exported=job.is_exported)

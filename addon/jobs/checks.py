@@ -17,10 +17,10 @@ from ..core.declarations.choices import ExactMaterials, Method, Modifiers, Space
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, NORMAL
 from ..core.material_feeds import ExactFeed, HighMaterial
-from ..core.progress import Progress, Task
+from ..core.progress import Progress, Task, Timings
 from ..core.report import Report, evaluated
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
-from ..engine import baking, gpu_memory, high_look, separation, stacked_uvs
+from ..engine import baking, gpu_memory, high_look, own_hits, separation, stacked_uvs
 from ..engine.bands import Band
 from ..engine.high_look import HighLook
 from ..engine.method_choice import Plan, choose_method
@@ -33,9 +33,10 @@ from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
-from ..scene import evaluation, mesh_elements, mesh_reader, poses
+from ..scene import evaluation, mesh_elements, mesh_reader, poses, traced_sides
 from ..scene.high_materials import MaterialNumbers
 from ..scene.textures import ImageTextures
+from ..scene.traced_sides import Surface
 from . import material_inputs, unwrapping
 from .job import Job, PastBake, check_job, read_as_is, read_meshes
 
@@ -109,7 +110,7 @@ def viewport_findings(
         return mesh_findings(mesh, low, layer, settings.sampling) if len(mesh.triangles) else []
 
 
-def flipped_findings(meshes: Meshes) -> list[Finding]:
+def flipped_findings(meshes: Meshes, timings: Timings) -> list[Finding]:
     """A finding if the faces of the meshes of a bake pointed to opposite sides when they were read. That of high meshes that
     were turned over is none."""
     if meshes.is_own_base or not len(meshes.low.triangles):
@@ -120,25 +121,82 @@ def flipped_findings(meshes: Meshes) -> list[Finding]:
     faces = (before_bake.faces_of_mesh(high, each, mask) for high, mask in zip(meshes.highs, turned, strict=True))
     highs = before_bake.joined_faces(list(faces))
     names = shorten_list(repr(high.name) for high in meshes.highs)
-    found = before_bake.find_flipped(low, highs, repr(meshes.low.name), names)
+    against = before_bake.suspicion(low)
+    found = before_bake.find_flipped(low, highs, repr(meshes.low.name), names, against=against)
     is_mended = any(mask is not None for mask in turned)
-    return [each for each in found if not (is_mended and each.values["is_high"])]
+    found = [each for each in found if not (is_mended and each.values["is_high"])]
+    return [each for each in found if _shows_more_flipped(meshes, turned, timings, is_high=each.values["is_high"])]
+
+
+def _shows_more_flipped(
+    meshes: Meshes, turned: Sequence[np.ndarray | None], timings: Timings, *, is_high: bool
+) -> bool:
+    """Whether the low mesh would own more hits if it was turned over, or if the high ones were, as they were read.
+
+    turned: which triangles (T,) bool of the high meshes the bake has turned over.
+    """
+    masks = [
+        np.zeros(len(high.triangles), bool) if mask is None else mask
+        for high, mask in zip(meshes.highs, turned, strict=True)
+    ]
+    as_read = replace(meshes, highs=list(map(_turned, meshes.highs, masks)))
+    shares = own_hits.shares_of_sides(as_read, timings)
+    if is_high and shares is not None:
+        flipped = own_hits.shares_of_sides(
+            replace(as_read, highs=[_turned(high, ~mask) for high, mask in zip(meshes.highs, masks, strict=True)]),
+            timings,
+        )
+        shares = flipped and (shares[0], flipped[0])
+    return shares is not None and before_bake.gains(*shares)
+
+
+def _turned(mesh: Mesh, which: np.ndarray) -> Mesh:
+    """A mesh with some of its triangles (T,) bool turned over, for what only asks for their sides."""
+    normals = mesh.normals.copy()
+    corners = np.unique(mesh.triangles[which])
+    normals[corners] = -normals[corners]
+    triangles = np.where(which[:, None], mesh.triangles[:, ::-1], mesh.triangles)
+    return replace(mesh, triangles=triangles, normals=normals, face_corners=None)
+
+
+MOST_TRACED = 500_000
+"""The faces of the high objects up to which the panel looks at what rays hit, if they may be flipped: it takes half a second.
+The bake looks in any case."""
 
 
 def viewport_flipped(
-    context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]
+    context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object], *, is_sure: bool = True
 ) -> list[Finding]:
     """As `flipped_findings`, for objects as the viewport shows them.
+
+    is_sure: whether rays are asked only where the nearest faces say it, too: a panel is drawn often.
 
     Empty in other modes than Object Mode, and for objects that are no meshes.
     """
     if low in highs or not highs or any(obj.type != "MESH" or obj.mode != "OBJECT" for obj in (low, *highs)):
         return []
     depsgraph = context.evaluated_depsgraph_get()
-    on_low = _some_faces(low.evaluated_get(depsgraph), before_bake.LOW_FACES)
+    evaluated_low, *shown = (obj.evaluated_get(depsgraph) for obj in (low, *highs))
+    on_low = _some_faces(evaluated_low, before_bake.LOW_FACES)
     each = max(1, before_bake.HIGH_FACES // len(highs))
-    on_high = before_bake.joined_faces([_some_faces(high.evaluated_get(depsgraph), each) for high in highs])
-    return before_bake.find_flipped(on_low, on_high, repr(low.name), shorten_list(repr(high.name) for high in highs))
+    on_high = before_bake.joined_faces([_some_faces(high, each) for high in shown])
+    names = shorten_list(repr(high.name) for high in highs)
+    against = before_bake.AGAINST if is_sure else before_bake.suspicion(on_low)
+    found = before_bake.find_flipped(on_low, on_high, repr(low.name), names, against=against)
+    if not found or sum(len(high.data.polygons) for high in shown) > MOST_TRACED:
+        return []
+    aside, is_high = before_bake.aside(on_low, on_high), found[0].values["is_high"]
+    surfaces = [Surface.of(high, depsgraph) for high in shown]
+    shares = traced_sides.shares(
+        on_low.centers, on_low.normals, surfaces, aside=aside, size=_size(evaluated_low), is_high=is_high
+    )
+    return found if before_bake.gains(*shares) else []
+
+
+def _size(obj: bpy.types.Object) -> float:
+    """The diagonal of the box of an evaluated object, in the world."""
+    corners = np.array(obj.bound_box, np.float64) @ np.array(obj.matrix_world, np.float64)[:3, :3].T
+    return float(np.linalg.norm(np.ptp(corners, axis=0)))
 
 
 def viewport_material_notes(
@@ -316,7 +374,7 @@ def _check_editable(obj: bpy.types.Object) -> None:
 
 
 def _flip(context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> str:
-    found = viewport_flipped(context, low, highs)
+    found = viewport_flipped(context, low, highs, is_sure=False)
     if not found:
         raise BakeError(f"The faces of {low.name!r} and its high objects point to the same sides.")
     flipped = highs if found[0].values["is_high"] else [low]
@@ -324,8 +382,33 @@ def _flip(context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy
         _check_editable(obj)
     blocks = list(dict.fromkeys(obj.data for obj in flipped))
     for data in blocks:
-        data.flip_normals()
+        flip_mesh(data)
     return f"The normals of {shorten_list(repr(obj.name) for obj in flipped)} are flipped"
+
+
+def flip_mesh(data: bpy.types.Mesh) -> None:
+    """Turn all faces over, with normals of their own, which Blender leaves where they are stored as vectors."""
+    if "custom_normal" not in data.attributes:
+        data.flip_normals()
+        return
+    before, order = mesh_reader.corner_normals(data), _by_face_and_vertex(data)
+    data.flip_normals()
+    data.update()
+    wanted = np.empty_like(before)
+    wanted[_by_face_and_vertex(data)] = -before[order]
+    if np.abs(mesh_reader.corner_normals(data) - wanted).max(initial=0.0) > SAME_NORMAL:
+        _store(data, wanted)
+    data.update()
+
+
+SAME_NORMAL = 1e-2
+"""A difference of unit normals that Blender makes when it stores them in 16 bits."""
+
+
+def _by_face_and_vertex(data: bpy.types.Mesh) -> np.ndarray:
+    """The corners (C,) int, face by face, in the order of their vertices."""
+    faces = np.repeat(np.arange(len(data.polygons)), mesh_reader.face_values(data, "loop_total"))
+    return np.lexsort([mesh_reader.corner_vertices(data), faces])
 
 
 def _activate_layer(low: bpy.types.Object, settings: Settings) -> str:

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Each cure with a button makes the map better, by what it should show, or it is not offered."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.jobs import Job, bake_jobs, checks
+from addon.ui.bake_results import results
+from tests.support import angles, maps, panel_layout, scenes, zoo
+from tests.support.panel import use
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+SIDE = 24
+"""Texels of a map."""
+
+
+def offered():
+    """The kinds of the buttons in the main panel."""
+    bpy.context.view_layer.update()
+    return {given.kind for name, given in panel_layout.draw(width=3000).given if name == "imprint.cure"}
+
+
+def press(kind):
+    assert bpy.ops.imprint.cure(kind=kind) == {"FINISHED"}
+
+
+def normals():
+    """The unit normals of the map of the panel's low object, after a bake, and whether they are known."""
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    texels = maps.pixels(bpy.data.images["lo_normal"])
+    return angles.decode(texels), texels[..., 3] > 0.0
+
+
+def error(truth):
+    """Degrees between the map and `truth`, in the mean; 180 where one of the two has nothing."""
+    (found, is_known), (wanted, is_wanted) = normals(), truth
+    off = np.where(is_known & is_wanted, angles.degrees(found, wanted), 180.0)
+    return float(off[is_known | is_wanted].mean())
+
+
+# Flipped faces
+
+
+def flip(obj):
+    checks.flip_mesh(obj.data)
+
+
+def ball(name, radius, place, n=8):
+    made = zoo.ball(name, n)
+    made.scale, made.location = (radius,) * 3, place
+    return made
+
+
+def places(n):
+    at = -1.0 + (np.arange(n) + 0.5) * 2.0 / n
+    return [(x, y) for x in at.tolist() for y in at.tolist()]
+
+
+def sunk_balls(n, radius, sink):
+    parts = [ball(f"ball {number}", radius, (*place, sink)) for number, place in enumerate(places(n))]
+    return zoo.plane("lo"), [zoo.plane("hi", 8), *parts]
+
+
+def bricks(height=0.1):
+    """Closed boxes, with the low plane through their middle."""
+    parts = []
+    for number, place in enumerate(places(3)):
+        parts.append(zoo.cube(f"brick {number}"))
+        parts[-1].scale, parts[-1].location = (0.3, 0.3, height), (*place, 0.0)
+    return zoo.plane("lo"), parts
+
+
+def leaves(n=6):
+    """One-sided sheets, tilted to all sides, above a plate."""
+    rng, parts = np.random.default_rng(5), [zoo.plane("hi", 4)]
+    for number, place in enumerate(places(n)):
+        parts.append(zoo.plane(f"leaf {number}"))
+        parts[-1].scale, parts[-1].location = (0.12,) * 3, (*place, 0.08)
+        parts[-1].rotation_euler = rng.uniform(-0.9, 0.9, 3)
+    return zoo.plane("lo"), parts
+
+
+def bowls():
+    """Dents with a rim: spheres open at the top, whose inside is seen."""
+    parts = [zoo.plane("hi", 4)]
+    for number, place in enumerate(places(3)):
+        parts.append(ball(f"bowl {number}", 0.2, (*place, 0.02)))
+        flip(parts[-1])
+    return zoo.plane("lo"), parts
+
+
+def tilted():
+    low, highs = sunk_balls(5, 0.1, 0.02)
+    for obj in (low, *highs):
+        obj.matrix_world = obj.matrix_world @ obj.matrix_world.Identity(4)
+    parent = scenes.link(bpy.data.objects.new("all", None))
+    for obj in (low, *highs):
+        obj.parent = parent
+    parent.rotation_euler, parent.scale = (2.0, 0.4, 1.0), (1.0, 2.0, -1.0)
+    return low, highs
+
+
+def ball_in_ball():
+    """A shell with beads on it and below it."""
+    rng = np.random.default_rng(3)
+    ways = rng.normal(size=(40, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    beads = [ball(f"bead {number}", 0.12, way * 0.97, 6) for number, way in enumerate(ways)]
+    return zoo.sphere("lo", 6), [zoo.ball("hi", 16), *beads]
+
+
+RIGHT = {
+    "balls sunk by a half": lambda: sunk_balls(8, 0.06, 0.03),
+    "many balls": lambda: sunk_balls(10, 0.07, 0.02),
+    "large balls": lambda: sunk_balls(3, 0.3, 0.1),
+    "balls below": lambda: sunk_balls(6, 0.08, -0.03),
+    "bricks": bricks,
+    "flat bricks": lambda: bricks(0.02),
+    "leaves": leaves,
+    "bowls": bowls,
+    "turned and mirrored": tilted,
+    "beads on a shell": ball_in_ball,
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_a_right_low_mesh_is_not_called_flipped(name):
+    low, highs = RIGHT[name]()
+    use(low, *highs, size=SIDE, method="CAST", material=False, keep_faces=name == "bowls")
+    assert "FLIPPED" not in offered()
+    with pytest.raises(RuntimeError, match="point to the same sides"):
+        bpy.ops.imprint.cure(kind="FLIPPED")
+    bpy.ops.imprint.bake()
+    assert not any("point to the other side" in text for text in results.of(bpy.context).warnings)
+
+
+@pytest.mark.parametrize("name", ["leaves", "balls below"])
+def test_a_low_mesh_that_is_flipped_is_named_and_the_button_gives_the_right_map(name):
+    low, highs = RIGHT[name]()
+    use(low, *highs, size=SIDE, method="CAST", material=False, keep_faces=True)
+    truth = normals()
+    flip(low)
+    assert "FLIPPED" in offered()
+    bpy.ops.imprint.bake()
+    assert any("point to the other side" in text for text in results.of(bpy.context).warnings)
+    wrong = error(truth)
+    press("FLIPPED")
+    assert "FLIPPED" not in offered()
+    assert error(truth) < 0.01
+    assert wrong > 10.0
+
+
+@pytest.mark.parametrize("name", ["balls sunk by a half", "many balls", "beads on a shell"])
+def test_a_bake_names_a_flipped_low_mesh_also_where_the_nearest_faces_do_not_show_it(name):
+    low, highs = RIGHT[name]()
+    use(low, *highs, size=SIDE, method="CAST", material=False, keep_faces=True)
+    truth = normals()
+    flip(low)
+    wrong = error(truth)
+    assert any("The faces of 'lo' point to the other side" in text for text in results.of(bpy.context).warnings)
+    press("FLIPPED")
+    assert error(truth) < 0.01
+    assert wrong > 10.0
+
+
+def corner_normals(obj):
+    """The normals of the corners by face and vertex, and those of the faces."""
+    data = obj.data
+    corners = {
+        (face.index, data.loops[corner].vertex_index): tuple(data.corner_normals[corner].vector)
+        for face in data.polygons
+        for corner in face.loop_indices
+    }
+    return np.array([corners[key] for key in sorted(corners)]), np.array([face.normal[:] for face in data.polygons])
+
+
+@pytest.mark.parametrize("make", [zoo.ball, zoo.sphere, zoo.cube])
+def test_a_flip_turns_all_normals(make):
+    """Also those of a mesh that has normals of its own, as zoo.sphere."""
+    obj = make("obj")
+    before = corner_normals(obj)
+    flip(obj)
+    assert all(np.allclose(a, -b, atol=1e-3) for a, b in zip(corner_normals(obj), before, strict=True))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_parts_on_a_plate_flip_nothing(seed):
+    """Parts of any size, sunk to any depth: the low mesh is right."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for number in range(int(rng.integers(10, 60))):
+        kind = (zoo.ball, zoo.cube, zoo.plane)[int(rng.integers(3))]
+        parts.append(kind(f"part {number}"))
+        parts[-1].scale = (float(rng.uniform(0.03, 0.3)),) * 3
+        parts[-1].location = (*rng.uniform(-0.9, 0.9, 2), float(rng.uniform(-0.1, 0.1)))
+        parts[-1].rotation_euler = rng.uniform(-1.0, 1.0, 3)
+    low, high = zoo.plane("lo", int(rng.integers(1, 4))), zoo.plane("hi", 8)
+    bpy.context.view_layer.update()
+    assert not checks.viewport_flipped(bpy.context, low, [high, *parts])
+    settings = scenes.settings(method="CAST", size=16)
+    (report,) = bake_jobs.bake_all(bpy.context, [Job(low, [high, *parts])], settings)
+    assert not any("point to the other side" in text for text in report.warnings)
