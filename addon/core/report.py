@@ -11,6 +11,7 @@ from .declarations import bases, targets
 from .declarations.choices import Space
 from .errors import Length, plain_length, shorten_list
 from .map_types import BY_NAME, Kind
+from .parts_turned import PartTurned
 from .progress import STAGES, Timings
 
 VERSION = 1
@@ -54,6 +55,10 @@ class Report:
     many (of). parts: connected parts that have such triangles, of so many (of_parts). undecided: parts whose outer side is
     not known. hidden, twice: triangles that were left out since they lie behind the surface, or in the place of others.
     smoothed_median, smoothed_percentile_95: the degrees by which smoothed normals changed."""
+    turned_parts: list[dict[str, Any]] = field(default_factory=list)
+    """The largest parts of high meshes that were turned over for the bake: the object's name, triangles of the part, of so many
+    in the object (of), and the share of its places on the low mesh that had a hit of their own on it (before) and that have one
+    now (after)."""
     materials: dict[str, dict[str, str]] = field(default_factory=dict)
     """How the maps read the inputs of the high meshes' materials, by the names of both: "IMPRINT" follows the nodes, "CYCLES"
     evaluated them, and "NONE" left the input out."""
@@ -239,6 +244,7 @@ class Report:
             lines.append(
                 f"{found['parts']:,} of {found['of_parts']:,} parts, {share:.1%} of the faces, were turned over"
             )
+            lines += [PartTurned(**part).sentence for part in self.turned_parts]
         left_out = (("hidden", "behind the surface"), ("twice", "in the place of others"))
         counts = [f"{found[key]:,} {where}" for key, where in left_out if found.get(key)]
         if counts:

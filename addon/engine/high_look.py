@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.errors import Length, plain_length
+from ..core.parts_turned import PartTurned
 from ..core.progress import Timings
 from ..core.settings import Settings
 from ..mesh import corner_normals
@@ -26,7 +27,8 @@ class HighLook:
 
     triangles, parts, closed: how many; parts are connected, closed ones have no open edge. mended: as core.report.Report has
     it. noise: by how many degrees one round of smoothing turns the normals, in the median. distances: between the high meshes
-    and the low one, in scene units: median, 99th percentile, and the diagonal of the low mesh. notes: sentences.
+    and the low one, in scene units: median, 99th percentile, and the diagonal of the low mesh. notes: sentences. largest: as
+    Mended has it.
     """
 
     triangles: int
@@ -36,6 +38,7 @@ class HighLook:
     noise: float
     distances: tuple[float, float, float]
     notes: tuple[str, ...]
+    largest: tuple[PartTurned, ...] = ()
 
     def lines(self, length: Length = plain_length) -> list[str]:
         """Lines for the user. length: a length in scene units as text."""
@@ -46,6 +49,7 @@ class HighLook:
             lines.append(
                 f"{found['parts']:,} of {found['of_parts']:,} parts, {share:.1%} of the faces, will be turned over"
             )
+            lines += [part.sentence for part in self.largest]
         else:
             lines.append("No face will be turned over")
         if found.get("hidden") or found.get("twice"):
@@ -80,6 +84,7 @@ def look(meshes: Meshes, settings: Settings) -> HighLook:
         noise=float(np.median(np.concatenate(smooth))),
         distances=(distances[0], distances[1], 2.0 * patches.space.size),
         notes=tuple(orienting.notes(mended)),
+        largest=mended.mended.largest if mended.mended is not None else (),
     )
 
 

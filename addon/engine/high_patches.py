@@ -1,21 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The connected patches of the high meshes, and a sample of their triangles compared with the low mesh."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..core.progress import Timings
 from ..mesh import orientation
 from ..mesh.closest import Surface
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.orientation import Patches
 from ..mesh.triangle_mesh import Mesh
-from . import tree_cache
 from .method_choice import FAR_APART
-from .tree_cache import RayScene
 
 FEW, MANY = 64, 4096
 """How many triangles of all high meshes are compared with the low mesh, if they agree with each other, and if not."""
@@ -23,8 +19,6 @@ OF_PATCH = 8
 """The least of them in a patch, if it has so many."""
 SURE = 0.1
 """A patch that agrees with the low mesh by less than this, from -1 to 1, points to no side."""
-NEAREST, NEAR = 1.5, 5e-4
-"""A triangle belongs to its place on the low mesh if no other is nearer by this factor and this share of the radius."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +46,11 @@ class Samples:
             weights, 1e-300
         )
 
+    def at(self, chosen: np.ndarray) -> "Samples":
+        """Some of them, (N,) bool."""
+        arrays = {each.name: getattr(self, each.name)[chosen] for each in fields(self) if each.name != "count"}
+        return Samples(**arrays, count=self.count)
+
     def shares(self, chosen: np.ndarray) -> np.ndarray:
         """The share (count,) of each patch's samples that are chosen, (N,) bool or int."""
         of_all = np.maximum(np.bincount(self.patches, minlength=self.count), 1)
@@ -72,7 +71,6 @@ class HighPatches:
         self.of = [patches_of(high) for high in meshes.highs]
         self.count = sum(patches.count for patches in self.of)
         self.is_clean = all(patches.pairs is None for patches in self.of)
-        self._scene: RayScene | None = None
 
     def compare(self, count: int = 0) -> None:
         """Compare a sample of about `count` triangles with the low mesh; 0 for as many as it takes to find their sides."""
@@ -98,40 +96,32 @@ class HighPatches:
         """How much the patches (count,) of each mesh agree with the low mesh, from -1 to 1."""
         return [some.means(some.cosines) for some in self.samples]
 
-    def scene(self, timings: Timings) -> RayScene:
-        """What rays can hit: the meshes as they were read. Built once, and cached."""
-        if self._scene is None:
-            self._scene = tree_cache.trees.ray_scene_of(self.meshes.highs, timings)
-        return self._scene
-
     def corners(self, number: int, chosen: np.ndarray | slice) -> np.ndarray:
         """The corners (N, 3, 3) float64 of some triangles of a high mesh, counter-clockwise from the front, in the place of the
         low mesh and its local space."""
         return _corners(self.meshes.highs[number], chosen, self.space) + self._aside
 
-    def in_scene(self, places: np.ndarray, space: LocalSpace) -> np.ndarray:
-        """Places (N, 3) of the low mesh's local space where the high meshes are, in another local space."""
-        return ((places - self._aside) * self.space.size + self.space.origin - space.origin) / space.size
+    def is_dirty(self, number: int) -> np.ndarray:
+        """Which patches (count,) bool of a mesh have triangles against others of the patch."""
+        one = self.of[number]
+        return np.bincount(one.labels[one.is_against], minlength=one.count) > 0
 
-    def is_owned(self, asked: Sequence[np.ndarray], timings: Timings) -> list[np.ndarray]:
-        """Which samples (N,) bool of some patches, asked for (count,) bool, are about the nearest to their places on the low
-        mesh."""
-        points, triangles, before = [], [], 0
-        for high in self.meshes.highs:
-            points.append(self.space.points(high) + self._aside.astype(np.float32))
-            triangles.append(high.vertices[high.triangles] + before)
-            before += len(high.positions)
-        has_scene = self.count > 1 and tree_cache.fits(self.meshes.highs)  # then rays look for hidden patches in it
-        order = self.scene(timings).order if has_scene else None
-        surface, found = Surface(np.concatenate(points), np.concatenate(triangles), order), []
-        for some, chosen in zip(self.samples, asked, strict=True):
-            is_asked = chosen[some.patches]
-            _, _, squares = surface.closest(some.on_low[is_asked])
-            own = np.linalg.norm(some.places[is_asked] - some.on_low[is_asked], axis=1)
-            is_own = np.zeros(len(is_asked), bool)
-            is_own[is_asked] = own <= NEAREST * np.sqrt(squares) + NEAR
-            found.append(is_own)
-        return found
+    def volumes(self, number: int, asked: np.ndarray) -> np.ndarray:
+        """The volumes (count,) that some patches (count,) bool of a mesh enclose, 0 for the others; negative if they point
+        inward, with their triangles turned as most of them are."""
+        one = self.of[number]
+        if not asked.any():
+            return np.zeros(one.count)
+        some = slice(None) if asked.all() else np.flatnonzero(asked[one.labels])
+        a, b, c = self.corners(number, some).transpose(1, 2, 0)
+        volumes = (
+            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
+        return np.bincount(one.labels[some], volumes * np.where(one.is_against[some], -1.0, 1.0), one.count)
+
+    def is_outward(self, number: int, asked: np.ndarray) -> np.ndarray:
+        """Which of some patches (count,) bool of a mesh are closed and point outward: nothing is wrong with them."""
+        return self.volumes(number, asked & self.of[number].is_closed) > 0.0
 
     def _samples(self, high: Mesh, patches: Patches, count: int) -> Samples:
         chosen = _spread(patches.labels, patches.count, count)

@@ -13,25 +13,21 @@ from ..core.settings import Settings
 from ..mesh import corner_normals, orientation
 from ..mesh.inputs import Mended, Meshes
 from ..mesh.triangle_mesh import Mesh
-from . import stacked_uvs, tree_cache, uv_agreement
-from .face_openness import openness
-from .high_patches import SURE, HighPatches, corners_in, patches_of, places_of
+from . import sides, stacked_uvs, tree_cache, uv_agreement
+from .high_patches import HighPatches, patches_of, places_of
+from .mend_trials import Trials
 from .method_choice import tiles_to_bake
-from .outer_skin import may_be_hidden, one_skin
+from .outer_skin import one_skin
+from .sides import Sides
 
-CLEAR = 0.5
-"""A patch that is against the low mesh by less than this, from 0 to 1, lies perhaps between two of its surfaces, as inside a
-shell that stands off: its open side decides."""
-OPENER = 0.1
-"""By how much more open one side of a patch is than the other, as a share of a hemisphere, if it is the outer one."""
 DIRTY_LOW = 0.02
 """Share of the area of a low mesh. If more of it is against the rest, it cannot tell the sides."""
 INWARD = -0.3
 """As audit.before_bake has it: how much of a closed mesh's surface points inward."""
-RAYS = 32
-"""From each side of a triangle, to see which one is open."""
-ALONE = 0.25
-"""The least share of a patch that is the nearest to its places on the low mesh, if it belongs there."""
+SERVED = 0.98
+"""The share of the low mesh that owns hits from which nothing speaks for parts that point to the wrong side."""
+UNWELDED = 0.02
+"""The share of the triangles of a clean mesh that are joined to others at no corner from which its normals are joined."""
 MUCH = 1e-3
 """Share of the area of the high meshes. Parts with less are crumbs: not to know their sides is not worth a warning."""
 
@@ -133,30 +129,79 @@ def _oriented(meshes: Meshes, settings: Settings, timings: Timings) -> Meshes:
     if not patches.count:
         return meshes
     patches.compare()
-    # Beside the low mesh, objects may be rotated, too: then only conflicts tell that something is wrong.
-    if patches.is_clean and (patches.is_aside or all((each > SURE).all() for each in patches.agreements)):
-        may_cast = patches.count > 1 and settings.tracing.method != Method.FLATTEN
-        asked = may_be_hidden(patches) if may_cast else []
-        joined = _joined(patches)
-        in_order = _in_order(joined, settings) if any(each.any() for each in asked) else None
-        return joined if in_order is None else one_skin(joined, patches, timings, asked, in_order.highs)
-    if _low_is_inside_out(patches):
-        return meshes
-    if _low_points_inward(patches):
-        return replace(meshes, mended=replace(Mended.nothing(meshes.highs), low_is_inside_out=True))
-    if _low_differs(patches):
-        has_conflict = any(each.conflicts for each in patches.of)
-        return (
-            replace(meshes, mended=replace(Mended.nothing(meshes.highs), low_differs=True)) if has_conflict else meshes
-        )
     # Of two triangles in one place, each goes on as well at its edges: that must not decide where the other one points.
-    copies = [orientation.copies(high.positions, high.vertices[high.triangles]) for high in meshes.highs]
-    twice = [same for same, _ in copies]
-    if any(each.any() for each in twice):
+    copies = [orientation.copies(high.positions, high.vertices[high.triangles]) for high in _of_several(patches)]
+    twice, may_be_twice = [same for same, _ in copies], any(other.any() for _, other in copies)
+    if not any(each.any() for each in twice):
+        if patches.is_clean:
+            return _left_alone(patches, settings, timings, may_be_twice=may_be_twice)
+        if _low_is_wrong(patches):
+            return _low_named(patches)
+    else:
         once = [high.with_triangles(~same) for high, same in zip(meshes.highs, twice, strict=True)]
         return _without(_oriented(replace(meshes, highs=once), settings, timings), meshes.highs, twice)
-    may_be_twice = any(other.any() for _, other in copies)
-    return one_skin(_turned(patches, timings), patches, timings, may_be_twice=may_be_twice)
+    if not _can_try(meshes):
+        return one_skin(_with_turned(patches, sides.by_shape(patches)), patches, None, may_be_twice=may_be_twice)
+    suspects = sides.suspects_of(patches)
+    trials = Trials(patches, meshes.highs, timings, near=suspects)
+    mended = _with_turned(patches, sides.decided(patches, trials, suspects), trials)
+    return one_skin(mended, patches, trials, may_be_twice=may_be_twice)
+
+
+def _of_several(patches: HighPatches) -> list[Mesh]:
+    """The high meshes; none if all is one patch without a conflict, in which no triangle is in the place of another."""
+    return [] if patches.is_clean and patches.count == 1 else patches.meshes.highs
+
+
+def _left_alone(patches: HighPatches, settings: Settings, timings: Timings, *, may_be_twice: bool = False) -> Meshes:
+    """Meshes without a conflict. They stay as they are, but for patches that are turned over as a whole, and for triangles that
+    are in the place of others."""
+    meshes = _joined(patches)
+    # Objects beside the low mesh may be rotated, too.
+    if patches.is_aside or not _can_try(meshes):
+        return meshes
+    suspects, is_reversed = sides.suspects_of(patches), False
+    if not may_be_twice and not any(each.any() for each in suspects):
+        # The low mesh near a part may be another layer. Then places of it lack what they should show.
+        may_differ = patches.count > 1 and any((~one.is_closed).any() for one in patches.of)
+        in_order = _in_order(meshes, settings) if may_differ and settings.tracing.method != Method.FLATTEN else None
+        if in_order is None:
+            return meshes
+        is_reversed = in_order.is_reversed
+        if Trials(patches, meshes.highs, timings, is_reversed=is_reversed).as_read().share >= SERVED:
+            return meshes
+        suspects = [~patches.is_outward(number, np.ones(one.count, bool)) for number, one in enumerate(patches.of)]
+    elif _low_is_wrong(patches):
+        return _low_named(patches)
+    else:
+        in_order = _in_order(meshes, settings)
+        is_reversed = in_order is not None and in_order.is_reversed
+    trials = Trials(patches, meshes.highs, timings, near=suspects, is_reversed=is_reversed)
+    found = sides.decided(patches, trials, suspects)
+    turned = _with_turned(patches, found, trials) if any(each.any() for each in found.masks) else meshes
+    return one_skin(turned, patches, trials, may_be_twice=may_be_twice)
+
+
+def _can_try(meshes: Meshes) -> bool:
+    """Whether rays can be cast from the low mesh to the high ones."""
+    return tree_cache.fits(meshes.highs) and tree_cache.low_fits(meshes.whole_low)
+
+
+def _low_is_wrong(patches: HighPatches) -> bool:
+    """Whether the low mesh cannot tell the sides of the high ones."""
+    return _low_is_inside_out(patches) or _low_points_inward(patches) or _low_differs(patches)
+
+
+def _low_named(patches: HighPatches) -> Meshes:
+    """The meshes as they are, with what is wrong with the low one."""
+    meshes = patches.meshes
+    if _low_is_inside_out(patches):
+        return meshes
+    nothing = Mended.nothing(meshes.highs)
+    if _low_points_inward(patches):
+        return replace(meshes, mended=replace(nothing, low_is_inside_out=True))
+    has_conflict = any(each.conflicts for each in patches.of)
+    return replace(meshes, mended=replace(nothing, low_differs=True)) if has_conflict else meshes
 
 
 def _without(meshes: Meshes, highs: Sequence[Mesh], twice: Sequence[np.ndarray]) -> Meshes:
@@ -192,7 +237,13 @@ def _in_order(meshes: Meshes, settings: Settings) -> Meshes | None:
 def _joined(patches: HighPatches) -> Meshes:
     """The meshes with smooth normals across vertices that were not joined."""
     meshes = patches.meshes
-    highs = [corner_normals.joined(high, one.places) for high, one in zip(meshes.highs, patches.of, strict=True)]
+    highs = [
+        # Seams of a clean mesh shade as they are seen: only scans of single triangles are joined.
+        high
+        if one.pairs is None and corner_normals.share_alone(high, one.places) < UNWELDED
+        else corner_normals.joined(high, one.places)
+        for high, one in zip(meshes.highs, patches.of, strict=True)
+    ]
     if all(one is other for one, other in zip(highs, meshes.highs, strict=True)):
         return meshes
     return replace(meshes, highs=highs)
@@ -218,7 +269,8 @@ def _low_points_inward(patches: HighPatches) -> bool:
         return False
     numbers = range(len(patches.of))
     return all(
-        one.is_closed.all() and (_volumes(patches, n) > 0.0).all() for n, one in zip(numbers, patches.of, strict=True)
+        one.is_closed.all() and patches.is_outward(n, one.is_closed).all()
+        for n, one in zip(numbers, patches.of, strict=True)
     )
 
 
@@ -234,81 +286,9 @@ def _low_differs(patches: HighPatches) -> bool:
     return float(patches.low_areas[is_against].sum()) > DIRTY_LOW * float(patches.low_areas.sum())
 
 
-def _turned(patches: HighPatches, timings: Timings) -> Meshes:
-    """The meshes, turned over."""
-    samples, ratios = patches.samples, patches.agreements
-    flips, unclear = ([np.zeros(one.count, bool) for one in patches.of] for _ in range(2))
-    against = [ratio < -SURE for ratio in ratios]
-    if any(each.any() for each in against):
-        for number, is_own in enumerate(patches.is_owned(against, timings)):
-            some, ratio = samples[number], samples[number].means(samples[number].cosines, is_own)
-            belongs = against[number] & (some.means(is_own) >= ALONE)
-            flips[number] |= belongs & (ratio < -CLEAR)
-            unclear[number] |= against[number] & ~(belongs & (np.abs(ratio) > CLEAR))
-    is_dirty = any(one.conflicts for one in patches.of)
-    for number, (one, some, ratio) in enumerate(zip(patches.of, samples, ratios, strict=True)):
-        near = (np.abs(ratio) <= SURE) & (np.bincount(some.patches, some.weights, one.count) > 0.0)
-        if near.any():
-            closed = near & one.is_closed
-            unclear[number] |= (near & ~one.is_closed) if is_dirty else False
-            unclear[number] |= closed & (_volumes(patches, number, closed) < 0.0)
-    undecided = [np.zeros(one.count, bool) for one in patches.of]
-    # Where nothing else is wrong, it may be the low mesh that is: the sheets of a thin part that shrank have changed places.
-    asked = [each | flip for each, flip in zip(unclear, flips, strict=True)] if patches.is_clean else unclear
-    if any(each.any() for each in asked) and tree_cache.fits(patches.meshes.highs):
-        undecided = _by_openness(patches, flips, unclear, asked, timings)
-    masks = [one.is_against ^ flip[one.labels] for one, flip in zip(patches.of, flips, strict=True)]
-    return _with_turned(patches, masks, undecided)
-
-
-def _volumes(patches: HighPatches, number: int, asked: np.ndarray | None = None) -> np.ndarray:
-    """The volumes (count,) that the patches of a mesh enclose; negative if they point inward. asked (count,) bool: 0 for the
-    others."""
-    one = patches.of[number]
-    if asked is not None and not asked.any():
-        return np.zeros(one.count)
-    some = slice(None) if asked is None or asked.all() else np.flatnonzero(asked[one.labels])
-    a, b, c = patches.corners(number, some).transpose(1, 2, 0)
-    volumes = (
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
-    return np.bincount(one.labels[some], volumes * np.where(one.is_against[some], -1.0, 1.0), one.count)
-
-
-def _by_openness(
-    patches: HighPatches,
-    flips: list[np.ndarray],
-    unclear: Sequence[np.ndarray],
-    asked: Sequence[np.ndarray],
-    timings: Timings,
-) -> list[np.ndarray]:
-    """Turn over the unclear patches whose backs are more open than their fronts, and turn none of those asked for whose fronts
-    are more open. Returns the unclear ones (count,) bool of each mesh whose sides are about as open."""
-    scene = patches.scene(timings)
-    undecided = []
-    for number, some in enumerate(patches.samples):
-        chosen = asked[number][some.patches]
-        front, back = np.zeros((2, some.count))
-        if chosen.any():
-            numbers = some.triangles[chosen]
-            corners = corners_in(patches.meshes.highs[number], numbers, scene.local_space)
-            is_against = patches.of[number].is_against[numbers]
-            corners[is_against] = corners[is_against][:, ::-1]
-            values = np.zeros((2, len(chosen)))
-            values[:, chosen] = np.split(openness(scene.tables, np.concatenate([corners, corners[:, ::-1]]), RAYS), 2)
-            front, back = (some.means(side, chosen) for side in values)
-        flips[number] |= unclear[number] & (back - front > OPENER)
-        flips[number] &= ~(asked[number] & (front - back > OPENER))
-        undecided.append(unclear[number] & (np.abs(back - front) <= OPENER) & (front + back > OPENER))
-    return undecided
-
-
-def _with_turned(patches: HighPatches, masks: Sequence[np.ndarray], undecided: Sequence[np.ndarray]) -> Meshes:
-    """The meshes with some triangles (T,) bool turned over, and smooth normals across vertices that were not joined.
-
-    undecided: patches (count,) bool whose sides are not known.
-    """
-    meshes = patches.meshes
+def _with_turned(patches: HighPatches, found: Sides, trials: Trials | None = None) -> Meshes:
+    """The meshes with some triangles turned over, and smooth normals across vertices that were not joined."""
+    meshes, masks, undecided = patches.meshes, found.masks, found.undecided
     contradicting = tuple(one.contradicting for one in patches.of)
     if not any(each.any() for each in (*masks, *undecided)) and not any(contradicting):
         return _joined(patches)
@@ -328,5 +308,8 @@ def _with_turned(patches: HighPatches, masks: Sequence[np.ndarray], undecided: S
         undecided=tuple(int(np.count_nonzero(each)) for each in undecided),
         undecided_share=unknown / max(area, 1e-300),
         contradicting=contradicting,
+        largest=() if trials is None else sides.largest(patches, trials, found),
     )
+    if trials is not None:
+        trials.keep_tree(highs)
     return replace(meshes, highs=highs, mended=mended)

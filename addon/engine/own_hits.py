@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.declarations.choices import Hit
 from ..core.progress import Pace, Timings
-from ..mesh import orientation
+from ..mesh import orientation, uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import FARTHEST, LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
@@ -38,10 +38,14 @@ class LowPlaces:
 
     @classmethod
     def of(cls, meshes: Meshes, count: int = PLACES) -> "LowPlaces":
-        """About `count` places, spread evenly over the area of the low mesh; none if it has no area."""
+        """About `count` places; none if the low mesh has no area. Half of them are spread evenly over its surface, and half of
+        them over its UV map."""
         mesh = meshes.whole_low
         corners = mesh.vertices[mesh.front_triangles]
         areas = np.linalg.norm(orientation.face_normals(local_space_of([mesh]).points(mesh), corners), axis=1)
+        if mesh.uv is not None:
+            of_uv = np.nan_to_num(np.abs(uv_layout.areas(mesh)), nan=0.0, posinf=0.0)
+            areas = areas / max(areas.sum(), 1e-300) + of_uv / max(of_uv.sum(), 1e-300)
         sums = np.cumsum(areas)
         if not len(sums) or not sums[-1] > 0.0:
             return cls(mesh, np.zeros(0, np.int64), np.zeros((0, 3)), meshes.smooth_normals)

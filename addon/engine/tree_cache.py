@@ -233,6 +233,11 @@ def without_tree(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     return _uploaded(highs, timings, has_tree=False)
 
 
+def variant(highs: Sequence[Mesh], like: RayScene, timings: Timings) -> RayScene:
+    """The triangles of `like`, some of them turned over or in one point, in its tree. Not cached."""
+    return _uploaded(highs, timings, has_tree=True, like=like)
+
+
 def fits(highs: Sequence[Mesh]) -> bool:
     """Whether the triangles of `highs` together, and their vertices, fit in the GPU's textures."""
     return max(_count(highs), sum(len(high.positions) for high in highs)) <= most_triangles()

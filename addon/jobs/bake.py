@@ -2,7 +2,7 @@
 """One bake, step by step: read, choose a method, make a source, draw tile by tile, audit, store, hook up, report."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 
 import bpy
@@ -271,6 +271,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         why=plan.why,
         triangles=findings.triangles,
         mended=drawn.meshes.mended.to_dict() if drawn.meshes.mended is not None else {},
+        turned_parts=[asdict(part) for part in drawn.meshes.mended.largest] if drawn.meshes.mended is not None else [],
         materials=material_inputs.ways(drawn.meshes, settings.map),
         distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
         measured=ray_cast is not None and ray_cast.is_measured,

@@ -40,6 +40,14 @@ def joined(mesh: Mesh, places: np.ndarray) -> Mesh:
     return _rebuilt(mesh, places, is_bad, np.zeros(len(mesh.triangles), bool)) if is_bad.any() else mesh
 
 
+def share_alone(mesh: Mesh, places: np.ndarray) -> float:
+    """The share of the triangles that have all corners at places with several vertices, as in a scan that was not welded."""
+    is_split = _is_split(mesh, places)
+    if not is_split.any():
+        return 0.0
+    return float(np.mean(is_split[places[mesh.vertices[mesh.triangles]]].all(axis=1)))
+
+
 def _mirrored(tangents: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """`tangents` (C, 4) with the other sign of the bitangent at some corners: with the face, its UVs are seen from behind."""
     tangents = tangents.copy()

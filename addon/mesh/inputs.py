@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..core.material_feeds import ExactFeed, HighMaterial, ImagePixels
+from ..core.parts_turned import PartTurned
 from .triangle_mesh import MaybeArray, Mesh
 
 LoadImage = Callable[[str, int], ImagePixels]
@@ -50,7 +51,8 @@ class Mended:
     cannot point to one side, as a Möbius strip. hidden: the number of triangles left out since they lie behind the surface,
     twice: since they are there twice. degrees: by how much normals were smoothed, in the median and at the 95th percentile, or
     empty. low_differs: whether the faces of the low mesh itself point to different sides, so that it cannot tell.
-    low_is_inside_out: whether the low mesh is closed, and all of it points inward.
+    low_is_inside_out: whether the low mesh is closed, and all of it points inward. largest: of the parts that were turned over,
+    those with most triangles.
     """
 
     turned: tuple[MaybeArray, ...] = ()
@@ -66,6 +68,7 @@ class Mended:
     degrees: tuple[float, ...] = ()
     low_differs: bool = False
     low_is_inside_out: bool = False
+    largest: tuple[PartTurned, ...] = ()
 
     @classmethod
     def nothing(cls, highs: Sequence[Mesh]) -> "Mended":

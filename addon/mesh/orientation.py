@@ -150,10 +150,38 @@ def copies(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     """Which triangles (T,) bool are in the place of an earlier one and point to the same side, and which are in the place of
     one that points to the other side."""
     same, other = np.zeros((2, len(triangles)), bool)
+    some, keys, is_even = _in_places(points, triangles)
+    if not len(some):
+        return same, other
+    order = np.lexsort((some, is_even, keys))
+    is_same = (np.diff(keys[order]) == 0) & (np.diff(is_even[order].view(np.int8)) == 0)
+    same[some[order[1:][is_same]]] = True
+    _, which = np.unique(keys, return_inverse=True)
+    both = np.bincount(which.reshape(-1), is_even, len(some)) % np.maximum(
+        np.bincount(which.reshape(-1), minlength=len(some)), 1
+    )
+    other[some] = both[which.reshape(-1)] > 0
+    return same, other
+
+
+def opposites(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The pairs (P, 2) int of triangles in one place that point to opposite sides, the earlier one first. No triangle is in the
+    place of one that points to the same side."""
+    some, keys, is_even = _in_places(points, triangles)
+    order = np.lexsort((some, keys))
+    first, second = order[:-1], order[1:]
+    is_pair = (keys[first] == keys[second]) & (is_even[first] != is_even[second])
+    return np.stack([some[first[is_pair]], some[second[is_pair]]], axis=1)
+
+
+def _in_places(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Those triangles (N,) int that may be in the place of others, a key (N,) of the place of each, and (N,) bool for the side
+    to which it points."""
+    nothing = np.zeros(0, np.intp), np.zeros(0, np.uint64), np.zeros(0, bool)
     keys = hashes(points + np.float32(0.0))
     ordered = np.sort(keys)
     if not (ordered[1:] == ordered[:-1]).any():  # no two vertices are in one place
-        return same, other
+        return nothing
     places = _firsts(keys)
     is_shared = (np.bincount(places) > 1)[places]
     # Copies can share their vertices, too: then all of them are of one patch, and one edge has more than two triangles.
@@ -164,16 +192,7 @@ def copies(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     turned = np.take_along_axis(vertices, (first[:, None] + np.arange(3)) % 3, axis=1)
     is_even = turned[:, 1] < turned[:, 2]
     turned[:, 1:].sort(axis=1)
-    keys = hashes(turned.astype(np.int64))
-    order = np.lexsort((some, is_even, keys))
-    is_same = (np.diff(keys[order]) == 0) & (np.diff(is_even[order].view(np.int8)) == 0)
-    same[some[order[1:][is_same]]] = True
-    _, which = np.unique(keys, return_inverse=True)
-    both = np.bincount(which.reshape(-1), is_even, len(some)) % np.maximum(
-        np.bincount(which.reshape(-1), minlength=len(some)), 1
-    )
-    other[some] = both[which.reshape(-1)] > 0
-    return same, other
+    return some, hashes(turned.astype(np.int64)), is_even
 
 
 def has_conflict(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> bool:

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tries changes of the high meshes: what places of the low mesh show with and without them, patch by patch."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.progress import Timings
+from ..mesh import corner_normals
+from ..mesh.triangle_mesh import Mesh
+from . import tree_cache
+from .high_patches import HighPatches
+from .own_hits import LowPlaces, own_hits, place_aside
+
+SAME = 2e-5
+"""In local space. Hits at heights closer than this are the same, as of two sheets in one place."""
+NEAR = 3e-3
+"""In local space. A hit this far from the low mesh counts half as much as one on it."""
+MORE = 1.5
+"""A change is better if it gains more than this factor times what it loses."""
+LEAST = 2
+"""The fewest places that must gain."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What the places of the low mesh show.
+
+    patches (N,) int: the patch of each place's own hit, numbered mesh after mesh; -1 for places that own none. heights (N,):
+    of the hits, in local space. spread: how many of the places, the first ones, are spread evenly over the low mesh.
+    """
+
+    patches: np.ndarray
+    heights: np.ndarray
+    spread: int
+
+    @property
+    def share(self) -> float:
+        """The share of the low mesh that owns a hit."""
+        return float(np.mean(self.patches[: self.spread] >= 0)) if self.spread else 0.0
+
+    @property
+    def worth(self) -> np.ndarray:
+        """What the hit of each place (N,) is worth: 1 on the low mesh, less far from it, and 0 without a hit of its own."""
+        return np.where(self.patches >= 0, 1.0 / (1.0 + np.abs(self.heights) / NEAR), 0.0)
+
+    @property
+    def value(self) -> float:
+        """What the hits of the places that are spread over the low mesh are worth together."""
+        return float(self.worth[: self.spread].sum())
+
+    def counts(self, chosen: np.ndarray, count: int) -> np.ndarray:
+        """How many of the chosen places (N,) bool show each of `count` patches."""
+        return np.bincount(self.patches[chosen & (self.patches >= 0)], minlength=count)
+
+
+class Trials:
+    """Shows high meshes to places of the low mesh with some triangles turned over, and some left out.
+
+    highs: the meshes as the bake takes them if nothing is turned over. near: patches (count,) bool of each mesh that get places
+    of their own, those nearest to them. is_reversed: whether the bake has all triangles in the reverse order, as
+    stacked_uvs.ordered has them: then its tree is used.
+    """
+
+    def __init__(
+        self,
+        patches: HighPatches,
+        highs: Sequence[Mesh],
+        timings: Timings,
+        *,
+        near: Sequence[np.ndarray] = (),
+        is_reversed: bool = False,
+    ):
+        self._patches, self._timings, self._is_reversed = patches, timings, is_reversed
+        self._aside = place_aside(patches.low, patches.meshes.highs)
+        self.starts = np.cumsum([0, *(one.count for one in patches.of)])
+        """Where the numbers of each mesh's patches start."""
+        labels = np.concatenate([one.labels + start for one, start in zip(patches.of, self.starts, strict=False)])
+        self._labels = labels[::-1] if is_reversed else labels
+        self._read: Shown | None = None
+        self.scene = tree_cache.trees.ray_scene_of(self._in_order(highs), timings)
+        self._places, self.spread = _places(patches, near)
+
+    @property
+    def count(self) -> int:
+        """How many patches all meshes have."""
+        return int(self.starts[-1])
+
+    def as_read(self) -> Shown:
+        """What places show of the meshes as they are."""
+        if self._read is None:
+            self._read = self._shown(self.scene)
+        return self._read
+
+    def shown(self, turned: Sequence[np.ndarray], left_out: Sequence[np.ndarray] | None = None) -> Shown:
+        """What places show with some triangles (T,) bool of each mesh turned over, and some left out."""
+        highs = self.turned(turned)
+        if left_out is not None:
+            highs = [_without(high, mask) for high, mask in zip(highs, left_out, strict=True)]
+        return self._shown(tree_cache.variant(self._in_order(highs), self.scene, self._timings))
+
+    def turned(self, masks: Sequence[np.ndarray]) -> list[Mesh]:
+        """The high meshes with some triangles (T,) bool turned over."""
+        return [
+            corner_normals.turned_over(high, mask, one.places) if mask.any() else high
+            for high, one, mask in zip(self._patches.meshes.highs, self._patches.of, masks, strict=True)
+        ]
+
+    def keep_tree(self, highs: Sequence[Mesh]) -> None:
+        """Let the bake find the tree over the high meshes in the cache, whichever of their triangles were turned over."""
+        tree_cache.trees.ray_scene_of(self._in_order(highs), self._timings, like=self.scene)
+
+    def split(self, values: np.ndarray) -> list[np.ndarray]:
+        """Values (count,) of all patches, mesh by mesh."""
+        return np.split(values, self.starts[1:-1])
+
+    def _in_order(self, highs: Sequence[Mesh]) -> list[Mesh]:
+        if not self._is_reversed:
+            return list(highs)
+        return [high.with_triangles(np.arange(len(high.triangles))[::-1]) for high in reversed(highs)]
+
+    def _shown(self, scene: tree_cache.RayScene) -> Shown:
+        found = own_hits(self._places, scene, self._aside, self._timings)
+        return Shown(np.where(found.is_own, self._labels[found.triangles], -1), found.heights, self.spread)
+
+
+def gains(before: Shown, after: Shown, count: int) -> tuple[np.ndarray, ...]:
+    """What each of `count` patches gains and loses between two trials, (count,) each: two values, how many places gain it, how
+    many lose it, and how many of the first showed nothing, or the patch itself, before.
+
+    A place that shows another patch then is a loss by what it shows the worse, and a gain by what it shows the better. Places
+    that show the same height before and after count on neither side, whatever they show there.
+    """
+    is_both = (before.patches >= 0) & (after.patches >= 0)
+    differs = ~is_both | (np.abs(before.heights - after.heights) > SAME)
+    better = after.worth - before.worth
+    values = [
+        np.bincount(shown.patches[some], sign * better[some], count)
+        for shown, sign in ((after, 1.0), (before, -1.0))
+        for some in [differs & (shown.patches >= 0) & (sign * better > 0.0)]
+    ]
+    fresh = after.counts(differs & ((before.patches < 0) | (before.patches == after.patches)), count)
+    return *values, after.counts(differs, count), before.counts(differs, count), fresh
+
+
+def _without(mesh: Mesh, left_out: np.ndarray) -> Mesh:
+    """`mesh` with some triangles (T,) bool in one point, where no ray meets them: the tree stays the same."""
+    if not left_out.any():
+        return mesh
+    triangles = mesh.triangles.copy()
+    triangles[left_out] = triangles[left_out, :1]
+    return replace(mesh, triangles=triangles, face_corners=None)
+
+
+def _places(patches: HighPatches, near: Sequence[np.ndarray]) -> tuple[LowPlaces, int]:
+    """Places spread over the low mesh, and after them those that are nearest to samples of some patches; how many the first
+    are."""
+    places = LowPlaces.of(patches.meshes)
+    spread = len(places.triangles)
+    asked = [some.at(chosen[some.patches]) for some, chosen in zip(patches.samples, near, strict=False)]
+    triangles = np.concatenate([places.triangles, *(some.closest for some in asked)])
+    weights = [places.weights]
+    for some in asked:
+        corners = patches.low_points[patches.low.vertices[patches.low.triangles[some.closest]]]
+        weights.append(_weights(corners.astype(np.float64), some.on_low.astype(np.float64)))
+    return replace(places, triangles=triangles, weights=np.concatenate(weights)), spread
+
+
+def _weights(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The weights (N, 3) of the corners (N, 3, 3) of triangles at points (N, 3) on them, a little moved to the middle: a point
+    on an edge belongs to several triangles."""
+    a, b, c = corners.transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    squares = np.maximum((normals * normals).sum(axis=1), 1e-300)
+    first, second = ((np.cross(end - start, points - start) * normals).sum(axis=1) for start, end in ((b, c), (c, a)))
+    weights = np.clip(np.stack([first, second], axis=1) / squares[:, None], 0.0, 1.0)
+    weights = np.column_stack([weights, np.clip(1.0 - weights.sum(axis=1), 0.0, 1.0)])
+    weights = 0.98 * weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300) + 0.02 / 3.0
+    return weights / weights.sum(axis=1, keepdims=True)
