@@ -549,7 +549,7 @@ def _export(
 ) -> list[Report]:
     """Write the low meshes of `reports` with their maps to `output`, with a file for each if it has LOW.
 
-    check_beside: as in engine_files.export. are_levels: whether those in one file are levels of detail of one object, from the
+    check_beside: as in engine_files.work. are_levels: whether those in one file are levels of detail of one object, from the
     finest. Returns the reports with what the files show. Raises BakeError.
     """
     from ..export import engine_files  # here, since a bake without exports does not need it

@@ -294,7 +294,7 @@ def claim_of(record: Path) -> Path:
 
 
 def record_files(options: argparse.Namespace, records: str | None = None) -> Iterator[tuple[str, str]]:
-    """The paths of a bake's record and claim, and what they are. records: as in `path_of`."""
+    """The paths of a bake's record and claim, and what they are. records: as in `record_path`."""
     record = record_path(options, records)
     yield str(record), "the record"
     yield str(claim_of(record)), "the claim on the bake"

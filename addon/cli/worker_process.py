@@ -250,7 +250,7 @@ def printed_tail(descriptor: int, start: int = 0) -> str:
 
 
 def crash_output(text: str) -> str:
-    """Where Python was and what was printed before, as the rest of a sentence: ", in read, line 7 of mesh/uv.py, after it
+    """Where Python was and what was printed before, as the rest of a sentence: ", in read, line 7 of mesh/edges.py, after it
     printed 'Opening'". Empty if the text has neither. text: what a process printed.
     """
     lines = text.splitlines()

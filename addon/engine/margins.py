@@ -182,7 +182,7 @@ def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> N
 
 
 OWNER = "OWNER"
-"""The name of the map of who owns each texel, see `owned_by`."""
+"""The name of the map of who owns each texel, see `with_owner`."""
 
 
 def for_maps(lows: Sequence[Mesh], settings: Settings, *, has_owner: bool = False) -> dict[str, PostProcess]:

@@ -23,7 +23,7 @@ from .sides import Sides
 DIRTY_LOW = 0.02
 """Share of the area of a low mesh. If more of it is against the rest, it cannot tell the sides."""
 INWARD = -0.3
-"""As audit.before_bake has it: how much of a closed mesh's surface points inward."""
+"""How far normals of a closed mesh point away from its center, as a mean, if it is inside out: from -1, all inward, to 1."""
 SERVED = 0.98
 """The share of the low mesh that owns hits from which nothing speaks for parts that point to the wrong side."""
 UNWELDED = 0.02

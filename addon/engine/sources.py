@@ -356,7 +356,7 @@ class NearTriangles:
         self._parts: list[tuple[int, int]] = []
 
     def parts(self, band: Band, some: Active | None) -> list[tuple[int, int]] | None:
-        """As mesh_upload.draw takes them, for a batch with the triangles of the mesh in their order."""
+        """As target.draw takes them, for a batch with the triangles of the mesh in their order."""
         if some is None:
             return None
         if some is not self._some:

@@ -74,7 +74,7 @@ def _box(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 @dataclass
 class _Edges:
-    """ends (E, 2) int. keys (E,) int. counts (E,): of triangles. of_triangle (T, 3) int."""
+    """ends (E, 2) int. keys (E,) int. counts (E,): of triangles."""
 
     ends: np.ndarray
     keys: np.ndarray

@@ -213,7 +213,7 @@ def fill_across_seams(
         kind: one of VALUE, LABEL, NORMAL and TANGENT; the last are turned with the similarity, which is exact on a flat
             surface whose islands are similar to it.
         first_row: the row of the map that is row 0 of `values`.
-        is_deferred: store what `draw_listed` takes instead of the value, with the state DEFERRED, because `values` are
+        is_deferred: store what `colors_across_seams` takes instead of the value, with the state DEFERRED, because `values` are
             only a part of the map: the border's number from 0, the way (x, y) to the nearest written texel, and the row
             of the map on which the walk across the seam starts.
     """

@@ -189,7 +189,7 @@ def smooth_normals(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray:
 def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
     """Read `data` as `surface` does, with MikkTSpace tangents for `uv_layer`, labeled with material slots (T, 1).
 
-    Mesh.calc_tangents takes only triangles and quads, so a mesh with n-gons is first triangulated as Blender draws it;
+    Blender's calc_tangents takes only triangles and quads, so a mesh with n-gons is first triangulated as Blender draws it;
     then the corners are those of the triangles.
     """
     if _max_face_size(data) > 4:

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What docstrings and comments name is there: `name`, module.name, Class.member, a file, and the fields of a class."""
+
+import ast
+import functools
+import re
+from collections import defaultdict
+
+from scripts.imprint import ROOT
+
+FOREIGN = re.compile(r"(\w+/)*(io_scene_\w+/[\w/]+|gpu_shader_\w+)\.\w+")
+"""Files of Blender."""
+
+
+@functools.cache
+def texts():
+    """The texts of files by their paths."""
+    paths = [path for folder, kind in (("addon", "py"), ("scripts", "py"), ("shaders", "glsl"))
+             for path in sorted((ROOT / folder).rglob(f"*.{kind}"))]  # fmt: skip
+    return {path.relative_to(ROOT): path.read_text(encoding="utf-8") for path in paths}
+
+
+@functools.cache
+def code(path):
+    """A file without its docstrings and comments."""
+    return re.sub(r'"""(?s:.*?)"""|(#|//) .*', " ", texts()[path])
+
+
+@functools.cache
+def words(path):
+    """All words of a file's code, but for those of sentences."""
+    text = code(path)
+    return set(re.findall(r"[A-Za-z_]\w*", re.sub(r'"[^"\n]* [^"\n]*"', " ", text)))
+
+
+@functools.cache
+def classes():
+    """The classes of the add-on with their docstring by name: several may have one name."""
+    found = defaultdict(list)
+    for path, text in texts().items():
+        if path.parts[0] == "addon":
+            found_here = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ClassDef)]
+            for node in found_here:
+                found[node.name].append((path, node))
+    return found
+
+
+def members(node):
+    """The names in a class, and in those of the add-on that it is derived from."""
+    own = set(re.findall(r"[A-Za-z_]\w*", ast.unparse(ast.Module([n for n in node.body if not is_text(n)], []))))
+    bases = [each for base in node.bases for _, each in classes().get(ast.unparse(base).split(".")[-1], ())]
+    return own.union(*map(members, bases))
+
+
+def is_text(node):
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def said():
+    """Docstrings and comments with their files."""
+    for path, text in texts().items():
+        if path.parts[0] != "scripts":
+            for found in re.findall(r'"""((?s:.*?))"""|(?:#|//) (.*)', text):
+                yield path, re.sub(r"https?://\S+", "", "".join(found))
+
+
+def test_names_are_there():
+    known = set().union(*map(words, texts()))
+    modules = defaultdict(set)
+    for path in texts():
+        if path.parts[0] == "addon":
+            modules[path.stem] |= words(path)
+    files = {path.name for folder in ("addon", "scripts", "shaders", "docs", "tests")
+             for path in (ROOT / folder).rglob("*.*")}  # fmt: skip
+    files |= {path.name for path in ROOT.glob("*.*")}
+    wrong = []
+    for path, text in said():
+        wrong += [(path.name, name) for name in re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", text)
+                  if name not in files and name.split(".")[-1] not in known]  # fmt: skip
+        wrong += [(path.name, f"{a}.{b}") for a, b in re.findall(r"(?<![\w/.])([a-z_]+)\.([A-Za-z_]\w+)\b", text)
+                  if a in modules and b not in modules[a] | {"py", "glsl", "md", "schema", "npz"}
+                  and not re.search(rf"\b{a}: ", code(path))]  # fmt: skip
+        wrong += [(path.name, f"{a}.{b}") for a, b in re.findall(r"\b([A-Z]\w+)\.([a-z_]\w+)\b", text)
+                  if a in classes() and not any(b in members(node) for _, node in classes()[a])]  # fmt: skip
+        wrong += [(path.name, name) for name in re.findall(r"\b[\w/]+\.(?:py|glsl|md)\b", text)
+                  if name.split("/")[-1] not in files and not FOREIGN.fullmatch(name)]  # fmt: skip
+    assert wrong == [], wrong
+
+
+def test_documented_fields_are_there():
+    """`name: what it is` and `name (shape) type` in a sentence of their own."""
+    field = re.compile(r"(?:^|\. )([a-z_]\w+)(?:(?: \([^)]*\))?(?: \w+)?: | \([A-Z][^)]*\) \w+)")
+    wrong = []
+    for name, found in classes().items():
+        for path, node in found:
+            lines = [line for line in (ast.get_docstring(node) or "").splitlines() if not line.startswith("    ")]
+            wrong += [(path.name, name, each) for each in field.findall(" ".join(lines)) if each not in members(node)]
+    assert wrong == [], wrong
