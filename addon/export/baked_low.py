@@ -2,15 +2,15 @@
 """The low mesh of a finished bake, as the bake read it, and what a file holds of one object, as an engine reads it."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import bpy
 import numpy as np
 
 from ..core.declarations import bases
 from ..core.declarations.bases import Basis
-from ..core.declarations.choices import Space
+from ..core.declarations.choices import Modifiers, Space
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..mesh import triangle_mesh
@@ -102,48 +102,70 @@ def read(context: bpy.types.Context, reports: Sequence[Report]) -> BakedLow:
             "meshes: bake it in tangent space."
         )
     is_own_base = report.refs[0].uid in {ref.uid for ref in report.refs[1 : 1 + len(report.high)]}
+    modifiers = report.settings["modifiers"]
+    own_base = low if is_own_base else None
+    look = partial(evaluation.evaluate, context, [low], modifiers=modifiers, own_base=own_base)
+    armature = deformation.armature_of(low, for_render=modifiers == Modifiers.RENDER)
     with (
-        evaluation.prepared(context, low, [low] if is_own_base else [], None, report.settings["modifiers"]),
-        ExitStack() as rest,
+        evaluation.in_object_mode(context, [low]),
+        deformation.at_rest(look, low, only_base=is_own_base) as notes,
     ):
-        armature = deformation.armature_of(low)
-        depsgraph, notes = rest.enter_context(deformation.at_rest(context, low, only_base=is_own_base))
-        with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
-            if report.uv_layer not in data.uv_layers:
-                raise BakeError(f"{low.name!r} no longer has the UV map {report.uv_layer!r} of its maps: bake again.")
-            layers = {layer.name: mesh_reader.uvs(data, layer.name) for layer in data.uv_layers}
-            drawn = mesh_reader.triangles(data)
-            mesh = mesh_reader.with_tangents(data, report.uv_layer, low.name, mesh_reader.matrix(low))
-        materials = materials_of(low if is_own_base else low.evaluated_get(depsgraph))
-        slots = mesh.labels[:, 0].astype(np.int32).clip(0, max(0, len(materials) - 1))
-        order = np.argsort(slots, kind="stable")  # as files have them
-        # With n-gons, the corners are those of the drawn triangles, else those of the faces.
-        has_ngons = len(mesh.vertices) != len(layers[report.uv_layer])
-        own = (drawn.reshape(-1)[mesh.triangles] if has_ngons else mesh.triangles)[order]
-        deformed = deformation.read(context, low, armature, mesh.positions, own)
+        surface = look(partial(_surface, low, report.uv_layer, is_own_base))
+        deformed = deformation.read(look, low, armature, surface.mesh.positions, surface.own)
+    mesh, own, order = surface.mesh, surface.own, surface.order
     deformed = replace(deformed, notes=notes + deformed.notes)
     if np.linalg.det(mesh.to_world[:3, :3]) < 0.0:
         own = own[:, ::-1]  # as the triangles become
     mesh, deformed, has_applied_scale = _with_scale(mesh, deformed, report)
     mesh, deformed = _in_scene(mesh, deformed)
     triangles = mesh.triangles[order]
-    uv_layers = [report.uv_layer, *(name for name in layers if name != report.uv_layer)]
+    uv_layers = [report.uv_layer, *(name for name in surface.layers if name != report.uv_layer)]
     return BakedLow(
         low,
         low.name,
-        materials,
-        [material.name if material else "" for material in materials],
+        surface.materials,
+        [material.name if material else "" for material in surface.materials],
         reports,
         mesh.positions,
         mesh.vertices[triangles],
         mesh.normals[triangles],
         mesh.tangents[triangles],
-        {name: layers[name][own] for name in uv_layers},
-        slots[order],
+        {name: surface.layers[name][own] for name in uv_layers},
+        surface.slots[order],
         mesh.to_world,
         has_applied_scale,
         deformed,
     )
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """A low mesh with tangents. layers: the UVs (C, 2) of its face corners by layer. slots (T,) int32: of its triangles, and
+    their order by slots (T,). own (T, 3): the face corners of the triangles in that order."""
+
+    mesh: Mesh
+    layers: dict[str, np.ndarray]
+    materials: list[bpy.types.Material | None]
+    slots: np.ndarray
+    order: np.ndarray
+    own: np.ndarray
+
+
+def _surface(low: bpy.types.Object, uv_layer: str, is_own_base: bool, depsgraph: bpy.types.Depsgraph) -> _Surface:
+    shown = low.evaluated_get(depsgraph)
+    with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
+        if uv_layer not in data.uv_layers:
+            raise BakeError(f"{low.name!r} no longer has the UV map {uv_layer!r} of its maps: bake again.")
+        layers = {layer.name: mesh_reader.uvs(data, layer.name) for layer in data.uv_layers}
+        drawn = mesh_reader.triangles(data)
+        mesh = mesh_reader.with_tangents(data, uv_layer, low.name, mesh_reader.matrix(shown))
+    materials = materials_of(low if is_own_base else shown)
+    slots = mesh.labels[:, 0].astype(np.int32).clip(0, max(0, len(materials) - 1))
+    order = np.argsort(slots, kind="stable")  # as files have them
+    # With n-gons, the corners are those of the drawn triangles, else those of the faces.
+    has_ngons = len(mesh.vertices) != len(layers[uv_layer])
+    own = (drawn.reshape(-1)[mesh.triangles] if has_ngons else mesh.triangles)[order]
+    return _Surface(mesh, layers, materials, slots, order, own)
 
 
 def _in_scene(mesh: Mesh, deformed: Deformation) -> tuple[Mesh, Deformation]:

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What moves a low mesh in a file: the armature that skins it, and its shape keys. Files have the rest pose, as bakes of it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import bpy
 import numpy as np
@@ -55,47 +57,51 @@ class Deformation:
         )
 
 
+Look = Callable[[Callable[[bpy.types.Depsgraph], Any]], Any]
+"""Evaluates the objects, and returns what a function returns of the dependency graph."""
+
+
 @contextmanager
-def at_rest(
-    context: bpy.types.Context, low: bpy.types.Object, *, only_base: bool
-) -> Iterator[tuple[bpy.types.Depsgraph, list[str]]]:
+def at_rest(look: Look, low: bpy.types.Object, *, only_base: bool) -> Iterator[list[str]]:
     """Put `low` into its rest pose, without shape keys, until the block ends. only_base: without all modifiers, too.
 
-    Gives the evaluated dependency graph, and a sentence if the pose was another one.
+    Gives a sentence if the pose was another one.
     """
     armatures = [modifier for modifier in low.modifiers if modifier.type == "ARMATURE"]
     if not (armatures or _keys(low)):
-        yield context.evaluated_depsgraph_get(), []
+        yield []
         return
     with ExitStack() as restore:
-        before = _points(context, low)
+        before = look(partial(_points, low))
         for modifier in low.modifiers if only_base else armatures:
             evaluation.set_until(modifier, "show_viewport", False, restore)
+            evaluation.set_until(modifier, "show_render", False, restore)
         if _keys(low):
             evaluation.set_until(low, "show_only_shape_key", True, restore)
             evaluation.set_until(low, "active_shape_key_index", 0, restore)
-        depsgraph = context.evaluated_depsgraph_get()
         notes = []
-        if not only_base and _is_elsewhere(before, _points(context, low)):
+        if not only_base and _is_elsewhere(before, look(partial(_points, low))):
             notes = [
                 f"{low.name!r} is posed, and the file has its rest pose: the map fits if it was baked at rest, or if the high "
                 "object follows the pose as well."
             ]
-        yield depsgraph, notes
+        yield notes
 
 
-def armature_of(low: bpy.types.Object) -> bpy.types.Object | None:
-    """The armature that deforms `low` by its vertex groups, or None."""
+def armature_of(low: bpy.types.Object, *, for_render: bool) -> bpy.types.Object | None:
+    """The armature that deforms `low` by its vertex groups, or None. for_render: whether it does in renders."""
+    armatures = (modifier for modifier in low.modifiers if modifier.type == "ARMATURE")
     found = (
         modifier.object
-        for modifier in low.modifiers
-        if modifier.type == "ARMATURE" and modifier.show_viewport and modifier.use_vertex_groups and modifier.object
+        for modifier in armatures
+        if (modifier.show_render if for_render else modifier.show_viewport)
+        if modifier.use_vertex_groups and modifier.object
     )
     return next(found, None)
 
 
 def read(
-    context: bpy.types.Context,
+    look: Look,
     low: bpy.types.Object,
     armature: bpy.types.Object | None,
     points: np.ndarray,
@@ -104,15 +110,19 @@ def read(
     """What deforms `low`, which is `at_rest`. points (V, 3): those there. corners (T, 3): the face corners of the triangles."""
     groups, weights = [], np.zeros((3, 0))
     if armature is not None:
-        evaluated = low.evaluated_get(context.evaluated_depsgraph_get())
-        with mesh_reader.evaluated(low, context.evaluated_depsgraph_get()) as data:
-            groups = [group.name for group in evaluated.vertex_groups]
-            # Blender gives the weights of vertices one by one alone.
-            rows = [(vertex.index, one.group, one.weight) for vertex in data.vertices for one in vertex.groups]
-            weights = np.array(rows, np.float64).reshape(-1, 3).T
-    shapes, notes = _shapes(context, low, points, corners)
+        groups, weights = look(partial(_weights, low))
+    shapes, notes = _shapes(look, low, points, corners)
     vertices, numbers = weights[:2].astype(np.int32)
     return Deformation(armature, groups, vertices, numbers, weights[2].astype(np.float32), shapes, notes)
+
+
+def _weights(low: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[list[str], np.ndarray]:
+    """The names of the vertex groups, and a row of vertex, group and weight (3, N) float64 for each weight."""
+    with mesh_reader.evaluated(low, depsgraph) as data:
+        # Blender gives the weights of vertices one by one alone.
+        rows = [(vertex.index, one.group, one.weight) for vertex in data.vertices for one in vertex.groups]
+    groups = [group.name for group in low.evaluated_get(depsgraph).vertex_groups]
+    return groups, np.array(rows, np.float64).reshape(-1, 3).T
 
 
 def _keys(low: bpy.types.Object) -> list[bpy.types.ShapeKey]:
@@ -122,7 +132,7 @@ def _keys(low: bpy.types.Object) -> list[bpy.types.ShapeKey]:
 
 
 def _shapes(
-    context: bpy.types.Context, low: bpy.types.Object, points: np.ndarray, corners: np.ndarray
+    look: Look, low: bpy.types.Object, points: np.ndarray, corners: np.ndarray
 ) -> tuple[list[ShapeKey], list[str]]:
     if not _keys(low):
         return [], []
@@ -131,8 +141,7 @@ def _shapes(
     with ExitStack() as restore:
         for number, key in enumerate(blocks):
             evaluation.set_until(low, "active_shape_key_index", number, restore)
-            with mesh_reader.evaluated(low, context.evaluated_depsgraph_get()) as data:
-                seen[key.name] = mesh_reader.points(data), mesh_reader.corner_normals(data)
+            seen[key.name] = look(partial(_points_and_normals, low))
     shapes, left_out = [], []
     for key in blocks[1:]:
         shown, normals = seen[key.name]
@@ -152,9 +161,13 @@ def _shapes(
     return shapes, notes
 
 
-def _points(context: bpy.types.Context, low: bpy.types.Object) -> np.ndarray:
-    with mesh_reader.evaluated(low, context.evaluated_depsgraph_get()) as data:
-        return mesh_reader.points(data)
+def _points(low: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
+    return _points_and_normals(low, depsgraph)[0]
+
+
+def _points_and_normals(low: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[np.ndarray, np.ndarray]:
+    with mesh_reader.evaluated(low, depsgraph) as data:
+        return mesh_reader.points(data), mesh_reader.corner_normals(data)
 
 
 def _is_elsewhere(points: np.ndarray, others: np.ndarray) -> bool:

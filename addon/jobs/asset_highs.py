@@ -297,8 +297,13 @@ def _triangles(context: bpy.types.Context, job: Job, settings: Settings) -> tupl
     int. Raises BakeError."""
     highs = job.highs
     plain = replace(settings.without_other_maps(), method=Method.CAST, detail_maps=False)
-    with evaluation.prepared(context, highs[0], highs, None, settings.map.modifiers) as depsgraph:
-        read = Reader(depsgraph, highs[0], "", plain).read(dict(enumerate(highs, start=1)))
+    numbered = dict(enumerate(highs, start=1))
+    read = evaluation.evaluate(
+        context,
+        highs,
+        lambda depsgraph: Reader(depsgraph, highs[0], "", plain).read(numbered),
+        modifiers=settings.map.modifiers,
+    )
     points, triangles, first = [], [], 0
     for mesh in read:
         points.append(mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3])

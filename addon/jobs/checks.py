@@ -3,7 +3,9 @@
 which texels of the map, and on which faces of the low mesh."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 
 import bpy
 import numpy as np
@@ -321,11 +323,12 @@ def add_modifier(
         )
     if low.modifiers and low.modifiers[-1].type == "TRIANGULATE":
         raise BakeError(f"{low.name!r} already has a Triangulate modifier: {low.modifiers[-1].name!r}.")
-    with (
-        evaluation.prepared(context, low, [], None, modifiers) as depsgraph,
-        mesh_reader.evaluated(low, depsgraph) as data,
-    ):
-        mesh = mesh_reader.surface(data, "", low.name, mesh_reader.matrix(low), with_faces=True)
+
+    def read(depsgraph: bpy.types.Depsgraph) -> Mesh:
+        with mesh_reader.evaluated(low, depsgraph) as data:
+            return mesh_reader.surface(data, "", low.name, mesh_reader.matrix(low), with_faces=True)
+
+    mesh = evaluation.evaluate(context, [low], read, modifiers=modifiers)
     modifier = low.modifiers.new("Triangulate", "TRIANGULATE")
     modifier.quad_method, modifier.ngon_method = "FIXED", "CLIP"
     modifier.keep_custom_normals = True
@@ -704,15 +707,22 @@ def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, do
     has_modifiers = low not in view.job.highs and len(low.modifiers) > 0
     if domain == "FACE" and not has_modifiers:
         return found
-    with evaluation.prepared(context, low, [], None, view.settings.map.modifiers):
+
+    def look(depsgraph: bpy.types.Depsgraph, name: str) -> tuple[np.ndarray | None, np.ndarray]:
         if not has_modifiers:
-            return mesh_elements.edges(low.data, found)
-        with (
-            mesh_reader.numbered(low, domain) as name,
-            mesh_reader.evaluated(low, context.evaluated_depsgraph_get()) as data,
-        ):
-            numbers = mesh_reader.numbers(data, name, domain)
-            found = found if domain == "FACE" else mesh_elements.edges(data, found)
+            return None, mesh_elements.edges(low.data, found)
+        with mesh_reader.evaluated(low, depsgraph) as data:
+            chosen = found if domain == "FACE" else mesh_elements.edges(data, found)
+            return mesh_reader.numbers(data, name, domain), chosen
+
+    modifiers = view.settings.map.modifiers
+    with (
+        evaluation.in_object_mode(context, [low]),
+        mesh_reader.numbered(low, domain) if has_modifiers else nullcontext("") as name,
+    ):
+        numbers, found = evaluation.evaluate(context, [low], partial(look, name=name), modifiers=modifiers)
+    if not has_modifiers:
+        return found
     if numbers is None:
         raise BakeError(
             f"The modifiers of {low.name!r} make new faces, which cannot be selected: apply the modifiers first."

@@ -257,11 +257,14 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     # The tangents as they were read: ConvertedMap makes those of both bases.
     space = Space.TANGENT if has_basis else Space.OBJECT
     reading_settings = replace(settings, space=space, basis=bases.CYCLES.name)
-    with (
-        timings.timed("extract"),
-        evaluation.prepared(context, low, [low] if is_own_base else [], None, settings.map.modifiers) as depsgraph,
-    ):
-        meshes = reading.read_low(depsgraph, low, None, reading_settings, is_own_base=is_own_base)
+    with timings.timed("extract"):
+        meshes = evaluation.evaluate(
+            context,
+            [low],
+            lambda depsgraph: reading.read_low(depsgraph, low, None, reading_settings, is_own_base=is_own_base),
+            modifiers=settings.map.modifiers,
+            own_base=low if is_own_base else None,
+        )
     mesh = meshes.basis or meshes.low
     if settings.sampling.udim:
         covered = uv_layout.tiles(mesh)

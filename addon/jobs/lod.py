@@ -417,12 +417,13 @@ def read_original(
 
     Raises BakeError.
     """
-    with evaluation.prepared(context, obj, [], None, modifiers) as depsgraph:
-        data = meshes.own(
-            bpy.data.meshes.new_from_object(
-                obj.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
-            )
-        )
+
+    def copied(depsgraph: bpy.types.Depsgraph) -> tuple[bpy.types.Mesh, np.ndarray]:
+        shown = obj.evaluated_get(depsgraph)
+        copy = bpy.data.meshes.new_from_object(shown, preserve_all_data_layers=True, depsgraph=depsgraph)
+        return meshes.own(copy), mesh_reader.matrix(shown)
+
+    data, to_world = evaluation.evaluate(context, [obj], copied, modifiers=modifiers)
     data.name = TEMPORARY
     if not data.polygons:
         raise BakeError(f"{obj.name!r} has no faces: choose a mesh that has some.")
@@ -432,7 +433,7 @@ def read_original(
         raise BakeError(f"{obj.name!r} has no UV layer {uv_layer!r}: choose one of its layers.")
     layer = uv_layer or mesh_reader.active_uv_layer(data)
     _drop_custom_normals(data)
-    source = of_mesh(data, layer, obj.name, mesh_reader.matrix(obj))
+    source = of_mesh(data, layer, obj.name, to_world)
     if source.surface.not_finite:
         raise BakeError(
             f"{obj.name!r} has {source.surface.not_finite:,} triangles with NaN or infinite coordinates: remove them."

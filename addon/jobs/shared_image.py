@@ -121,8 +121,12 @@ class _Search:
 
     def _part(self, obj: bpy.types.Object, uv_layer: str, is_own_base: bool) -> tuple[Part, Mesh]:
         settings = replace(self.settings, uv_layer=uv_layer, space=Space.OBJECT, texture_sets=False)
-        with evaluation.prepared(self.context, obj, [], None, settings.map.modifiers) as depsgraph:
-            meshes = reading.read_low(depsgraph, obj, None, settings, is_own_base=is_own_base)
+        meshes = evaluation.evaluate(
+            self.context,
+            [obj],
+            lambda depsgraph: reading.read_low(depsgraph, obj, None, settings, is_own_base=is_own_base),
+            modifiers=settings.map.modifiers,
+        )
         return part_of(meshes.low, meshes.uv_layer, is_own_base=is_own_base), meshes.low
 
 

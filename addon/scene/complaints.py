@@ -9,13 +9,13 @@ import os
 import re
 import tempfile
 from collections.abc import Callable, Container, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 
 import bpy
 
 from ..core import quiet
 from . import dependencies
-from .dependencies import Lacking
 
 _SAID = re.compile(rb'^.*Object: "(.*)", Modifier: "(.*)", (.*)$', re.MULTILINE)
 """A line that Blender prints of a modifier: 4.5 and 5.2 begin it in different ways."""
@@ -54,31 +54,52 @@ def of_files(objects: Sequence[bpy.types.Object], *, for_render: bool) -> list[s
     return [*files, *dependencies.missing_blocks(objects)]
 
 
-def of_modifiers(context: bpy.types.Context, objects: Sequence[bpy.types.Object], *, for_render: bool) -> list[str]:
-    """The modifiers that Blender leaves out of `objects`, and of those that they use, as the viewport shows them, in sentences.
+class Listener:
+    """Notes which modifiers Blender leaves out of `objects`, and of those that they use, while a block evaluates them.
 
-    Those that lack a file are left out, which `of_files` names. for_render: as in dependencies.of.
+    for_render: as in dependencies.of.
     """
-    return _of_modifiers(context, objects, dependencies.lacking(dependencies.of(objects, for_render=for_render)))
 
+    def __init__(self, objects: Sequence[bpy.types.Object], *, for_render: bool):
+        self._used = dependencies.used_by(objects)
+        lacking = dependencies.lacking(dependencies.of(objects, for_render=for_render))
+        self._paths = {each.path for each in lacking}
+        owners = [block for block in self._used if isinstance(block, bpy.types.Object)]
+        found = [(obj, modifier) for obj in owners for modifier in obj.modifiers]
+        found = [each for each in found if (each[1].show_render if for_render else each[1].show_viewport)]
+        self._shown = [each for each in found if not self._paths & set(dependencies.paths_of_modifier(each[1]))]
+        self._said = b""
 
-def _of_modifiers(
-    context: bpy.types.Context, objects: Sequence[bpy.types.Object], lacking: Sequence[Lacking]
-) -> list[str]:
-    """The modifiers that Blender leaves out, except those that lack a file of `lacking`, which has been named."""
-    used = dependencies.used_by(objects)
-    owners = [block for block in used if isinstance(block, bpy.types.Object)]
-    shown = [(obj, modifier) for obj in owners for modifier in obj.modifiers if modifier.show_viewport]
-    paths = {each.path for each in lacking}
-    shown = [each for each in shown if not paths & set(dependencies.paths_of_modifier(each[1]))]
-    found = [Complaint(obj.name, modifier.name, text) for obj, modifier in shown if (text := _lack(modifier))]
-    found += _printed(context, shown)
-    for obj, modifier in shown:
-        for each in modifier.node_warnings if modifier.type == "NODES" else ():
-            if each.type == "ERROR":
-                found.append(Complaint(obj.name, modifier.name, each.message.rstrip(".")))
-    once = {(each.owner, each.modifier): each for each in reversed(found)}
-    return [*(str(each) for each in reversed(once.values())), *_unread_images(used, paths)]
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Listen in a block that evaluates the objects."""
+        asked = dict.fromkeys(obj for obj, modifier in self._shown if modifier.type in _PRINTED)
+        for obj in asked:
+            obj.update_tag(refresh={"DATA"})  # or the viewport would not evaluate it again
+        with _heard(self._take) if asked else nullcontext():
+            yield
+
+    def _take(self, said: bytes) -> None:
+        self._said = said
+
+    def complaints(self) -> list[str]:
+        """The modifiers that were left out, in sentences. Those that lack a file are left out, which `of_files` names."""
+        found = [Complaint(obj.name, modifier.name, text) for obj, modifier in self._shown if (text := _lack(modifier))]
+        found += self._printed()
+        for obj, modifier in self._shown:
+            for each in modifier.node_warnings if modifier.type == "NODES" else ():
+                if each.type == "ERROR":
+                    found.append(Complaint(obj.name, modifier.name, each.message.rstrip(".")))
+        once = {(each.owner, each.modifier): each for each in reversed(found)}
+        return [*(str(each) for each in reversed(once.values())), *_unread_images(self._used, self._paths)]
+
+    def _printed(self) -> Iterator[Complaint]:
+        """What Blender has printed of these modifiers."""
+        names = {(obj.name, modifier.name) for obj, modifier in self._shown}
+        for owner, modifier, text in _SAID.findall(self._said):
+            key = owner.decode(errors="replace"), modifier.decode(errors="replace")
+            if key in names:
+                yield Complaint(*key, text.decode(errors="replace").strip().rstrip("."))
 
 
 def _unread_images(used: Sequence[bpy.types.ID], lacking: Container[str]) -> Iterator[str]:
@@ -90,39 +111,28 @@ def _unread_images(used: Sequence[bpy.types.ID], lacking: Container[str]) -> Ite
                 yield f"{path!r}, the image {image.name!r}, cannot be read: restore it, or remove what uses it."
 
 
-def _printed(
-    context: bpy.types.Context, shown: Sequence[tuple[bpy.types.Object, bpy.types.Modifier]]
-) -> Iterator[Complaint]:
-    """What Blender prints of these modifiers while it evaluates their objects."""
-    asked = dict.fromkeys(obj for obj, modifier in shown if modifier.type in _PRINTED)
-    if not asked:
-        return
-    for obj in asked:
-        obj.update_tag(refresh={"DATA"})
-    said = _heard(context.view_layer.update)
-    names = {(obj.name, modifier.name) for obj, modifier in shown}
-    for owner, modifier, text in _SAID.findall(said):
-        key = owner.decode(errors="replace"), modifier.decode(errors="replace")
-        if key in names:
-            yield Complaint(*key, text.decode(errors="replace").strip().rstrip("."))
-
-
-def _heard(work: Callable[[], None]) -> bytes:
-    """What a call prints, in C as well. Streams receive the rest of it afterwards."""
+@contextmanager
+def _heard(take: Callable[[bytes], None]) -> Iterator[None]:
+    """Give `take` what the block prints, in C as well. Streams receive the rest of it afterwards."""
     try:
         os.fstat(1), os.fstat(2)
     except OSError:  # a window may have no streams
-        work()
-        return b""
-    with tempfile.TemporaryFile() as file:
-        with quiet.silence(into=file.fileno()):
-            work()
-        file.seek(0)
-        said = file.read(_MOST)
-    rest = b"\n".join(line for line in said.split(b"\n") if not _SAID.match(line)).strip()
-    if rest:
-        os.write(1, rest + b"\n")
-    return said
+        yield
+        return
+    said = b""
+    try:
+        with tempfile.TemporaryFile() as file:
+            try:
+                with quiet.silence(into=file.fileno()):
+                    yield
+            finally:
+                file.seek(0)
+                said = file.read(_MOST)
+    finally:
+        take(said)
+        rest = b"\n".join(line for line in said.split(b"\n") if not _SAID.match(line)).strip()
+        if rest:
+            os.write(1, rest + b"\n")
 
 
 def _lack(modifier: bpy.types.Modifier) -> str:

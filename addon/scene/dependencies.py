@@ -132,10 +132,13 @@ def used_by(objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
 
 
 def paths_of_modifier(modifier: bpy.types.Modifier) -> list[str]:
-    """The files that a modifier reads, also those of its nodes and its cache."""
+    """The files that a modifier reads, also those of its nodes, its cache and its volume."""
     owner = modifier.id_data
     found = [each.path for each in _of_modifier(owner, modifier, is_on=True)]
-    for block in filter(None, (getattr(modifier, "node_group", None), getattr(modifier, "cache_file", None))):
+    blocks = [getattr(modifier, "node_group", None), getattr(modifier, "cache_file", None)]
+    if modifier.type == "VOLUME_TO_MESH" and modifier.object:
+        blocks.append(modifier.object.data)
+    for block in filter(None, blocks):
         found += [each.path for inner in _Uses().by([block]) for each in _of_block(inner)]
     return found
 

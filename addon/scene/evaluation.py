@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluates objects for reading: shows them, switches them to Object Mode, and restores their state afterwards."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from typing import TypeVar
 
 import bpy
 
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError
-from . import high_reader, mesh_reader, object_checks
+from . import dependencies, mesh_reader, object_checks, render_view
+
+Result = TypeVar("Result")
 
 
 def set_until(owner: bpy.types.bpy_struct, name: str, value: object, restore: ExitStack) -> None:
@@ -112,6 +115,22 @@ def leave_modes(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restore
             mesh_reader.reset_normals(obj.data)
 
 
+@contextmanager
+def in_object_mode(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> Iterator[None]:
+    """Switch `objects`, and those that they are made from, to Object Mode until the block ends.
+
+    Raises BakeError for a mesh that is in Edit Mode in another view layer.
+    """
+    context.view_layer.update()  # a script may have removed objects, which leaves gaps in the view layer
+    read = _read_by(objects)
+    with ExitStack() as restore:
+        leave_modes(context.view_layer, {obj.data for obj in read if obj.data}, restore)
+        for obj in read:
+            if obj.data and getattr(obj.data, "is_editmode", False):
+                raise BakeError(f"The mesh of {obj.name!r} is in Edit Mode outside this view layer: leave it there.")
+        yield
+
+
 def _switch_mode(layer: bpy.types.ViewLayer, obj: bpy.types.Object, mode: str) -> None:
     if obj.mode != mode:
         layer.objects.active = obj
@@ -137,32 +156,45 @@ SUBDIVIDING = {"SUBSURF", "MULTIRES"}
 """Modifier types that have levels and can smooth UVs."""
 
 
-@contextmanager
-def prepared(
+def evaluate(
     context: bpy.types.Context,
-    low: bpy.types.Object,
-    highs: Sequence[bpy.types.Object],
-    cage: bpy.types.Object | None,
+    objects: Sequence[bpy.types.Object],
+    work: Callable[[bpy.types.Depsgraph], Result],
+    *,
     modifiers: str,
-) -> Iterator[bpy.types.Depsgraph]:
-    """Put the objects into Object Mode, visible, with modifiers as `modifiers` in Settings says, until the block ends.
+    own_base: bpy.types.Object | None = None,
+) -> Result:
+    """What `work` returns of the evaluated `objects`, in Object Mode. Raises what it raises.
 
-    Yields the evaluated dependency graph. Raises BakeError for an object that cannot be made visible or has no valid transform.
+    Args:
+        work: gets the dependency graph: that of a render, or that of the viewport, in which all objects are visible meanwhile.
+            Nothing of it may be kept.
+        modifiers: as in Settings.
+        own_base: an object that is baked onto its own mesh, whose modifiers leave UVs where they are.
+
+    Raises BakeError for an object that cannot be evaluated or has no valid transform, and while a render runs.
     """
-    objects = list(dict.fromkeys((low, *highs, *([cage] if cage else []))))
+
+    def checked(depsgraph: bpy.types.Depsgraph) -> Result:
+        shown = [obj.evaluated_get(depsgraph) for obj in objects]
+        hidden = next((obj for obj in shown if not obj.is_evaluated), None)
+        if hidden is not None:
+            raise BakeError(f"Blender does not evaluate {hidden.name!r}: show it, and its collection.")
+        reason = next(filter(None, map(object_checks.matrix_problem, shown)), "")
+        if reason:
+            raise BakeError(reason)
+        return work(depsgraph)
+
     with ExitStack() as restore:
-        for obj in objects:
-            reveal(context, obj, restore)
-        read = [*objects, *_instanced(context, [high for high in highs if object_checks.shows_more(high)], objects)]
-        leave_modes(context.view_layer, {obj.data for obj in read if obj.data}, restore)
-        for obj in read:
-            if obj.data and getattr(obj.data, "is_editmode", False):
-                raise BakeError(f"The mesh of {obj.name!r} is in Edit Mode outside this view layer: leave it there.")
-            if modifiers == Modifiers.RENDER:
-                _set_for_render(obj, restore)
-        if low in highs:
-            _fix_uvs(low, restore)
-        yield _evaluated(context, objects)
+        if modifiers == Modifiers.VIEWPORT:
+            for obj in objects:
+                reveal(context, obj, restore)
+        restore.enter_context(in_object_mode(context, objects))
+        if own_base is not None:
+            _fix_uvs(own_base, restore)
+        if modifiers == Modifiers.VIEWPORT:
+            return checked(context.evaluated_depsgraph_get())
+        return render_view.read(context, objects, checked)
 
 
 @contextmanager
@@ -194,33 +226,12 @@ def with_fixed_uvs(context: bpy.types.Context, obj: bpy.types.Object) -> Iterato
         yield context.evaluated_depsgraph_get()
 
 
-def _instanced(
-    context: bpy.types.Context, owners: Sequence[bpy.types.Object], excluded: Sequence[bpy.types.Object]
-) -> list[bpy.types.Object]:
-    """The objects that `owners` show as instances, except those in `excluded`."""
-    if not owners:
-        return []
-    found = {
-        obj.original.session_uid: obj.original
-        for _, obj, _ in high_reader.instances_shown(context.evaluated_depsgraph_get(), owners)
-    }
-    return [obj for obj in found.values() if obj not in excluded]
-
-
-def _evaluated(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> bpy.types.Depsgraph:
-    """The evaluated dependency graph. Raises BakeError for an object without a valid transform."""
-    depsgraph = context.evaluated_depsgraph_get()
-    reason = next(filter(None, map(object_checks.matrix_problem, objects)), "")
-    if reason:
-        raise BakeError(reason)
-    return depsgraph
-
-
-def _set_for_render(obj: bpy.types.Object, restore: ExitStack) -> None:
-    for modifier in obj.modifiers:
-        set_until(modifier, "show_viewport", modifier.show_render, restore)
-        if modifier.type in SUBDIVIDING:
-            set_until(modifier, "levels", modifier.render_levels, restore)
+def _read_by(objects: Sequence[bpy.types.Object]) -> Sequence[bpy.types.Object]:
+    """`objects` and those that they are made from or show, if any object is in another mode than Object Mode."""
+    if all(obj.mode == "OBJECT" for obj in bpy.data.objects):
+        return objects
+    used = [block for block in dependencies.used_by(objects) if isinstance(block, bpy.types.Object)]
+    return list(dict.fromkeys([*used, *(inner for obj in used for inner in object_checks.instance_sources(obj))]))
 
 
 def _fix_uvs(obj: bpy.types.Object, restore: ExitStack) -> None:

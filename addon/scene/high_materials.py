@@ -4,6 +4,7 @@
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import partial
 
 import bpy
 import numpy as np
@@ -36,11 +37,20 @@ READERS = {
 
 
 def read_layers(
-    obj: bpy.types.Object, data: bpy.types.Mesh, materials: Iterable[HighMaterial], map_settings: MapSettings
+    obj: bpy.types.Object,
+    data: bpy.types.Mesh,
+    materials: Iterable[HighMaterial],
+    map_settings: MapSettings,
+    *,
+    for_render: bool,
 ) -> dict[tuple[str, str], np.ndarray]:
-    """Those of `data`, the mesh of `obj`, that its materials need for the maps of the settings, as Mesh.layers has them."""
+    """Those of `data`, the mesh of `obj`, that its materials need for the maps of the settings, as Mesh.layers has them.
+
+    for_render: whether `data` has the modifiers that renders see.
+    """
+    generated = partial(mesh_elements.generated_by_corner, obj, data, for_render=for_render)
     found = {
-        key: mesh_elements.generated_by_corner(obj, data) if key[0] == GENERATED else READERS[key[0]](data, key[1])
+        key: generated() if key[0] == GENERATED else READERS[key[0]](data, key[1])
         for key in _needed(materials, map_settings)
     }
     return {key: values for key, values in found.items() if values is not None}

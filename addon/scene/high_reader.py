@@ -8,10 +8,10 @@ from operator import attrgetter
 import bpy
 import numpy as np
 
-from ..core.declarations.choices import ExactMaterials, Method, Modifiers
+from ..core.declarations.choices import ExactMaterials, Method
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME
-from ..core.material_feeds import HighMaterial, ImagePixels
+from ..core.material_feeds import HighMaterial
 from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
@@ -45,6 +45,11 @@ class Reader:
     before: Sequence[HighMaterial] = ()
     known: Mapping[int, Mesh] = field(default_factory=dict)
 
+    @property
+    def is_for_render(self) -> bool:
+        """Whether the objects are read as renders see them."""
+        return self.depsgraph.mode == "RENDER"
+
     def __post_init__(self):
         sockets = {BY_NAME[name].socket for name in self.settings.map.drawn_maps} - {""}
         if self.settings.map.detail_maps:
@@ -70,20 +75,16 @@ class Reader:
         meshes = [self._joined(number, high, shown.get(number, [])) for number, high in highs.items()]
         return with_labels(meshes)
 
-    def load_image(self, key: str, tile: int) -> ImagePixels:
-        """The pixels of an image of the materials, as Meshes.load_image has it."""
-        return self.materials.images.load(key, tile)
-
     def _joined(self, number: int, high: bpy.types.Object, parts: Sequence[Part]) -> Mesh:
         """The mesh of `high` joined with its instances."""
-        to_world = mesh_reader.matrix(high)
+        evaluated = high.evaluated_get(self.depsgraph)
+        to_world = mesh_reader.matrix(evaluated)
         mesh = None
-        if object_checks.shows_itself(high, for_render=self.settings.map.modifiers == Modifiers.RENDER):
+        if object_checks.shows_itself(high, for_render=self.is_for_render):
             with mesh_reader.evaluated(high, self.depsgraph) as data:
                 if data.polygons or not parts:
                     copied = mesh_reader.copied(high, self.depsgraph)
-                    shown = high.evaluated_get(self.depsgraph)
-                    mesh = self._mesh(number, high.name, shown, data, to_world, copied=copied)
+                    mesh = self._mesh(number, high.name, evaluated, data, to_world, copied=copied)
         if not parts:
             if mesh is None or not len(mesh.vertices):
                 raise BakeError(_no_faces(high))
@@ -145,7 +146,7 @@ class Reader:
         if not has_labels:
             return mesh
         mesh = self._labeled(mesh, number, slots, data)
-        layers = read_layers(obj.original, data, shown, self.settings.map)
+        layers = read_layers(obj.original, data, shown, self.settings.map, for_render=self.is_for_render)
         if (GENERATED, "") not in layers:
             why = f"the generated coordinates of {obj.name!r} are not known after its modifiers"
             used = [self.materials.number(material) for material in slots]

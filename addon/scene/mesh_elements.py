@@ -137,14 +137,16 @@ _ADDING = {"ARRAY", "BEVEL", "DECIMATE", "EDGE_SPLIT", "MIRROR", "MULTIRES", "SO
 _NEITHER = {"WEIGHTED_NORMAL", "NORMAL_EDIT", "UV_PROJECT", "UV_WARP", "DATA_TRANSFER", "VERTEX_WEIGHT_EDIT"}
 
 
-def generated_by_corner(obj: bpy.types.Object, data: bpy.types.Mesh) -> np.ndarray | None:
+def generated_by_corner(obj: bpy.types.Object, data: bpy.types.Mesh, *, for_render: bool) -> np.ndarray | None:
     """The generated texture coordinates (C, 3) float32, by corner of `data`, the evaluated mesh of the original `obj`.
 
     They are those before deformation, in the texture space of the object's own mesh. None where Blender does not tell them.
+    for_render: whether `data` has the modifiers that renders see.
     """
     if obj.type != "MESH":
         return None
-    kinds = {modifier.type for modifier in obj.modifiers if modifier.show_viewport} - _NEITHER
+    used = (modifier for modifier in obj.modifiers if (modifier.show_render if for_render else modifier.show_viewport))
+    kinds = {modifier.type for modifier in used} - _NEITHER
     is_deformed = bool(kinds & _DEFORMING) or obj.data.shape_keys is not None
     if not kinds <= _DEFORMING | _ADDING or (is_deformed and kinds & _ADDING):
         return None

@@ -219,7 +219,7 @@ def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.n
 
 
 def matrix(obj: bpy.types.Object) -> np.ndarray:
-    """The (4, 4) float64 matrix from `obj`'s space to the world's."""
+    """The (4, 4) float64 matrix from `obj`'s space to the world's. That of an evaluated object is up to date."""
     return np.array(obj.matrix_world, dtype=np.float64)
 
 

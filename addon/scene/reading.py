@@ -62,17 +62,9 @@ def read(
     lacks = complaints.of_files(objects, for_render=for_render)
     if lacks and must_be_whole:
         raise Incomplete(" ".join(lacks))
-    rest = poses.at_rest(context, low, highs, for_render=for_render) if settings.map.rest_pose else nullcontext()
-    with rest, evaluation.prepared(context, low, [*highs, *others], cage, settings.map.modifiers) as depsgraph:
-        lacks += complaints.of_modifiers(context, objects, for_render=for_render)
-        if lacks and must_be_whole:
-            raise Incomplete(" ".join(lacks))
-        try:
-            meshes = replace(_read(depsgraph, low, highs, cage, settings), lacks=lacks)
-        except BakeError as error:
-            if not lacks:
-                raise
-            raise BakeError(" ".join([str(error), *lacks])) from error
+
+    def work(depsgraph: bpy.types.Depsgraph) -> Meshes:
+        meshes = _read(depsgraph, low, highs, cage, settings)
         if texture_set is not None:
             meshes = high_materials.restricted(meshes, texture_set)
         if not others:
@@ -80,6 +72,23 @@ def read(
         # Rays only meet them: they need neither UVs nor materials.
         plain = replace(settings.without_other_maps(), method=Method.CAST, detail_maps=False)
         return replace(meshes, others=Reader(depsgraph, low, "", plain).read(dict(enumerate(others))))
+
+    rest = poses.at_rest(context, low, highs, for_render=for_render) if settings.map.rest_pose else nullcontext()
+    listener = complaints.Listener(objects, for_render=for_render)
+    failed = None
+    try:
+        with rest, listener.listening():
+            meshes = evaluation.evaluate(
+                context, objects, work, modifiers=settings.map.modifiers, own_base=low if low in highs else None
+            )
+    except BakeError as error:
+        failed = error
+    lacks += listener.complaints()
+    if lacks and must_be_whole:
+        raise Incomplete(" ".join(lacks))
+    if failed is not None:
+        raise BakeError(" ".join([str(failed), *lacks])) if lacks else failed
+    return replace(meshes, lacks=lacks)
 
 
 def read_again(
@@ -147,7 +156,7 @@ def _read(
         meshes,
         highs=read,
         materials=reader.materials.materials,
-        load_image=reader.load_image,
+        load_image=reader.materials.images.load,
         evaluate=partial(cycles_values.evaluate, [high.session_uid for high in highs]),
     )
     _check_triangles([meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])])
@@ -167,7 +176,7 @@ def read_low(
     shown = low if is_own_base else low.evaluated_get(depsgraph)
     with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
         uv_layer = uv_layer_of(low.name, data, settings.map.uv_layer) if with_uv else ""
-        to_world = mesh_reader.matrix(low)
+        to_world = mesh_reader.matrix(low.evaluated_get(depsgraph))
         low_mesh = mesh_reader.surface(data, uv_layer, low.name, to_world, with_faces=True)
         smooth_normals = mesh_reader.smooth_normals(data, low_mesh)
         has_basis = settings.map.space == Space.TANGENT and with_uv
@@ -240,7 +249,7 @@ def _check_size(mesh: Mesh) -> None:
 
 def _cage(cage: bpy.types.Object, depsgraph: bpy.types.Depsgraph, low: Mesh, low_faces: int) -> Mesh:
     with mesh_reader.evaluated(cage, depsgraph) as data:
-        mesh = mesh_reader.surface(data, "", cage.name, mesh_reader.matrix(cage))
+        mesh = mesh_reader.surface(data, "", cage.name, mesh_reader.matrix(cage.evaluated_get(depsgraph)))
         _check_cage(low, mesh, (low_faces, len(data.polygons)))
     return mesh
 

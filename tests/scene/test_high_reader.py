@@ -101,7 +101,9 @@ def nurbs():
 def metaballs():
     for x in (-0.3, 0.3):
         bpy.ops.object.metaball_add(location=(x, 0, 0), radius=0.5)
-    return bpy.data.objects["Mball"]
+    surface = bpy.data.objects["Mball"]
+    surface.data.render_resolution = surface.data.resolution  # `made_real` is as the viewport shows it
+    return surface
 
 
 def hair_with_a_mesh():
