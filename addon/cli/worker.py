@@ -22,7 +22,8 @@ from ..output.atomic_file import make_folder, reason
 from . import clashes, interruption, scene_files, standard_streams
 from .baker import Baker, start_gpu
 from .plans import Plan
-from .worker_process import CONNECTION, Answer, Begun, FilesFound, Line, Percent, Ready, log_path, packed
+from .worker_messages import Answer, Begun, FilesFound, Line, Percent, Ready, packed
+from .worker_process import CONNECTION, log_path
 
 if os.name == "nt":
     from multiprocessing.connection import PipeConnection

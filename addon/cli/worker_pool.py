@@ -22,17 +22,8 @@ from .run_report import Cause, Entry, State
 from .terminal import Meter
 from .untrusted import Sandbox
 from .work_queue import Chains, WorkQueue
-from .worker_process import (
-    Answer,
-    Begun,
-    FilesFound,
-    Gone,
-    Line,
-    Percent,
-    Ready,
-    Setup,
-    Worker,
-)
+from .worker_messages import Answer, Begun, FilesFound, Gone, Line, Percent, Ready, Setup
+from .worker_process import Worker
 
 LOOK_EVERY = 0.1
 """Seconds between two checks of signals and limits."""
@@ -309,6 +300,8 @@ class WorkerPool:
             self._count_start(f"it did not start within {LONGEST_START:g} s")
         for worker in [each for each in self._workers if each.is_ready and not each.plan and each.has_ended]:
             yield from self._handle_exit(worker)
+        for worker in [each for each in self._workers if each.is_stuck]:
+            yield from self._handle_exit(worker, worker_process.NO_MESSAGE)
         for worker in [worker for worker in self._workers if worker.plan]:
             seconds, memory = self._options.timeout, self._options.max_memory
             if seconds and time.monotonic() - worker.begun > seconds:

@@ -2,8 +2,7 @@
 """A worker as its parent sees it: its process, their messages, its memory, and what it printed before a crash."""
 
 import ctypes
-import functools
-import json
+import math
 import os
 import re
 import signal
@@ -15,152 +14,52 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, is_dataclass, replace
-from enum import StrEnum
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 from ..core.naming import printable
 from ..core.progress import BEGUN
-from . import interruption, run_report, sheet
-from .options import RunOptions
+from . import interruption, run_report
 from .plans import Plan
 from .records import Assignment
-from .run_report import Entry
 from .untrusted import Sandbox, processes_in
+from .worker_messages import (
+    LONGEST_MESSAGE,
+    Answer,
+    Begun,
+    FilesFound,
+    Gone,
+    Line,
+    Percent,
+    Ready,
+    Setup,
+    Turns,
+    packed,
+    unpacked,
+)
 
-
-@dataclass(frozen=True)
-class Setup:
-    """To a worker, in a tuple with an Assignment: what all bakes of the run have in common."""
-
-    options: RunOptions
-    needs_all: bool
-    """As baker.need_all returns it for all plans."""
-    is_shown: bool
-    """Whether the parent shows how far bakes are."""
-    folders: tuple[str, ...] = ()
-    """Those that bakes of untrusted files read; none for others."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """To a worker: its files may be used, or the sentence that says why not."""
-
-    problem: str = ""
-
-
-@dataclass(frozen=True)
-class Ready:
-    """To the parent: Blender and its GPU have started. most_bakes: after so many, another worker takes its place; 0 for any
-    number."""
-
-    most_bakes: int = 0
-
-
-@dataclass(frozen=True)
-class Begun:
-    """To the parent: the worker has its Assignment. Without that, another worker can have it."""
-
-
-@dataclass(frozen=True)
-class Gone:
-    """To the parent, from the thread that reads: the process has ended, or a sentence that says what is wrong with it."""
-
-    why: str = ""
-
-
-@dataclass(frozen=True)
-class FilesFound:
-    """To the parent, which sends an Answer: a bake found more files, as the arguments of clashes.RunFiles.opened, or an export,
-    that of clashes.RunFiles.exported."""
-
-    lows: list[str] = field(default_factory=list)
-    used: list[tuple[str, str]] = field(default_factory=list)
-    export: str = ""
-
-
-@dataclass(frozen=True)
-class Percent:
-    """To the parent: how far a bake is. done: from 0 to 1."""
-
-    subject: str
-    what: str
-    done: float
-
-
-@dataclass(frozen=True)
-class Line:
-    """To the parent: a line to print before a bake, which can take long."""
-
-    line: str
-
-
-LONGEST_MESSAGE = 1 << 26
-"""Of a message from a worker for untrusted files. Others may have long sequences, with a report for each frame."""
-_FROM_WORKERS = {each.__name__: each for each in (Entry, FilesFound, Ready, Begun, Percent, Line)}
-_PICTURE = b"\0"
-"""Between the JSON of a message, which has no such byte, and the picture of an Entry."""
-
-
-def packed(message: Any) -> bytes:
-    """A message of a worker as JSON."""
-    values = dict(vars(message))
-    image = values.pop("image", b"")
-    text = json.dumps([type(message).__name__, values], default=vars)
-    return text.encode() + _PICTURE + image
-
-
-def unpacked(content: bytes, *, is_trusted: bool = True) -> Any:
-    """A message of a worker from its bytes. Raises OSError for what is no message.
-
-    is_trusted: whether the values in its reports are taken to be of the right types.
-    """
-    text, _, image = content.partition(_PICTURE)
-    try:
-        name, values = json.loads(text)
-        if name == Entry.__name__:
-            values["image"] = image
-        message = _made(values, _FROM_WORKERS[name])
-        if not is_trusted and isinstance(message, Entry):
-            _check_reports(message)
-    except (LookupError, ValueError, TypeError, AttributeError, MemoryError, RecursionError) as error:
-        raise OSError("no message") from error
-    return message
-
-
-def _made(value: Any, hint: Any) -> Any:
-    """A value from JSON as the type of an annotation. Raises LookupError, TypeError or ValueError if it is of another."""
-    kind, given = get_origin(hint) or hint, get_args(hint)
-    if kind is Any:
-        return value
-    if is_dataclass(kind):
-        return kind(**{name: _made(value[name], each) for name, each in _hints(kind).items()})
-    if issubclass(kind, StrEnum):
-        return kind(value)
-    if kind is tuple:
-        return tuple(_made(each, own) for each, own in zip(value, given, strict=True))
-    if not isinstance(value, int | float if kind is float else kind):
-        raise TypeError(f"{value!r} is no {kind.__name__}")
-    return [_made(each, given[0]) for each in value] if kind is list else value
-
-
-@functools.cache
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind)
-
-
-def _check_reports(entry: Entry) -> None:
-    """Raise LookupError, TypeError, ValueError or AttributeError if an entry cannot be shown as those of bakes are."""
-    for each in (*entry.files, *entry.inputs):
-        if not all(isinstance(each[name], str) for name in ("path", "what")):
-            raise TypeError("a file without a path")
-    written = (paths for each in entry.reports for paths in run_report.written_paths(each).values())
-    if not all(isinstance(path, str) for paths in written for path in paths):
-        raise TypeError("a path that is no text")
-    sheet.row(entry.to_dict(), b"")
+__all__ = [
+    "Answer",
+    "Begun",
+    "FilesFound",
+    "Gone",
+    "Line",
+    "Percent",
+    "Ready",
+    "Setup",
+    "Worker",
+    "command",
+    "crash_output",
+    "last_line",
+    "log_path",
+    "packed",
+    "printed_tail",
+    "processes_in",
+    "unpacked",
+]
 
 
 def log_path(folder: str | None, plan: Plan) -> str:
@@ -273,6 +172,13 @@ def _short(text: str) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
+NO_MESSAGE = "Its process sent what is not a message."
+"""The error of a bake whose process lies."""
+LONGEST_SEND = 2.0
+"""Seconds from the first byte of a message of a process that is not trusted to its last one, and from the end of its connection
+to its own."""
+LONGEST_BEGIN = 4.0
+"""Seconds for a process that is not trusted to take its next bake, before another one has it."""
 _NO_MORE = object()
 """In the place of an answer: the connection closes."""
 WORD = "worker"
@@ -280,7 +186,7 @@ WORD = "worker"
 CONNECTION = "IMPRINT_WORKER"
 """The environment variable with the number of the worker's end of the connection."""
 ENDING = 5.0
-"""Seconds for a sandbox to end that was killed."""
+"""Seconds for a process to end that has closed its connection, and for a sandbox that was killed."""
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "bake.py"
 
 
@@ -352,6 +258,8 @@ class Worker:
         """The bytes that it had printed there when its bake began."""
         self._out_of_memory = kills()
         self._answers: SimpleQueue[Any] = SimpleQueue()
+        self._receives = math.inf
+        """When the first byte of the message that now arrives did, by time.monotonic, of a process that is not trusted."""
         self._connection, other = Pipe()
         with other:
             try:
@@ -382,12 +290,14 @@ class Worker:
         self._answers.put(message)
 
     def _talk(self, messages: "SimpleQueue[tuple[Worker, Any]]") -> None:
-        is_trusted = self._sandbox is None
+        is_trusted, turns = self._sandbox is None, Turns()
         with self._connection:
             try:
                 while True:
-                    content = self._connection.recv_bytes(None if is_trusted else LONGEST_MESSAGE)
-                    messages.put((self, unpacked(content, is_trusted=is_trusted)))
+                    message = unpacked(self._received(), is_trusted=is_trusted)
+                    if not is_trusted:
+                        turns.check(message, self.plan)
+                    messages.put((self, message))
                     answer = self._answers.get()
                     if answer is _NO_MORE:
                         return
@@ -396,8 +306,27 @@ class Worker:
             except (EOFError, ConnectionError):
                 gone = Gone()
             except (OSError, MemoryError):
-                gone = Gone("Its process sent what is not a message.")
+                gone = Gone(NO_MESSAGE)
         messages.put((self, gone))
+
+    def _received(self) -> bytes:
+        """The bytes of the next message. Raises EOFError and OSError."""
+        if self._sandbox is None:
+            return self._connection.recv_bytes()
+        self._connection.poll(None)
+        self._receives = time.monotonic()
+        try:
+            return self._connection.recv_bytes(LONGEST_MESSAGE)
+        finally:
+            self._receives = math.inf
+
+    @property
+    def is_stuck(self) -> bool:
+        """Whether a process that is not trusted has begun a message and does not end it, or does not begin its bake."""
+        if self._sandbox is None:
+            return False
+        now, is_waiting = time.monotonic(), self.assigned is not None and not self.has_begun
+        return now - self._receives > LONGEST_SEND or (is_waiting and now - self.begun > LONGEST_BEGIN)
 
     def crash_output(self) -> str:
         """The clause of the function `crash_output` about its bake."""
@@ -479,10 +408,10 @@ class Worker:
         self.kill(seconds)
         self._output.close()
 
-    def end(self, seconds: float = 5.0) -> "Ending":
+    def end(self) -> "Ending":
         """Wait some seconds for a process whose connection has closed."""
         try:
-            code = self._process.wait(seconds)
+            code = self._process.wait(LONGEST_SEND if self._sandbox else ENDING)
         except subprocess.TimeoutExpired:  # it closed its connection and goes on
             self.kill()
             code = -signal.SIGABRT
