@@ -11,6 +11,7 @@ from ..core.errors import BakeError
 from ..passes import allocation
 from . import gpu_test
 from .bake_results import find_viewport
+from .callbacks import Timer
 from .modal import QuickOperator
 from .texts import SidebarPanel, labeled, message
 
@@ -72,17 +73,62 @@ class IMPRINT_OT_show_panel(QuickOperator, bpy.types.Operator):
     bl_label = "Show Panel"
 
     def apply(self, context: bpy.types.Context) -> str:
-        for window in context.window_manager.windows:  # the preferences are one of their own
-            with context.temp_override(window=window, area=None):
-                area = find_viewport(bpy.context)
-            if area is not None:
-                area.spaces.active.show_region_ui = True
-                sidebar = next(region for region in area.regions if region.type == "UI")
-                if sidebar.width > 1:  # a sidebar that was never open has no tabs yet
-                    sidebar.active_panel_category = SidebarPanel.bl_category
-                area.tag_redraw()
-                return ""
-        raise BakeError("No 3D viewport is open: open one.")
+        area = _viewport(context)
+        if area is None:
+            raise BakeError("No 3D viewport is open: open one.")
+        area.spaces.active.show_region_ui = True
+        area.tag_redraw()
+        if not _choose_tab(area):
+            tab_choice.start(SOON)
+        return ""
+
+
+SOON, PATIENCE = 0.05, 100
+"""Seconds between tries to choose the tab, and the number of tries: a sidebar has no tabs until it was drawn."""
+
+
+def _viewport(context: bpy.types.Context) -> bpy.types.Area | None:
+    """The 3D viewport, of the first window that has one: the preferences are a window of their own."""
+    for window in context.window_manager.windows:
+        with context.temp_override(window=window, area=None):
+            area = find_viewport(bpy.context)
+        if area is not None:
+            return area
+    return None
+
+
+def _choose_tab(area: bpy.types.Area) -> bool:
+    """Choose the tab Imprint of the sidebar. Returns whether it has tabs yet."""
+    sidebar = next(region for region in area.regions if region.type == "UI")
+    try:
+        sidebar.active_panel_category = SidebarPanel.bl_category
+    except (AttributeError, TypeError):  # read-only until it is drawn, and then without tabs until their panels are
+        return False
+    return sidebar.active_panel_category == SidebarPanel.bl_category
+
+
+class _TabChoice:
+    """Tries again and again to choose the tab of a sidebar that is about to be drawn."""
+
+    def __init__(self):
+        self._timer, self._left = Timer(self._try), 0
+
+    def start(self, seconds: float) -> None:
+        self._left = PATIENCE
+        self._timer.start(seconds)
+
+    def stop(self) -> None:
+        self._timer.stop()
+
+    def _try(self) -> float | None:
+        self._left -= 1
+        area = _viewport(bpy.context)
+        if area is None or not area.spaces.active.show_region_ui or _choose_tab(area):
+            return None
+        return SOON if self._left else None
+
+
+tab_choice = _TabChoice()
 
 
 class IMPRINT_OT_open_manual(bpy.types.Operator):
@@ -113,5 +159,6 @@ def register() -> None:
 
 def unregister() -> None:
     """Called when the extension is disabled."""
+    tab_choice.stop()
     allocation.preferred = allocation.no_preference
     _unregister()
