@@ -17,8 +17,6 @@ LIMITS = {
     "pairs/shaderball_48048_23378": (0.0, 0.01),
     "pairs/shaderball_61644_20517": (0.0, 0.01),
     "pairs/spot_1696_536": (0.0, 0.01),
-    "pairs/kepler_199712_9079": (0.0, 0.01),
-    "pairs/sthelens_290088_9079": (0.0, 0.01),
     "layers/collar": (0.05, 0.05),
     "layers/fingers": (0.05, 0.05),
     "layers/folds": (0.05, 0.05),
