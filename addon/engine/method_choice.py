@@ -11,7 +11,7 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError, Length, plain_length, shorten_list
 from ..core.settings import SamplingSettings, TracingSettings
 from ..mesh import triangle_mesh, uv_layout
-from ..mesh.edges import has_area
+from ..mesh.edges import is_without_area
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
 from . import separation, tree_cache, uv_agreement
@@ -91,7 +91,7 @@ def nothing_drawn(plan: Plan, length: Length = plain_length, *, is_covered: bool
             f"{low.name!r} and {_names(highs)} have no texel in common: their UV layouts differ, so cast rays instead."
         )
     for meshes in ([low], highs):
-        if not any(has_area(mesh.positions, mesh.vertices[mesh.triangles]).any() for mesh in meshes):
+        if all(map(is_without_area, meshes)):
             return f"All faces of {_names(meshes)} are points or lines without an area: no ray can meet them."
     if not is_covered:
         return f"No texel of the map has its center in a triangle of {low.name!r}: set a larger map, or give it larger UVs."

@@ -20,6 +20,7 @@ from ..core.settings import Settings
 from ..engine import outer_skin
 from ..mesh import collapse, face_weights, fitting, folds, orientation, soup
 from ..mesh.closest import Surface
+from ..mesh.edges import is_without_area
 from ..mesh.fitting import Samples
 from ..scene import evaluation, mesh_reader
 from ..scene.high_reader import Reader
@@ -198,7 +199,7 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
     """Read the high objects of a job with their modifiers and instances. Raises BakeError. meshes: owns those of the bases."""
     points, triangles = _triangles(context, job, settings)
     origin, count = np.array(job.highs[0].matrix_world.translation, np.float64), len(triangles)
-    edge = _edge(areas(points, triangles)) if len(triangles) else 0.0
+    edge = _edge(areas(points, triangles))
     points, triangles = soup.welded((points - origin).astype(np.float32), triangles)
     if len(triangles) > MOST_READ:
         area = float(areas(points, triangles).sum())
@@ -222,6 +223,8 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
         found = soup.edges(triangles)
     data = meshes.own(_mesh(points, triangles))
     around = fitting.samples(points, triangles, AROUND)
+    if not len(around.points):
+        raise BakeError(f"{job.highs[0].name!r} is too small for its normals: scale the mesh itself up.")
     is_seen = _seen(data, points, triangles, around)
     inside = 1.0 - float(is_seen[around.triangles].mean())
     outer = around.chosen(is_seen[around.triangles])
@@ -304,6 +307,8 @@ def _triangles(context: bpy.types.Context, job: Job, settings: Settings) -> tupl
         lambda depsgraph: Reader(depsgraph, highs[0], "", plain).read(numbered),
         modifiers=settings.map.modifiers,
     )
+    if all(map(is_without_area, read)):
+        raise BakeError(f"{highs[0].name!r} has no faces with an area: choose a mesh that has some.")
     points, triangles, first = [], [], 0
     for mesh in read:
         points.append(mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3])

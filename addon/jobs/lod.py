@@ -29,7 +29,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import map_names, outputs
 from ..output.atomic_file import all_or_none
 from ..passes import audit
-from ..scene import evaluation, mesh_reader, object_checks
+from ..scene import evaluation, mesh_reader, object_checks, reading
 from ..scene.object_checks import ObjectRef
 from . import bake_jobs, level_judge, temporary
 from .job import Job, check_clashes, files_kept
@@ -438,6 +438,7 @@ def read_original(
         raise BakeError(
             f"{obj.name!r} has {source.surface.not_finite:,} triangles with NaN or infinite coordinates: remove them."
         )
+    reading.check_surface([source.surface])
     return source
 
 

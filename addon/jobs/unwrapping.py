@@ -16,6 +16,7 @@ from ..audit import mip_gaps
 from ..core.errors import BakeError
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_crossings, uv_islands, uv_packing, uv_stretch
+from ..mesh.edges import is_without_area
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.uv_charts import Charts
 from ..mesh.uv_stretch import Layout
@@ -117,6 +118,8 @@ def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: boo
     low.data.edges.foreach_get("use_seam", seams)
     with _copy(low) as obj:
         mesh = _read(obj)
+        if is_without_area(mesh):
+            return
         charts = Charts(mesh.positions, mesh.vertices[mesh.triangles], mesh.faces, margin(sampling), _hard(obj.data))
         ways: dict[str, Callable[[], bool]] = {}
         for stretch, name in STEPS:

@@ -8,6 +8,8 @@ import numpy as np
 from .triangle_mesh import Mesh
 from .uv_islands import hashes
 
+FIRST = 1000
+"""Triangles that are looked at before all."""
 HARD = 1.0
 """An edge is hard from this many degrees between the normals of its sides: files round normals by less."""
 
@@ -140,6 +142,16 @@ def has_area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     edges = np.roll(corners, -1, axis=1) - corners
     areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     return areas > NO_AREA * (edges * edges).sum(axis=2).max(axis=1)
+
+
+def is_without_area(mesh: Mesh) -> bool:
+    """Whether all triangles of a mesh are points or lines."""
+    triangles = mesh.vertices[mesh.triangles]
+    if has_area(mesh.positions, triangles[:FIRST]).any():  # as nearly always
+        return False
+    return not has_area(
+        mesh.positions.astype(np.float64), triangles
+    ).any()  # squares of tiny ones are 0 in single precision
 
 
 def past_flat(points: np.ndarray, triangles: np.ndarray, has_area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

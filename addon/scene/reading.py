@@ -10,9 +10,10 @@ import bpy
 import numpy as np
 
 from ..core.declarations.choices import Method, Modifiers, Space
-from ..core.errors import LENGTH_DIGITS, BakeError, Incomplete, Length, plain_length
+from ..core.errors import LENGTH_DIGITS, BakeError, Incomplete, Length, plain_length, shorten_list
 from ..core.settings import Settings, TracingSettings
 from ..mesh import triangle_mesh
+from ..mesh.edges import is_without_area
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
@@ -160,6 +161,8 @@ def _read(
         evaluate=partial(cycles_values.evaluate, [high.session_uid for high in highs]),
     )
     _check_triangles([meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])])
+    if settings.tracing.method != Method.FLATTEN:
+        check_area([meshes.low])
     return meshes
 
 
@@ -227,11 +230,25 @@ def _check_triangles(meshes: Sequence[Mesh]) -> None:
         _check_size(mesh)
 
 
+def check_surface(meshes: Sequence[Mesh]) -> None:
+    """Raise BakeError unless all meshes have valid triangles, some of which have an area."""
+    _check_triangles(meshes)
+    check_area(meshes)
+
+
+def check_area(meshes: Sequence[Mesh]) -> None:
+    """Raise BakeError if all triangles of all meshes are points or lines."""
+    if all(map(is_without_area, meshes)):
+        names = shorten_list(repr(mesh.name) for mesh in meshes)
+        raise BakeError(f"All faces of {names} are points or lines without an area: no ray can meet them.")
+
+
 def _check_size(mesh: Mesh) -> None:
-    most = float(max(mesh.positions.max(), -mesh.positions.min()))
+    lowest, highest = mesh.box
+    most, longest = float(np.abs(mesh.box).max()), float((highest - lowest).max())
     stretch = max(1.0, float(np.linalg.norm(mesh.to_world[:3, :3])))
     smallest = SMALLEST * len(mesh.triangles) ** 0.5
-    if smallest < most < LARGEST / stretch:  # a quick check, which is enough for nearly all meshes
+    if smallest < longest and most < LARGEST / stretch:  # a quick check, which is enough for nearly all meshes
         return
     in_object, in_scene = (
         local_space_of([replace(mesh, to_world=to_world)]).size for to_world in (np.eye(4), mesh.to_world)
