@@ -384,7 +384,7 @@ def import_file(path: Path, space: Space) -> list[bpy.types.Object]:
             f"{str(path)!r} cannot be read: this Blender imports no {path.suffix.lower()} files."
         ) from error
     except (RuntimeError, OSError, ValueError) as error:  # ValueError: for a .blend that is open already
-        raise BakeError(f"{str(path)!r} could not be imported: {_cause(error)}.") from error
+        raise BakeError(f"{str(path)!r} could not be imported: {_cause(error, path)}.") from error
     return [obj for obj in bpy.data.objects if obj.type == "MESH" and obj not in before]
 
 
@@ -487,8 +487,19 @@ def _append(path: Path) -> None:
         bpy.context.scene.collection.objects.link(obj)
 
 
-def _cause(error: RuntimeError | OSError) -> str:
+_NOT_READ = re.compile(r"Extension (\S+) is not available")
+
+
+def _cause(error: RuntimeError | OSError, path: Path) -> str:
     """The importer's own message. Importers written in Python may fail with an error of Python, after a traceback."""
+    packed = mesh_references.compressions(path)
+    if packed and bpy.app.module:
+        return (
+            f"its meshes are compressed with {' and '.join(packed)}, which Blender's Python package lacks. Bake in an "
+            "installed Blender, which has it, or save the file without compression"
+        )
+    if found := _NOT_READ.search(str(error)):
+        return f"it needs {found[1]} of glTF, which Blender does not read. Save the file without it"
     if "Traceback" not in str(error):
         return reason(error)
     last = [line for line in str(error).splitlines() if line.strip() and not line.startswith((" ", "Location"))][-1]

@@ -33,7 +33,7 @@ def of(name: str) -> Iterator[Path]:
 
     None for formats that only their importers read, and for what cannot be read.
     """
-    find = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_glb}.get(os.path.splitext(name)[1].lower())
+    find = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_gltf}.get(os.path.splitext(name)[1].lower())
     path = Path(name)
     try:
         # Opening a pipe may wait for ever.
@@ -145,24 +145,44 @@ def _of_obj(path: Path) -> Iterator[str]:
                     yield os.path.join(os.path.dirname(library), name)
 
 
+def compressions(path: Path) -> list[str]:
+    """What the meshes of a glTF may be compressed with: "Draco", "meshopt". Empty for other files, and for damaged ones."""
+    try:
+        names = _list_in(_table_of(path), "extensionsUsed") if path.suffix.lower() in {".glb", ".gltf"} else []
+    except (OSError, ValueError, RecursionError, struct.error):
+        return []
+    return [name for name, spelling in _COMPRESSIONS.items() if any(str(each).endswith(spelling) for each in names)]
+
+
+_COMPRESSIONS = {"Draco": "_draco_mesh_compression", "meshopt": "_meshopt_compression"}
+"""The names of extensions of glTF, without who made them."""
+
+
 def _of_gltf(path: Path) -> Iterator[str]:
-    if path.stat().st_size <= MOST:
-        yield from _named_in(path.read_bytes())
+    yield from _named_in(_table_of(path))
 
 
-def _of_glb(path: Path) -> Iterator[str]:
+def _table_of(path: Path) -> object:
+    """The JSON of a glTF. Raises OSError, ValueError and struct.error for what is none, and for one that is too large."""
     with path.open("rb") as file:
-        (length,) = struct.unpack_from("<12xI", file.read(20))  # of the first chunk, which is the JSON
-        if length <= MOST:
-            yield from _named_in(file.read(length))
+        if path.suffix.lower() == ".glb":
+            (length,) = struct.unpack_from("<12xI", file.read(20))  # of the first chunk, which is the JSON
+        else:
+            length = path.stat().st_size
+        if length > MOST:
+            return {}
+        return json.loads(file.read(length))
 
 
-def _named_in(content: bytes) -> Iterator[str]:
+def _list_in(table: object, key: str) -> list:
+    found = table.get(key, []) if isinstance(table, dict) else []
+    return found if isinstance(found, list) else []
+
+
+def _named_in(table: object) -> Iterator[str]:
     """The files that the JSON of a glTF names."""
-    table = json.loads(content)
     for key in ("buffers", "images"):
-        found = table.get(key, []) if isinstance(table, dict) else []
-        for entry in found if isinstance(found, list) else []:
+        for entry in _list_in(table, key):
             uri = entry.get("uri") if isinstance(entry, dict) else None
             if isinstance(uri, str) and not uri.startswith("data:"):
                 yield unquote(uri)
