@@ -147,11 +147,11 @@ def has_area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def is_without_area(mesh: Mesh) -> bool:
     """Whether all triangles of a mesh are points or lines."""
     triangles = mesh.vertices[mesh.triangles]
-    if has_area(mesh.positions, triangles[:FIRST]).any():  # as nearly always
-        return False
-    return not has_area(
-        mesh.positions.astype(np.float64), triangles
-    ).any()  # squares of tiny ones are 0 in single precision
+    with np.errstate(over="ignore", invalid="ignore"):
+        if has_area(mesh.positions, triangles[:FIRST]).any():  # as nearly always
+            return False
+    # Squares of tiny lengths are 0 in single precision, and those of large ones are infinite.
+    return not has_area(mesh.positions.astype(np.float64), triangles).any()
 
 
 def past_flat(points: np.ndarray, triangles: np.ndarray, has_area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
