@@ -16,7 +16,7 @@ from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError, shorten_list
 from ..core.file_formats import BY_ENDING
 from ..core.file_structure import usd_layers
-from ..core.file_structure.whole_files import MISSING
+from ..core.file_structure.whole_files import MISSING, NO_PIXELS
 from ..core.map_types import BY_NAME
 from ..core.preflight import Amounts, Need, memory_sentence, placement_hint, rounding_hint, texel_bytes
 from ..core.settings import MapSettings, Settings
@@ -54,7 +54,12 @@ def check_textures(options: argparse.Namespace, map_settings: MapSettings, jobs:
         return [_not_found(libraries)] if libraries else []
     lacking = dependencies.lacking(each for each in dependencies.of((), highs) if each.is_surface)
     missing = [*libraries, *(repr(each.path) for each in lacking if each.problem == MISSING)]
-    broken = [f"{each.path!r} {each.problem}" for each in lacking if each.problem != MISSING]
+    broken = [
+        repr(each.path) if each.problem == NO_PIXELS else f"{each.path!r} {each.problem}"
+        for each in lacking
+        if each.problem != MISSING
+    ]
+    broken += [f"the packed image {name!r}" for name in dependencies.packed_without_pixels(highs)]
     without = f"leave {shorten_list(map(word_for, maps))} out of the maps, or add --allow-missing-files."
     if missing:
         raise BakeError(f"{_not_found(missing)} Put them beside the mesh file, {without}")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ..core.file_formats import PNG
+from ..core.file_structure import whole_files
 from ..output.atomic_file import check_writable, make_folder, replacing
 from . import run_report
 from .run_report import Entry, RowFile, State, Totals
@@ -178,9 +179,9 @@ def keep_picture(folder: str, entry: Entry) -> None:
 
 
 def read_picture(path: str) -> bytes:
-    """A picture, or nothing if it cannot be read."""
+    """A picture, or nothing if it cannot be read or is not whole."""
     try:
-        return Path(path).read_bytes() if path else b""
+        return Path(path).read_bytes() if path and not whole_files.problem(path, is_image=True) else b""
     except OSError:
         return b""
 

@@ -8,6 +8,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import bpy
@@ -16,6 +17,7 @@ from .. import older_blender
 from ..core import udim
 from ..core.file_structure import usd_layers, whole_files
 from ..core.map_types import MARK, ORIGIN
+from . import textures
 
 IMPORT_NODES = "GeometryNodeImport"
 """The start of the names of the nodes that read files, at paths that other nodes can make."""
@@ -111,9 +113,37 @@ def _lacking(wanted: Dependency) -> Iterator[Lacking]:
         yield from (Lacking(path, wanted.what, problem) for path, problem in problems if problem in _BROKEN)
         return
     for path in [udim.fill_all(wanted.path, tile) for tile in wanted.tiles or ()] or [wanted.path]:
-        problem = whole_files.problem(path, is_image=is_image)
+        problem = whole_files.problem(path, is_image=is_image) or (_unreadable(path) if is_image else "")
         if problem:
             yield Lacking(path, wanted.what, problem)
+
+
+def _unreadable(path: str) -> str:
+    """A clause if an image gives no pixels, and only who decodes it sees that; else empty."""
+    try:
+        found = os.stat(path)
+        if whole_files.says_end(path):
+            return ""
+    except OSError:
+        return ""
+    return "" if _has_pixels(path, found.st_size, found.st_mtime_ns) else whole_files.NO_PIXELS
+
+
+@lru_cache(maxsize=4096)
+def _has_pixels(path: str, _size: int, _time: int) -> bool:
+    """Whether Blender decodes an image. The last two change with the file."""
+    image = bpy.data.images.load(path)
+    try:
+        return min(image.size) > 0
+    finally:
+        bpy.data.images.remove(image)
+
+
+def packed_without_pixels(shown: Iterable[bpy.types.Object]) -> list[str]:
+    """The names of the packed images that the materials of `shown` use and that Blender cannot decode."""
+    used = _Uses()
+    images = [image for image in used.by_materials(used.by(shown)) if image.packed_files]
+    return [image.name for image in images if image.source == "FILE" and min(textures.size_of(image)) == 0]
 
 
 def missing_blocks(objects: Iterable[bpy.types.Object]) -> list[str]:

@@ -308,11 +308,11 @@ class ImageTextures:
     def _size(self, image: Image, tile: int) -> tuple[int, int]:
         known = image.session_uid, tile
         if known not in self._sizes:
-            self._sizes[known] = _size_of(image, tile)
+            self._sizes[known] = size_of(image, tile)
         return self._sizes[known]
 
 
-def _size_of(image: Image, tile: int) -> tuple[int, int]:
+def size_of(image: Image, tile: int = SINGLE) -> tuple[int, int]:
     """Width and height; (0, 0) for a file that is missing or cannot be read. Loads only files whose header is not known."""
     if not (image.has_data and tile == SINGLE):
         if image.source == "GENERATED":
@@ -402,6 +402,8 @@ def stored_tiles(image: Image) -> tuple[int, ...]:
 def read_stored(image: Image, tile: int) -> np.ndarray:
     """The stored values (height, width, 4) float32, row 0 at v = 0. tile: as `tiles` returns them. Raises BakeError."""
     number = tile if image.source == "TILED" else SINGLE
+    if note := _cut(image, number):
+        raise BakeError(f"No normal map can be read: {note}.")
     with _as_data(image, number) as single:
         width, height = single.size
         if min(width, height) == 0:

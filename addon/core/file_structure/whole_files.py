@@ -103,6 +103,7 @@ def _jpeg_size(file: BinaryIO) -> tuple[int, int] | None:
 MISSING, EMPTY, CUT = "cannot be found", "is empty", "ends too early"
 """Clauses."""
 NO_IMAGE = "is no image"
+NO_PIXELS = "cannot be read"
 POINTER = "is only a pointer of Git LFS: fetch the file with git lfs pull"
 _LFS = b"version https://git-lfs.github.com/spec/"
 _IMAGES = (
@@ -144,6 +145,14 @@ def problem(path: str, *, is_image: bool = False) -> str:
     except (struct.error, IndexError, KeyError):  # a part of the file that says where others are is not there
         return CUT
     return ""
+
+
+def says_end(path: str) -> bool:
+    """Whether `problem` knows where the image at `path` must end. Of others, only who decodes them sees it. Raises OSError."""
+    with open(path, "rb") as file:
+        start = file.read(_START)
+    is_known = any(is_format(start, os.path.splitext(path)[1].lower()) for is_format, is_whole in _FORMATS[:_OF_IMAGES])
+    return is_known and not (_is_tga(start) and start[2] > _PLAIN)
 
 
 def _unpack(file: BinaryIO, layout: str, at: int | None = None) -> tuple:
@@ -277,10 +286,14 @@ def _is_tga(start: bytes) -> bool:
     return width > 0 and height > 0 and bits in (8, 15, 16, 24, 32)
 
 
+_PLAIN = 3
+"""Kinds of TGA above it are compressed."""
+
+
 def _tga(file: BinaryIO, size: int) -> bool:
     """Compressed ones do not say how long they are."""
     more, has_map, kind, count, map_bits, width, height, bits = _unpack(file, "<BBB2xHB4xHHB", 0)
-    if kind > 3:
+    if kind > _PLAIN:
         return True
     return 18 + more + has_map * count * ((map_bits + 7) // 8) + width * height * ((bits + 7) // 8) <= size
 
@@ -472,3 +485,5 @@ _FORMATS: tuple[tuple[Callable[[bytes, str], bool], Callable[[BinaryIO, int], bo
     (_ends(".usdz"), lambda file, _: zipfile.is_zipfile(file)),
 )
 """How to tell a format by its first bytes and the ending of its name, and whether a file of it is whole."""
+_OF_IMAGES = 7
+"""So many of them, the first ones, are images."""
