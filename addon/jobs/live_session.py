@@ -36,6 +36,12 @@ from . import bake_jobs, shared_image
 from .bake import READY, DrawnJob, report_of
 from .job import Job, check_clashes, check_job, files_kept, set_numbers
 
+FOLLOWED = (
+    "{name} has {shown} triangles in the viewport, which Live follows, and {rendered} in renders, which the bake follows: make "
+    "them equal, or set Modifiers to Viewport."
+)
+"""A sentence about an object whose shape differs."""
+
 
 class LiveMaps:
     """Draws and stores the maps of a session beside its normal map.
@@ -90,24 +96,31 @@ class LiveMaps:
 
 
 class Session:
-    """Follows the objects of a job.
+    """Follows the objects of a job, as the viewport shows them in their modes, or has them as a bake reads them.
 
     plan: of the last map's bake. settings: of the normal map, which is drawn for the views also if it is not stored. others:
     the other maps. drawn: how many normal maps were drawn. meshes: the objects as they were last read, with the low mesh in the
-    order in which it is drawn.
+    order in which it is drawn. differences: sentences about objects that a bake would have otherwise, see `note_differences`.
     """
 
-    def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace):
-        """Raises BakeError for objects or settings that cannot be baked, or not live."""
+    def __init__(
+        self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, *, is_followed: bool = True
+    ):
+        """is_followed: False to read the objects as a bake does, by the setting Modifiers.
+
+        Raises BakeError for objects or settings that cannot be baked, or not live.
+        """
         if settings.sampling.udim:
             raise BakeError("Live draws only one tile: turn UDIM Tiles off.")
-        self.job = job
+        self.job, self._is_followed = job, is_followed
+        self._bakes_renders = settings.map.modifiers == Modifiers.RENDER and is_followed
+        self.differences: list[str] = []
         settings.check()
         if settings.map.texture_sets:
             raise BakeError("Live draws one image for all materials: turn Texture Sets off.")
         settings = replace(
             settings.read_by(context.scene.render.engine),
-            modifiers=Modifiers.VIEWPORT,
+            modifiers=Modifiers.VIEWPORT if is_followed else settings.map.modifiers,
             mask=False,
             exact_materials=ExactMaterials.OFF,  # Cycles would take seconds after each stroke
             vertex_domain=VertexDomain.NONE,
@@ -204,7 +217,9 @@ class Session:
 
     def _read(self, context: bpy.types.Context, changed: Collection[int] | None, settings: Settings) -> Meshes:
         """Read the objects that changed; `changed` as in `work`."""
-        low, highs, cage = self.job.low, self.job.highs, self.job.cage
+        if not self._is_followed:
+            return self._taken(reading.read(context, *self._objects, settings), settings, None)
+        low, highs, cage = self._objects
         reason = object_checks.problem(context, low, highs, cage, self._method)
         if reason:
             raise BakeError(reason)
@@ -219,6 +234,14 @@ class Session:
         changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
         self._shown_by = object_checks.shown_by(highs)
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
+        return self._taken(meshes, settings, before)
+
+    @property
+    def _objects(self) -> tuple[bpy.types.Object, list[bpy.types.Object], bpy.types.Object | None]:
+        return self.job.low, self.job.highs, self.job.cage
+
+    def _taken(self, meshes: Meshes, settings: Settings, before: Meshes | None) -> Meshes:
+        """Keep `meshes` as they were read, and mended, in the order in which they are drawn. Returns the last."""
         known = before and (before, self._mended)
         mended = orienting.mended(meshes, settings, Timings(), known)
         in_order = stacked_uvs.ordered(mended, [udim.FIRST], settings.sampling, before and (self._mended, self._meshes))
@@ -245,6 +268,21 @@ class Session:
             progress.finish(renderer.texels(udim.FIRST, margins.for_maps([self._meshes.low], small)))
         self._coarse = self._coarse_pool.find("map").texture
         return Progress("Drawing", READY, self._coarse)
+
+    def note_differences(self, context: bpy.types.Context) -> None:
+        """Look for `differences`. This evaluates objects that may differ as renders do: that can take as long as for a bake."""
+        if not self._bakes_renders:
+            return
+        low, highs, cage = self._objects
+        try:
+            found = reading.differences(context, [*highs, low, *([cage] if cage else [])])
+        except BakeError as error:
+            self.differences = [str(error)]
+            return
+        self.differences = [
+            FOLLOWED.format(name=repr(obj.name), shown=f"{shown:,}", rendered=f"{rendered:,}")
+            for obj, shown, rendered in found
+        ]
 
     def other_steps(self) -> Task[None]:
         """Draw the other maps again, with their own textures, so that other bakes can run in between. Raises BakeError."""
@@ -395,7 +433,7 @@ class Session:
 
     def _warnings(self) -> list[Warned]:
         """Those about the objects, as a bake has them."""
-        found = [*self._mended.lacks, *object_checks.warnings(self.job.low, self.job.highs)]
+        found = [*self.differences, *self._mended.lacks, *object_checks.warnings(self.job.low, self.job.highs)]
         return [Warned(text) for text in (*found, *orienting.notes(self._mended))]
 
     @property

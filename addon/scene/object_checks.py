@@ -114,6 +114,48 @@ def shows_itself(obj: bpy.types.Object, *, for_render: bool) -> bool:
     return obj.show_instancer_for_render if for_render else obj.show_instancer_for_viewport
 
 
+ALIKE = {
+    *(
+        "ARMATURE",
+        "BEVEL",
+        "CAST",
+        "CORRECTIVE_SMOOTH",
+        "DECIMATE",
+        "DISPLACE",
+        "EDGE_SPLIT",
+        "HOOK",
+        "LAPLACIANSMOOTH",
+    ),
+    *(
+        "LATTICE",
+        "MASK",
+        "MIRROR",
+        "MULTIRES",
+        "NORMAL_EDIT",
+        "REMESH",
+        "SIMPLE_DEFORM",
+        "SMOOTH",
+        "SOLIDIFY",
+        "SUBSURF",
+    ),
+    *("TRIANGULATE", "UV_PROJECT", "UV_WARP", "WEIGHTED_NORMAL", "WELD", "WIREFRAME"),
+}
+"""Modifier types that do the same in renders as in the viewport, apart from their levels."""
+
+
+def may_differ_in_renders(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Whether renders may see another mesh of `obj` than the viewport shows. Evaluates nothing, and is true where unsure."""
+    if obj.type != "MESH" or shows_more(obj):
+        return True
+    for modifier in obj.modifiers:
+        if modifier.type not in ALIKE or modifier.show_viewport != modifier.show_render:
+            return True
+        has_levels = hasattr(modifier, "render_levels")
+        if has_levels and (modifier.levels != modifier.render_levels or scene.render.use_simplify):
+            return True
+    return bool(obj.modifiers) and obj.animation_data is not None  # it may drive them
+
+
 def instance_sources(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """The objects that `obj` shows, but whose changes Blender does not report as changes of `obj`.
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reads all objects of a bake into arrays at once, so that Blender's state changes only for a short time."""
 
+import zlib
 from collections.abc import Collection, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -8,6 +9,7 @@ from functools import partial
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ..core.declarations.choices import Method, Modifiers, Space
 from ..core.errors import LENGTH_DIGITS, BakeError, Incomplete, Length, plain_length, shorten_list
@@ -17,7 +19,17 @@ from ..mesh.edges import is_without_area
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import complaints, cycles_values, evaluation, high_materials, mesh_reader, poses
+from . import (
+    complaints,
+    cycles_values,
+    evaluation,
+    high_materials,
+    high_reader,
+    mesh_reader,
+    object_checks,
+    poses,
+    render_view,
+)
 from .high_materials import MaterialSet
 from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
@@ -122,6 +134,52 @@ def read_again(
     if meshes.is_own_base and evaluation.smooths_uvs(low):
         meshes = _with_kept_uvs(context, low, settings, meshes, before)
     return meshes
+
+
+def differences(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object]
+) -> list[tuple[bpy.types.Object, int, int]]:
+    """Those of `objects` that renders see otherwise than the viewport shows them, with the number of their triangles in the
+    viewport and in renders. Objects in Edit Mode and with Dyntopo, which are edited otherwise than they are evaluated, are left
+    out.
+
+    Raises BakeError while a render runs.
+    """
+    asked = [
+        obj
+        for obj in dict.fromkeys(objects)
+        if obj.mode in {"OBJECT", "SCULPT"} and not (obj.mode == "SCULPT" and obj.use_dynamic_topology_sculpting)
+        if object_checks.may_differ_in_renders(obj, context.scene)
+    ]
+    if not asked:
+        return []
+    shown = _shapes(context.evaluated_depsgraph_get(), asked)
+    rendered = render_view.read(context, asked, lambda depsgraph: _shapes(depsgraph, asked))
+    pairs = zip(asked, shown, rendered, strict=True)
+    return [(obj, one[0], other[0]) for obj, one, other in pairs if one != other]
+
+
+def _shapes(depsgraph: bpy.types.Depsgraph, objects: Sequence[bpy.types.Object]) -> list[tuple[int, int]]:
+    """The number of triangles that each object shows, with its instances, and a checksum of all places."""
+    found = [(0, 0)] * len(objects)
+    known: dict[int, tuple[int, int]] = {}
+
+    def add(number: int, data: bpy.types.Mesh, matrix: Matrix) -> None:
+        key = data.as_pointer()
+        if key not in known:
+            triangles = len(data.loops) - 2 * len(data.polygons)
+            known[key] = triangles, zlib.crc32(mesh_reader.points(data))
+        triangles, checksum = known[key]
+        checksum = zlib.crc32(np.array(matrix, np.float32).tobytes(), checksum)
+        found[number] = found[number][0] + triangles, found[number][1] ^ checksum
+
+    for number, obj in enumerate(objects):
+        if object_checks.shows_itself(obj, for_render=depsgraph.mode == "RENDER"):
+            shown = obj.evaluated_get(depsgraph)
+            add(number, shown.data, shown.matrix_world)
+    for number, obj, matrix in high_reader.instances_shown(depsgraph, objects):
+        add(number, obj.data, matrix)
+    return found
 
 
 def _with_kept_uvs(

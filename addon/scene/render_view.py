@@ -83,7 +83,7 @@ def _is_busy() -> bool:
 
 
 def _refused(why: str) -> str:
-    return f"The objects cannot be read as renders see them, since {why}: wait, or set Modifiers to As in the Viewport."
+    return f"The objects cannot be read as renders see them, since {why}: wait, or set Modifiers to Viewport."
 
 
 def _bake(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, triangle: bpy.types.Object) -> str:

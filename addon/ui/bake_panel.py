@@ -347,6 +347,8 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         draw_batch(layout, context)
         if live.is_on and live.message:
             draw_fixable(layout.box(), context, live.message, "ERROR")
+        elif live.session is not None and live.session.differences:
+            draw_paragraphs(layout.box(), context, live.session.differences, "INFO")
 
 
 def _findings(context: bpy.types.Context, chosen: Chosen) -> list[Finding]:

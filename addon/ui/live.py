@@ -219,6 +219,10 @@ class Following:
             raise BakeError(self._refused[1])
         try:
             session = live_session.Session(bpy.context, self.session.job, wanted, Pace(SLICE, has_picture=False))
+            if wanted.map.modifiers == self._settings.map.modifiers:
+                session.differences = self.session.differences
+            else:
+                session.note_differences(bpy.context)
             self.session.commit()  # the new session may store into another image
         except BakeError as error:
             self._refused = wanted, str(error)
@@ -402,6 +406,7 @@ class LiveController:
         is_done = False
         try:
             yield from session.steps(context)
+            session.note_differences(context)
             session.store()
             is_done = True
         finally:

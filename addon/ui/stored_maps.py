@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import bpy
 import gpu
@@ -20,7 +21,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import data_texture, lit, viewport
 from ..passes.mesh_upload import UploadCache
-from ..scene import evaluation, reading
+from ..scene import evaluation, object_checks, reading
 from ..scene.textures import SINGLE, ImageTextures
 from . import object_pairs, view_shading
 from .view_scene import ViewScene
@@ -106,18 +107,26 @@ class StoredBake:
         if self.meshes.highs or not highs:
             return
         # Only their shape matters: rays would need no UVs either.
-        plain = replace(
-            self.settings.without_other_maps(), method=Method.CAST, detail_maps=False, modifiers=Modifiers.VIEWPORT
-        )
+        plain = replace(self.settings.without_other_maps(), method=Method.CAST, detail_maps=False)
         is_as_seen = all(evaluation.is_followed(context, obj) for obj in (self.job.low, *highs))
-        read = reading.read_again if is_as_seen else reading.read
+        read = reading.read_again if is_as_seen and not self._is_rendered(*highs) else reading.read
         self.meshes = replace(self.meshes, highs=read(context, self.job.low, highs, None, plain).highs)
 
+    def _is_rendered(self, *objects: bpy.types.Object) -> bool:
+        """Whether to read objects as renders see them: the bake did, and they may differ from what the viewport shows. Objects
+        in other modes are shown as they are edited."""
+        if self.settings.map.modifiers != Modifiers.RENDER or any(obj.mode != "OBJECT" for obj in objects):
+            return False
+        return any(object_checks.may_differ_in_renders(obj, bpy.context.scene) for obj in objects)
+
     def _read_low(self, context: bpy.types.Context, uv_layer: str) -> Meshes:
-        low = self.job.low
+        low, is_own_base = self.job.low, self.job.low in self.job.highs
         settings = replace(self.settings, uv_layer=uv_layer, method=Method.FLATTEN, texture_sets=True)
-        depsgraph = context.evaluated_depsgraph_get()
-        meshes = reading.read_low(depsgraph, low, None, settings, is_own_base=low in self.job.highs)
+        read = partial(reading.read_low, low=low, cage=None, settings=settings, is_own_base=is_own_base)
+        if not is_own_base and self._is_rendered(low):
+            meshes = evaluation.evaluate(context, [low], read, modifiers=Modifiers.RENDER)
+        else:
+            meshes = read(context.evaluated_depsgraph_get())
         if not len(meshes.low.triangles):
             raise BakeError(f"{low.name!r} has no faces.")
         return meshes

@@ -416,7 +416,7 @@ def _time_of_bake(low: bpy.types.Object) -> str:
 def _drawn_map(context: bpy.types.Context, pace: progress.Pace) -> progress.Task[OwnMap]:
     """A map of the current objects and settings."""
     job, settings = context.scene.imprint.chosen(context).job(context)
-    session = live_session.Session(context, job, view_shading.settings_for(settings), pace)
+    session = live_session.Session(context, job, view_shading.settings_for(settings), pace, is_followed=False)
     yield from session.steps(context)
     return OwnMap(session, settings, _time_of_bake(job.low))
 
@@ -440,7 +440,7 @@ def _map_of_file(context: bpy.types.Context, low: bpy.types.Object | None, pace:
         uv_layer=report.uv_layer,
         **past.distances,
     )
-    session = live_session.Session(context, past.job, settings, pace)
+    session = live_session.Session(context, past.job, settings, pace, is_followed=False)
     texels = np.empty((height, width, 4), np.float32)
     stored[0].image.pixels.foreach_get(texels.reshape(-1))
     session.adopt(context, texels)

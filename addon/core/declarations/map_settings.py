@@ -185,8 +185,10 @@ MAP: dict[str, Setting] = {
         tooltip="Which settings of modifiers to use",
         default=Modifiers.RENDER,
         items=(
-            Item(Modifiers.RENDER, "Render", "Levels and visibility as set for rendering"),
-            Item(Modifiers.VIEWPORT, "Viewport", "Levels and visibility as set for the viewport"),
+            Item(
+                Modifiers.RENDER, "Render", "What a render sees: its levels, resolutions and visibility, and Simplify"
+            ),
+            Item(Modifiers.VIEWPORT, "Viewport", "What the viewport shows"),
         ),
     ),
     "rest_pose": Switch(
