@@ -281,9 +281,12 @@ def _agreement(patches: HighPatches) -> float:
 
 
 def _low_differs(patches: HighPatches) -> bool:
-    """Whether faces of the low mesh point against those beside them, on much of it."""
-    is_against = patches_of(patches.low).is_against
-    return float(patches.low_areas[is_against].sum()) > DIRTY_LOW * float(patches.low_areas.sum())
+    """Whether faces of the low mesh point against those beside them, on much of it. Those that are there twice are not beside."""
+    low = patches.low
+    again, _ = orientation.copies(low.positions, low.vertices[low.triangles])
+    is_against = patches_of(low.with_triangles(~again) if again.any() else low).is_against
+    areas = patches.low_areas[~again]
+    return float(areas[is_against].sum()) > DIRTY_LOW * float(areas.sum())
 
 
 def _with_turned(patches: HighPatches, found: Sides, trials: Trials | None = None) -> Meshes:

@@ -327,6 +327,53 @@ def test_shells_that_the_low_mesh_has_as_well_stay(is_flipped):
     assert scenes.bake(outer, high, method="CAST").mended.get("hidden", 0) == 0
 
 
+def test_an_object_inside_another_is_a_high_mesh_if_it_was_chosen_seed_4():
+    """What is rid of its hidden parts is each object: rays inward from the outer one end in the inner one."""
+    outer, _ = ball(level=3)
+    inner = scaled(outer, 0.7)
+    dirty = spoiled.flipped_in_regions(outer, np.random.default_rng(4), 0.2)
+    low, core = zoo.sphere("lo", n=16), spoiled.build("core", inner)
+    wanted = {"maps": ("THICKNESS",), "size": 32, "method": "CAST", "rays": 16, "thickness_distance": 3.0}
+
+    def thickness(*highs):
+        report, found = maps.bake_all_maps(low, *highs, **wanted)
+        return report, found["thickness"]
+
+    _, truth = thickness(spoiled.build("clean", outer), core)
+    _, alone = thickness(bpy.data.objects["clean"])
+    report, found = thickness(spoiled.build("dirty", dirty), core)
+    assert report.mended["turned"] > 0 and report.mended["hidden"] == 0
+    assert np.abs(truth - found).max() < 2.0 / 255.0
+    assert np.abs(truth - alone).mean() > 0.01
+
+
+@pytest.mark.parametrize("far", [2.5, 40.0])
+def test_a_spoiled_high_mesh_beside_the_low_one_changes_no_texel_seed_5(far):
+    """It lies above nothing of the low mesh, within and out of reach of the rays."""
+    soup, _ = ball(level=3)
+    low, high = pair(soup)
+    clean = cast(low, high)
+    dirty = spoiled.all_together(soup, np.random.default_rng(5))
+    beside = spoiled.build("beside", spoiled.replace(dirty, points=dirty.points + (far, 0.0, 0.0)))
+    assert np.abs(clean - cast(low, high, beside)).max() < SAME
+    spoiled_too = spoiled.build("hi 2", spoiled.flipped_in_regions(soup, np.random.default_rng(6), 0.2))
+    assert np.abs(clean - cast(low, spoiled_too, beside)).max() < SAME
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_a_spoiled_high_mesh_is_mended_under_a_low_mesh_of_doubled_faces_seed_6(is_turned):
+    """As exporters of two-sided materials leave them: each face twice, or once to each side."""
+    soup, _ = ball(level=3)
+    shell = spoiled.of_object(zoo.sphere("once", n=12))
+    again = against(shell) if is_turned else shell
+    low, high = spoiled.build("lo", spoiled.joined(shell, again)), spoiled.build("hi", soup)
+    clean = cast(low, high, keep_faces=True)
+    dirty = spoiled.build("dirty", spoiled.flipped_in_regions(soup, np.random.default_rng(6), 0.2))
+    assert spoiled.wrong(clean, cast(low, high)) == 0.0
+    assert spoiled.wrong(clean, cast(low, dirty)) < MORE_WRONG
+    assert spoiled.wrong(clean, cast(low, dirty, keep_faces=True)) > 0.01
+
+
 @pytest.mark.parametrize("is_turned", [False, True])
 def test_triangles_that_are_there_twice_count_once(is_turned):
     soup, _ = ball(level=3)

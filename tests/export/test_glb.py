@@ -188,6 +188,38 @@ def test_levels_of_detail_hang_on_the_first(tmp_path):
     assert [one.triangles for one in done] == [24, 2]
 
 
+def test_levels_in_files_of_their_own_are_written_all_or_none(tmp_path, monkeypatch):
+    low, high = bent_pair()
+    coarse = zoo.sheet("coarse", lambda u, v: np.stack([u, v, 0 * u], axis=1), 1, 1)
+    reports = bake(low, high, image="fine map"), bake(coarse, high, image="coarse map")
+    export = engine_files.export_files
+
+    def second_fails(context, bakes, path, **options):
+        if bakes[0][0].low == "coarse":
+            raise BakeError("The disk is full.")
+        return export(context, bakes, path, **options)
+
+    def content():
+        return {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def write():
+        return engine_files.export_levels(bpy.context, reports, str(tmp_path / "{low}.glb"))
+
+    for is_there in (False, True):
+        before = content()
+        with monkeypatch.context() as patch:
+            patch.setattr(engine_files, "export_files", second_fails)
+            with pytest.raises(BakeError, match="disk is full"):
+                write()
+        assert content() == before
+        low.location.z += 1.0  # another file, where there was one
+        assert [one.triangles for one in write()] == [24, 2]
+        assert set(content()) == {"bent.glb", "coarse.glb"}
+        assert is_there == (content().keys() == before.keys())
+    assert content()["bent.glb"] != before["bent.glb"]
+    assert all("MSFT_lod" not in glb.parse(path)[0].get("extensionsUsed", []) for path in tmp_path.iterdir())
+
+
 def test_texture_sets_have_a_material_each(tmp_path):
     low, high = bent_pair()
     for name in ("wood", "iron"):

@@ -8,7 +8,9 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all
+from tests.support import scenes, zoo
 
+POINTS = np.array([(x, y, 0.0) for y in (0.1, 0.9) for x in (0.1, 0.5, 0.9)])
 COLORS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0)}
 SIZE = 64
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -139,6 +141,22 @@ def test_each_set_stores_its_own_faces_in_the_attributes(pair, domain):
     for face in low.data.polygons:
         expected = list(COLORS.values())[face.material_index]
         np.testing.assert_allclose(found[list(face.loop_indices)], [expected] * 4, atol=1e-5)
+
+
+def test_a_set_leaves_vertices_of_another_set_as_they_are():
+    """Of two squares side by side, the middle vertices alone are of both sets, and the last one is on top."""
+    faces = np.array([(0, 1, 4, 3), (1, 2, 5, 4)])
+    low, high = (zoo.build(name, POINTS, faces, POINTS[faces, :2]) for name in ("lo", "hi"))
+    for obj in (low, high):
+        for name, color in COLORS.items():
+            scenes.material(name, obj, Base_Color=(*color, 1.0))
+        obj.data.polygons[1].material_index = 1
+    reports = bake(low, high, vertex_domain="POINT", width=16, height=16)
+    assert [report.material for report in reports] == ["Red", "Green"]
+    found = np.empty(6 * 4, np.float32)
+    low.data.attributes["base_color"].data.foreach_get("color", found)
+    wanted = [COLORS[name] for name in ("Red", "Green", "Green") * 2]
+    np.testing.assert_allclose(found.reshape(6, 4)[:, :3], wanted, atol=1e-5)
 
 
 def test_connected_maps_of_a_set_stay_in_its_material(pair):

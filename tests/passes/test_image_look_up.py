@@ -111,6 +111,20 @@ def test_srgb_is_interpolated_as_it_is_stored():
     assert np.abs(shown - linear(np.clip(seen.x.astype(float) * 2.0 - 0.5, 0.0, 1.0))).max() < EXACT
 
 
+@pytest.mark.parametrize("size", [(75, 70), (129, 131), (517, 1031)])
+def test_ramps_of_odd_sizes_are_exact_from_each_level(size):
+    """Pixels of a level are equal parts of the image, and their means lie on the ramp at their centers. Parts of a pixel count
+    with its whole value, which is off by 1 / (4 n) of a pixel at most, in a level of n."""
+    seen = SeenSurface(grid(4, 4), (32, 32))
+    u, v = np.meshgrid(*((np.arange(count) + 0.5) / count for count in size))
+    shown = seen.shown(page(np.stack([u, v, 0.0 * u], axis=-1)), ImageFeed("a"))
+    inner = np.s_[2:-2, 2:-2]  # without the footprints across the border
+    for axis, place in enumerate((seen.x, seen.y)):
+        sides = [each[axis] for each in surface_tables.level_sizes(*size) if each[axis] >= 32]
+        most = sum(1.0 / (4 * (side // 2 + 1) * side) for side in sides if side % 2)
+        assert np.abs(shown[..., axis] - place)[inner].max() < most + EXACT * 10
+
+
 @pytest.mark.parametrize("pixels_a_texel", [37.0, 16.0, 3.3])
 def test_a_small_checker_shows_its_mean(pixels_a_texel):
     """The mean of scene-linear colors, without a pattern of its own."""

@@ -533,6 +533,22 @@ def test_bakes_of_several_objects_have_records_of_their_own(folder):
     assert record_of(in_scene(there, ["--pairs"], "--size", "64")) == found[0]
 
 
+def test_bakes_that_differ_by_the_cage_alone_are_two(folder):
+    """And one that is done does not leave out the other one, also where both would write the same map."""
+    parts = ["--low", "a", "--high", "b"]
+    planned = [
+        replace(in_scene(folder, parts, "--cage", cage, output=f"{place}/{{low}}.png"), name=cage)
+        for place, cage in (("here", "tight"), ("here", "wide"), ("there", "wide"))
+    ]
+    for more in ({}, {"records": str(folder / "records")}):
+        names = [records.record_path(each.options, more.get("records")) for each in planned]
+        assert len(set(names)) == (3 if more else 2)  # beside a map there is one
+        keys = [key(each) for each in planned]
+        assert keys[0] != keys[1] == keys[2]  # which folder does not count
+        assert list(run([planned[0]], **more)) == ["tight"]
+        assert why(planned[0], **more) == "" and why(planned[1], **more) != ""
+
+
 def test_sequences_of_one_path_have_records_of_their_own(folder):
     found = [
         record_of(in_scene(folder, ["--low", "a", "--frames", each], output="m_##.png")) for each in ("1-3", "4-6")
