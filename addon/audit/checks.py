@@ -271,7 +271,8 @@ def _placement_warnings(
         found = "the surfaces are far apart"
     else:
         return
-    yield Warned(f"{highs} and {low} differ in place or size: {found}. Put them in the same place.", severity.ELSEWHERE)
+    advice = "Put them in the same place, or set an extrusion from which rays start outside of them."
+    yield Warned(f"{highs} and {low} differ in place or size: {found}. {advice}", severity.ELSEWHERE)
 
 
 def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[Warned]:

@@ -17,7 +17,10 @@ from ..mesh.local_space import gap, local_space_of
 from . import separation, tree_cache, uv_agreement
 
 FAR_APART = 0.5
-"""Share of the low mesh's radius. Meshes whose boxes have a larger gap between them do not belong together."""
+"""Share of the low mesh's radius. Meshes whose boxes have a larger gap between them belong together only if most rays hit, as of
+a card before a wall."""
+FARTHEST_APART = 2.0
+"""The same, from which on they do not belong together, unless distances are set."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,8 @@ class Plan:
 
     method: FLATTEN or CAST. why: a clause; empty where the settings name the method. tiles: UDIM numbers. meshes: those
     that were read, reduced to the parts that the method can use. separation: the result of separation.sample if the choice
-    needed it, or None. warnings: sentences. has_rays: whether FLATTEN casts rays where the UV layouts do not agree.
+    needed it, or None. warnings: sentences. has_rays: whether FLATTEN casts rays where the UV layouts do not agree. apart: if
+    the meshes are far apart, and no distance is set, a sentence for rays that miss.
     """
 
     method: str
@@ -36,6 +40,7 @@ class Plan:
     separation: np.ndarray | None = None
     warnings: tuple[str, ...] = ()
     has_rays: bool = False
+    apart: str = ""
 
     @property
     def casts_rays(self) -> bool:
@@ -48,7 +53,7 @@ def choose_method(
 ) -> Plan:
     """Decide between Flatten and Cast, and drop the parts of meshes that the method cannot use.
 
-    length: a length in scene units as text. Raises BakeError for meshes that are far apart.
+    length: a length in scene units as text. Raises BakeError for meshes that are too far apart.
     """
     plan = Plan(tracing.method, tuple(tiles), meshes)
     if tracing.method == Method.AUTO:
@@ -135,8 +140,11 @@ def _within_reach(plan: Plan, tracing: TracingSettings, length: Length) -> Plan:
     meshes = plan.meshes
     distance = gap(meshes.low, meshes.highs)
     radius = local_space_of([meshes.low]).size
-    if distance > FAR_APART * radius and tracing.max_distance is None and meshes.cage is None:
-        raise BakeError(_far_apart(meshes, length(distance)))
+    is_measured = tracing.extrusion is None and tracing.max_distance is None and meshes.cage is None
+    if is_measured and distance > FAR_APART * radius:
+        plan = replace(plan, apart=_far_apart(meshes, length(distance)))
+        if distance > FARTHEST_APART * radius:
+            raise BakeError(plan.apart)
     # Distant meshes would make the tree less precise: the steps of its quantized boxes grow with the extent of all meshes.
     painted = 1.0 if meshes.offset is None else float(meshes.offset.max())
     reach = max((tracing.extrusion or 0.0) * painted, tracing.max_distance or 0.0, 2.0 * radius)
@@ -144,15 +152,12 @@ def _within_reach(plan: Plan, tracing: TracingSettings, length: Length) -> Plan:
     if not near:
         return plan
     kept = set(map(id, near))
-    return replace(
-        plan,
-        meshes=replace(meshes, highs=near),
-        warnings=tuple(
-            f"{high.name!r} lies out of reach of the rays and was left out."
-            for high in meshes.listed_highs
-            if id(high) not in kept
-        ),
+    left_out = (
+        f"{high.name!r} lies out of reach of the rays and was left out."
+        for high in meshes.listed_highs
+        if id(high) not in kept
     )
+    return replace(plan, meshes=replace(meshes, highs=near), warnings=(*plan.warnings, *left_out))
 
 
 def _place(tiles: Sequence[int]) -> str:

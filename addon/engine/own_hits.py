@@ -136,6 +136,22 @@ def shares_of_sides(meshes: Meshes, timings: Timings) -> tuple[float, float] | N
     return as_is, turned
 
 
+def share_facing(meshes: Meshes, places: LowPlaces, outside: np.ndarray, timings: Timings) -> float:
+    """The share of places whose ray meets a face that points to it, from `outside` (N,) world units above the surface down to
+    the surface: whatever it belongs to. The high meshes must fit the tree, as in `shares_of_sides`."""
+    scene, count = tree_cache.trees.ray_scene_of(meshes.highs, timings), len(places.triangles)
+    space = scene.local_space
+    moved = LocalSpace(space.origin - place_aside(meshes.whole_low, meshes.highs), space.size)
+    below, away = np.ones((count, 4), np.float32), np.empty((count, 4), np.float32)
+    below[:, :3], away[:, :3], away[:, 3] = places.points(moved), places.directions(), outside / space.size
+    drawn = rays.upload_texels(below, away)
+    hits = target.Target(drawn.width, drawn.height, ("RGBA32UI",))
+    search = cast.Search(Hit.OUTERMOST, inside=0.0, max_t=FARTHEST, facing_only=True)
+    for _ in cast.trace_in_slices(hits, drawn, scene.tables, None, search, pace=Pace()):
+        pass
+    return float((cast.read_hits(hits)[0].reshape(-1)[:count] >= 0).mean()) if count else 0.0
+
+
 def place_aside(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
     """The way (3,) from a low mesh to high meshes that lie beside it, in world units; 0 if they do not."""
     space = local_space_of([low])

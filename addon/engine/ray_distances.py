@@ -34,6 +34,8 @@ FARTHEST_PART = 4.0
 """In tree_cache.ROOM. Parts that stand off farther need an extrusion that is set."""
 MOST_PARTS = 0.9
 """The largest share of the low surface that parts may cover. What covers more is another layer, which the low mesh lacks."""
+MOST_INSIDE = 0.5
+"""The share of rays that may start inside of solid parts."""
 PART_RESERVE = 1.1
 """Factor on the measured height of parts that stand off."""
 DIGITS = 3
@@ -63,6 +65,9 @@ def measured_rays(
             if tracing.hit == Hit.OWN and not has_cage:
                 length = None if max_distance is None else max_distance / unit
                 outside, inside = with_room((outside, inside), length, start.probe, start.low_surface.owners)
+            room = start.low_surface.owners.room
+            if not has_cage and len(heights) and np.mean(heights > room) > MOST_INSIDE:
+                outside = out_of_solids(start.probe, outside)
             outside, inside = max(outside + off, SMALLEST), max(inside - off, SMALLEST)
         extrusion = outside * unit if extrusion is None else extrusion
         # Measured from the low surface; rays start `extrusion` outside it.
@@ -199,6 +204,45 @@ def with_room(
     if max_distance is not None:  # the rays must still reach as far inside as was measured
         extrusion = min(extrusion, max_distance - inside)
     return max(outside, extrusion), max(inside, owners.room)
+
+
+LEAST_HITS = 0.5
+"""The share of rays that hit something if the meshes are far apart, but belong together, as a card before a wall."""
+
+
+def share_of_hits(ray_cast: ray_casting.RayCast, tiles: Sequence[int], settings: Settings) -> float:
+    """The share of some of the rays of a bake that hit anything."""
+    hit, cast_in_all = 0, 0
+    width, height = (min(side, PART_PROBE_SIZE) for side in settings.sampling.size)
+    for tile in tiles:
+        drawn = target.get("rays", width, height, "RGBA32F", "RGBA32F")
+        ray_cast.draw(drawn, udim.uv_to_clip(tile))
+        hits, found = target.get("hits", width, height, "RGBA32UI"), target.get("high", width, height, "RGBA32F")
+        ray_cast.trace(hits, drawn)
+        cast.heights(found, hits, drawn)
+        alpha = found.texels()[..., 3]
+        hit, cast_in_all = hit + np.count_nonzero(alpha > 0.0), cast_in_all + np.count_nonzero(alpha)
+    return hit / max(1, cast_in_all)
+
+
+def out_of_solids(probe: Probe, outside: float) -> float:
+    """`outside`, or as far outside as the front of solid parts lies that stand off the low surface, if most rays would start in
+    them and see their backs from inside."""
+    inside, seen = 0, 0
+    for drawn in probe.drawn(start_offset=outside, most=PART_PROBE_SIZE):
+        first, faced = (
+            hit_heights(probe.tables, None, drawn, cast.Search(Hit.OUTERMOST, outside, FARTHEST, facing_only=facing))
+            .reshape(-1, 4)
+            .copy()
+            for facing in (False, True)
+        )
+        is_hit = first[:, 3] > 0.0
+        is_back = is_hit & ((faced[:, 3] <= 0.0) | (faced[:, 0] < first[:, 0] - SMALLEST))
+        inside, seen = inside + np.count_nonzero(is_back), seen + np.count_nonzero(is_hit)
+    if inside <= MOST_INSIDE * seen:
+        return outside
+    fronts = measured_heights(probe, has_cage=False, facing_only=True)
+    return max(outside, _with_reserve(fronts[fronts > 0.0]))
 
 
 def rounded(distance: float) -> float:

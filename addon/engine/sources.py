@@ -10,6 +10,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import Hit, Method, Space
+from ..core.errors import BakeError
 from ..core.map_types import BY_NAME
 from ..core.progress import STEP, Progress, Task, Timings, costs_of_rows
 from ..core.settings import MapSettings, Run, TracingSettings
@@ -68,7 +69,8 @@ class Source(ABC):
 
 
 def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | None = None) -> Task[Source]:
-    """The source of a bake. uploads: a cache of uploaded meshes. Raises BakeError for more triangles than the GPU takes."""
+    """The source of a bake. uploads: a cache of uploaded meshes. Raises BakeError for more triangles than the GPU takes, and
+    for meshes that are far apart, if most rays miss."""
     meshes = plan.meshes
     if not plan.casts_rays:
         surface = None
@@ -86,6 +88,8 @@ def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | No
             uploads=uploads,
         )
     ray_cast = yield from ray_distances.measured_rays(meshes, plan.tiles, run.settings, run.timings)
+    if plan.apart and ray_distances.share_of_hits(ray_cast, plan.tiles, run.settings) < ray_distances.LEAST_HITS:
+        raise BakeError(plan.apart)
     if plan.has_rays:
         return FlatAndRays(meshes, ray_cast, run)
     return Rays(meshes.low, ray_cast, meshes.highs, run)

@@ -9,6 +9,7 @@ from functools import partial
 
 import bpy
 import numpy as np
+from mathutils.bvhtree import BVHTree
 
 from ..audit import before_bake, mip_gaps, severity
 from ..audit.before_bake import FLIPPED, HARD_EDGES, LAYER, MIRRORED, POLYGONS, Faces, Finding
@@ -143,13 +144,28 @@ def _shows_more_flipped(
     ]
     as_read = replace(meshes, highs=list(map(_turned, meshes.highs, masks)))
     shares = own_hits.shares_of_sides(as_read, timings)
-    if is_high and shares is not None:
-        flipped = own_hits.shares_of_sides(
-            replace(as_read, highs=[_turned(high, ~mask) for high, mask in zip(meshes.highs, masks, strict=True)]),
-            timings,
-        )
-        shares = flipped and (shares[0], flipped[0])
-    return shares is not None and before_bake.gains(*shares)
+    if shares is None or len(meshes.whole_low.triangles) > MOST_LOW:
+        return False
+    if is_high:
+        highs = [_turned(high, ~mask) for high, mask in zip(meshes.highs, masks, strict=True)]
+        flipped = own_hits.shares_of_sides(replace(as_read, highs=highs), timings)
+        shares = shares[0], flipped[0] if flipped is not None else 0.0
+    return before_bake.gains(*shares) and before_bake.gains(_share_from_afar(as_read, timings), shares[1])
+
+
+MOST_LOW = 300_000
+"""Triangles of a low mesh up to which its own surface is searched for what ends a way outward."""
+
+
+def _share_from_afar(meshes: Meshes, timings: Timings) -> float:
+    """The share of the low surface from which a ray meets the outside of a high mesh, as far outside as it may stand off."""
+    low, space = meshes.whole_low, local_space_of([meshes.whole_low])
+    places = own_hits.LowPlaces.of(meshes, before_bake.LOW_FACES)
+    points = space.points(low)
+    tree = BVHTree.FromPolygons(points.tolist(), low.vertices[low.triangles].tolist())
+    far = traced_sides.FAR * float(np.linalg.norm(np.ptp(points, axis=0)))
+    ways = traced_sides.clear_ways(tree, places.points(space).astype(np.float64), places.directions(), far)
+    return own_hits.share_facing(meshes, places, ways * space.size, timings)
 
 
 def _turned(mesh: Mesh, which: np.ndarray) -> Mesh:
@@ -190,7 +206,13 @@ def viewport_flipped(
     aside, is_high = before_bake.aside(on_low, on_high), found[0].values["is_high"]
     surfaces = [Surface.of(high, depsgraph) for high in shown]
     shares = traced_sides.shares(
-        on_low.centers, on_low.normals, surfaces, aside=aside, size=_size(evaluated_low), is_high=is_high
+        on_low.centers,
+        on_low.normals,
+        Surface.of(evaluated_low, depsgraph),
+        surfaces,
+        aside=aside,
+        size=_size(evaluated_low),
+        is_high=is_high,
     )
     return found if before_bake.gains(*shares) else []
 

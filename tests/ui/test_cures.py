@@ -111,7 +111,15 @@ def ball_in_ball():
     return zoo.sphere("lo", 6), [zoo.ball("hi", 16), *beads]
 
 
+def behind_bricks():
+    """From behind, where a flip would show the back of the wall."""
+    low, parts = bricks()
+    low.location.z = -0.4
+    return low, parts
+
+
 RIGHT = {
+    "behind bricks": behind_bricks,
     "balls sunk by a half": lambda: sunk_balls(8, 0.06, 0.03),
     "many balls": lambda: sunk_balls(10, 0.07, 0.02),
     "large balls": lambda: sunk_balls(3, 0.3, 0.1),
