@@ -166,6 +166,30 @@ def test_live_follows_a_spoiled_mesh_seed_8(has_copies):
         session.free()
 
 
+def test_live_turns_faces_anew_if_the_low_mesh_is_another_seed_8():
+    """What points to the side of the low mesh at first is turned over once the low mesh points to the other side."""
+    low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 24, height=0.15))
+    high = spoiled.build("hi", spoiled.flipped_in_regions(soup, np.random.default_rng(8), 0.3))
+    values = {"method": "FLATTEN", "space": "OBJECT", "storage": "MEMORY", "modifiers": "VIEWPORT"}
+    settings = Settings(width=32, height=32, **values)
+
+    def session():
+        return Session(bpy.context, Job(low, [high]), settings, progress.Pace())
+
+    live = session()
+    live.run(bpy.context)
+    before = live.texels.copy()
+    low.data.flip_normals()
+    bpy.context.view_layer.update()
+    live.run(bpy.context, {low.session_uid})
+    anew = session()
+    anew.run(bpy.context)
+    assert np.abs(live.texels - anew.texels).max() < SAME
+    assert spoiled.wrong(before, anew.texels) > 0.9
+    for each in (live, anew):
+        each.free()
+
+
 def test_live_does_not_look_for_turned_faces_again_where_a_bent_quad_is_cut_along_its_other_diagonal(monkeypatch):
     low, high = zoo.terrain("lo", 8), zoo.terrain("hi", 16)
     settings = Settings(method="FLATTEN", width=64, height=64, storage="MEMORY", modifiers="VIEWPORT")
@@ -327,12 +351,14 @@ def test_shells_that_the_low_mesh_has_as_well_stay(is_flipped):
     assert scenes.bake(outer, high, method="CAST").mended.get("hidden", 0) == 0
 
 
-def test_an_object_inside_another_is_a_high_mesh_if_it_was_chosen_seed_4():
+@pytest.mark.parametrize("is_clean", [True, False])
+def test_an_object_inside_another_is_a_high_mesh_if_it_was_chosen_seed_4(is_clean):
     """What is rid of its hidden parts is each object: rays inward from the outer one end in the inner one."""
     outer, _ = ball(level=3)
     inner = scaled(outer, 0.7)
-    dirty = spoiled.flipped_in_regions(outer, np.random.default_rng(4), 0.2)
+    dirty, dirty_inner = (spoiled.flipped_in_regions(each, np.random.default_rng(4), 0.2) for each in (outer, inner))
     low, core = zoo.sphere("lo", n=16), spoiled.build("core", inner)
+    found_core = core if is_clean else spoiled.build("dirty core", dirty_inner)
     wanted = {"maps": ("THICKNESS",), "size": 32, "method": "CAST", "rays": 16, "thickness_distance": 3.0}
 
     def thickness(*highs):
@@ -341,7 +367,7 @@ def test_an_object_inside_another_is_a_high_mesh_if_it_was_chosen_seed_4():
 
     _, truth = thickness(spoiled.build("clean", outer), core)
     _, alone = thickness(bpy.data.objects["clean"])
-    report, found = thickness(spoiled.build("dirty", dirty), core)
+    report, found = thickness(spoiled.build("dirty", dirty), found_core)
     assert report.mended["turned"] > 0 and report.mended["hidden"] == 0
     assert np.abs(truth - found).max() < 2.0 / 255.0
     assert np.abs(truth - alone).mean() > 0.01
