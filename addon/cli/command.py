@@ -141,7 +141,8 @@ def _bake(options: RunOptions, sets: Sequence[argparse.Namespace], meter: Meter,
     if conflicts:
         raise WrongPlace("\n".join(conflicts))
     named = plans.named_plans(planned, options.only)
-    chosen = plans.shard_part(named, options.shard, lambda plan: plans.cost(plan.options))
+    shares = plans.shares(planned) if options.shard else {}
+    chosen = plans.shard_part(named, options.shard, lambda plan: shares[plan.number])
     if options.has_table:
         for problem in problems:
             meter.report(f"{options.program}: warning: {problem}")

@@ -130,9 +130,9 @@ class _Listing:
         self._options, self._files = options, InputFiles()
         self.planned, self.warnings, self._run, self.problems = clashes.plan_call(options, sets, self._files)
         self.costs = {plan.number: plans.cost(plan.options) for plan in self.planned}
-        self.chosen = plans.shard_part(
-            plans.named_plans(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]
-        )
+        shares = plans.shares(self.planned) if options.shard else {}
+        named = plans.named_plans(self.planned, options.only)
+        self.chosen = plans.shard_part(named, options.shard, lambda plan: shares[plan.number])
         found = InputProblems(self._files, reads=options.check and self._run.bounds is None)
         is_refused = self._run.bounds is not None and bool(self.problems)  # nothing elsewhere is looked at
         self._of_bakes = {plan.number: [] if is_refused else list(found.of(plan)) for plan in self.chosen}

@@ -6,11 +6,14 @@ import fnmatch
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 
+from ..core import udim
 from ..core.errors import BakeError
 from ..core.file_formats import OPENED
 from ..core.naming import Pair, Suffixes, match, printable
@@ -145,14 +148,46 @@ def frames(options: argparse.Namespace) -> range:
     return range(options.frames[0], options.frames[1] + 1) if options.frames else range(0)
 
 
-def cost(options: argparse.Namespace) -> int:
-    """The cost of a bake: the samples of all texels of its maps.
+BYTE_COST = 2
+"""What reading a byte of a mesh costs, in samples of a texel."""
+LEAST_BYTES = 1 << 20
+"""Smaller files do not decide which machine does a bake."""
 
-    It depends on the options alone, so that it is the same on every machine, also where a file is missing or was changed.
+
+def shares(planned: Sequence[Plan]) -> dict[int, int]:
+    """What each bake counts where the bakes are divided among machines, by its number: about its cost.
+
+    Of bytes only the power of two counts, from LEAST_BYTES on, and files that a bake of the call saves do not count at all. So
+    each machine finds the same parts, also after a file was edited or a scene was saved.
+    """
+    saved = {os.path.realpath(plan.options.save_blend) for plan in planned if plan.options.save_blend}
+
+    @cache
+    def size(path: str) -> int:
+        found = 0 if os.path.realpath(path) in saved else _bytes(path)
+        return 1 << found.bit_length() - 1 if found >= LEAST_BYTES else 0
+
+    return {plan.number: cost(plan.options, size) for plan in planned}
+
+
+def cost(options: argparse.Namespace, size: Callable[[str], int] | None = None) -> int:
+    """The cost of a bake: the samples of all texels of its maps, and BYTE_COST for each byte of its files.
+
+    size: the bytes of a file; None for those that it has.
     """
     maps = options.normal + len(arguments.settings(options).map.drawn_maps)
     texels = options.size[0] * options.size[1] * max(1, len(options.tiles)) * max(1, len(frames(options)))
-    return texels if options.convert else texels * options.samples * maps
+    of_files = sum((size or _bytes)(path) for path, _ in input_paths(options))
+    return BYTE_COST * of_files + (texels if options.convert else texels * options.samples * maps)
+
+
+def _bytes(path: str) -> int:
+    """The bytes of a file, or of the files of all its tiles; 0 for one that is not there."""
+    found = 0
+    for each in udim.files(path).values() if udim.is_tiled(path) else (path,):
+        with suppress(OSError, ValueError):
+            found += os.path.getsize(each)
+    return found
 
 
 def named_plans(planned: Sequence[Plan], patterns: Sequence[str]) -> list[Plan]:

@@ -3,6 +3,7 @@
 
 import io
 import os
+import re
 import select
 import sys
 from collections.abc import Callable, Iterator
@@ -31,12 +32,14 @@ class _ErrorTolerantStream(io.FileIO):
 
 
 class _Text(io.TextIOWrapper):
-    """Text for a terminal, without characters that control it: names come from files. Lines may end, and a text may begin with
-    a return, as the line that shows progress does."""
+    """Text for a terminal, without characters that control it: names come from files. Lines may end and have tabs, and a text
+    may begin with a return, as the line that shows progress does."""
 
     def write(self, text: str) -> int:
         start = "\r" if text.startswith("\r") else ""
-        super().write(start + "\n".join(map(printable, text.removeprefix(start).split("\n"))))
+        parts = re.split("([\n\t])", text.removeprefix(start))
+        parts[::2] = map(printable, parts[::2])
+        super().write(start + "".join(parts))
         return len(text)
 
 

@@ -50,9 +50,10 @@ def test_a_line_has_number_cost_name_and_files(capsys, here):
     code, out, err = listed(capsys, [SET, {**SET, "output": "b.png", "maps": "ao", "mask": True}], "--list")
     assert (code, err) == (0, [])
     first, second = (line.split("\t") for line in out)
-    assert first == ["1", str(64 * 64), "set 1 (a_low)", str(here / "maps" / "a.png")]
+    read = 2 * 2 * len("v 0 0 0\n")  # 2 for each byte of two files
+    assert first == ["1", str(64 * 64 + read), "set 1 (a_low)", str(here / "maps" / "a.png")]
     files = ", ".join(str(here / name) for name in ("b.png", "b_missed.png", "b_ao.png"))
-    assert second == ["2", str(2 * 64 * 64), "set 2 (a_low)", files]
+    assert second == ["2", str(2 * 64 * 64 + read), "set 2 (a_low)", files]
 
 
 def test_json_has_the_same_as_the_lines(capsys, here):
@@ -64,7 +65,7 @@ def test_json_has_the_same_as_the_lines(capsys, here):
     assert first == {
         "number": 1,
         "name": "set 1 (a_low)",
-        "cost": 64 * 64,
+        "cost": 64 * 64 + 2 * 2 * len("v 0 0 0\n"),
         "inputs": [str(here / "a_low.obj"), str(here / "a_high.obj")],
         "outputs": [str(here / "maps" / "a.png")],
         "problems": [],
@@ -233,6 +234,48 @@ def test_files_do_not_move_bakes(capsys, here):
             (here / f"{number}_low.obj").write_text("v 0 0 0\n" * 10 * size)
         parts.add(tuple(line.split("\t")[0] for line in listed(capsys, sets, "--list", "--shard", "1/3")[1]))
     assert parts == {("1", "4", "7")}
+
+
+def test_large_files_are_divided_among_machines(capsys, here):
+    """Scans beside small meshes, with maps of the same size. Holes take no place on the disk."""
+    large = {2, 3, 5, 8}
+    for number in range(1, 9):
+        with open(f"{number}_low.obj", "wb") as file:
+            file.truncate((1 << 28) + number if number in large else 100)
+    sets = [{**SET, "low-file": f"{number}_low.obj", "output": f"{number}.png"} for number in range(1, 9)]
+    parts = [
+        {int(line.split("\t")[0]) for line in listed(capsys, sets, "--list", "--shard", f"{k}/4")[1]}
+        for k in range(1, 5)
+    ]
+    assert [len(part & large) for part in parts] == [1] * 4
+    assert sorted(number for part in parts for number in part) == list(range(1, 9))
+
+
+def test_a_scene_that_is_saved_over_its_file_moves_no_bake(capsys, here):
+    def part():
+        return [line.split("\t")[0] for line in listed(capsys, sets, "--list", "--shard", "1/2")[1]]
+
+    sets = []
+    for number in range(4):
+        blend(here / f"{number}.blend", "low", "high")
+        own = {"file": f"{number}.blend", "low": "low", "high": "high", "output": f"{number}.png", "size": 64}
+        sets.append({**own, "save-blend": f"{number}.blend"})
+    before = part()
+    with open("3.blend", "ab") as file:
+        file.truncate(1 << 28)
+    assert part() == before
+
+
+def test_the_process_prints_tabs(here):
+    """What a program reads, and not what a function returns. A name has none that could be taken for one."""
+    with open("jobs.json", "w", encoding="utf-8") as file:
+        json.dump({"bake": [{**SET, "name": "a\tb\x1b[1m"}]}, file)
+    words = [sys.executable, str(ROOT / "scripts/bake.py"), "--", "--jobs", "jobs.json", "--list"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stdout.splitlines()
+    number, _, name, path = line.split("\t")
+    assert (number, name, path) == ("1", "a?b?[1m", str(here / "maps/a.png"))
 
 
 def test_texels_samples_maps_tiles_and_frames_cost():
