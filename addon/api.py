@@ -7,12 +7,14 @@ import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import bpy
 import numpy as np
 
-from .cli.importers import PLAIN, scene_apart
+from .cli.importers import PLAIN, lacks_normals, scene_apart, smooth
+from .cli.options import SMOOTH_BELOW
 from .cli.scene_files import import_meshes
 from .core import file_formats, map_types
 from .core.declarations import kinds
@@ -79,6 +81,7 @@ def bake(
     size: int | tuple[int, int] = 1024,
     cage: Source | None = None,
     output: str | os.PathLike[str] = "",
+    smooth_files: int = SMOOTH_BELOW,
     on_progress: Callable[[Progress], None] | None = None,
     **settings: Any,
 ) -> Result:
@@ -91,6 +94,7 @@ def bake(
         size: the side of a square map in texels, or its width and height.
         cage: a mesh with the vertices of `low` in the same order, on which rays start.
         output: the file of the normal map; those of other maps stand beside it. Empty to write no file.
+        smooth_files: the degrees from which edges are hard in high files that do not say how they are shaded; 0 for flat.
         on_progress: called between slices of the work.
         settings: other settings, as job files name them but with underscores: `samples=4, max_distance=0.1, space="object"`.
 
@@ -103,16 +107,22 @@ def bake(
         raise BakeError(f"on_progress: {kinds.shown(on_progress)} is not a function.")
     names = _names(maps)
     asked = _settings(names, size, output, settings)
+    degrees = _ANGLE.coerced(smooth_files)
     sources = list(high) if isinstance(high, list | tuple) else [high]
     with _nothing_left() as made_by_caller:
         low_object = _only(_objects(low, "low"), "low")
-        highs = [obj for number, source in enumerate(sources) for obj in _objects(source, f"high {number + 1}")]
+        highs, smooth_highs = [], {}
+        for number, source in enumerate(sources, start=1):
+            found = _objects(source, f"high {number}")
+            smooth_highs |= _smoothed(source, found, degrees)
+            highs += found
         cages = _objects(cage, "cage") if cage is not None else []
         if isinstance(low, Surface) and low.uv is None:
             raise BakeError("The low mesh has no UVs: give `uv` by vertex (V, 2) or by corner (T, 3, 2).")
         job = Job(low_object, highs, _only(cages, "cage") if cages else None)
         with _without_users(low_object):
             (report,) = bake_all(bpy.context, [job], asked, on_progress=on_progress and made_by_caller(on_progress))
+            report = replace(report, smooth_files=smooth_highs)
             maps = _named(_arrays(report, asked), names)
             return Result(maps, list(report.output), list(report.warnings), report.to_dict())
 
@@ -216,6 +226,18 @@ def _objects(source: Source, name: str) -> list[bpy.types.Object]:
     if not isinstance(source.name, str):
         raise BakeError(f"The name of the Surface for {name!r} is not a text: {kinds.shown(source.name)}.")
     return [_made(source, source.name or name)]
+
+
+_ANGLE = kinds.WholeNumber(label="smooth_files", tooltip="", default=SMOOTH_BELOW, least=0, most=180)
+
+
+def _smoothed(source: Source, objects: Sequence[bpy.types.Object], degrees: int) -> dict[str, int]:
+    """Shade objects of a file as `smooth_files` says. Returns the degrees by their names."""
+    path = Path(os.fspath(source)) if isinstance(source, str | os.PathLike) else None
+    found = [obj for obj in objects if path and degrees and lacks_normals(path, obj.data)]
+    for obj in found:
+        smooth(obj.data, degrees)
+    return {obj.name: degrees for obj in found}
 
 
 def _only(objects: Sequence[bpy.types.Object], role: str) -> bpy.types.Object:

@@ -23,7 +23,7 @@ from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
 from ..core.naming import printable
 from ..core.progress import Pace, Task, startup
-from ..core.report import Report
+from ..core.report import Report, smooth_sentences
 from ..core.settings import Settings
 from ..jobs import bake_jobs, checks
 from ..jobs.bake_jobs import work_on_frames
@@ -82,6 +82,8 @@ class _Opened:
     """The other files that it reads. Empty likewise."""
     not_followed: list[str]
     """Why other files that it reads are not known, in clauses."""
+    smooth_files: dict[str, int]
+    """As Report has it."""
 
     @property
     def name(self) -> str:
@@ -166,6 +168,7 @@ class Baker:
             jobs, problems = _jobs(options, loader)
             if not plan.chain and loader.reopen_if_changed(high.name for job in jobs for high in job.highs):
                 jobs, problems = _jobs(options, loader)  # a bake does not depend on those before it
+            smooth_files = loader.smooth(jobs, options.smooth_files)
         for job in jobs:
             job.is_exported, job.must_be_whole = bool(options.export), not options.allow_missing_files
             job.is_measured = limits.DEVIATION in limits.needs(options.strict)
@@ -185,7 +188,7 @@ class Baker:
             named = reading.all_of(plans.input_paths(options, bpy.data.filepath))
             found = reading.all_of(scene_files.read_by(options, jobs))
         not_followed = scene_files.not_followed(options, jobs)
-        return _Opened(plan, jobs, problems, notes, hints, named, found, not_followed)
+        return _Opened(plan, jobs, problems, notes, hints, named, found, not_followed, smooth_files)
 
     def _run(self, opened: _Opened, start: float, *, is_hashed: bool) -> Entry:
         """Bake, and save what the options name. start: when the bake began, by time.perf_counter.
@@ -202,7 +205,13 @@ class Baker:
             baked = older_blender.with_gpu(lambda: _explained(opened, self._meter, printed))
             is_stopped, chain = baked.is_stopped, baked.chain
             notes = [*self._loader.notes, *opened.notes, *input_checks.refused_scripts()]
-            reports = [replace(each, memory=memory).with_warnings(notes) for each in baked.reports]
+            smooth = opened.smooth_files
+            reports = [
+                replace(
+                    each, memory=memory, smooth_files={name: smooth[name] for name in each.high if name in smooth}
+                ).with_warnings(notes)
+                for each in baked.reports
+            ]
             if options.export and not is_stopped:
                 check_beside = partial(self._files.exported, plan.name)
                 reports = _export(reports, options.export, check_beside, are_levels=_kind(options) == "levels")
@@ -325,11 +334,13 @@ def bake_one(plan: Plan, files: clashes.RunFiles, options: RunOptions, meter: Me
 def look_at(options: argparse.Namespace) -> int:
     """Print what the high meshes of a bake are, and what it will change of them. Returns the exit code. Raises BakeError."""
     start_gpu()
-    jobs, problems = _jobs(options, SceneLoader())
-    settings = arguments.settings(options)
+    loader = SceneLoader()
+    jobs, problems = _jobs(options, loader)
+    settings, smooth = arguments.settings(options), loader.smooth(jobs, options.smooth_files)
     for job in jobs:
         found = checks.look_at_high(bpy.context, job, settings)
         lines = found.lines(lengths_of(bpy.context.scene))
+        lines += smooth_sentences({high.name: smooth[high.name] for high in job.highs if high.name in smooth})
         print("\n".join(map(printable, (f"{job.low.name}:", *(f"  {line}" for line in lines)))))
     for problem in problems:
         print(printable(problem), file=sys.stderr)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Imports mesh files with Blender's importers, and completes and reports what these leave out: images, vertex colors, tiles."""
 
+import math
+import mmap
 import os
 import re
 import shutil
@@ -412,6 +414,31 @@ def scene_apart() -> Iterator[None]:
         if window is not None and window.scene != scene:
             window.scene, window.view_layer = scene, layer
         bpy.data.scenes.remove(apart)
+
+
+_SAYS_SHADING = re.compile(rb"^s[ \t]", re.MULTILINE)
+
+
+def lacks_normals(path: Path, data: bpy.types.Mesh) -> bool:
+    """Whether a mesh that was imported from `path` is flat only because the file does not say how it is shaded.
+
+    glTF says that meshes without normals are flat, and an .obj can say it.
+    """
+    if path.suffix.lower() not in WITHOUT_AXES or data.normals_domain != "FACE" or "custom_normal" in data.attributes:
+        return False
+    if path.suffix.lower() != ".obj":
+        return True
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+        return _SAYS_SHADING.search(text) is None
+
+
+def smooth(data: bpy.types.Mesh, degrees: int) -> None:
+    """Shade a mesh of `lacks_normals` smooth, with hard edges from an angle on; flat by 0."""
+    if degrees:
+        data.shade_smooth()
+        data.set_sharp_from_angle(angle=math.radians(degrees))
+    else:
+        data.shade_flat()
 
 
 def _import(path: Path, space: Space) -> None:

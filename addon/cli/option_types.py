@@ -181,6 +181,14 @@ def number(value: str) -> float:
         raise argparse.ArgumentTypeError(f"{value!r} is not a number") from error
 
 
+def degrees(value: str) -> int:
+    """A whole number of degrees from 0 to 180."""
+    found = whole_number(value)
+    if not 0 <= found <= 180:
+        raise argparse.ArgumentTypeError(f"{found} is outside 0 to 180")
+    return found
+
+
 def whole_number(value: str) -> int:
     try:
         return int(value)

@@ -145,6 +145,9 @@ _OBJECTS = ("low", "highs", "cage")
 """The settings that name objects."""
 
 
+SMOOTH_BELOW = 40
+"""Degrees. Of the edges of smooth scans, 0.02 to 3 % are sharper; chamfers of hard parts have 45."""
+
 OBJECTS = {
     **{option_word(name): _option(name, **_BESIDE.get(name, {})) for name in _OBJECTS},
     "low-file": CommandOption(
@@ -163,6 +166,12 @@ OBJECTS = {
         "Axis that points up in high files that do not say it: .obj, .ply and .stl. Scans often have Z up in an .obj",
         {"type": option_types.axis, "metavar": "y|z"},
         "y in .obj, z in .ply and .stl",
+    ),
+    "smooth-files": CommandOption(
+        "Shade high meshes smooth, with edges hard from this many degrees on, if their file does not say how: .stl, and .ply "
+        "and .obj without normals. 0 leaves them flat",
+        {"type": option_types.degrees, "default": SMOOTH_BELOW, "metavar": "N"},
+        str(SMOOTH_BELOW),
     ),
     "origin": CommandOption(
         "Point that becomes the scene's origin in .obj and .ply files far from it, in their own coordinates, for a low mesh "

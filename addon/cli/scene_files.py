@@ -20,7 +20,7 @@ from ..output.atomic_file import reason
 from ..scene import dependencies
 from ..scene.evaluation import set_until
 from . import interruption, plans, standard_streams
-from .importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file, scene_apart
+from .importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file, lacks_normals, scene_apart, smooth
 from .untrusted import is_below
 
 
@@ -37,6 +37,8 @@ class SceneLoader:
         """Restores the simulation caches."""
         self._changed: set[str] = set()
         """The names of objects that bakes changed: their materials, and the maps in their attributes."""
+        self._without_normals: set[int] = set()
+        """The session_uid of the meshes of files that do not say how they are shaded."""
 
     def open(self, names: Sequence[str], space: Space) -> None:
         """Open a .blend, or import files into an empty scene; nothing where these are open already.
@@ -74,6 +76,20 @@ class SceneLoader:
     def _leave(self) -> None:
         """Forget the open files: other files or an empty scene replace them."""
         self._open, self.notes, self._held, self._changed = ([], PLAIN), [], ExitStack(), set()
+        self._without_normals = set()
+
+    def smooth(self, jobs: Sequence[Job], degrees: int) -> dict[str, int]:
+        """Shade high objects of files that do not say how they are shaded, as Report.smooth_files has it, which is returned.
+
+        Low objects stay flat, as engines show them.
+        """
+        lows = {job.low.data.session_uid for job in jobs}
+        highs = dict.fromkeys(high for job in jobs for high in job.highs if high.type == "MESH")
+        found = [high for high in highs if high.data.session_uid in self._without_normals - lows]
+        for data in bpy.data.meshes:
+            if data.session_uid in self._without_normals:
+                smooth(data, degrees if any(high.data == data for high in found) else 0)
+        return {high.name: degrees for high in found if degrees}
 
     def changed(self, names: Iterable[str]) -> None:
         """Remember that a bake changed these objects."""
@@ -113,7 +129,9 @@ class SceneLoader:
     def _import_meshes(self, name: str, space: Space) -> list[bpy.types.Object]:
         """As `import_meshes`. A file that an untrusted one refers to elsewhere is named as that."""
         try:
-            return import_meshes(name, space)
+            meshes = import_meshes(name, space)
+            self._without_normals |= {obj.data.session_uid for obj in meshes if lacks_normals(Path(name), obj.data)}
+            return meshes
         except UnreadReference as error:
             if self._folders:
                 check_reference(name, error.path, self._folders)

@@ -28,6 +28,15 @@ _NORMALS = {name.lower() for name, map_type in BY_NAME.items() if map_type.kind 
 """The names of maps that are read with the basis, as in Report.maps."""
 
 
+def smooth_sentences(files: dict[str, int]) -> list[str]:
+    """That high meshes are shaded smooth whose files do not say it. files: as Report.smooth_files."""
+    return [
+        f"The file of {shorten_list(repr(name) for name, each in files.items() if each == degrees)} has no normals: edges "
+        f"below {degrees} degrees are smooth"
+        for degrees in dict.fromkeys(files.values())
+    ]
+
+
 @dataclass(frozen=True)
 class Report:
     """The results of a bake. Shares are of all texels, unless noted. seconds: of each stage, and in total."""
@@ -59,6 +68,8 @@ class Report:
     """The largest parts of high meshes that were turned over for the bake: the object's name, triangles of the part, of so many
     in the object (of), and the share of its places on the low mesh that had a hit of their own on it (before) and that have one
     now (after)."""
+    smooth_files: dict[str, int] = field(default_factory=dict)
+    """The high meshes of files that do not say how they are shaded, by name, with the degrees from which edges are hard."""
     materials: dict[str, dict[str, str]] = field(default_factory=dict)
     """How the maps read the inputs of the high meshes' materials, by the names of both: "IMPRINT" follows the nodes, "CYCLES"
     evaluated them, and "NONE" left the input out."""
@@ -321,7 +332,7 @@ class Report:
             )
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
-        details += [*self._mended(), *evaluated(self.materials)]
+        details += [*smooth_sentences(self.smooth_files), *self._mended(), *evaluated(self.materials)]
         if self.rays:
             details.append(f"Flatten on {1.0 - self.rays:.1%} of the texels, rays on {self.rays:.1%}")
         if self.distances:
