@@ -382,7 +382,7 @@ PARTS = [
 ]
 
 
-@random_cases.seeds(100, fast=20)
+@random_cases.seeds(100, fast=2)
 def test_random_paths(root, seed, capfd):
     """What is accepted lies in the folders, by what the system says of the path; nothing is changed either way."""
     rng = random.Random(seed)

@@ -398,7 +398,7 @@ def existing_image(rng, name):
 # The test
 
 
-@random_cases.seeds(240, fast=40)
+@random_cases.seeds(240, fast=2)
 def test_a_random_bake_ends_in_a_map_or_an_error_message(seed, tmp_path, outcomes):
     rng = np.random.default_rng(seed)
     (tmp_path / "out").mkdir()
@@ -429,7 +429,7 @@ def test_a_random_bake_ends_in_a_map_or_an_error_message(seed, tmp_path, outcome
 outcomes_of_layers = random_cases.counted(20, map=0.8)
 
 
-@random_cases.seeds(100, fast=12)
+@random_cases.seeds(100, fast=2)
 def test_random_layers_end_in_a_map_or_an_error_message(seed, tmp_path, outcomes_of_layers):
     result = outcome.of_bake(*layered_scenes.make(seed), tmp_path)
     outcomes_of_layers["message" if isinstance(result, str) else "map"] += 1
@@ -618,7 +618,7 @@ def settings_of(source, folder):
     )
 
 
-@random_cases.seeds(100, fast=4)
+@random_cases.seeds(100, fast=2)
 def test_random_materials_end_in_maps_or_an_error_message(seed, tmp_path, outcomes_of_maps):
     source = random.Random(seed)
     (tmp_path / "out").mkdir()

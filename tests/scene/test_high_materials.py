@@ -1021,7 +1021,7 @@ def images_for(source):
     return [*found, gone]
 
 
-@random_cases.seeds(60, fast=24)
+@random_cases.seeds(60, fast=2)
 def test_each_socket_is_a_feed_or_a_note_seed(seed, material):
     source = random.Random(seed)
     images = images_for(source)
@@ -1060,7 +1060,7 @@ def test_each_socket_is_a_feed_or_a_note_seed(seed, material):
             assert images.load(feed.image).values.size
 
 
-@random_cases.seeds(100, fast=40)
+@random_cases.seeds(100, fast=2)
 def test_feeds_without_notes_are_what_cycles_shows_seed(seed, material):
     source = random.Random(seed)
     images = [*images_for(source)[:2], image("wide", (4, 3), seed=seed, space="Non-Color", ends=(-1.0, 2.0))]
