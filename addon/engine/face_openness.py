@@ -39,7 +39,6 @@ def openness(tables: cast.Tables, corners: np.ndarray, rays: int) -> np.ndarray:
     def draw(rows: range, numbers: range, is_first: bool) -> None:
         cast_now = hemisphere.Rays(hits.texture, surface, lattice, numbers, rows, is_first)
         hemisphere.add_openness(sums, cast_now, occluders)
-        sums.finish()
 
     covered = np.full(height // STEP, float(STEP * side))
     for _ in hemisphere.slices(Pace(), hemisphere.ADD_OPENNESS, (side, height), covered, range(rays), draw=draw):

@@ -66,7 +66,6 @@ class RayMaps(MapFamily):
                 first_row = band.start - band.halo
                 shared = sample.hits.texture, tables, self.lattice
                 self._cast(sums, hemisphere.Rays(*shared, some, rows, is_start, first_row))
-                sums.finish()
 
         size = band.width, band.height
         for rows, some, is_first in hemisphere.slices(

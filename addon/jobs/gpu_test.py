@@ -289,7 +289,6 @@ def _rays() -> Task[list[Timed]]:
         def draw(rows: range, some: range, is_first: bool) -> None:
             rays = hemisphere.Rays(hits.texture, source.surface.tables, lattice, some, rows, is_first)
             hemisphere.add_openness(sums, rays, hemisphere.Occluders())
-            sums.finish()
 
         def act() -> None:
             slices = hemisphere.slices(pace, hemisphere.ADD_OPENNESS, (side, side), covered, range(RAYS), draw=draw)

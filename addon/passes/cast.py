@@ -12,7 +12,7 @@ import numpy as np
 from ..core.declarations.choices import Hit
 from ..core.progress import STEP, Pace, costs_of_rows
 from . import blender_gpu as gpu
-from . import data_texture, samples, shader, target
+from . import data_texture, samples, shader, target, unfinished
 from .samples import Active
 from .shader import Program
 
@@ -99,6 +99,9 @@ _SEARCHED = _NODES, _TRIANGLES, ("RGBA32F", "FLOAT_2D", "points")
 _PACKETS = ("UINT_2D", "packets")
 _GRID = ("VEC4", "grid_origin"), ("VEC4", "grid_scale"), ("INT", "first_leaf")
 _LIMITS = ("INT", "first_row"), ("FLOAT", "max_t"), ("FLOAT", "inside")
+_HITS = (("RGBA32UI", "UINT_2D", "hits", "READ WRITE"), *unfinished.CARRIED)
+PARTS_FIRST, PARTS_OWN = 2, 5
+"""Texels of an unfinished ray: CAST_FIRST_PARTS in shaders/lib/cast_first_lib.glsl, CAST_PARTS in cast_lib.glsl."""
 PACKETS = Program(
     compute="bake/packets_comp.glsl",
     texels=(*(("RGBA32F", *each) for each in _RAYS), _NODES),
@@ -109,7 +112,7 @@ TRACE_FIRST = Program(
     compute="bake/cast_first_comp.glsl",
     texels=_SEARCHED,
     samplers=(*_RAYS, _PACKETS, *samples.ACTIVE_SAMPLERS),
-    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
+    images=_HITS,
     constants=(
         *_GRID,
         *_LIMITS,
@@ -125,7 +128,7 @@ TRACE = Program(
     compute="bake/cast_comp.glsl",
     texels=(*_SEARCHED, ("RGBA32F", "FLOAT_2D", "normals"), *_OWNERS),
     samplers=(*_RAYS, _PACKETS, *samples.ACTIVE_SAMPLERS),
-    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
+    images=_HITS,
     constants=(
         *_GRID,
         *_LIMITS,
@@ -137,6 +140,9 @@ TRACE = Program(
     ),
     cost=1.0,
 )
+TRACE_FIRST_LEFT = replace(TRACE_FIRST, compute="bake/cast_first_left_comp.glsl")
+TRACE_LEFT = replace(TRACE, compute="bake/cast_left_comp.glsl")
+"""They go on with rays that the others have left unfinished."""
 LOOKUP = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/cast_lookup_frag.glsl",
@@ -261,7 +267,6 @@ def trace_in_slices(
 
     def draw(rows: range) -> None:
         trace(into, rays, tables, owners, search, rows=rows, some=some)
-        into.finish()
 
     yield from pace.slices(
         f"{program.compute} some" if some else program.compute,
@@ -281,7 +286,7 @@ def trace(
     rows: range | None = None,
     some: Active | None = None,
 ) -> None:
-    """Trace one ray per texel and write its hit into `into` (RGBA32UI), as shaders/lib/hit_lib.glsl reads it.
+    """Trace one ray per texel and write its hit into `into` (RGBA32UI), as shaders/lib/hit_lib.glsl reads it, and wait.
 
     rays: what rays.draw wrote. rows: the rows to trace; the first is a multiple of 8. some: the texels to trace; `rows` are
     those of their list.
@@ -320,13 +325,14 @@ def trace(
     }
     if search.rule != Hit.OWN:
         is_nearest = int(search.rule == Hit.NEAREST)
-        target.dispatch(TRACE_FIRST, rays.width, rows, is_nearest=is_nearest, **searched)
+        unfinished.dispatch(
+            TRACE_FIRST, TRACE_FIRST_LEFT, rays.width, rows, parts=PARTS_FIRST, is_nearest=is_nearest, **searched
+        )
     elif owners is None:
         raise ValueError("the rule OWN needs owners")
     else:
-        target.dispatch(
-            TRACE, rays.width, rows, normals=tables.normals, near=owners.room, **owners.bindings, **searched
-        )
+        own = {"normals": tables.normals, "near": owners.room, **owners.bindings}
+        unfinished.dispatch(TRACE, TRACE_LEFT, rays.width, rows, parts=PARTS_OWN, **own, **searched)
 
 
 def look_up(

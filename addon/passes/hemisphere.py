@@ -7,6 +7,7 @@ Each has a function that adds rays to sums, and `Value`s that these sums make. A
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -15,11 +16,12 @@ import numpy as np
 
 from ..core.progress import Pace, costs_of_rows
 from . import blender_gpu as gpu
-from . import cast, shader, target
+from . import cast, shader, target, unfinished
 from .shader import Program
 
+_SAMPLERS = (("UINT_2D", "hits"),)
+"""No texels, which would be one image more than OpenGL has to have."""
 _TEXELS = (
-    ("RGBA32UI", "UINT_2D", "hits"),
     ("RGBA32F", "FLOAT_2D", "surface_triangles"),
     ("RGBA32F", "FLOAT_2D", "surface_points"),
     ("RGBA32F", "FLOAT_2D", "nodes"),
@@ -27,7 +29,9 @@ _TEXELS = (
     ("RGBA32F", "FLOAT_2D", "points"),
     ("RGBA32F", "FLOAT_2D", "surface_normals"),
 )
-_SUMS = (("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),)
+_SUMS = (("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"), *unfinished.CARRIED)
+PARTS = 3
+"""Texels of unfinished rays: SUMS_PARTS in shaders/lib/sums_lib.glsl."""
 _CONSTANTS = (
     ("VEC4", "grid_origin"),
     ("VEC4", "grid_scale"),
@@ -42,18 +46,16 @@ of Rays.first_row. Fourth numbers, since there are only 128 bytes: `grid_scale` 
 free, `steps` the cone."""
 ADD_OPENNESS = Program(
     compute="hemisphere/openness_comp.glsl",
+    samplers=_SAMPLERS,
     texels=_TEXELS,
     images=_SUMS,
     constants=(("VEC4", "placed"), ("IVEC4", "blocking"), *_CONSTANTS),
     cost=0.5,
 )
 """Its cost, and those of the next two, are of one ray of a texel."""
-ADD_THICKNESS = Program(
-    compute="hemisphere/thickness_comp.glsl", texels=_TEXELS, images=_SUMS, constants=_CONSTANTS, cost=0.5
-)
-ADD_CURVATURE = Program(
-    compute="hemisphere/curvature_comp.glsl", texels=_TEXELS, images=_SUMS, constants=_CONSTANTS, cost=1.0
-)
+_SHARED: dict = {"samplers": _SAMPLERS, "texels": _TEXELS, "images": _SUMS, "constants": _CONSTANTS}
+ADD_THICKNESS = Program(compute="hemisphere/thickness_comp.glsl", cost=0.5, **_SHARED)
+ADD_CURVATURE = Program(compute="hemisphere/curvature_comp.glsl", cost=1.0, **_SHARED)
 MEAN = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="hemisphere/mean_frag.glsl",
@@ -79,8 +81,12 @@ FRONTS, BOTH = 1, 3
 NO_FLOOR = -1e30
 SHIFTS = 64
 """As LATTICE_SIDE in shaders/lib/lattice_lib.glsl."""
+IN_A_PART = 64
+"""The most rays of a texel that follow each other in the order of the lattice: parts are spread over all directions."""
 AT_ONCE = 64
-"""The most rays of a texel in one dispatch: large maps take rows of few texels otherwise."""
+"""The most rays of a texel in one dispatch: large maps take rows of few texels otherwise. No map depends on it."""
+TOGETHER = 4
+"""Rays that pass the tree together: REACH_RAYS in shaders/lib/reach_lib.glsl."""
 
 
 @dataclass(frozen=True)
@@ -128,23 +134,33 @@ def slices(
 ) -> Iterator[tuple[range, range, bool]]:
     """Cast rays from a map of `size` in slices of rows, as Pace does: yields what `draw` got, after it.
 
-    The rays of a slice are spread over all directions, so that sums can be shown before they are complete.
+    The rays of a part are spread over all directions, so that sums can be shown before they are complete.
 
     Args:
         program: that casts the rays.
         covered: (N,), how many texels of each STEP rows cast rays, about.
-        draw: gets rows, rays, and whether these are the first rays of the rows. It waits for the GPU.
+        draw: gets rows, rays, and whether these are the first rays of the rows. It waits for the GPU, as `add_...` do.
     """
-    parts = -(-len(rays) // AT_ONCE)
-    for part in range(parts):
-        some = rays[part::parts]
+    parts = -(-len(rays) // IN_A_PART)
+    at_once = max(TOGETHER, AT_ONCE // TOGETHER * TOGETHER)
+    for part, first in itertools.product(range(parts), range(0, IN_A_PART, at_once)):
+        some, is_first = rays[part::parts][first : first + at_once], part == first == 0
+        if not some:
+            continue
         costs = costs_of_rows(covered, size[0], program.cost * len(some))
 
-        def draw_some(rows: range, some: range = some, is_first: bool = part == 0) -> None:
+        def draw_some(rows: range, some: range = some, is_first: bool = is_first) -> None:
             draw(rows, some, is_first)
 
         for rows in pace.slices(program.compute, costs, size[1], draw_some):
-            yield rows, some, part == 0
+            yield rows, some, is_first
+
+
+def _in_ended_part(lattice: Lattice, numbers: range) -> int:
+    """How many rays the part has that ends with these rays of a dispatch, or 0 if further dispatches have the rest of it."""
+    if numbers[-1] + numbers.step < lattice.count:
+        return 0
+    return len(range(numbers.start % numbers.step, lattice.count, numbers.step))
 
 
 @dataclass(frozen=True)
@@ -229,7 +245,7 @@ def add_openness(sums: target.Target, rays: Rays, occluders: Occluders) -> None:
             0 if occluders.farthest is None else FADES.index(occluders.fade),
             BOTH if occluders.two_sided else FRONTS,
             int(occluders.tables is None),
-            0,
+            _in_ended_part(rays.lattice, rays.numbers),
         ),
     )
 
@@ -315,16 +331,18 @@ def _add(
     free: float = 0.0,
     **bindings,
 ) -> None:
-    """Run a compute shader that adds rays to `sums`.
+    """Run a compute shader that adds rays to `sums`. Waits for the GPU.
 
     occluders: what rays meet. farthest: where rays end, in the occluders' space. cone: the square of the sine of the largest
     angle to the axis. free: the number in `grid_origin`.
     """
     surface, lattice, numbers, tree = rays.surface, rays.lattice, rays.numbers, occluders.tree
-    target.dispatch(
+    unfinished.dispatch(
+        program,
         program,
         sums.width,
         rays.rows,
+        parts=PARTS,
         hits=rays.hits,
         surface_triangles=surface.triangles,
         surface_points=surface.points,

@@ -24,7 +24,9 @@ void main()
   uvec2 trail = uvec2(0u);
   int node = 0;
   int tested = 0;
-  while (node >= 0 && tested < CLEARANCE_MOST) {
+  int turns = TURNS_MOST;
+  while (node >= 0 && tested < CLEARANCE_MOST && turns > 0) {
+    turns--;
     int leaf = 0;
     uint triangles = tree_step(
         tree_closer(TREE_BOXES(low_nodes, node), grid_point, unit, best), low_first_leaf, node, trail, leaf);

@@ -77,8 +77,12 @@ bool left_is_own(ivec2 texel, vec4 below)
   vec3 offset = point - below.xyz;
   float height = dot(offset, away.xyz);
   vec3 beside = offset - away.xyz * height;
+  // A search that takes too many turns says no: then a ray is cast.
+  OwnerWalk walk;
+  walk.node = -1;
+  int turns = TURNS_MOST;
   return left_is_alike(texel, below.xyz, beside, normal.xyz) &&
-         owner_has_hit(point, normal.xyz, below.xyz, int(below.a) - 1, height > near);
+         owner_has_hit(point, normal.xyz, below.xyz, int(below.a) - 1, height > near, walk, turns);
 }
 
 void main()

@@ -3,6 +3,7 @@
 #include "lib/block_lib.glsl"
 #include "lib/packet_lib.glsl"
 #include "lib/tree_lib.glsl"
+#include "lib/turns_lib.glsl"
 
 // The most nodes of triangles in a list.
 const int PACKETS_MOST = 8;
@@ -49,7 +50,9 @@ void main()
   int count = 0, shared_node = 0;  // the deepest node that has all they can hit
   uvec2 trail = uvec2(0u);
   int node = end < 0.0 ? -1 : 0;
-  while (node >= 0) {
+  int turns = TURNS_MOST;
+  while (node >= 0 && turns > 0) {
+    turns--;
     TreeBoxes boxes = TREE_BOXES(nodes, node);
     vec4 enter = vec4(0.0), leave = vec4(end);
     packets_clip(boxes.x_low - begin_most.x, boxes.x_high - begin_least.x, to_low.x, to_high.x, enter, leave);
@@ -69,7 +72,7 @@ void main()
       shared_node = node;
     }
   }
-  if (count > PACKETS_MOST) {
+  if (count > PACKETS_MOST || node >= 0) {
     listed = uvec4(packet_entry(shared_node, 0u), 0u, 0u, 0u);
     later = uvec4(0u);
   }

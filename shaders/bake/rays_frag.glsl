@@ -4,11 +4,13 @@
 #include "lib/tree_lib.glsl"
 #include "lib/closest_lib.glsl"
 #include "lib/direction_lib.glsl"
+#include "lib/turns_lib.glsl"
 
 // Normals that differ by less, squared, are the same.
 const float RAYS_SAME = 1e-10;
 
-// The distance to the nearest hard edge, at most `most`.
+// The distance to the nearest hard edge, at most `most`. Among more than 12,000 edges whose boxes are closer than the nearest one,
+// as in a fan, it is that to the nearest of the first ones.
 float rays_edge_distance(vec3 point, float most)
 {
   vec3 grid_point = (point - edge_origin.xyz) * edge_scale.xyz;
@@ -16,7 +18,9 @@ float rays_edge_distance(vec3 point, float most)
   float best = most * most;
   uvec2 trail = uvec2(0u);
   int node = 0;
-  while (node >= 0) {
+  int turns = TURNS_MOST;
+  while (node >= 0 && turns > 0) {
+    turns--;
     int leaf = 0;
     uint edges = tree_step(
         tree_closer(TREE_BOXES(edge_nodes, node), grid_point, unit, best), edge_first_leaf, node, trail, leaf);

@@ -4,22 +4,31 @@
 #include "lib/lattice_lib.glsl"
 #include "lib/shading_lib.glsl"
 #include "lib/reach_lib.glsl"
+#include "lib/sums_lib.glsl"
 
 void main()
 {
   float farthest = grid_scale.w;
-  ivec2 texel = block_texel(first_row);
-  if (any(greaterThanEqual(texel, texel_size(hits)))) {
+  ivec2 texel = block_texel(carried_row());
+  if (any(greaterThanEqual(texel, textureSize(hits, 0)))) {
     return;
   }
-  vec4 sum = (numbers.w & 1) != 0 ? vec4(0.0) : imageLoad(sums, texel);
-  uvec4 hit = texel_at(hits, texel);
+  vec4 sum;
+  if (!sums_begin(texel, sum)) {
+    return;
+  }
+  uvec4 hit = texelFetch(hits, texel, 0);
   if (!hit_missed(hit)) {
     vec3 face = surface_face_normal(hit, shading_normal(hit, vec3(0.0, 0.0, 1.0)));
     vec3 origin = surface_point(hit);
     int own = hit_triangle(hit);
     vec2 shift = lattice_shift(texel + ivec2(0, numbers.w >> 1), cell);
-    for (int i = 0; i < numbers.y; i += REACH_RAYS) {
+    int turns = TURNS_MOST;
+    int next = 0;  // twice the first of four rays, or 1 more for those outwards
+    ReachWalk walk;
+    walk.node = -1;
+    sums_go_on(walk.node, walk.trail, walk.to, next, sum);
+    for (int i = next >> 1; i < numbers.y; i += REACH_RAYS) {
       vec4 u;
       vec4 v;
       vec4 x;
@@ -30,10 +39,26 @@ void main()
       // Many rays near the tangent plane, where a smooth surface leaves it. The weight makes up for it: the derivative.
       lattice_directions(u * u, v, face, x, y, z);
       vec4 weight = 2.0 * u * exists;
-      vec4 end = vec4(farthest);
-      vec4 inner = reach_distances(origin, -x, -y, -z, end, own, REACH_BACKS, false) / farthest;
-      vec4 outer = reach_distances(origin, x, y, z, end, own, REACH_FRONTS, false) / farthest;
-      sum.xy += vec2(dot(weight, 1.0 - inner * inner * inner), dot(weight, 1.0 - outer * outer * outer));
+      for (int side = next & 1; side < 2; side++) {
+        float sign_of_side = side == 0 ? -1.0 : 1.0;
+        vec4 reached = reach_distances(origin, x * sign_of_side, y * sign_of_side, z * sign_of_side, vec4(farthest), own,
+                                       side == 0 ? REACH_BACKS : REACH_FRONTS, false, walk, turns);
+        if (walk.node >= 0) {
+          next = 2 * i + side;
+          break;
+        }
+        vec4 share = reached / farthest;
+        float beyond = dot(weight, 1.0 - share * share * share);
+        sum.xy += side == 0 ? vec2(beyond, 0.0) : vec2(0.0, beyond);
+      }
+      if (walk.node >= 0) {
+        break;
+      }
+      next = 0;
+    }
+    if (walk.node >= 0) {
+      sums_leave(texel, walk.node, walk.trail, walk.to, next, sum);
+      return;
     }
   }
   imageStore(sums, texel, sum);

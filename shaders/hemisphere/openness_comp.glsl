@@ -4,6 +4,7 @@
 #include "lib/lattice_lib.glsl"
 #include "lib/shading_lib.glsl"
 #include "lib/reach_lib.glsl"
+#include "lib/sums_lib.glsl"
 
 // As in passes/hemisphere.py, FADES.
 const int OPENNESS_FADE_NONE = 0;
@@ -17,12 +18,15 @@ void main()
   int fade = blocking.x;
   int sides = blocking.y;
   float floor_height = grid_origin.w;
-  ivec2 texel = block_texel(first_row);
-  if (any(greaterThanEqual(texel, texel_size(hits)))) {
+  ivec2 texel = block_texel(carried_row());
+  if (any(greaterThanEqual(texel, textureSize(hits, 0)))) {
     return;
   }
-  vec4 sum = (numbers.w & 1) != 0 ? vec4(0.0) : imageLoad(sums, texel);
-  uvec4 hit = texel_at(hits, texel);
+  vec4 sum;
+  if (!sums_begin(texel, sum)) {
+    return;
+  }
+  uvec4 hit = texelFetch(hits, texel, 0);
   if (!hit_missed(hit)) {
     vec3 normal = shading_normal(hit, vec3(0.0, 0.0, 1.0));
     vec3 face = surface_face_normal(hit, normal);
@@ -30,7 +34,12 @@ void main()
     origin += face * (sides == REACH_BOTH ? REACH_OFFSET : 0.0);
     int own = blocking.z != 0 ? hit_triangle(hit) : -1;
     vec2 shift = lattice_shift(texel + ivec2(0, numbers.w >> 1), cell);
-    for (int i = 0; i < numbers.y; i += REACH_RAYS) {
+    int turns = TURNS_MOST;
+    int i = 0;
+    ReachWalk walk;
+    walk.node = -1;
+    sums_go_on(walk.node, walk.trail, walk.to, i, sum);
+    for (; i < numbers.y; i += REACH_RAYS) {
       vec4 u;
       vec4 v;
       vec4 x;
@@ -43,7 +52,10 @@ void main()
       bvec4 is_open = lessThan(vec4(0.0), exists * (x * face.x + y * face.y + z * face.z));
       vec4 to_floor = mix(vec4(farthest), (floor_height - origin.z) / z, lessThan(z, vec4(0.0)));
       vec4 end = mix(vec4(-1.0), clamp(to_floor, 0.0, farthest), is_open);
-      vec4 reached = reach_distances(origin, x, y, z, end, own, sides, fade == OPENNESS_FADE_NONE);
+      vec4 reached = reach_distances(origin, x, y, z, end, own, sides, fade == OPENNESS_FADE_NONE, walk, turns);
+      if (walk.node >= 0) {
+        break;
+      }
       vec4 visible = vec4(greaterThanEqual(reached, vec4(farthest)));
       if (fade != OPENNESS_FADE_NONE) {
         visible = reached / farthest;
@@ -51,7 +63,11 @@ void main()
       }
       sum += vec4(dot(visible, x), dot(visible, y), dot(visible, z), dot(visible, vec4(1.0)));
     }
-    sum.xyz += normal * (OPENNESS_LEAST * float(numbers.y));
+    if (walk.node >= 0) {
+      sums_leave(texel, walk.node, walk.trail, walk.to, i, sum);
+      return;
+    }
+    sum.xyz += normal * (OPENNESS_LEAST * float(blocking.w));
   }
   imageStore(sums, texel, sum);
 }

@@ -5,6 +5,8 @@
 const uint HIT_NOT_OWNED = 1u << 28;
 // The ray hit the back of a triangle, since it hit no front.
 const uint HIT_FROM_BEHIND = 1u << 29;
+// The search has not ended: no map shows this one.
+const uint HIT_UNFINISHED = 1u << 30;
 const uint HIT_TRIANGLE = (1u << 28) - 1u;
 
 bool hit_missed(uvec4 hit)

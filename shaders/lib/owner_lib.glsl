@@ -2,6 +2,7 @@
 // walk over the low mesh.
 #include "lib/closest_lib.glsl"
 #include "lib/tree_lib.glsl"
+#include "lib/turns_lib.glsl"
 
 // The most triangles that the walk crosses.
 const int OWNER_STEPS = 12;
@@ -100,40 +101,69 @@ bool owner_is_closer(int triangle, vec3 point, vec3 normal, inout float best, in
   return true;
 }
 
+// A search for the closest point under way: as tree_step takes it, with the point so far, its triangle, or -1, and a little less
+// than its squared distance. It is under way while `node` is 0 or more.
+struct OwnerWalk {
+  int node;
+  uvec2 trail;
+  int found;
+  vec3 closest;
+  float best;
+};
+
+// Starts, unless a search is under way, and searches until the end, or until no turns are left: then the answer is false.
 // point, normal: of the hit. below: the texel's point on the low mesh, on the triangle `own`. is_strict: the texel must be about
 // the closest point itself.
-bool owner_has_hit(vec3 point, vec3 normal, vec3 below, int own, bool is_strict)
+bool owner_has_hit(vec3 point, vec3 normal, vec3 below, int own, bool is_strict, inout OwnerWalk walk, inout int turns)
 {
   // Over a plane the texel's point is the closest one: rounding must not put the plane farther away than its point.
   float reach = length(below - point) + OWNER_SAME;
-  float best = reach * reach;
-  // The closest point is at most as far from the hit as the texel is, and so at most twice as far from the texel.
-  vec4 clearance = owner_clearance(own);
-  bool is_alike = dot(clearance.xyz, normal) > OWNER_ALIKE * length(clearance.xyz) * length(normal);
-  if (!is_strict && is_alike && 4.0 * best < clearance.w * clearance.w) {
-    return true;
+  bool is_new = walk.node < 0;
+  int node = max(walk.node, 0);
+  uvec2 trail = is_new ? uvec2(0u) : walk.trail;
+  int found = walk.found;
+  vec3 closest = walk.closest;
+  float best = walk.best;
+  if (is_new) {
+    best = reach * reach;
+    // The closest point is at most as far from the hit as the texel is, and so at most twice as far from the texel.
+    vec4 clearance = owner_clearance(own);
+    bool is_alike = dot(clearance.xyz, normal) > OWNER_ALIKE * length(clearance.xyz) * length(normal);
+    if (!is_strict && is_alike && 4.0 * best < clearance.w * clearance.w) {
+      return true;
+    }
+    closest = below;
+    found = owner_is_closer(own, point, normal, best, closest) ? own : -1;
   }
-  vec3 closest = below;
-  int found = owner_is_closer(own, point, normal, best, closest) ? own : -1;
   vec3 grid_point = (point - low_origin.xyz) * low_scale.xyz;
   vec3 unit = 1.0 / low_scale.xyz;
-  uvec2 trail = uvec2(0u);
-  int node = 0;
-  while (node >= 0) {
+  while (node >= 0 && turns > 0) {
+    turns -= TURNS_OF_VISIT;
     uint triangles = 0u;
     int leaf = 0;
-    while (node >= 0 && triangles == 0u) {
+    while (node >= 0 && triangles == 0u && turns > 0) {
+      turns--;
       uint mask = tree_closer(TREE_BOXES(low_nodes, node), grid_point, unit, best);
       triangles = tree_step(mask, low_first_leaf, node, trail, leaf);
     }
     while (triangles != 0u) {
       int triangle = leaf + findLSB(triangles);
       triangles &= triangles - 1u;
+      turns--;
       if (owner_is_closer(triangle, point, normal, best, closest)) {
         found = triangle;
       }
     }
   }
+  walk.node = node;
+  if (node >= 0) {
+    walk.trail = trail;
+    walk.found = found;
+    walk.closest = closest;
+    walk.best = best;
+    return false;
+  }
+  turns -= OWNER_STEPS;
   vec3 to_closest = closest - point;
   if (is_strict && dot(to_closest, to_closest) < OWNER_STRICT * OWNER_STRICT * reach * reach) {
     return false;

@@ -6,6 +6,7 @@
 #include "lib/overlap_lib.glsl"
 #include "lib/tree_lib.glsl"
 #include "lib/triangle_lib.glsl"
+#include "lib/turns_lib.glsl"
 
 const int REACH_RAYS = 4;
 
@@ -54,10 +55,19 @@ float reach_triangle(vec3 direction, vec3 across, vec3 for_u, vec3 for_v, float 
   return is_inside && is_close && (side & sides) != 0 ? solved.z : to;
 }
 
-// The distances to the nearest triangles with one of these sides, or `farthest` where none is closer; a ray with a negative
-// `farthest` meets nothing, and its distance is 0. own: the triangle that the rays start from, which they do not meet, or -1.
-// is_any: any triangle will do, not only the nearest, and the distance to it is 0.
-vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own, int sides, bool is_any)
+// A walk of four rays: as tree_step takes it, and where each ray ends so far. It is under way while `node` is 0 or more.
+struct ReachWalk {
+  int node;
+  uvec2 trail;
+  vec4 to;
+};
+
+// Starts, unless a walk is under way, and walks until the end, or until no turns are left. Returns the distances to the nearest
+// triangles with one of these sides, or `farthest` where none is closer; a ray with a negative `farthest` meets nothing, and its
+// distance is 0. own: the triangle that the rays start from, which they do not meet, or -1. is_any: any triangle will do, not only
+// the nearest, and the distance to it is 0.
+vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own, int sides, bool is_any,
+                     inout ReachWalk walk, inout int turns)
 {
   // In grid steps, boxes have integer coordinates.
   vec3 start = (origin - grid_origin.xyz) * grid_scale.xyz;
@@ -65,14 +75,17 @@ vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own
   vec3 inverse1 = reach_inverse(vec3(x.y, y.y, z.y) * grid_scale.xyz);
   vec3 inverse2 = reach_inverse(vec3(x.z, y.z, z.z) * grid_scale.xyz);
   vec3 inverse3 = reach_inverse(vec3(x.w, y.w, z.w) * grid_scale.xyz);
-  vec4 to = farthest;
-  uvec2 trail = uvec2(0u);
-  int node = 0;
-  while (node >= 0) {
+  bool is_new = walk.node < 0;
+  vec4 to = is_new ? farthest : walk.to;
+  uvec2 trail = is_new ? uvec2(0u) : walk.trail;
+  int node = max(walk.node, 0);
+  while (node >= 0 && turns > 0) {
+    turns -= TURNS_OF_VISIT;
     uint found = 0u;
     int leaf = 0;
     // Triangles are tested outside this loop: inside it, lanes that have found triangles would wait for the others.
-    while (node >= 0 && found == 0u) {
+    while (node >= 0 && found == 0u && turns > 0) {
+      turns--;
       TreeBoxes boxes = TREE_BOXES(nodes, node);
       boxes.x_low -= start.x;
       boxes.y_low -= start.y;
@@ -88,6 +101,7 @@ vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own
     while (found != 0u) {
       int triangle = leaf + findLSB(found);
       found &= found - 1u;
+      turns--;
       ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(triangle)));
       TriangleEdges edges = TRIANGLE_EDGES(points, vertices);
       vec3 edge1 = edges.edge1, edge2 = edges.edge2;
@@ -113,5 +127,8 @@ vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own
       node = -1;  // all rays are blocked
     }
   }
+  walk.node = node;
+  walk.trail = trail;
+  walk.to = to;
   return max(to, vec4(0.0));
 }

@@ -4,6 +4,14 @@
 #include "lib/packet_lib.glsl"
 #include "lib/tree_lib.glsl"
 #include "lib/triangle_lib.glsl"
+#include "lib/turns_lib.glsl"
+
+// A search under way: as tree_step takes it, with the hit so far. It has ended when `node` is negative.
+struct SearchWalk {
+  int node;
+  uvec2 trail;
+  uvec4 hit;
+};
 
 // The first triangle of a node in a packet's list.
 int search_leaf(uint entry)
@@ -11,9 +19,11 @@ int search_leaf(uint entry)
   return packet_node(entry) * 4 + 1 - first_leaf;
 }
 
-// The hit, as lib/hit_lib.glsl reads it, but with the distance from `origin` in w. Of the hits from `first` to `end`, it is the one
-// nearest to `wanted`. facing: ignore triangles whose back faces the ray.
-uvec4 search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wanted, float end, bool facing)
+// Searches until the end, or until no turns are left. The hit is as lib/hit_lib.glsl reads it, but with the distance from `origin`
+// in w. Of the hits from `first` to `end`, it is the one nearest to `wanted`. facing: ignore triangles whose back faces the ray.
+// is_new: start, rather than go on with `walk`.
+void search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wanted, float end, bool facing, bool is_new,
+                inout SearchWalk walk, inout int turns)
 {
   // In grid steps, boxes have integer coordinates. A zero component would give 0 * infinity for a ray inside a slab.
   vec3 grid_start = (origin - grid_origin.xyz) * grid_scale.xyz;
@@ -28,20 +38,27 @@ uvec4 search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wa
     listed = texelFetch(packets, place, 0);
     later = texelFetch(packets, place + ivec2(1, 0), 0);
   }
-  uint found = packet_triangles(listed.x);
+  uint found = is_new ? packet_triangles(listed.x) : 0u;
   bool is_list = found != 0u;
-  int node = is_list ? -1 : packet_node(listed.x);
   int leaf = search_leaf(listed.x);
-
-  uvec4 hit = uvec4(0u);
-  float best = 1e30;
-  float from = first;
-  float to = end;
-  uvec2 trail = uvec2(0u);
-  while (node >= 0 || found != 0u) {
+  int node = walk.node;
+  uvec2 trail = walk.trail;
+  uvec4 hit = walk.hit;
+  if (is_new) {
+    node = is_list ? -1 : packet_node(listed.x);
+    trail = uvec2(0u);
+    hit = uvec4(0u);
+  }
+  float best = hit.x != 0u ? abs(uintBitsToFloat(hit.w) - wanted) : 1e30;
+  float from = max(first, wanted - best);
+  float to = min(end, wanted + best);
+  // A list has so few triangles that its search always ends.
+  while ((node >= 0 && turns > 0) || found != 0u) {
+    turns -= TURNS_OF_VISIT;
     // Walk the tree until the ray hits a node of triangles. Triangles are tested outside this loop: inside it, lanes
     // that have found triangles would wait for the others at every step.
-    while (node >= 0 && found == 0u) {
+    while (node >= 0 && found == 0u && turns > 0) {
+      turns--;
       TreeBoxes boxes = TREE_BOXES(nodes, node);
       vec4 x_low = (boxes.x_low - grid_start.x) * inverse.x;
       vec4 y_low = (boxes.y_low - grid_start.y) * inverse.y;
@@ -59,6 +76,7 @@ uvec4 search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wa
     while (found != 0u) {
       int triangle = leaf + findLSB(found);
       found &= found - 1u;
+      turns--;
       if (is_list && found == 0u) {
         listed = uvec4(listed.yzw, later.x);
         later = uvec4(later.yzw, 0u);
@@ -88,5 +106,7 @@ uvec4 search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wa
       }
     }
   }
-  return hit;
+  walk.node = node;
+  walk.trail = trail;
+  walk.hit = hit;
 }

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from addon.passes import cast, shader, target
+from addon.passes import cast, shader, target, unfinished
 from addon.passes.shader import source as shader_source
 
 FILES = "bake/cast_comp.glsl", "bake/cast_first_comp.glsl"
@@ -16,11 +16,13 @@ the low mesh closest to a hit, and nodes of the low tree that these visit."""
 _COUNTED = (
     "TreeBoxes boxes = TREE_BOXES(nodes, node);",
     "if (owner_has_hit(",
-    "vec3 closest = below;",
+    "closest = below;",
     "uint mask = tree_closer(TREE_BOXES(low_nodes, node), grid_point, unit, best);",
 )
 """How the lines begin before which each is counted. Where no owners are searched for, only the first one is there."""
 _WRITES = "imageStore(hits, texel, chosen);", "imageStore(hits, texel, hit);"
+_READS = "imageLoad(hits, texel).x != HIT_UNFINISHED"
+"""In shaders that write counts, no ray is left unfinished."""
 
 
 def _counting(file):
@@ -28,6 +30,8 @@ def _counting(file):
     counted, write = (_COUNTED, _WRITES[0]) if file == FILES[0] else (_COUNTED[:1], _WRITES[1])
     for line, component in zip(counted, "xyzw", strict=False):
         text = _replaced(file, text, line, f"counted.{component} += 1u; {line}")
+    assert text.count(_READS) == 1
+    text = text.replace(_READS, "true")
     return "uvec4 counted = uvec4(0u);\n" + _replaced(file, text, write, "imageStore(hits, texel, vec4(counted));")
 
 
@@ -44,7 +48,7 @@ def counted(monkeypatch):
     with monkeypatch.context() as patch:
         for name in ("TRACE", "TRACE_FIRST"):
             # Blender reads textures of floats only.
-            images = (("RGBA32F", "FLOAT_2D", "hits", "WRITE"),)
+            images = (("RGBA32F", "FLOAT_2D", "hits", "WRITE"), *unfinished.CARRIED)
             patch.setattr(cast, name, replace(getattr(cast, name), images=images))
         patch.setattr(shader, "source", lambda name: _counting(name) if name in FILES else shader_source(name))
         shader.load.cache_clear()

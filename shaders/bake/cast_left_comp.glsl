@@ -1,0 +1,9 @@
+// Goes on with the rays that bake/cast_comp.glsl has left.
+
+const bool CARRIED_GOES_ON = true;
+#include "lib/cast_lib.glsl"
+
+void main()
+{
+  cast_own();
+}

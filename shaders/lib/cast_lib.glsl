@@ -1,0 +1,125 @@
+// Traces one ray per texel from outside the low mesh inwards, and takes the outermost hit on the high meshes that belongs to the
+// texel.
+#include "lib/active_lib.glsl"
+#include "lib/carried_lib.glsl"
+#include "lib/search_lib.glsl"
+#include "lib/owner_lib.glsl"
+#include "lib/hit_lib.glsl"
+
+// The most hits of a ray that are asked for their owner, so that no ray takes long.
+const int CAST_CANDIDATES = 16;
+// The least distance, in local space, between a hit and the next one.
+const float CAST_BEYOND = 1e-8;
+// Texels of a lane in `carried`.
+const int CAST_PARTS = 5;
+// What a lane does first when it goes on: a new search for a hit, one under way, or the search for the owner of a hit.
+const int CAST_NEW = 0;
+const int CAST_SEARCHES = 1;
+const int CAST_ASKS = 2;
+
+void cast_own()
+{
+  ivec2 texel = active_texel(carried_row(), textureSize(positions, 0).x);
+  if (any(greaterThanEqual(texel, textureSize(positions, 0)))) {
+    return;
+  }
+  if (carried_stage() != CARRIED_ALL && imageLoad(hits, texel).x != HIT_UNFINISHED) {
+    return;
+  }
+  vec4 below = texelFetch(positions, texel, 0);
+  uvec4 chosen = uvec4(0u);
+  if (below.a > 0.0) {
+    vec4 away = texelFetch(directions, texel, 0);
+    float start = away.w;  // how far outside the low surface
+    vec3 direction = -away.xyz;
+    vec3 origin = below.xyz + away.xyz * start;
+    float end = min(max_t, start + inside);
+
+    int turns = TURNS_MOST;
+    int search = 0, first_task = CAST_NEW;
+    bool is_last = false;
+    float first = 0.0;
+    uvec4 fallback = uvec4(0u);
+    SearchWalk walk;
+    walk.node = -1;
+    walk.trail = uvec2(0u);
+    walk.hit = uvec4(0u);
+    OwnerWalk asked;
+    asked.node = -1;
+    if (carried_stage() == CARRIED_ON) {
+      uvec4 left = imageLoad(carried, carried_place(0, CAST_PARTS));
+      walk.hit = imageLoad(carried, carried_place(1, CAST_PARTS));
+      fallback = imageLoad(carried, carried_place(2, CAST_PARTS));
+      uvec4 closest = imageLoad(carried, carried_place(3, CAST_PARTS));
+      uvec4 state = imageLoad(carried, carried_place(4, CAST_PARTS));
+      first_task = int(state.x);
+      search = int(state.y);
+      is_last = state.z != 0u;
+      first = uintBitsToFloat(state.w);
+      walk.node = first_task == CAST_SEARCHES ? int(left.x) : -1;
+      walk.trail = left.yz;
+      asked.node = first_task == CAST_ASKS ? int(left.x) : -1;
+      asked.trail = left.yz;
+      asked.found = int(left.w);
+      asked.closest = uintBitsToFloat(closest.xyz);
+      asked.best = uintBitsToFloat(closest.w);
+    }
+    for (; search <= CAST_CANDIDATES; search++) {
+      // The hit nearest to `wanted` on the ray is searched for, which is its beginning until no hit that faces it belongs to the texel.
+      float wanted = is_last ? start : 0.0;
+      search_hit(texel, origin, direction, first, wanted, end, !is_last, first_task == CAST_NEW, walk, turns);
+      first_task = CAST_NEW;
+      if (walk.node >= 0) {
+        break;
+      }
+      uvec4 hit = walk.hit;
+      if (is_last) {
+        chosen = hit;
+        if (hit.x != 0u) {
+          chosen.x |= HIT_FROM_BEHIND;
+        }
+        break;
+      }
+      if (hit.x == 0u) {  // no more hits that face the ray
+        if (fallback.x != 0u || facing_only != 0) {
+          chosen = fallback;
+          break;
+        }
+        is_last = true;
+        first = 0.0;
+        continue;
+      }
+      float t = uintBitsToFloat(hit.w);
+      ivec3 numbers = triangle_normals(texel_at(triangles, texture_place(hit_triangle(hit))));
+      vec3 normal = TRIANGLE_MIXED(normals, numbers, hit_weights(hit)).xyz;
+      if (owner_has_hit(origin + direction * t, normal, below.xyz, int(below.a) - 1, start - t > near, asked, turns)) {
+        chosen = hit;
+        break;
+      }
+      if (asked.node >= 0) {
+        break;
+      }
+      if (fallback.x == 0u || abs(t - start) < abs(uintBitsToFloat(fallback.w) - start)) {
+        fallback = uvec4(hit.x | HIT_NOT_OWNED, hit.yzw);
+      }
+      chosen = fallback;
+      first = t * (1.0 + OVERLAP_ROUNDING) + CAST_BEYOND;
+    }
+    chosen.w = chosen.x == 0u ? 0u : floatBitsToUint(start - uintBitsToFloat(chosen.w));
+    if (walk.node >= 0 || asked.node >= 0) {
+      carried_note();
+      chosen = uvec4(HIT_UNFINISHED, 0u, 0u, 0u);
+      if (carried_stage() != CARRIED_ALL) {
+        bool asks = asked.node >= 0;
+        uvec4 left = asks ? uvec4(uint(asked.node), asked.trail, uint(asked.found)) : uvec4(uint(walk.node), walk.trail, 0u);
+        imageStore(carried, carried_place(0, CAST_PARTS), left);
+        imageStore(carried, carried_place(1, CAST_PARTS), walk.hit);
+        imageStore(carried, carried_place(2, CAST_PARTS), fallback);
+        imageStore(carried, carried_place(3, CAST_PARTS), floatBitsToUint(vec4(asked.closest, asked.best)));
+        imageStore(carried, carried_place(4, CAST_PARTS),
+                   uvec4(uint(asks ? CAST_ASKS : CAST_SEARCHES), uint(search), uint(is_last), floatBitsToUint(first)));
+      }
+    }
+  }
+  imageStore(hits, texel, chosen);
+}
