@@ -115,23 +115,28 @@ def _read(texture: gpu.types.GPUTexture) -> np.ndarray:
 # Waiting
 
 SIDE = 64
-"""Texels along each side of the textures that a long dispatch writes."""
+"""Texels along each side of what is compared."""
 LONG_SECONDS = 0.06
 """A dispatch of this length stands out from the clock and from other programs. Windows resets a GPU after 2 seconds."""
-MOST_TURNS = 2**26
+SAFE_TURNS = 2**15
+"""The most turns of loops that Imprint takes: see shaders/lib/turns_lib.glsl."""
+MOST_SIDE = 2**11
+"""Texels along each side of what a long dispatch writes, at most."""
+STEPS_OF_TURN = 8
+"""As in shaders/driver_checks/long_comp.glsl."""
 WAITED = 0.3
 """A wait that leaves more than this share of the time to the read-back after it is none."""
 ATTEMPTS = 5
 """One of them is enough: other programs may take the processor for as long as the dispatch takes."""
 
 
-def _sequence(first: int, turns: int) -> tuple[np.ndarray, np.ndarray]:
+def _sequence(first: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
     """What long_comp writes: values (SIDE, SIDE, 4) float32 and numbers (SIDE, SIDE) uint32."""
     factor, added, power, plus = 1, 0, 1664525, 1013904223
-    while turns:  # n steps of the sequence at once are one such step with other numbers
-        if turns & 1:
+    while steps:  # n steps of the sequence at once are one such step with other numbers
+        if steps & 1:
             factor, added = factor * power % 2**32, (added * power + plus) % 2**32
-        power, plus, turns = power * power % 2**32, (power + 1) * plus % 2**32, turns >> 1
+        power, plus, steps = power * power % 2**32, (power + 1) * plus % 2**32, steps >> 1
     numbers = np.arange(first, first + SIDE * SIDE, dtype=np.uint32).reshape(SIDE, SIDE)
     numbers = numbers * np.uint32(factor) + np.uint32(added)
     values = np.ones((SIDE, SIDE, 4), np.float32)
@@ -140,22 +145,28 @@ def _sequence(first: int, turns: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _LongDispatch:
-    """Textures that a long dispatch writes. turns: how long; seconds: what it took."""
+    """Textures that a long dispatch writes. turns: of its loop; seconds: what it took."""
 
-    def __init__(self):
-        self.values = target.Target(SIDE, SIDE, ("RGBA32F",))
-        self.numbers = target.Target(SIDE, SIDE, ("RGBA32UI",))
+    def __init__(self, side: int = SIDE):
         self.turns, self.seconds, self._first = 2**9, 0.0, 0
+        self._resize(side)
+
+    def _resize(self, side: int) -> None:
+        self.values = target.Target(side, side, ("RGBA32F",))
+        self.numbers = target.Target(side, side, ("RGBA32UI",))
 
     def grow(self) -> Check:
-        """Find out how many turns take LONG_SECONDS, from few on."""
+        """Find out how many turns, and for how many texels, take LONG_SECONDS, from few on."""
         shader.load(LONG)
-        while self.seconds < LONG_SECONDS and self.turns < MOST_TURNS:
-            # Four times the turns are at most four times the slice.
-            self.turns *= 2 if self.seconds > LONG_SECONDS / 4.0 else 4
+        while self.seconds < LONG_SECONDS and self.values.width < MOST_SIDE:
+            # Four times the work is at most four times the slice.
+            if self.turns < SAFE_TURNS:
+                self.turns *= 2 if self.seconds > LONG_SECONDS / 4.0 or self.turns * 4 > SAFE_TURNS else 4
+            else:
+                self._resize(2 * self.values.width)
             start = time.perf_counter()
             self.run()
-            _read(self.values.texture)
+            self.read()
             self.seconds = time.perf_counter() - start
             yield
         return ""
@@ -164,17 +175,52 @@ class _LongDispatch:
         self._first += 1000
         _compute(
             LONG,
-            (SIDE, SIDE),
+            (self.values.width, self.values.height),
             values=self.values.texture,
             numbers=self.numbers.texture,
             first=self._first,
             turns=self.turns,
         )
 
+    def read(self) -> np.ndarray:
+        """The first texels of the values, (SIDE, SIDE, 4) float32, or all if these are fewer."""
+        side = min(SIDE, self.values.width)
+        out = np.empty((side, side, 4), np.float32)
+        target.read(self.values.texture, out)
+        return out
+
     @property
     def expected(self) -> np.ndarray:
-        """The values that `run` writes."""
-        return _sequence(self._first, self.turns)[0]
+        """What `read` returns after `run`."""
+        return _sequence(self._first, self.turns * STEPS_OF_TURN)[0][: self.values.width, : self.values.width]
+
+
+MOST_TURNS = 2**20
+"""The most turns of a loop that are tried."""
+
+
+def _loops_end_where_they_should() -> Check:
+    """Drivers in software end loops after 65,535 turns, which is enough."""
+    work = _LongDispatch(side=8)
+
+    def is_right(turns: int) -> bool:
+        work.turns = turns
+        work.run()
+        return np.array_equal(work.read(), work.expected)
+
+    if not is_right(SAFE_TURNS):
+        raise CheckFailed(f"A loop of {SAFE_TURNS:,} turns ends too early, or its numbers are wrong.")
+    right, wrong = SAFE_TURNS, 2 * SAFE_TURNS
+    while wrong <= MOST_TURNS and is_right(wrong):
+        right, wrong = wrong, 2 * wrong
+        yield
+    if wrong > MOST_TURNS:
+        return f"{right:,} turns and more"
+    while wrong - right > 1:
+        middle = (right + wrong) // 2
+        right, wrong = (middle, wrong) if is_right(middle) else (right, middle)
+        yield
+    return f"this driver ends loops after {right:,} turns, Imprint's are shorter"
 
 
 def _read_waits() -> Check:
@@ -182,7 +228,7 @@ def _read_waits() -> Check:
     yield from work.grow()
     for _ in range(3):
         work.run()
-        _expect(_read(work.values.texture), work.expected, "A read-back after a long dispatch")
+        _expect(work.read(), work.expected, "A read-back after a long dispatch")
         yield
     return f"{work.seconds * 1e3:.0f} ms"
 
@@ -199,7 +245,7 @@ def _finish_waits() -> Check:
             start = time.perf_counter()
             each.finish()
             waited = time.perf_counter()
-            _expect(_read(work.values.texture), work.expected, f"A read-back after waiting for {texel}")
+            _expect(work.read(), work.expected, f"A read-back after waiting for {texel}")
             took, left, whole = waited - start, time.perf_counter() - waited, time.perf_counter() - began
             yield
             if left < WAITED * whole:
@@ -503,6 +549,7 @@ def _too_much_is_refused() -> Check:
 
 
 DRIVER_CHECKS = (
+    DriverCheck("Loops end where they should", _loops_end_where_they_should),
     DriverCheck("Read-backs wait", _read_waits),
     DriverCheck("Waiting waits", _finish_waits),
     DriverCheck("No dispatch is left out", _dispatches_are_done),

@@ -7,7 +7,7 @@ import pytest
 
 from addon.passes import driver_checks
 from addon.passes.driver_checks import DRIVER_CHECKS, CheckFailed
-from tests.support.lying_drivers import LIES, Late, anything_is_granted, lying
+from tests.support.lying_drivers import LIES, Late, anything_is_granted, changed_source, lying
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -54,6 +54,23 @@ def test_a_driver_that_lies_is_caught(lie, name):
     with lying(lie), pytest.raises(CheckFailed) as found:
         finish(BY_NAME[name].check())
     assert str(found.value).endswith(".")
+
+
+@pytest.mark.parametrize("most", [2**15, 50_000])
+def test_a_limit_of_turns_is_found_and_said(most):
+    lie = changed_source("turn < turns", f"turn < min(turns, {most})")
+    with lying(lie):
+        assert f" after {most:,} turns" in finish(BY_NAME["Loops end where they should"].check())
+
+
+def test_waiting_needs_no_more_turns_than_drivers_in_software_grant(monkeypatch):
+    work, taken = driver_checks._LongDispatch(), []
+    monkeypatch.setattr(driver_checks, "LONG_SECONDS", 1e9)
+    monkeypatch.setattr(driver_checks, "MOST_SIDE", 4 * driver_checks.SIDE)
+    monkeypatch.setattr(work, "run", lambda: taken.append((work.turns, work.values.width)))
+    finish(work.grow())
+    assert max(turns for turns, _ in taken) == driver_checks.SAFE_TURNS
+    assert taken[-1] == (driver_checks.SAFE_TURNS, driver_checks.MOST_SIDE)
 
 
 def test_each_check_has_a_lie():

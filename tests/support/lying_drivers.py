@@ -206,6 +206,7 @@ def anything_is_granted(patch):
 
 
 LIES = {
+    "ends loops early": (changed_source("turn < turns", "turn < min(turns, 30000)"), "Loops end where they should"),
     "reads back zeros instead of waiting": (zeros_instead_of_waiting, "Read-backs wait"),
     "does not wait where it is told to": (finish_does_not_wait, "Waiting waits"),
     "skips a dispatch": (a_dispatch_is_skipped, "No dispatch is left out"),
