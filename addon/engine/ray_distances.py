@@ -62,9 +62,10 @@ def measured_rays(
             if tracing.hit == Hit.OWN and not has_cage:
                 off, start, heights = starts.moved(meshes, start, heights)
             outside, inside = distances(heights, has_cage=has_cage)
-            if tracing.hit == Hit.OWN and not has_cage:
+            if tracing.hit in _WITH_PARTS and not has_cage:
                 length = None if max_distance is None else max_distance / unit
-                outside, inside = with_room((outside, inside), length, start.probe, start.low_surface.owners)
+                widened = _WITH_PARTS[Hit(tracing.hit)]
+                outside, inside = widened((outside, inside), length, start.probe, start.low_surface.owners)
             room = start.low_surface.owners.room
             if not has_cage and len(heights) and np.mean(heights > room) > MOST_INSIDE:
                 outside = out_of_solids(start.probe, outside)
@@ -199,11 +200,38 @@ def with_room(
     """
     outside, inside = measured
     farthest = max(outside, FARTHEST_PART * owners.room)
-    height = _standing_off(probe, owners, farthest=farthest, inside=max(inside, owners.room))
+    heights, texels = _own_heights(probe, owners, farthest=farthest, inside=max(inside, owners.room))
+    parts = heights[heights > owners.room]
+    height = float(parts.max(initial=0.0)) if len(parts) <= MOST_PARTS * texels else 0.0
     extrusion = max(owners.room, min(rounded(PART_RESERVE * height), farthest))
-    if max_distance is not None:  # the rays must still reach as far inside as was measured
-        extrusion = min(extrusion, max_distance - inside)
-    return max(outside, extrusion), max(inside, owners.room)
+    return max(outside, _within(extrusion, inside, max_distance)), max(inside, owners.room)
+
+
+def with_outermost(
+    measured: tuple[float, float], max_distance: float | None, probe: Probe, owners: Owners
+) -> tuple[float, float]:
+    """The two distances that were measured to the nearest surface, with room for the outermost one that belongs to the low
+    mesh, however much of it that covers. max_distance: as `with_room` has it."""
+    outside, inside = measured
+    farthest = max(outside, FARTHEST_PART * owners.room)
+    heights, _ = _own_heights(probe, owners, farthest=farthest, inside=inside)
+    extrusion = min(rounded(PART_RESERVE * _highest(heights)), farthest)
+    return max(outside, _within(extrusion, inside, max_distance)), inside
+
+
+_WITH_PARTS = {Hit.OWN: with_room, Hit.OUTERMOST: with_outermost}
+"""What widens distances to the nearest surface, for the rules that search for what lies farther out."""
+
+
+def _within(extrusion: float, inside: float, max_distance: float | None) -> float:
+    """`extrusion`, but such that rays of this length still reach as far inside as was measured."""
+    return extrusion if max_distance is None else min(extrusion, max_distance - inside)
+
+
+def _highest(heights: np.ndarray) -> float:
+    """The largest height outside the low surface but the outliers, or 0."""
+    outside = heights[heights > 0.0]
+    return float(np.quantile(outside, QUANTILE)) if outside.size else 0.0
 
 
 LEAST_HITS = 0.5
@@ -250,20 +278,19 @@ def rounded(distance: float) -> float:
     return float(f"{distance:.{DIGITS}g}")
 
 
-def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: float) -> float:
-    """How high above the low surface parts stand off that belong to it, if that is farther than its room; else 0.
+def _own_heights(probe: Probe, owners: Owners, *, farthest: float, inside: float) -> tuple[np.ndarray, int]:
+    """How high above the low surface the outermost hits are that belong to it, (N,) float32, and the number of texels.
 
     Rays run from `farthest` outside it to `inside` it.
     """
-    highest, covered, texels_of_low = 0.0, 0, 0
+    found, texels_of_low = [], 0
     for drawn in probe.drawn(start_offset=farthest, most=PART_PROBE_SIZE):
         search = cast.Search(Hit.OWN, inside, FARTHEST, facing_only=True)
         texels = hit_heights(probe.tables, owners, drawn, search)
         heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)
-        is_part = (alpha > 0.0) & (is_not_owned == 0.0) & (heights > owners.room)
-        highest = max(highest, float(heights[is_part].max(initial=0.0)))
-        covered, texels_of_low = covered + np.count_nonzero(is_part), texels_of_low + np.count_nonzero(alpha)
-    return highest if covered <= MOST_PARTS * texels_of_low else 0.0
+        found.append(heights[(alpha > 0.0) & (is_not_owned == 0.0)])
+        texels_of_low += np.count_nonzero(alpha)
+    return np.concatenate(found), texels_of_low
 
 
 def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
