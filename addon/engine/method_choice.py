@@ -17,8 +17,8 @@ from ..mesh.local_space import gap, local_space_of
 from . import separation, tree_cache, uv_agreement
 
 FAR_APART = 0.5
-"""Share of the low mesh's radius. Meshes whose boxes have a larger gap between them belong together only if most rays hit, as of
-a card before a wall."""
+"""Share of the low mesh's radius. Meshes whose boxes have a larger gap between them belong together only if most rays hit, as
+of a card before a wall."""
 FARTHEST_APART = 2.0
 """The same, from which on they do not belong together, unless distances are set."""
 

@@ -132,8 +132,8 @@ def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[J
 
     Raises BakeError if there is no job.
     """
-    objects = context.view_layer.objects
-    found, problems = match(objects.keys(), suffixes)
+    objects = object_checks.by_name(context.view_layer.objects)
+    found, problems = match(objects, suffixes)
     if not found:
         raise BakeError(" ".join(problems) or f"No object has a name that ends in {suffixes.low!r}.")
     jobs = [

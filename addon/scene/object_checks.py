@@ -2,7 +2,7 @@
 """Objects: references to them that last, and whether they can be baked."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -75,6 +75,16 @@ def object_by_name(name: str) -> bpy.types.Object:
     if name not in bpy.data.objects:
         raise BakeError(naming.no_such_object(name, bpy.data.objects.keys()))
     return bpy.data.objects[name]
+
+
+def by_name(objects: Iterable[bpy.types.Object], like: bpy.types.Object | None = None) -> dict[str, bpy.types.Object]:
+    """Objects by their names. Of several with one name, as an override and what it overrides, it is the one from the library of
+    `like`, or else the local one."""
+    library, found = like.library if like is not None else None, {}
+    for obj in objects:
+        if obj.name not in found or obj.library == library:
+            found[obj.name] = obj
+    return found
 
 
 def scene_by_uid(uid: int) -> bpy.types.Scene | None:

@@ -173,7 +173,8 @@ def at_rest(
 
 def _mute(obj: bpy.types.Object, deformer: Deformer, restore: ExitStack) -> None:
     if deformer.kind == "rig":
-        evaluation.set_until(bpy.data.objects[deformer.name].data, "pose_position", "REST", restore)
+        rig = next(found for found in bpy.data.objects if found.session_uid == deformer.what[1])
+        evaluation.set_until(rig.data, "pose_position", "REST", restore)
     elif deformer.kind == "key":
         evaluation.set_until(obj.data.shape_keys.key_blocks[deformer.name], "mute", True, restore)
     else:

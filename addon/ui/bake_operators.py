@@ -242,7 +242,7 @@ class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
 
 
 def _draw_pair(layout: bpy.types.UILayout, context: bpy.types.Context, pair: naming.Pair) -> None:
-    objects, settings = context.view_layer.objects, context.scene.imprint
+    objects, settings = object_checks.by_name(context.view_layer.objects), context.scene.imprint
     low, highs, cage = objects[pair.low], [objects[name] for name in pair.highs], objects.get(pair.cage or "")
     layout.prop(low, "imprint_is_baked", text=pair.low, translate=False)
     column = layout.column()

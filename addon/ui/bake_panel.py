@@ -186,11 +186,16 @@ def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
         values.check()
     except BakeError as error:
         return str(error)
-    reason = message(object_pairs.MISSING).format(repr(chosen.missing[0])) if chosen.missing else ""
+    reason = _missing(chosen.missing[0]) if chosen.missing else ""
     reason = reason or object_checks.problem(context, low, highs, chosen.cage, values.tracing.method)
     if not reason and _is_unsaved(chosen):
         reason = message("The files of the bake go beside the .blend file: save it first.")
     return reason or _material_problem(low, values) or weights_problem(low, values.tracing) or _clash(low, chosen.panel)
+
+
+def _missing(name: str) -> str:
+    """What is the matter with a high object that is missing, in a sentence."""
+    return message(object_pairs.why_missing(name)).format(repr(name))
 
 
 def _is_unsaved(chosen: Chosen) -> bool:

@@ -65,8 +65,9 @@ OF_BATCHES = {
     ),
 }
 """Properties of a low object that bakes of pairs by name use. They are no part of its pair, which only a bake makes."""
-MISSING = "{} was deleted: bring it back, or remove it."
-"""A sentence about a high object. The panel translates it."""
+NOT_IN_SCENE = "{} is in no collection: bring it back with Undo, link it to one, or remove it."
+NOT_IN_FILE = "{} is not in this file: bring it back or append it, or remove it."
+"""Sentences about a high object. The panel translates them."""
 
 
 def is_mesh(_owner, obj: bpy.types.Object) -> bool:
@@ -229,7 +230,15 @@ def of(low: bpy.types.Object | None) -> ImprintPair | None:
 
 def problem(missing: Sequence[str]) -> str:
     """Why a bake without these high objects cannot start, in a sentence; empty if none is missing."""
-    return MISSING.format(repr(missing[0])) if missing else ""
+    return why_missing(missing[0]).format(repr(missing[0])) if missing else ""
+
+
+def why_missing(name: str) -> str:
+    """What is the matter with a high object that is missing, as a sentence with a place for its name.
+
+    One that was deleted and one that came along with an appended low object look alike: both are in no collection.
+    """
+    return NOT_IN_SCENE if bpy.data.objects.get(name) is not None else NOT_IN_FILE
 
 
 def remember(reports: Sequence[Report]) -> None:

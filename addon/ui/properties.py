@@ -168,13 +168,13 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         except BakeError:  # suffixes that are the same; the panel Pairs by Name says so
             return []
         highs = next((pair.highs for pair in found if low is not None and pair.low == low.name), ())
-        objects = (context.view_layer.objects[name] for name in highs)
-        return list(filter(object_checks.may_show, objects))
+        objects = object_checks.by_name(context.view_layer.objects, low) if highs else {}
+        return list(filter(object_checks.may_show, map(objects.get, highs)))
 
     def pairs_by_name(self, context: bpy.types.Context) -> tuple[list[Pair], list[str]]:
         """The pairs of the view layer's objects, and sentences about objects without a match. Raises BakeError for suffixes
         that are the same."""
-        return matched(tuple(context.view_layer.objects.keys()), self.suffixes())
+        return matched(tuple(dict.fromkeys(context.view_layer.objects.keys())), self.suffixes())
 
     def _pair_of(self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> ImprintPair | None:
         """The pair of `low` if these are its high objects, else None: then the low object gets other ones."""

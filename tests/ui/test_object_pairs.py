@@ -370,12 +370,12 @@ def test_a_deleted_high_object_does_not_stay_in_the_file(crate, tmp_path):
     open_file(tmp_path / "crate.blend")
     assert "crate_high" not in bpy.data.objects
     assert "crate_high" not in bpy.data.meshes
-    assert "'crate_high' was deleted" in draw(2000).text
+    assert "'crate_high' is not in this file" in draw(2000).text
     assert ("imprint.bake", False) in draw().buttons
-    with pytest.raises(RuntimeError, match="'crate_high' was deleted"):
+    with pytest.raises(RuntimeError, match="'crate_high' is not in this file"):
         bpy.ops.imprint.bake()
     assert bpy.ops.imprint.remove_missing(high="crate_high") == {"FINISHED"}
-    assert "was deleted" not in draw(2000).text
+    assert "is not in this file" not in draw(2000).text
     assert "No high object for 'crate_low'" in draw(2000).text
 
 
@@ -384,7 +384,7 @@ def test_a_deleted_high_object_is_named_before_the_file_is_saved(crate):
     delete(high)
     select(low)
     assert chosen() == []
-    assert "'crate_high' was deleted" in draw(2000).text
+    assert "'crate_high' is in no collection" in draw(2000).text
     assert bpy.ops.imprint.remove_missing() == {"FINISHED"}
     assert "crate_high" not in bpy.data.objects
     assert "crate_high" not in bpy.data.meshes or not bpy.data.meshes["crate_high"].users
@@ -399,7 +399,7 @@ def test_one_of_two_deleted_high_objects_stops_the_bake(crate):
     before = texels("crate_low_normal")
     delete(other)
     select(low)
-    with pytest.raises(RuntimeError, match="'bolts' was deleted"):
+    with pytest.raises(RuntimeError, match="'bolts' is in no collection"):
         bpy.ops.imprint.bake()
     assert np.array_equal(texels("crate_low_normal"), before)
     assert bpy.ops.imprint.remove_missing() == {"FINISHED"}
@@ -467,6 +467,58 @@ def test_deleted_objects_in_the_slots_for_low_and_cage_do_not_stay(tmp_path):
     assert not bpy.data.meshes
 
 
+def test_a_low_object_that_was_appended_alone_says_what_is_true(crate, tmp_path):
+    """Its high object comes along, into no collection: nobody has deleted it. Linked, it is baked."""
+    save(tmp_path / "crate.blend")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(tmp_path / "crate.blend")) as (_, appended):
+        appended.objects = ["crate_low"]
+    (low,) = appended.objects
+    bpy.context.collection.objects.link(low)
+    select(low)
+    use(size=16, method="CAST")
+    text = draw(2000).text
+    assert "'crate_high' is in no collection: bring it back with Undo, link it to one, or remove it." in text
+    assert "deleted" not in text
+    bpy.context.collection.objects.link(bpy.data.objects["crate_high"])
+    assert chosen() == ["crate_high"]
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("is_baked", [True, False])
+def test_an_overridden_collection_beside_what_it_overrides_is_one_pair(tmp_path, is_baked):
+    """The linked objects have the same names."""
+    low, high = zoo.plane("tank_low"), zoo.plane("tank_high", slope=1.0)
+    shelf = bpy.data.collections.new("Tank")
+    bpy.context.scene.collection.children.link(shelf)
+    for obj in (low, high):
+        bpy.context.scene.collection.objects.unlink(obj)
+        shelf.objects.link(obj)
+    use(size=16, method="CAST", material=False)
+    select(low, high)
+    if is_baked:
+        bpy.ops.imprint.bake()
+    save(tmp_path / "tank.blend")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(tmp_path / "tank.blend"), link=True) as (_, linked):
+        linked.collections = ["Tank"]
+    bpy.context.scene.collection.children.link(linked.collections[0])
+    linked.collections[0].override_hierarchy_create(bpy.context.scene, bpy.context.view_layer)
+    names = [obj.name for obj in bpy.context.view_layer.objects]
+    assert sorted(names) == ["tank_high", "tank_high", "tank_low", "tank_low"]
+    settings = use(size=16, method="CAST", material=False)
+    assert settings.pairs_by_name(bpy.context)[1] == []
+    for obj in bpy.context.view_layer.objects:
+        if obj.name == "tank_low":
+            select(obj)
+            (other,) = settings.chosen(bpy.context).highs
+            assert other.library == obj.library
+            assert "twice" not in draw(2000).text
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    (low,) = [obj for obj in bpy.context.view_layer.objects if obj.name == "tank_low" and obj.library is None]
+    assert low.imprint.result
+
+
 def test_slots_of_older_files_have_their_names_after_saving(tmp_path):
     """Version 0.2 stored pointers alone."""
     low, high = zoo.plane("lo"), zoo.plane("hi")
@@ -476,11 +528,11 @@ def test_slots_of_older_files_have_their_names_after_saving(tmp_path):
     settings.highs[0].property_unset("called")
     assert chosen() == ["hi"]
     delete(high)
-    assert "'hi' was deleted" in draw(2000).text
+    assert "'hi' is in no collection" in draw(2000).text
     save(tmp_path / "scene.blend")
     open_file(tmp_path / "scene.blend")
     assert "hi" not in bpy.data.objects
-    assert "'hi' was deleted" in draw(2000).text
+    assert "'hi' is not in this file" in draw(2000).text
 
 
 # Hidden high objects

@@ -385,7 +385,7 @@ MISSING = {
     "no UVs": (no_uvs, "'lo' has no UV layer"),
     "not finite": (not_finite, "NaN"),
     "gone from the scene": (gone_from_the_scene, "'hi' is not in scene"),
-    "deleted": (deleted, "'hi' was deleted"),
+    "deleted": (deleted, "'hi' is in no collection"),
     "no file named": (lambda low, high: (select(low, high), use(storage="FILE")), "No file is set"),
     "a depth that does not fit the format": (
         lambda low, high: (select(low, high), use(storage="FILE", output="map.exr", depth="8")),
