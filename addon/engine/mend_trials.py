@@ -126,20 +126,22 @@ class Trials:
 
 
 def gains(before: Shown, after: Shown, count: int) -> tuple[np.ndarray, ...]:
-    """What each of `count` patches gains and loses between two trials, (count,) each: two values, how many places gain it, how
-    many lose it, and how many of the first showed nothing, or the patch itself, before.
+    """What each of `count` patches gains between two trials, what it loses, and what others gain that show in its place, three
+    values (count,); how many places gain it, how many lose it, and how many of the first showed nothing, or the patch itself,
+    before.
 
-    A place that shows another patch then is a loss by what it shows the worse, and a gain by what it shows the better. Places
-    that show the same height before and after count on neither side, whatever they show there.
+    A place that shows another patch then is a loss of both by what it shows the worse, and a gain by what it shows the better.
+    Places that show the same height before and after count on neither side, whatever they show there.
     """
     is_both = (before.patches >= 0) & (after.patches >= 0)
     differs = ~is_both | (np.abs(before.heights - after.heights) > SAME)
     better = after.worth - before.worth
-    values = [
-        np.bincount(shown.patches[some], sign * better[some], count)
-        for shown, sign in ((after, 1.0), (before, -1.0))
-        for some in [differs & (shown.patches >= 0) & (sign * better > 0.0)]
-    ]
+
+    def sums(shown: Shown, sign: float) -> np.ndarray:
+        some = differs & (shown.patches >= 0) & (sign * better > 0.0)
+        return np.bincount(shown.patches[some], sign * better[some], count)
+
+    values = sums(after, 1.0), sums(before, -1.0) + sums(after, -1.0), sums(before, 1.0)
     fresh = after.counts(differs & ((before.patches < 0) | (before.patches == after.patches)), count)
     return *values, after.counts(differs, count), before.counts(differs, count), fresh
 

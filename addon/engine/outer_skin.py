@@ -88,15 +88,16 @@ def _twice(meshes: Meshes, patches: HighPatches, trials: Trials | None) -> list[
 
 def _hidden(meshes: Meshes, patches: HighPatches, trials: Trials) -> list[np.ndarray]:
     """Which patches (count,) bool of each mesh are left out."""
-    found = []
+    found, turned = [], _turned(meshes, patches)
     for number, one in enumerate(patches.of):
         asked = _may_be_hidden(patches, number)
+        if one.pairs is None:  # what was turned over is right now
+            asked[one.labels[turned[number]]] = False
         if asked.any() and one.pairs is not None:
             asked &= ~sees_outside_of(patches, number, meshes.highs[number], asked, trials.scene)
         found.append(np.zeros(one.count, bool) if asked.all() else asked)
     if not any(each.any() for each in found):
         return found
-    turned = _turned(meshes, patches)
     before, after = (trials.shown(turned, out) for out in (None, _triangles(patches, found)))
     shows = trials.split(before.counts(np.ones(len(before.patches), bool), trials.count))
     even = trials.split(before.counts(np.arange(len(before.patches)) < before.spread, trials.count))

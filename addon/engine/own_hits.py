@@ -119,11 +119,14 @@ def own_hits(places: LowPlaces, scene: RayScene, aside: np.ndarray, timings: Tim
     return OwnHits((alpha > 0.0) & (is_not_owned == 0.0), triangles, heights)
 
 
-def shares_of_sides(meshes: Meshes, timings: Timings) -> tuple[float, float] | None:
+def shares_of_sides(
+    meshes: Meshes, timings: Timings, *, like: Sequence[Mesh] | None = None
+) -> tuple[float, float] | None:
     """The share of places on the low mesh that own a hit which faces their ray, with the low mesh as it is, and with all its
     faces turned over. None if rays cannot be cast, since a mesh is empty or too large for the GPU.
 
     What the bake's rays find from outside decides, not which face is the nearest. Takes the tree of the bake from the cache.
+    like: the high meshes of the bake, if only some triangles of theirs are turned over in `meshes`.
     """
     highs = [high for high in meshes.highs if len(high.triangles)]
     if not highs or not tree_cache.fits(highs) or not tree_cache.low_fits(meshes.whole_low):
@@ -131,7 +134,9 @@ def shares_of_sides(meshes: Meshes, timings: Timings) -> tuple[float, float] | N
     places = LowPlaces.of(meshes)
     if not len(places.triangles):
         return None
-    scene, aside = tree_cache.trees.ray_scene_of(meshes.highs, timings), place_aside(meshes.whole_low, meshes.highs)
+    scene, aside = tree_cache.trees.ray_scene_of(like or meshes.highs, timings), place_aside(meshes.whole_low, highs)
+    if like is not None:
+        scene = tree_cache.variant(meshes.highs, scene, timings)
     as_is, turned = (own_hits(each, scene, aside, timings).share for each in (places, places.turned_over()))
     return as_is, turned
 

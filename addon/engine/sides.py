@@ -23,16 +23,19 @@ RAYS = 32
 FRESH, ALL_FRESH = 0.15, 0.5
 """A patch is what the low mesh lacks if at least this share of the places that gain it had no hit of their own, or one on its
 other side; the second one if the patch agrees with the low mesh near it."""
-PART = 0.1
-"""The least share of a patch without a conflict that must be shown once it is turned over."""
+PART, MOST = 0.1, 0.7
+"""The least share of a patch without a conflict that must be shown once it is turned over; of one that is closed and lies in
+others, as a copy inside or the inner side of a hollow body, the second one."""
+OPEN_BACK = 0.4
+"""By how much more open the back of a sheet is that stands off what it covers, as a share of a hemisphere."""
 OUTSIDE = 0.5
 """What stands off others sees the outside on this share of it."""
 MIXED = 0.35
 """The share of the triangles of a patch that point against the others from which most of them say nothing."""
 MOST_APART = 4
 """The most open patches, the largest ones, that are turned over one at a time to see which one is better."""
-LOST = 1e-3
-"""The share of the low mesh that may lose its hits by all changes together, by what they are worth."""
+LOST = 0.01
+"""The share of the low mesh that may lose its hits by all changes together."""
 MUCH = 0.25
 """The share of the places that showed a patch as it was read. If more of them show nothing then, it stays as it was."""
 ROUNDS = 4
@@ -135,7 +138,7 @@ def _turn_sheets(state: _State, sheets: list[np.ndarray]) -> _State:
         tried = [state.with_flips(each) for each in _largest_of(state.patches, sheets)]
         tried = [one for one in tried if any(each.any() for each in _compared(state, one, sheets)[0])]
         best = max(tried, key=lambda one: one.shown.value, default=state)
-        if best is state or after.shown.value >= best.shown.value:
+        if best.shown.value <= max(state.shown.value, after.shown.value):
             return after
         sheets = [each & ~flip for each, flip in zip(sheets, best.flips, strict=True)]
         state = best
@@ -157,25 +160,33 @@ def _largest_of(patches: HighPatches, chosen: Sequence[np.ndarray]) -> list[list
 def _compared(before: _State, after: _State, asked: Sequence[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Which of the patches asked for (count,) bool of each mesh are better turned over, and which show about the same."""
     patches, trials = after.patches, after.trials
-    gained, lost, places, gone, fresh = (trials.split(each) for each in gains(before.shown, after.shown, trials.count))
+    each = gains(before.shown, after.shown, trials.count)
     better, equal = [], []
     for number, (one, flip) in enumerate(zip(patches.of, asked, strict=True)):
-        ratio, dirty = patches.agreements[number], patches.is_dirty(number)
-        enough = places[number] >= np.where(dirty, LEAST, np.maximum(LEAST, PART * _expected(patches, trials, number)))
-        is_better = enough & (gained[number] > MORE * lost[number])
-        # Rays through a closed patch that points inward hit its far side, which may be the nearer one to the low mesh. What
-        # stands off, as a rivet does, is farther from it than what it covers.
+        gained, lost, relieved, places, gone, fresh = (trials.split(values)[number] for values in each)
+        ratio, dirty, high = patches.agreements[number], patches.is_dirty(number), patches.meshes.highs[number]
         inward = patches.volumes(number, flip & one.is_closed) < 0.0
-        in_doubt = inward | _is_mixed(patches, number)
-        is_better |= enough & in_doubt & (MORE * places[number] > gone[number])
-        is_lacking = fresh[number] >= np.where(ratio <= SURE, FRESH, ALL_FRESH) * places[number]
-        stands = flip & is_better & ~is_lacking & (ratio <= SURE) & in_doubt
+        hidden = inward & ~dirty
+        if hidden.any():
+            hidden &= ~sees_outside_of(patches, number, high, hidden, trials.scene)
+        parts = np.where(dirty, 0.0, np.where(hidden, MOST, PART)) * _expected(patches, trials, number)
+        enough = places >= np.maximum(np.where(dirty, LEAST, LEAST + 1), parts)
+        is_better = enough & (gained > MORE * lost)
+        is_lacking = fresh >= np.where(ratio <= SURE, FRESH, ALL_FRESH) * places
+        is_lacking |= inward  # what shows more of a solid, and nearer to the low mesh, needs no other reason
+        # What stands off, as a rivet or a leaf does, is farther from the low mesh than what it covers. Rays through a solid
+        # that points inward hit its far side, which may be the nearer one.
+        in_doubt = enough & ~(is_better & is_lacking) & (MORE * places > gone)
+        stands = flip & in_doubt & (inward | _is_mixed(patches, number))
         if stands.any():
-            stands &= sees_outside_of(
-                patches, number, patches.meshes.highs[number], stands, trials.scene, least=OUTSIDE
-            )
-        better.append(flip & is_better & (is_lacking | stands))
-        equal.append(flip & dirty & ~is_better & (lost[number] <= MORE * gained[number]) & (places[number] < LEAST))
+            stands &= sees_outside_of(patches, number, high, stands, trials.scene, least=OUTSIDE)
+        sheets = flip & in_doubt & ~stands & ~dirty & ~inward & (ratio < -SURE)
+        if sheets.any():
+            front, back = _open_sides(patches, number, sheets, trials.scene)
+            stands |= sheets & (back - front > OPEN_BACK)
+        is_relieved = inward & (relieved > MORE * (lost + gained)) & (gone - places >= np.maximum(LEAST, parts))
+        better.append(flip & ((is_better & is_lacking) | stands | is_relieved))
+        equal.append(flip & dirty & ~is_better & (lost <= MORE * gained) & (places < LEAST))
     return better, equal
 
 
@@ -203,7 +214,7 @@ def _without_worse(state: _State, undecided: list[np.ndarray]) -> Sides:
     gone = as_read.counts(state.shown.patches < 0, trials.count)
     came = state.shown.counts(as_read.patches < 0, trials.count)
     worse = trials.split((gone > came) & (gone > MUCH * as_read.counts(every, trials.count)))
-    if state.shown.value < as_read.value - LOST * as_read.spread:
+    if state.shown.share < as_read.share - LOST:
         worse = [one | (flip & ~each) for one, flip, each in zip(worse, state.flips, state.dirty, strict=True)]
     if any((one & (other | flip)).any() for one, other, flip in zip(worse, state.dirty, state.flips, strict=True)):
         dirty = [each & ~bad for each, bad in zip(state.dirty, worse, strict=True)]
@@ -256,17 +267,23 @@ def _by_shape(
         near.append(is_open & (np.abs(ratio) <= CLEAR))
     if scene is None:
         return near
-    for number, some in enumerate(patches.samples):
-        chosen = near[number][some.patches]
-        if not chosen.any():
-            continue
-        numbers = some.triangles[chosen]
-        corners = corners_in(patches.meshes.highs[number], numbers, scene.local_space)
-        is_against = patches.of[number].is_against[numbers]
-        corners[is_against] = corners[is_against][:, ::-1]
-        values = np.zeros((2, len(chosen)))
-        values[:, chosen] = np.split(openness(scene.tables, np.concatenate([corners, corners[:, ::-1]]), RAYS), 2)
-        front, back = (some.means(side, chosen) for side in values)
-        flips[number] |= near[number] & (back - front > OPENER)
-        undecided[number] = near[number] & (np.abs(back - front) <= OPENER) & (front + back > OPENER)
+    for number, asked in enumerate(near):
+        if asked.any():
+            front, back = _open_sides(patches, number, asked, scene)
+            flips[number] |= asked & (back - front > OPENER)
+            undecided[number] = asked & (np.abs(back - front) <= OPENER) & (front + back > OPENER)
     return undecided
+
+
+def _open_sides(patches: HighPatches, number: int, asked: np.ndarray, scene: RayScene) -> tuple[np.ndarray, np.ndarray]:
+    """How open the fronts and the backs of some patches (count,) bool of a mesh are, (count,) each, from 0 to 1."""
+    some = patches.samples[number]
+    chosen = asked[some.patches]
+    numbers = some.triangles[chosen]
+    corners = corners_in(patches.meshes.highs[number], numbers, scene.local_space)
+    is_against = patches.of[number].is_against[numbers]
+    corners[is_against] = corners[is_against][:, ::-1]
+    values = np.zeros((2, len(chosen)))
+    values[:, chosen] = np.split(openness(scene.tables, np.concatenate([corners, corners[:, ::-1]]), RAYS), 2)
+    front, back = (some.means(side, chosen) for side in values)
+    return front, back

@@ -143,12 +143,12 @@ def _shows_more_flipped(
         for high, mask in zip(meshes.highs, turned, strict=True)
     ]
     as_read = replace(meshes, highs=list(map(_turned, meshes.highs, masks)))
-    shares = own_hits.shares_of_sides(as_read, timings)
+    shares = own_hits.shares_of_sides(as_read, timings, like=meshes.highs)
     if shares is None or len(meshes.whole_low.triangles) > MOST_LOW:
         return False
     if is_high:
         highs = [_turned(high, ~mask) for high, mask in zip(meshes.highs, masks, strict=True)]
-        flipped = own_hits.shares_of_sides(replace(as_read, highs=highs), timings)
+        flipped = own_hits.shares_of_sides(replace(as_read, highs=highs), timings, like=meshes.highs)
         shares = shares[0], flipped[0] if flipped is not None else 0.0
     return before_bake.gains(*shares) and before_bake.gains(_share_from_afar(as_read, timings), shares[1])
 
