@@ -10,7 +10,7 @@ import numpy as np
 from ..core import udim
 from ..core.declarations.choices import Method, Space
 from ..core.errors import Fix, Length, shorten_list
-from ..core.map_types import WRITTEN
+from ..core.map_types import BY_NAME, WRITTEN
 from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
 from ..engine import ray_casting, separation, uv_agreement
 from ..engine.bands import Band
@@ -107,7 +107,11 @@ def _direction_warnings(meshes: Meshes, tally: Tally, map_settings: MapSettings)
             f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them.",
             severity.TURNED,
         )
-    if map_settings.normal and tally.compared and not tally.leaning:
+    # From one UV map to another, a mesh has no other detail than its materials.
+    is_of_materials = meshes.is_own_base and any(
+        BY_NAME[name].family.shows_materials for name in map_settings.drawn_maps
+    )
+    if map_settings.normal and tally.compared and not tally.leaning and not is_of_materials:
         names = (repr(high.name) for high in meshes.listed_highs)
         compared = "its own modifiers" if meshes.is_own_base else shorten_list(names)
         yield Warned(

@@ -304,6 +304,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
                 *drawn.warnings,
                 *map(Warned, material_inputs.notes(drawn.meshes, settings.map)),
                 *map(Warned, attribute_notes(drawn.meshes, settings.map)),
+                *map(Warned, material_inputs.bare_notes(drawn.meshes, drawn.job.found_highs, settings.map)),
                 *map(Warned, slope_notes(settings)),
                 *map(Warned, plan.warnings),
                 *findings.warnings,

@@ -97,6 +97,11 @@ class Job:
         return [ref.resolve() for ref in self.high_refs]
 
     @property
+    def found_highs(self) -> list[bpy.types.Object]:
+        """The high objects that still exist."""
+        return [high for ref in self.high_refs if (high := ref.find()) is not None]
+
+    @property
     def others(self) -> list[bpy.types.Object]:
         """The high objects of other jobs, if they are occluders."""
         return [ref.resolve() for ref in self.other_refs]

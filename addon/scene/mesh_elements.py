@@ -315,3 +315,33 @@ def _missing(obj: bpy.types.Object, name: str) -> str:
     close = difflib.get_close_matches(name, obj.vertex_groups.keys(), n=1)
     hint = f"did you mean {close[0]!r}?" if close else "name one that it has, or none."
     return f"{obj.name!r} has no vertex group {name!r}: {hint}"
+
+
+BUILT_IN = {
+    "position",
+    "material_index",
+    "sharp_face",
+    "sharp_edge",
+    "custom_normal",
+    "id",
+    "crease_vert",
+    "crease_edge",
+} | {
+    *("bevel_weight_vert", "bevel_weight_edge", "freestyle_edge", "freestyle_face", "velocity"),
+}
+"""Attributes that Blender itself uses."""
+
+
+def own_attributes(obj: bpy.types.Object) -> list[str]:
+    """The names of the attributes of a mesh object that may be meant as a map: numbers by vertex, corner or face."""
+    if obj.type != "MESH":
+        return []
+    layers = {layer.name for layer in obj.data.uv_layers} | BUILT_IN
+    return [
+        each.name
+        for each in obj.data.attributes
+        if each.domain != "EDGE"
+        and each.data_type in {"FLOAT", "INT", "FLOAT_VECTOR", "FLOAT_COLOR", "BYTE_COLOR"}
+        and not each.name.startswith(".")
+        and each.name not in layers
+    ]

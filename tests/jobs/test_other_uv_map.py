@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.scene import object_checks
-from tests.support import feeds, maps
+from tests.support import feeds, maps, scenes
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -60,3 +60,14 @@ def test_one_uv_map_is_not_baked_onto_itself():
     assert object_checks.own_highs(square) == []
     square.data.uv_layers.remove(square.data.uv_layers[feeds.BAKED])
     assert "'square' is both high and low" in object_checks.problem(bpy.context, square, [square])
+
+
+@pytest.mark.parametrize("map_name", ["BASE_COLOR", "ROUGHNESS", "ATTRIBUTE"])
+def test_a_flat_normal_map_beside_maps_of_materials_is_as_it_should_be(map_name):
+    """From one UV map to another, nothing but materials can differ."""
+    square = textured(np.ones((SIZE, SIZE, 4)))
+    square.data.attributes.new("mask", "FLOAT", "POINT")
+    report = scenes.bake(square, square, method="AUTO", maps=(map_name,), attribute="mask", size=16)
+    assert report.warnings == []
+    alone = scenes.bake(square, square, method="AUTO", size=16)
+    assert [text.split(":")[0] for text in alone.warnings] == ["The map is flat"]
