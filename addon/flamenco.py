@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sends a job to a Flamenco Manager, by its web interface."""
 
+import base64
 import http.client
 import json
 import platform
@@ -8,7 +9,7 @@ import re
 import urllib.error
 import urllib.parse
 import urllib.request
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from .core.errors import BakeError
@@ -29,9 +30,21 @@ class Job:
     priority: int = 50
 
 
+@dataclass(frozen=True)
+class _Manager:
+    """A manager. Messages show it without a password."""
+
+    address: str
+    """Without a path, a user and a password."""
+    headers: dict[str, str] = field(default_factory=dict, repr=False)
+
+    def __str__(self) -> str:
+        return self.address
+
+
 def submit(url: str, job: Job) -> str:
     """Send a job to the manager at this address. Returns the address of the job's page. Raises BakeError."""
-    manager = _address(url)
+    manager = _manager(url)
     try:
         kind = _ask(manager, f"jobs/type/{JOB_TYPE}")
     except urllib.error.HTTPError as error:
@@ -59,23 +72,31 @@ def submit(url: str, job: Job) -> str:
         raise _stranger(manager) from error
 
 
-def _address(url: str) -> str:
-    """The manager's address without a path. Raises BakeError."""
+def _manager(url: str) -> _Manager:
+    """The manager at an address, which may have a user and a password. Raises BakeError."""
     try:
         parts = urllib.parse.urlsplit(url if "://" in url else f"http://{url}")
-        is_host = re.fullmatch(r"[!-~]+", parts.netloc) and parts.hostname and parts.port != 0
+        user, at, host = parts.netloc.rpartition("@")
+        is_host = re.fullmatch(r"[!-~]+", host) and parts.hostname and parts.port != 0
         is_right = parts.scheme in ("http", "https") and is_host
     except ValueError:  # of the port, or of brackets
         is_right = False
     if not is_right:
-        raise BakeError(f"{url!r} is not the address of a Flamenco Manager, such as http://flamenco.local:8080")
-    return f"{parts.scheme}://{parts.netloc}"
+        shown = re.sub(r"(?s)^(.*://)?.*@", lambda start: f"{start[1] or ''}***@", url)
+        raise BakeError(f"{shown!r} is not the address of a Flamenco Manager, such as http://flamenco.local:8080")
+    headers = {}
+    if at:
+        secret = urllib.parse.unquote_to_bytes(user if ":" in user else f"{user}:")
+        headers["Authorization"] = f"Basic {base64.b64encode(secret).decode()}"
+    return _Manager(f"{parts.scheme}://{host}", headers)
 
 
-def _ask(manager: str, path: str, body: dict | None = None) -> dict[str, Any]:
+def _ask(manager: _Manager, path: str, body: dict | None = None) -> dict[str, Any]:
     """The manager's answer to a request, which is a POST if there is a body. Raises HTTPError, BakeError."""
     data = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(f"{manager}/api/v3/{path}", data, {"Content-Type": "application/json"})
+    for name, value in manager.headers.items():
+        request.add_unredirected_header(name, value)  # what the manager leads to gets no password
     try:
         with urllib.request.urlopen(request, timeout=_SECONDS) as answer:
             found = json.loads(answer.read())
@@ -89,11 +110,11 @@ def _ask(manager: str, path: str, body: dict | None = None) -> dict[str, Any]:
     return found
 
 
-def _stranger(manager: str) -> BakeError:
+def _stranger(manager: _Manager) -> BakeError:
     return BakeError(f"The server at {manager} is not a Flamenco Manager")
 
 
-def _refusal(manager: str, error: urllib.error.HTTPError) -> BakeError:
+def _refusal(manager: _Manager, error: urllib.error.HTTPError) -> BakeError:
     try:
         reason = json.loads(error.read())["message"]
     except (OSError, ValueError, KeyError, TypeError):

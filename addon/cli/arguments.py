@@ -12,12 +12,13 @@ from typing import Any
 
 from ..core import asset, file_formats, levels, naming, udim
 from ..core.conversion import StoredNormals
+from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError, warn_of_former
 from ..core.naming import Suffixes, did_you_mean
 from ..core.settings import PART_OF, Settings
 from . import limits
-from .options import FILE, FORMER_WORDS, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, SUBJECTS, RunOptions
+from .options import FILE, FORMER_WORDS, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, SUBJECTS, RunOptions, option_word
 
 
 def settings(options: argparse.Namespace) -> Settings:
@@ -43,14 +44,15 @@ def stored_normals(options: argparse.Namespace) -> StoredNormals:
     return StoredNormals(**{field.name: vars(options)[field.name] for field in fields(StoredNormals)})
 
 
-def settings_fault(options: argparse.Namespace) -> str:
-    """What is wrong with the settings, without a full stop, or ""."""
-    try:
-        settings(options).check()
-        stored_normals(options).check()
-    except BakeError as error:
-        return str(error).rstrip(".")
-    return ""
+def settings_faults(options: argparse.Namespace) -> Iterator[str]:
+    """What is wrong with the settings, each without a full stop."""
+    faults: list[str] = []
+    for check in (lambda: faults.extend(settings(options).faults()), stored_normals(options).check):
+        try:
+            check()
+        except BakeError as error:
+            faults.append(str(error))
+    yield from (text.rstrip(".") for text in faults)
 
 
 # noqa: F401 - callers find them here
@@ -151,7 +153,9 @@ def check(options: argparse.Namespace, program: str = "imprint") -> RunOptions:
     if job_file := next((name for name in options.file if PurePath(name).suffix.lower() in JOB_FILES), None):
         raise WrongUsage(f"{job_file!r} is a job file: put --jobs before it")
     run = RunOptions.of(options, program)
-    _refuse([*mistakes(options), *run.mistakes(has_files=bool(options.file or options.low_file))])
+    others = _given(options, _IGNORED_BY_CONVERSIONS) if options.convert else []
+    of_conversion = [_NOT_CONVERTED.format(", ".join(others))] if others else []
+    _refuse([*mistakes(options), *of_conversion, *run.mistakes(has_files=bool(options.file or options.low_file))])
     return run
 
 
@@ -183,9 +187,9 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
             *files,
         ]
     )
-    if options.output and (fault := settings_fault(options)):
+    if options.output and (faults := list(settings_faults(options))):
         # What else is a folder, or no file, is found with the other files of a call.
-        yield f"{options.output!r} is a folder: name a file" if os.path.isdir(options.output) else fault
+        yield from [f"{options.output!r} is a folder: name a file"] if os.path.isdir(options.output) else faults
 
 
 def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Iterator[str]:
@@ -202,8 +206,8 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--low-file, --high-file and --cage-file go together, without FILE, --low, --high and --cage"
     if options.high_up and not (options.high_file or options.pairs):
         yield "--high-up is for --high-file"
-    if options.convert and (others := _not_converted(options)):
-        yield f"--convert converts one normal map: leave out {', '.join(others)}"
+    if options.convert and (others := _given(options, _OF_BAKES)):
+        yield _NOT_CONVERTED.format(", ".join(others))
     if options.convert and options.export:
         yield "--export follows a bake: leave it out with --convert"
     if options.pack_uvs and not (options.pairs and not is_folder(options) and not naming.has_low(options.output)):
@@ -232,10 +236,19 @@ _OF_BAKES = {
 """Options that ask for what a conversion does not make, and where their values are."""
 
 
-def _not_converted(options: argparse.Namespace) -> list[str]:
-    """Those of these options that are given."""
+_OF_RAYS = ("method", "hit", "extrusion", "max_distance", "directions", "facing_only", "offset_group", "straight_group")
+"""Options without an effect where no ray is cast."""
+_IGNORED_BY_CONVERSIONS = {option_word(name): name for name in ("size", "samples", "adaptive", *_OF_RAYS)}
+"""As _OF_BAKES, options without an effect on a conversion. A job file may have them, where they count for its bakes."""
+
+
+_NOT_CONVERTED = "--convert converts one normal map: leave out {}"
+
+
+def _given(options: argparse.Namespace, names: dict[str, str]) -> list[str]:
+    """Those of these options that are given, by the words and the names of their values."""
     defaults = parser("imprint").get_default
-    return [f"--{word}" for word, name in _OF_BAKES.items() if vars(options)[name] != defaults(name)]
+    return [f"--{word}" for word, name in names.items() if vars(options)[name] != defaults(name)]
 
 
 def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
@@ -318,7 +331,10 @@ def _present(argument: str) -> str:
     return f"--{now}{is_given}{value}"
 
 
-_NOT_OF_LOD = ("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers")
+_NOT_OF_LOD = (
+    *("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers"),
+    *_OF_RAYS,
+)
 """Options that a chain has no use for."""
 
 
@@ -329,7 +345,8 @@ def read_lod(words: Sequence[str], program: str) -> argparse.Namespace:
     defaults = vars(parse([]))
     wrong = next((name for name in _NOT_OF_LOD if getattr(options, name) != defaults[name]), None)
     if wrong:
-        raise WrongUsage(f"--{wrong.replace('_', '-')} is not for lod, which makes coarser meshes of one mesh")
+        word = option_word(wrong) if wrong in DECLARED else wrong.replace("_", "-")
+        raise WrongUsage(f"--{word} is not for lod, which makes coarser meshes of one mesh")
     if own.triangles is not None and (own.degrees, own.distance) != (None, None):
         raise WrongUsage("--triangles sets how many triangles levels have: give it without --degrees and --distance")
     degrees = own.degrees if own.degrees is not None else "" if own.distance else levels.DEGREES

@@ -171,6 +171,12 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions,
 
         try:
             return own, job_file.read(own.jobs, more, show, is_untrusted=own.untrusted)
+        except job_file.WrongJobs as error:
+            if error.right and (own.list or own.check) and not own.untrusted:
+                from . import listing
+
+                error.told += listing.problems_of(error.right)
+            raise
         finally:
             meter.clear()
     return arguments.check(options, program), [options]
@@ -198,7 +204,7 @@ def _has_no_folder() -> str:
 
 
 def _refuse(program: str, error: Exception | str, hint: str = "") -> int:
-    for line in str(error).splitlines():
+    for line in error.told if isinstance(error, job_file.WrongJobs) else str(error).splitlines():
         print(f"{program}: {line}{hint}", file=sys.stderr)
     return WRONG_USAGE
 

@@ -5,9 +5,10 @@ import argparse
 import json
 import re
 import tomllib
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ..core.errors import warn_of_former
@@ -15,7 +16,7 @@ from ..core.naming import did_you_mean
 from . import arguments, option_types
 from .arguments import WrongUsage
 from .options import FILE, FORMER_WORDS, OPTIONS, RUN_OPTIONS, CommandOption
-from .run_report import STDOUT
+from .run_report import STDOUT, ranges
 
 MOST_SHOWN = 80
 """Characters of a wrong value in a message."""
@@ -99,6 +100,17 @@ PROGRESS_EVERY = 100
 class WrongJobs(WrongUsage):
     """A job file cannot be read or has mistakes. The text has a line for each part with mistakes, without a full stop."""
 
+    def __init__(
+        self,
+        text: str,
+        told: Sequence[str] = (),
+        right: Mapping[int, argparse.Namespace] = MappingProxyType({}),
+    ):
+        """told: the lines to print, where sets with the same mistakes share one. right: the options of the sets without
+        mistakes, by their numbers."""
+        super().__init__(text)
+        self.told, self.right = list(told) or text.splitlines(), right
+
 
 def read(
     name: str,
@@ -121,17 +133,22 @@ def read(
     defaults = {key: value for key, value in defaults.items() if key.replace("_", "-") not in wrong}
     if wrong:
         faults.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
-    found = []
+    found: dict[int, argparse.Namespace] = {}
+    of_sets: dict[str, list[int]] = {}
+    """The numbers of the sets that have the same mistakes."""
+    lines = []
     for number, values in enumerate(sets, 1):
         if number % PROGRESS_EVERY == 0:
             on_progress(number / len(sets))
         try:
-            found.append(_options({**defaults, **values}, reader, wrong))
+            found[number] = _options({**defaults, **values}, reader, wrong)
         except WrongUsage as fault:
-            faults.append(f"{name}, set {number}: {fault}")
-    if faults:
-        raise WrongJobs("\n".join(faults))
-    return found
+            of_sets.setdefault(str(fault), []).append(number)
+            lines.append(f"{name}, set {number}: {fault}")
+    if faults or lines:
+        told = (f"{name}, set{'s' * (len(each) > 1)} {ranges(each)}: {text}" for text, each in of_sets.items())
+        raise WrongJobs("\n".join([*faults, *lines]), [*faults, *told], found)
+    return list(found.values())
 
 
 def _options(values: dict, reader: "_Reader", unread: Collection[str]) -> argparse.Namespace:

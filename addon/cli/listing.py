@@ -6,7 +6,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -123,6 +123,22 @@ def list_bakes(options: RunOptions, sets: Sequence[argparse.Namespace]) -> int:
     return listing.code
 
 
+def problems_of(sets: Mapping[int, argparse.Namespace]) -> list[str]:
+    """What is wrong with the files of some sets of a job file, by their numbers, whose other sets have mistakes."""
+    found = InputProblems(InputFiles(), reads=False)
+    named = [Plan(f"set {number} ({plans.subject(options)})", options) for number, options in sets.items()]
+    return _grouped((plan.name, problem) for plan in named for problem in found.of(plan))
+
+
+def _grouped(named: Iterable[tuple[str, str]]) -> list[str]:
+    """Problems with the names of their bakes, equal ones once: "a and 3 more: There is no file 'b'."."""
+    names: dict[str, list[str]] = {}
+    for name, problem in named:
+        names.setdefault(problem, []).append(name)
+    more = {problem: f" and {len(found) - 1:,} more" if len(found) > 1 else "" for problem, found in names.items()}
+    return [f"{found[0]}{more[problem]}: {problem}" if found[0] else problem for problem, found in names.items()]
+
+
 class _Listing:
     """The bakes of a call, with what is known of them before they are done."""
 
@@ -140,12 +156,8 @@ class _Listing:
     @property
     def all_problems(self) -> list[str]:
         """What is wrong with all bakes together, and with each."""
-        named = [
-            f"{plan.name}: {problem}" if plan.name else problem
-            for plan in self.chosen
-            for problem in self._of_bakes[plan.number]
-        ]
-        return [*self.problems, *named]
+        named = ((plan.name, problem) for plan in self.chosen for problem in self._of_bakes[plan.number])
+        return [*self.problems, *_grouped(named)]
 
     @property
     def code(self) -> int:

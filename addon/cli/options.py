@@ -460,6 +460,9 @@ class RunOptions:
             yield f"--{named} needs --records DIR with --untrusted: records beside the maps could come with the files"
         if self.list and self.check:
             yield "--list checks as well: leave out --check"
+        for name in ("report", "sheet") if self.list else ():
+            if getattr(self, name):
+                yield f"--{name} is of bakes, and --list does none: leave it out"
         if self.json and not self.list:
             yield "--json is for --list"
         if self.needs_worker and not self.workers:

@@ -128,9 +128,9 @@ class ResumeQueue(WorkQueue):
         check: Callable[[], None] = lambda: None,
         on_share: Callable[[float], None] = lambda _: None,
     ):
-        """Compare all bakes with their records. is_forced: all still have to run. open_file: as in plans.plans_of. records: as
-        in records.record_path. pictures: the folder of pictures. bounds: the folders of files that are not trusted. check: as in
-        Contents. on_share: called with the share of the bakes that are compared.
+        """Compare all bakes with their records. is_forced: all still have to run. open_file: as in plans.plans_of. records:
+        as in records.record_path. pictures: the folder of pictures. bounds: the folders of files that are not trusted.
+        check: as in Contents. on_share: called with the share of the bakes that are compared.
         """
         super().__init__(())
         self._is_forced, self._open_file, self._records, self._bounds = is_forced, open_file, records, bounds

@@ -2,9 +2,9 @@
 """The settings of a bake, as plain data. `declarations` holds their labels, tooltips, limits and defaults."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import PurePath
 from typing import Any
 
@@ -239,56 +239,68 @@ class Settings:
 
     def check(self) -> None:
         """Raise BakeError for settings that are not valid for any objects."""
-        for name, value in self.flat().items():
-            DECLARED[name].check(value)
+        if fault := next(self.faults(), ""):
+            raise BakeError(fault)
+
+    def faults(self) -> Iterator[str]:
+        """Why these settings are not valid for any objects, in sentences. Wrong values hide what depends on them."""
+        wrong = [text for name, value in self.flat().items() for text in _faults(partial(DECLARED[name].check, value))]
+        yield from wrong
+        if wrong:
+            return
         red, green, blue = self.map.channels
         if len({axis[1] for axis in self.map.channels}) < 3:
-            raise BakeError(f"Red, green and blue store {red}, {green} and {blue}: give each channel another axis.")
+            yield f"Red, green and blue store {red}, {green} and {blue}: give each channel another axis."
         if not (self.map.normal or self.map.drawn_maps):
-            raise BakeError("No map is chosen: choose the normal map, another map, or maps to pack.")
+            yield "No map is chosen: choose the normal map, another map, or maps to pack."
         if self.map.packing and not self.map.packing.maps:
-            raise BakeError("The packed image would hold no map: choose a map for one of its channels.")
-        self._check_tiles()
+            yield "The packed image would hold no map: choose a map for one of its channels."
+        yield from self._wrong_tiles()
         for text in (self.storing.image, self.storing.output):
-            for placeholder in re.findall(r"\{\w*\}", text):
+            for placeholder in dict.fromkeys(re.findall(r"\{\w*\}", text)):
                 if placeholder == MATERIAL and not self.map.texture_sets:
-                    raise BakeError(f"{text!r} contains {MATERIAL} but Texture Sets is off: enable it.")
+                    yield f"{text!r} contains {MATERIAL} but Texture Sets is off: enable it."
                 if placeholder not in (LOW, NAME, MATERIAL):
-                    raise BakeError(f"Unknown placeholder {placeholder} in {text!r}: use {LOW}, the low object's name.")
+                    yield f"Unknown placeholder {placeholder} in {text!r}: use {LOW}, the low object's name."
         if self.storing.storage == Storage.FILE:
-            self._check_output()
+            yield from self._wrong_output()
 
-    def _check_tiles(self) -> None:
-        udim.check(self.sampling.tiles)
+    def _wrong_tiles(self) -> Iterator[str]:
+        yield from _faults(partial(udim.check, self.sampling.tiles))
         if self.sampling.tiles and not self.sampling.udim:
-            raise BakeError("Tiles are set but UDIM Tiles is off: enable it.")
+            yield "Tiles are set but UDIM Tiles is off: enable it."
         if self.sampling.udim and self.storing.storage == Storage.MEMORY:
-            raise BakeError("Blender cannot keep UDIM tiles in memory alone: store them in a file, or packed.")
+            yield "Blender cannot keep UDIM tiles in memory alone: store them in a file, or packed."
 
-    def _check_output(self) -> None:
+    def _wrong_output(self) -> Iterator[str]:
         storing = self.storing
         if not storing.output:
-            raise BakeError("No file is set for the map: set one, or store the map packed.")
-        depths = file_formats.of(storing.output).depths
+            yield "No file is set for the map: set one, or store the map packed."
+            return
+        unknown = list(_faults(partial(file_formats.of, storing.output)))
+        yield from unknown
         if TOKEN in storing.output and not self.sampling.udim:
-            raise BakeError(f"{storing.output!r} contains {TOKEN} but UDIM Tiles is off: enable it.")
+            yield f"{storing.output!r} contains {TOKEN} but UDIM Tiles is off: enable it."
         if self.sampling.udim and "%" in storing.output:  # Blender takes it for a placeholder, and may crash
-            raise BakeError(f"{storing.output!r} contains %, which Blender does not take in the path of UDIM tiles.")
+            yield f"{storing.output!r} contains %, which Blender does not take in the path of UDIM tiles."
         if TOKEN in str(PurePath(storing.output).parent):
-            raise BakeError(
-                f"{storing.output!r} has {TOKEN} in a folder's name: Blender takes it only in the file's name."
-            )
+            yield f"{storing.output!r} has {TOKEN} in a folder's name: Blender takes it only in the file's name."
         stored = self.map.packing.channels[-1] if self.map.packing else WHITE
         if not storing.alpha and stored != WHITE:
             what = f"the map {BY_NAME[stored.map].label}" if stored.map else "a number"
-            raise BakeError(
-                f"The packed image has {what} in its alpha, but the files are to have no alpha: choose one of the two."
-            )
-        if storing.depth not in depths:
+            yield f"The packed image has {what} in its alpha, but the files are to have no alpha: choose one of the two."
+        depths = () if unknown else file_formats.of(storing.output).depths
+        if depths and storing.depth not in depths:
             ending = PurePath(storing.output).suffix.lower()
-            raise BakeError(
-                f"A {ending} file stores {' or '.join(map(str, depths))} bits per channel, not {storing.depth}."
-            )
+            yield f"A {ending} file stores {' or '.join(map(str, depths))} bits per channel, not {storing.depth}."
+
+
+def _faults(check: Callable[[], object]) -> Iterator[str]:
+    """What a check raises, in a sentence."""
+    try:
+        check()
+    except BakeError as error:
+        yield str(error)
 
 
 PARTS = {"map": MapSettings, "tracing": TracingSettings, "sampling": SamplingSettings, "storing": StorageSettings}

@@ -321,9 +321,6 @@ def work(
             bakes = yield from relay(part(baking, SEARCHED, 1.0), partial(replace, finished=0))
         for data, _ in found:
             meshes.release(data)
-    # A level of triangles may have more faces than an original of quads.
-    swapped = [object_checks.SWAPPED.format(low=repr(each.name), highs=repr(ref.resolve().name)) for each in objects]
-    bakes = [replace(bake, warnings=[each for each in bake.warnings if each not in swapped]) for bake in bakes]
     levels = [
         replace(level, name=each.name, bake=bake) for each, (_, level), bake in zip(objects, found, bakes, strict=True)
     ]

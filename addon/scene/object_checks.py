@@ -331,10 +331,15 @@ SWAPPED = "{low} has more faces than {highs}. Are they swapped?"
 
 
 def seem_swapped(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> bool:
-    """Whether high and low seem swapped. Counts no faces that modifiers and instances add: that needs an evaluation."""
+    """Whether high and low seem swapped: the low one has more triangles. Those that modifiers and instances add need an
+    evaluation, and do not count."""
     if low in highs or any(high.type != "MESH" or high.modifiers or high.mode == "SCULPT" for high in highs):
         return False
-    return len(low.data.polygons) > sum(len(high.data.polygons) for high in highs)
+    return _triangles(low.data) > sum(_triangles(high.data) for high in highs)
+
+
+def _triangles(mesh: bpy.types.Mesh) -> int:
+    return len(mesh.loops) - 2 * len(mesh.polygons)
 
 
 def warnings(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> list[str]:

@@ -41,18 +41,25 @@ def read_preset(path: Path) -> dict[str, Any]:
         values = {
             node.targets[0].attr: ast.literal_eval(node.value)
             for node in tree.body
-            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]).startswith("settings.")
+            if isinstance(node, ast.Assign) and _is_setting(node.targets[0])
         }
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError, TypeError) as error:
         raise BakeError(f"{str(path)!r} is not a preset: {error}.") from error
+    except (MemoryError, RecursionError) as error:  # of Python's parser
+        raise BakeError(f"{str(path)!r} is not a preset: it is nested too deep.") from error
     if not values:
         raise BakeError(f"{str(path)!r} is not a preset: it has no line that begins with 'settings.'.")
     return values
 
 
+def _is_setting(target: ast.expr) -> bool:
+    return isinstance(target, ast.Attribute) and isinstance(target.value, ast.Name) and target.value.id == "settings"
+
+
 def apply_preset(settings: bpy.types.PropertyGroup, values: Mapping[str, Any]) -> None:
     """Set settings. Raises BakeError for a value that is not possible, and changes nothing then."""
-    known = {name: value for name, value in values.items() if name in settings.bl_rna.properties}
+    may_be_set = {each.identifier for each in settings.bl_rna.properties if not each.is_readonly}
+    known = {name: value for name, value in values.items() if name in may_be_set}
     known = dict(
         sorted(known.items(), key=lambda item: item[0] == "depth")
     )  # a path sets it, if the one before does not fit
@@ -60,7 +67,7 @@ def apply_preset(settings: bpy.types.PropertyGroup, values: Mapping[str, Any]) -
     try:
         for name, value in known.items():
             setattr(settings, name, value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
         for name, value in before.items():
             setattr(settings, name, value)
         raise BakeError(f"A preset cannot be used: {error}.") from error

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests `farm`, which sends a job file to a Flamenco Manager: a server on this machine stands for one."""
 
+import base64
 import json
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -23,9 +24,10 @@ KIND = {
 class Manager(BaseHTTPRequestHandler):
     """Answers with what `answers` has for the end of an address, and keeps what is sent."""
 
-    answers, sent = {}, []
+    answers, sent, secrets = {}, [], []
 
     def do_GET(self):  # noqa: N802 - the base class calls it
+        self.secrets.append(self.headers["Authorization"])
         status, body = self.answers[self.path.removeprefix("/api/v3/")]
         data = body if isinstance(body, bytes) else json.dumps(body).encode()
         self.send_response(status)
@@ -46,7 +48,7 @@ def manager(monkeypatch):
     """A manager that takes jobs, and its address."""
     for name in ("http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"):
         monkeypatch.delenv(name, raising=False)
-    Manager.sent = []
+    Manager.sent, Manager.secrets = [], []
     Manager.answers = {"jobs/type/imprint-bake": (200, KIND), "jobs": (200, {"id": "a-b-c"})}
     with HTTPServer(("127.0.0.1", 0), Manager) as server:
         Manager.url = f"http://127.0.0.1:{server.server_port}"
@@ -120,6 +122,30 @@ def test_a_manager_that_is_not_there(jobs, capsys):
     code, _, (line,) = run(capsys, "--flamenco", "127.0.0.1:9", jobs)
     assert code == run_report.FAILED
     assert line.startswith("imprint farm: No Flamenco Manager answers at http://127.0.0.1:9: ")
+
+
+def test_a_user_and_a_password_are_sent_and_not_shown(manager, jobs, capsys):
+    url = manager.url.replace("//", "//ann:se%40cret@")
+    assert run(capsys, "--flamenco", url, jobs) == (0, [f"{manager.url}/app/jobs/a-b-c"], [])
+    assert manager.secrets == [f"Basic {base64.b64encode(b'ann:se@cret').decode()}"] * 2
+    manager.answers["jobs"] = 412, {"code": 412, "message": "no"}
+    assert run(capsys, "--flamenco", url, jobs)[2][0].startswith(
+        f"imprint farm: The Flamenco Manager at {manager.url} ref"
+    )
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        *("http://ann:secret@127.0.0.1:9", "ann:secret@127.0.0.1:9", "http://ann:secret@127.0.0.1:port"),
+        *("ftp://ann:secret@host", "http://ann:sec/secret@127.0.0.1:9", "http://ann:secret@", "http://a:secret@b c"),
+        *("http://ann:secret@[::1", "http://ann@b:secret@127.0.0.1:9"),
+    ],
+)
+def test_no_error_shows_a_password(jobs, capsys, url):
+    code, out, (line,) = run(capsys, "--flamenco", url, jobs)
+    assert (code, out) == (run_report.FAILED, [])
+    assert "secret" not in line and "ann" not in line
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from argparse import Namespace
 
 import pytest
 
-from addon.cli import arguments, clashes, job_file, listing, plans
+from addon.cli import arguments, clashes, command, job_file, listing, plans
 from addon.cli.arguments import WrongUsage
 from addon.cli.plans import Plan
 from addon.cli.run_report import FAILED, WRONG_USAGE
@@ -238,7 +238,7 @@ def test_files_do_not_move_bakes(capsys, here):
 
 def test_large_files_are_divided_among_machines(capsys, here):
     """Scans beside small meshes, with maps of the same size. Holes take no place on the disk."""
-    large = {2, 3, 5, 8}
+    large = {1, 2, 5, 6}
     for number in range(1, 9):
         with open(f"{number}_low.obj", "wb") as file:
             file.truncate((1 << 28) + number if number in large else 100)
@@ -381,3 +381,59 @@ def test_the_script_lists_without_blender(here):
     for words, code in ((["--list"], 0), (["--check"], 0), (["--list", "--only", "none"], 2), (["--workers", "0"], 99)):
         done = subprocess.run([*command, *words], env={**os.environ, "PYTHONPATH": str(here)}, check=False)
         assert done.returncode == code, words
+
+
+def refused(sets, *words, capsys):
+    """The lines of a call that is wrong."""
+    with open("jobs.json", "w", encoding="utf-8") as file:
+        json.dump({"bake": sets}, file)
+    assert command.run(["--jobs", "jobs.json", *words]) == WRONG_USAGE
+    return capsys.readouterr().err.splitlines()
+
+
+def test_equal_mistakes_are_told_once(capsys, here):
+    sets = [{**SET, "output": f"{number}.png", "size": "x" if number != 200 else 64} for number in range(380)]
+    (line,) = refused(sets, capsys=capsys)
+    assert line.startswith("imprint: jobs.json, sets 1-200, 202-380: size: 'x' is neither")
+    sets = [{**SET, "output": f"{number}.png", "high-file": "none.obj"} for number in range(380)]
+    code, _, (line,) = listed(capsys, sets, "--check")
+    assert (code, line) == (1, f"imprint: set 1 (a_low) and 379 more: There is no file {str(here / 'none.obj')!r}.")
+
+
+@pytest.mark.parametrize("word", ["--list", "--check"])
+def test_a_wrong_placeholder_hides_no_other_mistake(capsys, here, word):
+    wrong = {**SET, "output": "{lo}.png", "depth": 32, "udim": True, "strict": "foo<1"}
+    lines = refused([SET, wrong, {**SET, "output": "b.png", "low-file": "none.obj"}], word, capsys=capsys)
+    of_set, of_file = lines
+    for text in ("Unknown placeholder {lo}", "stores 8 or 16 bits per channel, not 32", "'foo' is not a metric"):
+        assert text in of_set
+    assert of_file == f"imprint: set 3 (none): There is no file {str(here / 'none.obj')!r}."
+
+
+@pytest.mark.parametrize("words", [["--report", "r.json"], ["--sheet", "s.html"]])
+def test_a_list_writes_no_report_and_says_so(capsys, here, words):
+    (line,) = refused([SET], "--list", *words, capsys=capsys)
+    assert line.startswith(f"imprint: {words[0]} is of bakes, and --list does none: leave it out")
+    assert sorted(path.name for path in here.iterdir()) == ["a_high.obj", "a_low.obj", "jobs.json"]
+
+
+CONVERT = {"file": "s.blend", "low": "lo", "convert": "map.png", "output": "new.png"}
+
+
+@pytest.mark.parametrize(("key", "value"), [("size", 512), ("method", "cast"), ("max-distance", 1), ("samples", 4)])
+def test_what_a_conversion_ignores_is_refused(capsys, here, key, value):
+    words = [word for name, text in CONVERT.items() for word in ([f"--{name}", text] if name != "file" else [text])]
+    assert command.run([*words, f"--{key}", str(value)]) == WRONG_USAGE
+    assert f"--convert converts one normal map: leave out --{key}" in capsys.readouterr().err
+    # Of a job file, other sets may need it.
+    (here / "defaults.json").write_text(json.dumps({"defaults": {key: value}, "bake": [CONVERT]}))
+    assert len(job_file.read("defaults.json")) == len(job_file.read("defaults.json", [f"--{key}", str(value)])) == 1
+
+
+@pytest.mark.parametrize(
+    ("word", "value"), [("--method", "cast"), ("--hit", "outermost"), ("--extrusion", "1"), ("--directions", "smooth")]
+)
+def test_what_levels_of_detail_ignore_is_refused(capsys, here, word, value):
+    words = ["lod", "--low-file", "a_low.obj", "--output", "{low}.png", word, value]
+    assert command.run(words) == WRONG_USAGE
+    assert f"{word} is not for lod" in capsys.readouterr().err

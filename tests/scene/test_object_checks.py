@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the checks of objects, and bakes of several objects, with parents, and onto their own base mesh."""
 
+import bmesh
 import bpy
 import mathutils
 import numpy as np
@@ -200,3 +201,18 @@ def test_swapped_objects_give_a_warning():
     expected = "'fine' has more faces than 'coarse'. Are they swapped?"
     assert expected in bake_pair(bpy.context, fine, [coarse], settings).warnings
     assert expected not in bake_pair(bpy.context, coarse, [fine], settings).warnings
+
+
+def test_triangles_count_where_objects_seem_swapped():
+    """A low mesh of triangles may have more faces than a high one of quads or of n-gons, and fewer triangles."""
+    low, quads, ngon = zoo.terrain("low", 6), zoo.terrain("quads", 6), zoo.plane("ngon")
+    for obj, change in ((low, bmesh.ops.triangulate), (ngon, None)):
+        mesh = bmesh.new()
+        mesh.from_mesh(obj.data)
+        change(mesh, faces=mesh.faces) if change else bmesh.ops.create_circle(mesh, segments=200, cap_ends=True)
+        mesh.to_mesh(obj.data)
+        mesh.free()
+    assert len(low.data.polygons) > len(quads.data.polygons) > len(ngon.data.polygons)
+    assert not object_checks.seem_swapped(low, [quads])
+    assert not object_checks.seem_swapped(low, [ngon])
+    assert object_checks.seem_swapped(ngon, [quads])

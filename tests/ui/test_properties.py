@@ -267,7 +267,17 @@ def test_a_file_that_was_never_saved_is_named_with_a_button(tmp_path):
 
 def test_a_file_that_is_no_preset_says_so(tmp_path):
     broken = tmp_path / "broken.py"
-    for text in ("settings.green = ", "settings.green = print(1)", "import bpy", "settings.depth = '7'"):
+    nested = "(" * 100_000
+    for text in (
+        *("settings.green = ", "settings.green = print(1)", "import bpy", "settings.depth = '7'"),
+        *(
+            "settings.green[0] = 1",
+            "settings.green = {[]: 1}",
+            f"settings.green = {nested}",
+            f"settings.green = {'-' * 9000}1",
+        ),
+        *("settings.margin = 9" + "9" * 30, "settings.cage = 1"),
+    ):
         broken.write_text(text)
         assert "preset" in refusal(presets_use, filepath=str(broken))
     assert "is not a preset" in refusal(presets_use, filepath=str(tmp_path / "preset.txt"))
