@@ -770,14 +770,52 @@ def test_a_mix_with_transparency_is_alpha(material, transparent_first):
     assert found.notes == {}
 
 
-def test_a_mix_of_two_shaders_is_named(material):
-    mix = add(material, "MixShader", {0: 0.5, 1: add(material, "BsdfDiffuse").outputs[0]})
+def test_a_mix_of_two_shaders_is_followed(material):
+    principled(material).inputs["Roughness"].default_value = 0.2
+    mix = add(material, "MixShader", {0: 0.25, 1: add(material, "BsdfDiffuse", {"Color": (0.4, 0, 0, 1)}).outputs[0]})
     material.node_tree.links.new(principled(material).outputs[0], mix.inputs[2])
     surface(material, mix.outputs[0])
     found = read(material)
-    assert found.notes[""] == (
-        'Material "Rust": the node "Mix Shader" mixes shaders, of which the maps have "Principled BSDF".',
-    )
+    assert found.feeds["Roughness"].color[0] == pytest.approx(0.75 + 0.25 * 0.2)
+    assert found.feeds["Base Color"].color[:3] == pytest.approx((0.75 * 0.4 + 0.25 * 0.8, 0.2, 0.2))
+    assert found.feeds["Specular IOR Level"].color[0] == pytest.approx(0.5)
+    assert found.notes == {
+        "": ('Material "Rust": the shader "Diffuse BSDF" is no Principled BSDF; its color counts as base color.',)
+    }
+
+
+@pytest.mark.parametrize("kind", ["AddShader", "MixShader"])
+def test_a_sum_and_a_mix_with_an_emission_are_named_by_label_and_name(material, kind):
+    principled(material).label = "Paint"
+    node = add(material, kind)
+    sockets = [socket for socket in node.inputs if socket.type == "SHADER"]
+    other = add(material, "Emission") if kind == "MixShader" else add(material, "BsdfPrincipled", label="Paint")
+    for socket, shader in zip(sockets, (principled(material), other), strict=True):
+        material.node_tree.links.new(shader.outputs[0], socket)
+    surface(material, node.outputs[0])
+    (note,) = read(material).notes[""]
+    assert note.endswith('of which the maps have "Paint" (Principled BSDF).')
+
+
+def test_normals_of_two_shaders_are_named(material):
+    bump = add(material, "Bump", {"Height": texture(material).outputs["Color"]})
+    other = add(material, "BsdfPrincipled", {"Normal": bump.outputs[0]}, label="Rust")
+    mix = add(material, "MixShader", {0: 0.5, 1: principled(material).outputs[0], 2: other.outputs[0]})
+    surface(material, mix.outputs[0])
+    (note,) = read(material).notes["Normal"]
+    assert '"Mix Shader" mixes normals, of which the map has those of "Rust" (Principled BSDF.001).' in note
+    material.node_tree.links.new(bump.outputs[0], principled(material).inputs["Normal"])
+    assert read(material).notes == {}
+    assert read(material).detail is not None
+
+
+def test_many_mixes_of_each_other_end(material):
+    """Each leads to the two before it: without an end, 40 of them would be 10^8 shaders."""
+    first, second = principled(material).outputs[0], add(material, "BsdfPrincipled").outputs[0]
+    for _ in range(29):
+        first, second = second, add(material, "MixShader", {0: 0.5, 1: first, 2: second}).outputs[0]
+    surface(material, second)
+    assert "Base Color" in read(material).feeds
 
 
 def test_transparency_is_multiplied(material):

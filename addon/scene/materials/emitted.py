@@ -8,7 +8,7 @@ import bpy
 from bpy.types import Image, Material, Node, NodeSocket, NodeTree
 
 from ..textures import ImageTextures
-from .material_reading import ALPHA, EMISSION, READINGS, Shader, find_shader
+from .material_reading import ALPHA, EMISSION, READINGS, Mix, Shader, find_shader
 from .node_values import NodeValues, Place
 
 _INTERFACE = {"RGBA": "NodeSocketColor", "VECTOR": "NodeSocketVector"}
@@ -42,12 +42,24 @@ def emitting(source: Material, socket: str, image: Image, keep: Keep) -> Materia
 
 def _value(copied: "_Copied", shader: Shader, socket: str) -> NodeSocket:
     value = shader.values[socket]
-    found = copied.number(value) if isinstance(value, float) else copied.output(value)
+    if isinstance(value, Mix):
+        sides = [value.side(is_second, socket) for is_second in (False, True)]
+        found = copied.mix(copied.output(value.factor), *(_emitted(copied, side, socket) for side in sides))
+    else:
+        found = copied.number(value) if isinstance(value, float) else copied.output(value)
     for share in shader.opacity if socket == ALPHA else ():
         factor = copied.math("ADD", copied.output(share.factor), 0.0, use_clamp=True)
         if share.is_rest:
             factor = copied.math("SUBTRACT", 1.0, factor)
         found = copied.math("MULTIPLY", factor, found)
+    return found
+
+
+def _emitted(copied: "_Copied", shader: Shader, socket: str) -> NodeSocket:
+    """As _value, with the strength of an emission."""
+    found = _value(copied, shader, socket)
+    if socket == EMISSION and shader.strength is not None:
+        found = copied.scaled(found, copied.output(shader.strength))
     return found
 
 
@@ -83,6 +95,21 @@ class _Copied:
         self, operation: str, first: NodeSocket | float, second: NodeSocket | float, *, use_clamp: bool = False
     ) -> NodeSocket:
         return _math(self.tree, operation, first, second, use_clamp=use_clamp)
+
+    def mix(self, factor: NodeSocket, first: NodeSocket, second: NodeSocket) -> NodeSocket:
+        """Colors or numbers by a factor from 0 to 1, as colors."""
+        node = self.tree.nodes.new("ShaderNodeMix")
+        node.data_type = "RGBA"
+        for identifier, source in (("Factor_Float", factor), ("A_Color", first), ("B_Color", second)):
+            self.tree.links.new(source, next(one for one in node.inputs if one.identifier == identifier))
+        return next(one for one in node.outputs if one.identifier == "Result_Color")
+
+    def scaled(self, color: NodeSocket, factor: NodeSocket) -> NodeSocket:
+        node = self.tree.nodes.new("ShaderNodeVectorMath")
+        node.operation = "SCALE"
+        self.tree.links.new(color, node.inputs["Vector"])
+        self.tree.links.new(factor, node.inputs["Scale"])
+        return node.outputs[0]
 
     def _tree(self, groups: tuple[Node, ...]) -> NodeTree:
         """The tree inside these groups. They get copies of their trees, once, since other nodes share them."""

@@ -14,15 +14,15 @@ from ..textures import ImageTextures
 from . import arithmetic_nodes, texture_nodes
 from .exact_nodes import exact_feed
 from .node_values import NodeValues, Place, title
-from .signals import NotAffineError, NotFollowedError, Signal, is_image, limited, number, scaled
+from .signals import NotAffineError, NotFollowedError, Signal, combine, is_image, limited, number, scaled
 from .texture_nodes import read_detail
 
 PRINCIPLED = "ShaderNodeBsdfPrincipled"
 MOST_SHADERS = 30
 """The longest chain of Mix Shader and Add Shader nodes that is followed."""
+MOST_PARTS = 64
+"""The most shaders that are mixed, one as often as mixes lead to it: each takes nodes of its own for Cycles."""
 BASE_COLOR, ROUGHNESS, METALLIC, ALPHA, EMISSION = "Base Color", "Roughness", "Metallic", "Alpha", "Emission Color"
-Value: TypeAlias = Place | float
-"""An input of a shader, or a constant."""
 
 
 class Share(NamedTuple):
@@ -33,11 +33,33 @@ class Share(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Mix:
+    """The same input of two shaders, by the factor of a Mix Shader."""
+
+    first: "Shader"
+    second: "Shader"
+    factor: Place
+
+    def side(self, is_second: bool, socket: str) -> "Shader":
+        """One of the shaders, with a value for a socket: without that input, what it shows then, or the other's value."""
+        shader, other = (self.second, self.first) if is_second else (self.first, self.second)
+        if socket in shader.values:
+            return shader
+        shown = 0.0 if socket == EMISSION else UNLINKED.get(socket)
+        return other if shown is None else replace(shader, values={socket: shown}, strength=None)
+
+
+Value: TypeAlias = Place | float | Mix
+"""An input of a shader, a constant, or a mix of both shaders' values."""
+
+
+@dataclass(frozen=True)
 class Shader:
     """A shader of the surface. values: by socket of the Principled BSDF. strength: of the emission, by which it is multiplied.
 
     opacity: the shares of the shader in mixes with transparency, whose product is its alpha's factor. notes: clauses of
-    sentences. normal: what moves the normals.
+    sentences, of which normal_notes are about the normals. normal: what moves the normals. parts: how many shaders are mixed,
+    one as often as mixes lead to it.
     """
 
     node: Node
@@ -46,6 +68,8 @@ class Shader:
     normal: Place | None = None
     opacity: tuple[Share, ...] = ()
     notes: tuple[str, ...] = ()
+    normal_notes: tuple[str, ...] = ()
+    parts: int = 1
 
 
 def find_shader(values: NodeValues, material: Material) -> Shader:
@@ -109,7 +133,42 @@ class _Finder:
             if self._is_transparent(other):
                 found = self.find(place)
                 return replace(found, opacity=(*found.opacity, Share(factor, is_rest)))
-        return self._first([first, second], f"the node {title(node)} mixes shaders")
+        try:
+            sides = self.find(first), self.find(second)
+        except NotFollowedError:
+            sides = ()
+        # An Emission has no surface of which an input could be mixed.
+        is_surface = all(ROUGHNESS in side.values for side in sides)
+        if not sides or not is_surface or sum(side.parts for side in sides) > MOST_PARTS:
+            return self._first([first, second], f"the node {title(node)} mixes shaders")
+        return self._mix(Mix(*sides, factor), node)
+
+    def _mix(self, mix: Mix, node: Node) -> Shader:
+        """The shader whose inputs are mixes of those of two."""
+        first, second = mix.first, mix.second
+        if first is second:
+            return first
+        sockets = dict.fromkeys((*first.values, *second.values))
+        normals = [side.normal for side in (first, second) if side.normal and self._source(side.normal) is not None]
+        sources = [self._source(normal) for normal in normals]
+        clauses = {*first.normal_notes, *second.normal_notes}
+        if normals and (len(normals) == 1 or sources[0] != sources[1]):
+            chosen = first if normals[0] == first.normal else second
+            clauses.add(f"the node {title(node)} mixes normals, of which the map has those of {named(chosen.node)}")
+        return Shader(
+            first.node,
+            dict.fromkeys(sockets, mix),
+            None,
+            normals[0] if normals else None,
+            notes=tuple(dict.fromkeys((*first.notes, *second.notes))),
+            normal_notes=tuple(sorted(clauses)),
+            parts=first.parts + second.parts,
+        )
+
+    def _source(self, place: Place) -> Place | None:
+        """The output that feeds an input; None without one."""
+        source = self.values.links.source(place)
+        return source if source.socket.is_output else None
 
     def _first(self, places: Sequence[Place], what: str) -> Shader:
         """The first of several shaders that can be read, and rather a Principled BSDF than another."""
@@ -122,7 +181,7 @@ class _Finder:
         if not found:
             raise reasons[0]
         chosen = next((one for one in found if one.node.bl_idname == PRINCIPLED), found[0])
-        return replace(chosen, notes=(*chosen.notes, f"{what}, of which the maps have {title(chosen.node)}"))
+        return replace(chosen, notes=(*chosen.notes, f"{what}, of which the maps have {named(chosen.node)}"))
 
     def _constant(self, factor: Place) -> float | None:
         try:
@@ -221,47 +280,80 @@ def _read(
     if shader.notes:
         notes[""] = tuple(_sentence(material, note) for note in shader.notes)
     feeds: dict[str, Feed] = {}
-    for socket, value in shader.values.items():
+    for socket in shader.values:
         if sockets is not None and socket not in sockets:
             continue
         try:
-            signal = _value(values, shader, socket, value)
+            signal = _value(values, shader, socket)
             feeds[socket] = signal.feed
             lacking = tuple(f"{socket}: {note}" for note in signal.notes)
         except (NotFollowedError, NotAffineError) as error:
             lacking = (f"{socket} is left out, because {_reason(error, shader)}",)
         if lacking and is_exact:
             try:
-                places = _places(shader, socket, value)
+                places = _places(shader, socket)
                 feeds[socket], lacking = exact_feed(values, places, material.session_uid, socket), ()
             except NotFollowedError as error:
                 why = f". Cycles cannot bake it either: {error}"
                 lacking = tuple(text if str(error) in text else text + why for text in lacking)
+        if socket not in feeds and isinstance(shader.values[socket], Mix):
+            feeds[socket], lacking = _of_one(values, shader, socket, lacking)
         if lacking:
             notes[socket] = tuple(_sentence(material, text) for text in lacking)
     detail = _detail(values, material, shader, notes) if sockets is None or NORMAL in sockets else None
     return HighMaterial(material.name, feeds, detail, notes)
 
 
-def _places(shader: Shader, socket: str, value: Value) -> list[Place]:
+def _of_one(values: NodeValues, shader: Shader, socket: str, lacking: tuple[str, ...]) -> tuple[Feed, tuple[str, ...]]:
+    """The feed of one of the mixed shaders, where the mix cannot be followed, and why. Nothing feeds what no shader tells."""
+    mix = shader.values[socket]
+    for is_second in (False, True):
+        side = mix.side(is_second, socket)
+        while isinstance(mix_inside := side.values[socket], Mix):
+            side = mix_inside.side(False, socket)
+        try:
+            signal = _value(values, side, socket)
+        except (NotFollowedError, NotAffineError):
+            continue
+        return signal.feed, tuple(f"{text}; the map has that of {named(side.node)}" for text in lacking)
+    return Constant((0.0, 0.0, 0.0, 1.0)), lacking
+
+
+def _places(shader: Shader, socket: str) -> list[Place]:
     """The inputs on which `_value` depends."""
-    found = [] if isinstance(value, float) else [value]
+    value = shader.values[socket]
+    found = [] if isinstance(value, float | Mix) else [value]
+    if isinstance(value, Mix):
+        sides = (value.side(is_second, socket) for is_second in (False, True))
+        found = [value.factor, *(place for side in sides for place in _places(side, socket))]
     if socket == EMISSION and shader.strength is not None:
         found.append(shader.strength)
     return found + [share.factor for share in shader.opacity if socket == ALPHA]
 
 
-def _value(values: NodeValues, shader: Shader, socket: str, value: Value) -> Signal:
+def _value(values: NodeValues, shader: Shader, socket: str) -> Signal:
+    value = shader.values[socket]
     if socket == EMISSION and shader.strength is not None:
         strength = values.read(shader.strength)
         # Without strength, the color has no influence, and nodes that cannot be followed may feed it.
         is_dark = strength.constant is not None and not strength.constant.any()
         return strength if is_dark else _product(values.read(value), strength)
-    signal = number(value) if isinstance(value, float) else values.read(value)
+    if isinstance(value, Mix):
+        signal = _mixed(values, value, socket)
+    else:
+        signal = number(value) if isinstance(value, float) else values.read(value)
     for share in shader.opacity if socket == ALPHA else ():
         factor = limited(values.read(share.factor), 0.0, 1.0)
         signal = _product(scaled(factor, -np.ones(3), np.ones(3)) if share.is_rest else factor, signal)
     return signal
+
+
+def _mixed(values: NodeValues, mix: Mix, socket: str) -> Signal:
+    first, second = (_value(values, mix.side(is_second, socket), socket) for is_second in (False, True))
+    if first.feed == second.feed:  # whatever the factor is
+        return first.noted(*second.notes)
+    factor = limited(values.read(mix.factor), 0.0, 1.0)
+    return combine(lambda share, a, b: a + (b - a) * share, {0, 1, 2}, [factor, first, second])
 
 
 def _product(first: Signal, second: Signal) -> Signal:
@@ -283,6 +375,7 @@ def _detail(
             found, clauses = read_detail(values, shader.normal)
         except (NotFollowedError, NotAffineError) as error:
             clauses = (f"the detail is left out, because {_reason(error, shader)}",)
+    clauses = (*shader.normal_notes, *clauses)
     if _has_displacement(values, material):
         clauses = (*clauses, "the displacement is left out")
     if clauses:
@@ -302,6 +395,11 @@ def _plain(color: Sequence[float], roughness: float, metallic: float, alpha: flo
     red, green, blue = map(float, color[:3])
     feeds[BASE_COLOR] = Constant((red, green, blue, 1.0))
     return feeds
+
+
+def named(node: Node) -> str:
+    """The label and the name of a node: several can have the same label."""
+    return f"{title(node)} ({node.name})" if node.label and node.label != node.name else title(node)
 
 
 def _reason(error: NotFollowedError | NotAffineError, shader: Shader) -> str:
