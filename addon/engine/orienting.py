@@ -281,7 +281,7 @@ def _agreement(patches: HighPatches) -> float:
 
 
 def _low_differs(patches: HighPatches) -> bool:
-    """Whether faces of the low mesh point against those beside them, on much of it. Those that are there twice are not beside."""
+    """Whether faces of the low mesh point against those beside them, on much of it. Faces that are there twice do not count."""
     low = patches.low
     again, _ = orientation.copies(low.positions, low.vertices[low.triangles])
     is_against = patches_of(low.with_triangles(~again) if again.any() else low).is_against

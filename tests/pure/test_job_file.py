@@ -92,6 +92,7 @@ SAID = {
     "value_range": ("--value-range 0.25", 0.25),
     "stacked": ("--stacked last", "LAST"),
     "modifiers": ("--modifiers viewport", "VIEWPORT"),
+    "rest_pose": ("--rest-pose", True),
     "keep_faces": ("--keep-faces", True),
     "smooth_high": ("--smooth-high 3", 3),
     "image": ("--image Map", "Map"),
