@@ -6,7 +6,7 @@ from addon.mesh import uv_packing
 
 
 def quicken(monkeypatch, detail: appearance.Detail | None = None) -> None:
-    """Look from few sides, correct once, pack by one order, and remesh coarsely.
+    """Look from few sides, correct once, pack by one order in larger cells, and remesh coarsely.
 
     Args:
         detail: how closely ways to make a low mesh are looked at; 6 views of 64 x 64 pixels if None.
@@ -15,3 +15,5 @@ def quicken(monkeypatch, detail: appearance.Detail | None = None) -> None:
     monkeypatch.setattr(asset, "CORRECTIONS", 1)
     monkeypatch.setattr(asset_highs, "VOXELS", 15_000)
     monkeypatch.setattr(uv_packing, "ORDERS", 1)
+    monkeypatch.setattr(uv_packing, "QUICK_CELLS", 128)
+    monkeypatch.setattr(uv_packing, "CELLS", 256)
