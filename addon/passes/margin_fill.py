@@ -40,7 +40,7 @@ SEARCH_ROWS = Program(
 SEARCH_COLUMNS = Program(
     compute="margin/margin_columns_comp.glsl",
     texels=(("R16I", "INT_2D", "offsets"),),
-    constants=tuple(("INT", name) for name in ("reach", "farthest", "step", "is_first")),
+    constants=tuple(("INT", name) for name in ("reach", "farthest", "step", "is_first", "part")),
     images=(("R32I", "INT_2D", "source_rows", "READ WRITE"),),
     group=(64, 1),
 )
@@ -53,6 +53,12 @@ class Nearest:
 
     offsets: gpu.types.GPUTexture
     rows: gpu.types.GPUTexture
+
+
+MOST_TURNS = 2**15
+"""The most turns of the loops of a dispatch: see shaders/lib/turns_lib.glsl."""
+PARTS = 1, 2, 3
+"""The searches of a gap, as in shaders/margin/margin_columns_comp.glsl. Each takes the rows of the map and those in reach."""
 
 
 def find_nearest(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
@@ -71,18 +77,21 @@ def find_nearest(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
     rows = target.get("margin's rows", width, height, "R32I").texture
     _dispatch(WRITTEN, words, height, values=values, written=written)
     _dispatch(SEARCH_ROWS, words, height, written=written, farthest=farthest, offsets=offsets)
+    is_long = 2 * height + 3 * min(2 * limit + 1, height) > MOST_TURNS
     for number, step in enumerate(_steps(height, farthest)):
-        _dispatch(
-            SEARCH_COLUMNS,
-            width,
-            -(-height // (4 * step if number else step)),
-            offsets=offsets,
-            source_rows=rows,
-            reach=limit,
-            farthest=farthest,
-            step=step,
-            is_first=int(number == 0),
-        )
+        for part in PARTS if number and is_long else (0,):
+            _dispatch(
+                SEARCH_COLUMNS,
+                width,
+                -(-height // (4 * step if number else step)),
+                offsets=offsets,
+                source_rows=rows,
+                reach=limit,
+                farthest=farthest,
+                step=step,
+                is_first=int(number == 0),
+                part=part,
+            )
     return Nearest(offsets, rows)
 
 

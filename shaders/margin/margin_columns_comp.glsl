@@ -7,6 +7,12 @@
 // the row in the middle of a gap, then those beside it. One invocation per texel of the first pass, and per gap.
 #include "lib/margin_lib.glsl"
 
+// Which rows of a gap a dispatch searches: those of high maps take several, since drivers end long loops.
+const int COLUMNS_ALL = 0;
+const int COLUMNS_MIDDLE = 1;
+const int COLUMNS_BELOW = 2;
+const int COLUMNS_ABOVE = 3;
+
 int columns_offset(int x, int y)
 {
   return texel_at(offsets, ivec2(x, y)).x;
@@ -80,7 +86,18 @@ void main()
   int end = y + 4 * step;
   int lowest = columns_lowest(y, imageLoad(source_rows, ivec2(x, y)).x);
   int highest = columns_highest(end, end < size.y ? imageLoad(source_rows, ivec2(x, end)).x : size.y - 1);
-  int middle = columns_search(x, y + 2 * step, lowest, highest);
-  columns_search(x, y + step, lowest, columns_highest(y + 2 * step, middle));
-  columns_search(x, y + 3 * step, columns_lowest(y + 2 * step, middle), highest);
+  int half_way = y + 2 * step;
+  int middle = size.y - 1;
+  if (part <= COLUMNS_MIDDLE) {
+    middle = columns_search(x, half_way, lowest, highest);
+  }
+  else if (half_way < size.y) {
+    middle = imageLoad(source_rows, ivec2(x, half_way)).x;
+  }
+  if (part == COLUMNS_ALL || part == COLUMNS_BELOW) {
+    columns_search(x, y + step, lowest, columns_highest(half_way, middle));
+  }
+  if (part == COLUMNS_ALL || part == COLUMNS_ABOVE) {
+    columns_search(x, y + 3 * step, columns_lowest(half_way, middle), highest);
+  }
 }

@@ -82,6 +82,15 @@ def test_the_margin_repeats_the_nearest_written_texel(name, reach):
     assert written[place[filled][:, 1].astype(int), place[filled][:, 0].astype(int)].all()
 
 
+@pytest.mark.parametrize("reach", [1, 16, None])
+@pytest.mark.parametrize("name", MAPS)
+def test_high_maps_with_wide_margins_take_more_dispatches_and_are_the_same(name, reach, monkeypatch):
+    before = np.where(MAPS[name], WRITTEN, NOTHING)
+    at_once = resolved(before, reach)
+    monkeypatch.setattr(margin_fill, "MOST_TURNS", 0)
+    assert all(np.array_equal(*both) for both in zip(at_once, resolved(before, reach), strict=True))
+
+
 @pytest.mark.parametrize("name", MAPS)
 def test_of_texels_as_near_the_lowest_row_counts_and_in_it_the_right_one(name):
     """So a map is the same to the bit however it is divided into bands and passes."""
