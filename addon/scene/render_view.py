@@ -44,7 +44,7 @@ class _Call:
 
 
 class _Engine(bpy.types.RenderEngine):
-    """Draws nothing. It is registered while it is used."""
+    """Draws nothing. In a window it is registered while it is used, in the background until Blender ends."""
 
     bl_idname, bl_label = "IMPRINT_READER", NAME
     call: ClassVar[_Call]
@@ -76,6 +76,12 @@ def read(
     if not call.was_made:
         raise BakeError(_refused(why or "Blender did not call the engine for it"))
     return call.result
+
+
+def unregister() -> None:
+    """Unregister the engine. Never call this while an engine renders, as older_blender.with_gpu has one: Blender frees it."""
+    if _Engine.is_registered:
+        bpy.utils.unregister_class(_Engine)
 
 
 def _is_busy() -> bool:
@@ -119,8 +125,10 @@ def _without_handlers() -> Iterator[None]:
 def _engine(scene: bpy.types.Scene, call: _Call) -> Iterator[None]:
     """Let the engine, with this call, be that of the scene until the block ends."""
     with ExitStack() as restore:
-        bpy.utils.register_class(_Engine)
-        restore.callback(bpy.utils.unregister_class, _Engine)
+        if not _Engine.is_registered:
+            bpy.utils.register_class(_Engine)
+        if not bpy.app.background:  # or a window would offer it
+            restore.callback(unregister)
         _Engine.call = call
         restore.callback(delattr, _Engine, "call")
         restore.callback(setattr, scene.render, "engine", scene.render.engine)
