@@ -17,7 +17,7 @@ from .. import older_blender
 from ..audit import severity
 from ..core import naming, progress
 from ..core.declarations.choices import Occluders, Storage, VertexDomain
-from ..core.errors import BakeError
+from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, MARGIN, NORMAL, Labeled
 from ..core.naming import ATLAS
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
@@ -84,10 +84,11 @@ class Atlas:
         ]
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
-        """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
+        """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin. Raises BakeError if
+        others have all texels."""
         lows = [*(drawn.meshes.low for drawn in self.drawn), *self.kept.lows]
         post_processes = margins.for_maps(lows, self.settings, has_owner=bool(self.kept))
-        margin = texels = 0
+        margin = covered = texels = 0
         with gpu_memory.trimmed():
             for tile, maps in self.tiles.items():
                 run, is_kept = Run(self.settings, timings=timings), None
@@ -99,8 +100,15 @@ class Atlas:
                     is_kept = margins.without_others(finished, post_processes)
                 state = finished[NORMAL.name][1]
                 margin += int(np.count_nonzero(state == MARGIN))
+                covered += int(np.count_nonzero(state))
                 texels += state.size
                 outputs.add(tile, finished, progress.finish(mip_levels.of(finished, tile, run)), is_kept)
+        if self.kept and not covered:
+            names = shorten_list(repr(drawn.meshes.low.name) for drawn in self.drawn)
+            raise BakeError(
+                f"All texels of {names} belong to other objects in the same image: move their UVs apart, or bake a map for "
+                "each with {low} in the name."
+            )
         return margin / texels
 
     def _of_others(self, tile: int, maps: dict[str, np.ndarray]) -> np.ndarray:

@@ -265,10 +265,11 @@ def atlas(names=("a", "b"), **settings):
             move_uvs(obj, scale=(0.375, 0.55), offset=(0.03125 + 0.5 * number, 0.25))
         high.data.materials.append(bpy.data.materials.new(name))
         jobs.append(Job(low, [high]))
-    values = {"method": "FLATTEN", "depth": 32, "storage": "MEMORY", "material": False, "image": "atlas"}
+    image = f"atlas of {' '.join(names)}"  # texels in an image of others would stay theirs
+    values = {"method": "FLATTEN", "depth": 32, "storage": "MEMORY", "material": False, "image": image}
     reports = bake_all(bpy.context, jobs, Settings(width=SIZE, height=SIZE, **values | settings), share_image=True)
     beside = {name: pixels(bpy.data.images[found["image"]]) for name, found in reports[0].maps.items()}
-    return reports[0], {"normal": pixels(bpy.data.images["atlas"]), **beside}
+    return reports[0], {"normal": pixels(bpy.data.images[image]), **beside}
 
 
 @pytest.mark.parametrize("margin", [0, 3])

@@ -108,6 +108,16 @@ WAYS = {
 }
 
 
+@pytest.mark.parametrize("values", [{}, {"output": "m.png"}, {"udim": True, "output": "m.<UDIM>.png"}])
+def test_a_bake_whose_texels_all_belong_to_others_is_refused(values, tmp_path):
+    settings = settings_in(tmp_path, **values)
+    bake(pairs("ab").values(), settings)
+    before = all_maps(settings)
+    with pytest.raises(BakeError, match="All texels of 'd_low' belong to other objects in the same image: move"):
+        bake(pairs("d", {"d": PLACES["b"]}).values(), settings)
+    assert all(np.array_equal(texels, before[name]) for name, texels in all_maps(settings).items())
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_what_is_not_baked_stays_to_the_bit(way, tmp_path):
     """Bake all, change one, bake that one: as all of them baked at once, of which only those texels differ."""
