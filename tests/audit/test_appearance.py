@@ -183,7 +183,8 @@ def shells():
     return zoo.sphere("low", 24), [outer, inner]
 
 
-def test_it_rises_with_each_step_by_which_a_low_mesh_is_moved():
+def test_it_rises_with_each_step_by_which_a_low_mesh_is_moved(monkeypatch):
+    monkeypatch.setattr(appearance, "USUAL", Detail(24, 256))
     found = []
     for amount in (0.0, 0.01, 0.02, 0.04):
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

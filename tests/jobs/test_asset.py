@@ -169,6 +169,7 @@ def test_triangles_that_share_edges_with_many_are_remeshed():
     assert "remeshed" in "\n".join(report.summary())
 
 
+@pytest.mark.slow
 def test_walls_inside_are_no_part_of_the_asset():
     """Eight cubes in a row that touch: of seven walls between them, nothing is seen."""
     rows = np.arange(8)[:, None, None] * np.array([2.0, 0.0, 0.0])
