@@ -230,6 +230,8 @@ LARGEST_FILE = 32 << 30
 """The largest file that a worker may write. A map of 32768 x 32768 texels with four channels of 32 bits has half of it."""
 MOST_OPEN = 4096
 """The files that a worker may have open."""
+MOST_PROCESSES = 4096
+"""The processes and threads that a worker may have. Blender and its drivers have a few for each core."""
 TRIAL = 60.0
 """Seconds that the trial of the sandbox may take."""
 ROOT = str(Path(__file__).resolve().parents[2])
@@ -263,6 +265,7 @@ import os, socket, sys
 for path in "/", "/proc", "/proc/sys", "/dev", "/sys":
     if not os.statvfs(path).f_flag & os.ST_RDONLY:
         sys.exit(f"{path} can be written to in it")
+os.fstat(int(sys.argv[1]))
 try:
     socket.socket(socket.AF_UNIX)
 except PermissionError:
@@ -309,7 +312,12 @@ class Sandbox:
         self._shared, self._calls = (os.path.join(self._folder.name, name) for name in ("shared", "calls"))
         os.mkdir(self._shared)
         Path(self._calls).write_bytes(system_calls.program())
-        if problem := self._try():
+        self._scope = _scope(memory)
+        problem = self._try()
+        if problem and self._scope:  # systemd may have no session for this user
+            self._scope = ()
+            problem = self._try()
+        if problem:
             self.close()
             raise WrongPlace(f"--untrusted needs bubblewrap, which may not run here ({problem}): {_INSTEAD}.")
 
@@ -332,12 +340,14 @@ class Sandbox:
         writable = list(self._writable())
         readable = [path for path in self._readable(words) if not _is_in(path, writable)]
         return [
+            *self._scope,
             *("/bin/sh", "-c", f'exec "$@" {number}< "$0"', self._calls),
             *("choom", "--adjust", "1000", "--"),  # if the machine's memory runs out, this process ends first
             *("prlimit", "--core=0", f"--fsize={_lowered('FSIZE', LARGEST_FILE)}"),
             *(f"--nofile={_lowered('NOFILE', MOST_OPEN)}", f"--data={_lowered('DATA', 2 * self._memory)}"),
             *("bwrap", "--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL"),
             *("--seccomp", str(number)),
+            *(word for name in _OF_SYSTEMD for word in ("--unsetenv", name)),
             *("--dir", "/tmp", "--dir", here),
             *(word for link, path in self._links([*readable, *writable]).items() for word in ("--symlink", path, link)),
             *(word for path in readable for word in ("--ro-bind-try", path, path)),
@@ -353,18 +363,21 @@ class Sandbox:
             *(word for path in (*_DEVICES, *_gpus()) for word in ("--dev-bind-try", path, path)),
             *(word for path in writable for word in ("--bind", path, path)),
             *("--remount-ro", "/"),  # else files there would take memory without limit
-            *("--chdir", here, "--", *words),
+            *("--chdir", here, "--"),
+            *("prlimit", f"--nproc={_lowered('NPROC', MOST_PROCESSES)}", "--", *words),  # here, where no others count
         ]
 
     def environment(self) -> dict[str, str]:
         """The environment variables of the sandbox. Compiled shaders are kept in the temporary folder."""
-        kept = {name: value for name, value in os.environ.items() if name.startswith(_VARIABLES)}
+        given = (*_VARIABLES, *(_OF_SYSTEMD if self._scope else ()))
+        kept = {name: value for name, value in os.environ.items() if name.startswith(given)}
         names = ("TMPDIR", "TMP", "TEMP", "XDG_CACHE_HOME", "MESA_SHADER_CACHE_DIR", "__GL_SHADER_DISK_CACHE_PATH")
         return {**kept, **dict.fromkeys(names, self._shared), "PYTHONDONTWRITEBYTECODE": "1"}
 
     def _try(self) -> str:
         """Run a program in the sandbox that looks at it. Returns what is wrong, or ""."""
-        words = self.command([sys.executable, "-I", "-S", "-c", _LOOK])
+        own, inherited = os.pipe()
+        words = self.command([sys.executable, "-I", "-S", "-c", _LOOK, str(inherited)], inherited)
         try:
             done = subprocess.run(
                 words,
@@ -373,9 +386,13 @@ class Sandbox:
                 env=self.environment(),
                 check=False,
                 timeout=TRIAL,
+                pass_fds=[inherited],
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             return printable(str(error))
+        finally:
+            os.close(own)
+            os.close(inherited)
         lines = done.stderr.decode(errors="replace").split("\n")
         return printable(next(filter(None, lines), f"exit code {done.returncode}")) if done.returncode else ""
 
@@ -414,6 +431,24 @@ def processes_in(number: int) -> list[int]:
             found += map(int, children)
             places += map(int, children)
     return found
+
+
+_SYSTEMD = "systemd-run"
+_OF_SYSTEMD = ("XDG_RUNTIME_DIR", "DBUS_SESSION_BUS_ADDRESS")
+"""Environment variables by which systemd-run finds the user's systemd. What it starts does not get them."""
+
+
+def _scope(memory: int) -> tuple[str, ...]:
+    """The words before a command that limit all its memory and its processes by a cgroup; none where systemd does not run.
+
+    memory: the memory limit of a worker, in bytes. What its processes have in use is looked at as well, and is less.
+    """
+    if not (os.path.isdir("/run/systemd/system") and shutil.which(_SYSTEMD)):
+        return ()
+    limits = {"MemoryMax": memory + memory // 8, "MemorySwapMax": 0, "TasksMax": MOST_PROCESSES}
+    whose = ["--user"] if os.getuid() else []
+    properties = (word for name, value in limits.items() for word in ("-p", f"{name}={value}"))
+    return _SYSTEMD, *whose, "--scope", "--quiet", "--collect", *properties, "--"
 
 
 def _gpus() -> list[str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli import system_calls, untrusted
+from addon.cli import system_calls, untrusted, worker_process
 from addon.cli.untrusted import Bounds, Sandbox
 from addon.core.errors import WrongPlace
 from tests.support import sandbox_probe
@@ -108,6 +108,72 @@ def test_a_worker_cannot_change_what_the_next_one_is_refused(box):
     bound = [words[at + 1] for at, word in enumerate(words) if word in {"--bind", "--ro-bind-try"}]
     assert not [path for path in bound if untrusted.is_below(box._calls, path)]
     assert "8" in box.command([PYTHON], taken=9)[2]  # the descriptor that the command inherits stays
+
+
+@pytest.fixture
+def systemd(places, monkeypatch):
+    """A function that puts a systemd-run with this text on the path, as where systemd runs."""
+    is_folder = os.path.isdir
+    monkeypatch.setattr(untrusted.os.path, "isdir", lambda path: path == "/run/systemd/system" or is_folder(path))
+    monkeypatch.setenv("PATH", f"{places / 'bin'}:{os.environ['PATH']}")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", "/run/user/7")
+
+    def write(text):
+        (places / "bin").mkdir(exist_ok=True)
+        (places / "bin/systemd-run").write_text(f"#!/bin/sh\n{text}\n")
+        (places / "bin/systemd-run").chmod(0o755)
+
+    return write
+
+
+@support.needs_sandbox
+@pytest.mark.parametrize("works", [True, False])
+def test_a_scope_of_systemd_limits_memory_and_processes_where_it_can(box, places, systemd, works):
+    """Without one, as where systemd has no session for the user, the sandbox is the same without it."""
+    start = f'echo "$XDG_RUNTIME_DIR $@" > {places}/said; while [ "$1" != -- ]; do shift; done; shift; exec "$@"'
+    systemd(start if works else "echo No session >&2; exit 1")
+    sandbox = Sandbox(box.bounds, 1 << 30)
+    words = sandbox.command([PYTHON, "-I", "-S", "-c", "import os; print(os.environ.get('XDG_RUNTIME_DIR'))"])
+    done = subprocess.run(words, env=sandbox.environment(), capture_output=True, text=True, check=True)
+    sandbox.close()
+    assert (words[0] == "systemd-run", done.stdout) == (works, "None\n")
+    if works:
+        said = (places / "said").read_text()
+        assert said.startswith("/run/user/7 ") and " --scope " in said
+        assert (
+            f"-p MemoryMax={(1 << 30) * 9 // 8} -p MemorySwapMax=0 -p TasksMax={untrusted.MOST_PROCESSES} -- " in said
+        )
+
+
+@support.needs_sandbox
+def test_a_user_has_a_limit_of_processes_in_the_sandbox(box, places, monkeypatch):
+    """Those outside do not count. The kernel counts none of root's."""
+    monkeypatch.setattr(untrusted, "MOST_PROCESSES", 20)
+    program = (
+        "import os, time\nfor n in range(40):\n  try:\n    if not os.fork(): time.sleep(9)\n"
+        "  except OSError: break\nprint(n, flush=True)\nos.kill(-1, 9)"
+    )
+    of_user = {"user": NOBODY, "group": NOBODY, "extra_groups": []} if os.getuid() == 0 else {}
+    words = box.command([PYTHON, "-I", "-S", "-c", program])
+    done = subprocess.run(words, env=box.environment(), stdout=subprocess.PIPE, text=True, check=False, **of_user)
+    assert 10 < int(done.stdout) < 20
+
+
+def test_memory_of_files_without_a_name_counts(tmp_path):
+    """As of memfd_create, which maps nothing. A file that has a name takes none."""
+    size, own = 1 << 22, os.getpid()
+    before = worker_process.unnamed_memory_of([own])
+    descriptor = os.memfd_create("hidden")
+    again = os.dup(descriptor)
+    try:
+        os.write(descriptor, bytes(size))
+        with open(tmp_path / "named", "wb") as file:
+            file.write(bytes(size))
+            file.flush()
+            assert size <= worker_process.unnamed_memory_of([own, own]) - before < 2 * size
+    finally:
+        os.close(descriptor)
+        os.close(again)
 
 
 def test_devices_that_set_screens_or_divide_gpus_are_not_among_them(monkeypatch):
