@@ -204,6 +204,8 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--pairs finds the high objects and the cages by itself"
     elif by_file and (options.file or options.low or options.high or options.cage):
         yield "--low-file, --high-file and --cage-file go together, without FILE, --low, --high and --cage"
+    if options.scene and (by_file or is_folder(options)):
+        yield "--scene is for a .blend: leave it out"
     if options.high_up and not (options.high_file or options.pairs):
         yield "--high-up is for --high-file"
     if options.convert and (others := _given(options, _OF_BAKES)):

@@ -440,7 +440,7 @@ def _explained(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
 def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
     """Bake. Raises BakeError, or Stopped where nothing was finished."""
     options, jobs = opened.plan.options, opened.jobs
-    settings = arguments.settings(options)
+    settings = _for_linked(arguments.settings(options), options, jobs)
     share_image = _share_image(options)
 
     def on_step(step: progress.Progress) -> None:
@@ -476,6 +476,14 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
         if not reports:
             raise
         return _Baked(reports, is_stopped=True)
+
+
+def _for_linked(settings: Settings, options: argparse.Namespace, jobs: Sequence[Job]) -> Settings:
+    """The settings without the setting Material if a low object cannot have it, and no file would show it."""
+    if options.save_blend or settings.storing.connect_maps or not settings.changes_materials:
+        return settings
+    is_linked = any(not block.is_editable for job in jobs for block in (job.low, job.low.data) if block)
+    return replace(settings, material=False) if is_linked else settings
 
 
 def _share_image(options: argparse.Namespace) -> bool:
@@ -523,10 +531,12 @@ def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], 
         raise BakeError("There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file.")
     else:
         loader.take()
+    loader.choose(options.scene)
     if options.pairs:
         return jobs_by_name(bpy.context, options.suffixes)
     if options.asset:
-        return [_job_of_asset(options)], []
+        job = _job_of_asset(options)
+        return [job], _kept_low(options, job)
     low = object_by_name(options.low)
     highs = [object_by_name(name) for name in options.high] or [low]
     if not (options.high or options.convert or options.levels):
@@ -549,6 +559,20 @@ def _job_of_asset(options: argparse.Namespace) -> Job:
             "There is no visible mesh to make an asset of: give a FILE that has one, or name it with --high."
         )
     return Job(low or asset.known_low(bpy.context, highs, options.suffixes) or highs[0], highs)
+
+
+def _kept_low(options: argparse.Namespace, job: Job) -> list[str]:
+    """That a low object is there already, in a sentence, if a number of triangles was asked for that it does not have."""
+    wanted = options.asset[1].strip()
+    if job.low in job.highs or options.low or not wanted or job.low.type != "MESH":
+        return []
+    count = len(job.low.data.loops) - 2 * len(job.low.data.polygons)
+    if count == Wanted.of_texts(*options.asset).triangles:
+        return []
+    return [
+        f"{job.low.name!r} is there already and has {count:,} triangles, not {wanted}: it was baked as it is. Rename or "
+        "remove it to have a low mesh made."
+    ]
 
 
 EXPORTERS = {".fbx": ("io_scene_fbx",)}

@@ -150,6 +150,11 @@ SMOOTH_BELOW = 40
 
 OBJECTS = {
     **{option_word(name): _option(name, **_BESIDE.get(name, {})) for name in _OBJECTS},
+    "scene": CommandOption(
+        "Scene of the .blend that is baked in",
+        {"type": option_types.text, "default": "", "metavar": "NAME"},
+        "the one that was open when the file was saved",
+    ),
     "low-file": CommandOption(
         "Mesh file to bake onto, instead of --low. It must contain one mesh",
         {"type": option_types.path, "metavar": "FILE"},

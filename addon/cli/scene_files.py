@@ -33,6 +33,8 @@ class SceneLoader:
         self._open: tuple[list[Path], Space] = [], PLAIN
         self.notes: list[str] = []
         """Sentences about what is left out of the open files."""
+        self._shown: str | None = None
+        """The scene that the open file shows; None until it was asked for."""
         self._held = ExitStack()
         """Restores the simulation caches."""
         self._changed: set[str] = set()
@@ -61,6 +63,19 @@ class SceneLoader:
         self.take()
         self._open = wanted
 
+    def choose(self, name: str) -> None:
+        """Show the scene of this name, or for "" the one that the open file shows. Raises BakeError, with the names there
+        are."""
+        window, shown = bpy.context.window, self._shown
+        if shown is None:
+            shown = self._shown = window.scene.name
+        scene = bpy.data.scenes.get(name or shown)
+        if scene is None:
+            names = shorten_list(map(repr, bpy.data.scenes.keys()))
+            raise BakeError(f"There is no scene called {name!r} in the file: it has {names}.")
+        if window.scene != scene:
+            window.scene = scene
+
     def take(self) -> None:
         """Use the open scene, whose simulations write no files then. Raises BakeError for what untrusted files must not do."""
         self.notes = leave_out(self._folders) if self._folders else []
@@ -76,6 +91,7 @@ class SceneLoader:
     def _leave(self) -> None:
         """Forget the open files: other files or an empty scene replace them."""
         self._open, self.notes, self._held, self._changed = ([], PLAIN), [], ExitStack(), set()
+        self._shown = None
         self._without_normals = set()
 
     def smooth(self, jobs: Sequence[Job], degrees: int) -> dict[str, int]:
@@ -83,7 +99,7 @@ class SceneLoader:
 
         Low objects stay flat, as engines show them.
         """
-        lows = {job.low.data.session_uid for job in jobs}
+        lows = {job.low.data.session_uid for job in jobs if job.low.data is not None}  # a check names others
         highs = dict.fromkeys(high for job in jobs for high in job.highs if high.type == "MESH")
         found = [high for high in highs if high.data.session_uid in self._without_normals - lows]
         for data in bpy.data.meshes:

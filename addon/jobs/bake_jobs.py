@@ -26,6 +26,7 @@ from ..core.settings import Run, Settings, TracingSettings
 from ..engine import coverage, gpu_memory, margins, mip_levels
 from ..engine.baking import Renderer
 from ..engine.bands import DrawnMaps
+from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, map_names, materials, outputs
 from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_low_name
 from ..output.materials import into_materials
@@ -84,11 +85,10 @@ class Atlas:
         ]
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
-        """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin. Raises BakeError if
-        others have all texels."""
-        lows = [*(drawn.meshes.low for drawn in self.drawn), *self.kept.lows]
+        """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
+        lows = [*self._lows, *self.kept.lows]
         post_processes = margins.for_maps(lows, self.settings, has_owner=bool(self.kept))
-        margin = covered = texels = 0
+        margin = texels = 0
         with gpu_memory.trimmed():
             for tile, maps in self.tiles.items():
                 run, is_kept = Run(self.settings, timings=timings), None
@@ -100,22 +100,25 @@ class Atlas:
                     is_kept = margins.without_others(finished, post_processes)
                 state = finished[NORMAL.name][1]
                 margin += int(np.count_nonzero(state == MARGIN))
-                covered += int(np.count_nonzero(state))
                 texels += state.size
                 outputs.add(tile, finished, progress.finish(mip_levels.of(finished, tile, run)), is_kept)
-        if self.kept and not covered:
-            names = shorten_list(repr(drawn.meshes.low.name) for drawn in self.drawn)
-            raise BakeError(
-                f"All texels of {names} belong to other objects in the same image: move their UVs apart, or bake a map for "
-                "each with {low} in the name."
-            )
         return margin / texels
+
+    @property
+    def _lows(self) -> list[Mesh]:
+        return [drawn.meshes.low for drawn in self.drawn]
 
     def _of_others(self, tile: int, maps: dict[str, np.ndarray]) -> np.ndarray:
         """The texels (height, width) bool of a tile that low objects have which are not baked."""
         found = coverage.covered(self.kept.lows, tile, self.drawn[0].settings.sampling)
         is_hit = maps[NORMAL.name][..., 3] > 0.0
         lost = np.count_nonzero(is_hit & found)
+        if lost > MOST_TAKEN * np.count_nonzero(is_hit):
+            names = [shorten_list(repr(low.name) for low in lows) for lows in (self._lows, self.kept.lows)]
+            raise BakeError(
+                f"{names[0]} and {names[1]}, which the image has already, have the same texels: choose another name for "
+                "the image, or give them UV maps side by side and bake all of them together."
+            )
         if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
             self._warnings[0].append(
                 f"{lost:,} texels overlap texels of other objects in the same image, which stay as they are: move their UVs "
@@ -151,6 +154,8 @@ class Atlas:
                     values[..., :3] = numbers[labeled][values[..., :3].astype(np.int32)]
 
 
+MOST_TAKEN = 0.1
+"""The share of the texels of what is baked that others in the same image may have."""
 PROGRESS_SECONDS = 0.25
 """Seconds between two calls of a listener."""
 

@@ -113,7 +113,7 @@ def test_a_bake_whose_texels_all_belong_to_others_is_refused(values, tmp_path):
     settings = settings_in(tmp_path, **values)
     bake(pairs("ab").values(), settings)
     before = all_maps(settings)
-    with pytest.raises(BakeError, match="All texels of 'd_low' belong to other objects in the same image: move"):
+    with pytest.raises(BakeError, match="'d_low' and 'a_low', 'b_low', .* have the same texels"):
         bake(pairs("d", {"d": PLACES["b"]}).values(), settings)
     assert all(np.array_equal(texels, before[name]) for name, texels in all_maps(settings).items())
 
@@ -324,13 +324,24 @@ def test_uvs_that_overlap_others_are_told_and_take_nothing():
     settings = settings_in("")
     bake(jobs.values(), settings)
     before = all_maps(settings)["NORMAL"]
-    scenes.move_uvs(jobs["b"].low, (1.0, 1.0), (-0.3, 0.0))
+    scenes.move_uvs(jobs["b"].low, (1.0, 1.0), (-0.05, 0.0))
     (report,) = bake([jobs["b"]], settings)
     assert any("overlap texels of other objects in the same image, which stay" in text for text in report.warnings)
     u = maps.texel_uv(32, 32)
     left, bottom, width, height = PLACES["a"]
     inside = ((u > (left, bottom)) & (u < (left + width, bottom + height))).all(axis=-1)
     assert np.array_equal(all_maps(settings)["NORMAL"][inside], before[inside])
+
+
+@pytest.mark.parametrize("share_image", [True, False])
+def test_others_on_the_same_texels_are_refused(share_image):
+    """As another set of pairs with the same name for the image: neither replaces the other."""
+    settings = settings_in("", image="both")
+    bake(pairs("ab").values(), settings)
+    others = pairs("ab")
+    refused(
+        others.values() if share_image else [others["a"]], settings, "have the same texels", share_image=share_image
+    )
 
 
 def test_a_map_of_one_object_has_no_record(tmp_path):
