@@ -11,7 +11,7 @@ from ..mesh import corner_normals
 from ..mesh.triangle_mesh import Mesh
 from . import tree_cache
 from .high_patches import HighPatches
-from .own_hits import LowPlaces, own_hits, place_aside
+from .own_hits import PLACES, LowPlaces, own_hits, place_aside
 
 SAME = 2e-5
 """In local space. Hits at heights closer than this are the same, as of two sheets in one place."""
@@ -60,7 +60,7 @@ class Trials:
 
     highs: the meshes as the bake takes them if nothing is turned over. near: patches (count,) bool of each mesh that get places
     of their own, those nearest to them. is_reversed: whether the bake has all triangles in the reverse order, as
-    stacked_uvs.ordered has them: then its tree is used.
+    stacked_uvs.ordered has them: then its tree is used. places: how many are spread over the low mesh.
     """
 
     def __init__(
@@ -71,6 +71,7 @@ class Trials:
         *,
         near: Sequence[np.ndarray] = (),
         is_reversed: bool = False,
+        places: int = PLACES,
     ):
         self._patches, self._timings, self._is_reversed = patches, timings, is_reversed
         self._aside = place_aside(patches.low, patches.meshes.highs)
@@ -80,7 +81,7 @@ class Trials:
         self._labels = labels[::-1] if is_reversed else labels
         self._read: Shown | None = None
         self.scene = tree_cache.trees.ray_scene_of(self._in_order(highs), timings)
-        self._places, self.spread = _places(patches, near)
+        self._places, self.spread = _places(patches, near, places)
 
     @property
     def count(self) -> int:
@@ -155,10 +156,10 @@ def _without(mesh: Mesh, left_out: np.ndarray) -> Mesh:
     return replace(mesh, triangles=triangles, face_corners=None)
 
 
-def _places(patches: HighPatches, near: Sequence[np.ndarray]) -> tuple[LowPlaces, int]:
+def _places(patches: HighPatches, near: Sequence[np.ndarray], count: int) -> tuple[LowPlaces, int]:
     """Places spread over the low mesh, and after them those that are nearest to samples of some patches; how many the first
     are."""
-    places = LowPlaces.of(patches.meshes)
+    places = LowPlaces.of(patches.meshes, count)
     spread = len(places.triangles)
     asked = [some.at(chosen[some.patches]) for some, chosen in zip(patches.samples, near, strict=False)]
     triangles = np.concatenate([places.triangles, *(some.closest for some in asked)])
