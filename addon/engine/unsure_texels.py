@@ -21,6 +21,11 @@ AS_NEAR = 2.0
 """A hit that is farther from the low surface than the nearest one, by this factor, is no choice in its place."""
 ON_LAYER = 0.125
 """A hit is on another layer of the low mesh if that is closer to it than this share of its distance from the texel."""
+NEARER = 4.0
+"""A hit may belong to another layer of the low mesh if that is closer to it than this factor times its distance from the texel.
+If both hits that a texel owns are farther from all others, they are sides of one surface: an inner skin, or a second scan."""
+FARTHER = 20.0
+"""A second hit that a texel owns is no choice if it is farther from the low surface than the first one by this factor."""
 MUCH_COVERED = 0.25
 """The share of the low surface from which parts that stand off may also be another layer, which the low mesh lacks."""
 BEYOND = 8.0
@@ -153,7 +158,8 @@ class Explorer:
             own = self._cast_later(replace(self._ray_cast, hit=Hit.OWN), places[on_low], away[on_low], starts)
             doubts.other_layer[on_low] = self._differ(here, own)
             return doubts, np.zeros_like(on_low)
-        is_layered, is_on_layer = self._other_layers(places, away, first)
+        layers = self._other_layers(places, away)
+        is_layered, is_on_layer = np.isfinite(layers).any(axis=0), _is_close(layers, first.heights, ON_LAYER)
         # Elsewhere, more hits are no reason for doubt: parts stand off the surface on purpose.
         matter = first.is_hit & (is_layered | first.is_not_owned)
         doubts.not_owned[:], doubts.backs[:] = first.is_not_owned, first.is_back
@@ -170,7 +176,11 @@ class Explorer:
             is_outermost_other & _is_as_near(outermost, here)
         )
         doubts.undecided[matter] = here.is_not_owned & (is_near | is_on_layer[matter])
-        doubts.contested[matter] = following.is_hit & ~following.is_not_owned & is_layered[matter]
+        is_other = [_is_close(layers[:, matter], hits.heights, NEARER) for hits in (here, following)]
+        is_choice = (
+            following.is_hit & ~following.is_not_owned & (np.abs(following.heights) < FARTHER * np.abs(here.heights))
+        )
+        doubts.contested[matter] = is_choice & np.logical_or(*is_other)
         may_jump = np.zeros_like(matter)
         may_jump[matter] = is_several
         return doubts, may_jump
@@ -191,21 +201,18 @@ class Explorer:
         above = self._cast_later(outside, places[on_low], away[on_low], np.float32(BEYOND * room))
         doubts.beyond[on_low] = above.is_hit & ~above.is_not_owned
 
-    def _other_layers(self, places: np.ndarray, away: np.ndarray, first: _Hits) -> tuple[np.ndarray, np.ndarray]:
-        """Where another layer of the low mesh, which faces the ray too, is on the ray, and where the hit lies on it.
-
-        Both (height, width) bool.
-        """
-        is_layered, is_on_layer = (np.zeros(places.shape[:2], bool) for _ in range(2))
+    def _other_layers(self, places: np.ndarray, away: np.ndarray) -> np.ndarray:
+        """The heights (2, height, width) of the next layers of the low mesh above and below that face the ray, too; infinite
+        where there is none."""
+        heights = np.full((2, *places.shape[:2]), np.inf, np.float32)
         on_low = places[..., 3] > 0.0
-        places, away, heights = places[on_low], away[on_low], first.heights[on_low]
+        places, away = places[on_low], away[on_low]
         until_low = replace(self._at_low, extrusion=self._gap * self._unit, max_distance=0.0)
         above = _cast(until_low, places, away)
         below = self._cast_later(self._at_low, places, away, np.float32(-self._gap))
-        for layer in (above, below):
-            is_layered[on_low] |= layer.is_hit
-            is_on_layer[on_low] |= layer.is_hit & (np.abs(layer.heights - heights) <= ON_LAYER * np.abs(heights))
-        return is_layered, is_on_layer
+        for side, layer in enumerate((above, below)):
+            heights[side, on_low] = np.where(layer.is_hit, layer.heights, np.inf)
+        return heights
 
     def _cast_later(
         self, ray_cast: RayCast, places: np.ndarray, away: np.ndarray, starts: np.ndarray | np.float32
@@ -242,6 +249,12 @@ def _cast(ray_cast: RayCast, places: np.ndarray, away: np.ndarray) -> _Hits:
 def _is_as_near(one: _Hits, other: _Hits) -> np.ndarray:
     """Where the first hit is hardly farther from the low surface than the other one."""
     return np.abs(one.heights) < AS_NEAR * np.abs(other.heights)
+
+
+def _is_close(layers: np.ndarray, heights: np.ndarray, share: float) -> np.ndarray:
+    """Where a hit is closer to a layer of the low mesh than this share of its distance from the texel. layers (2, ...): their
+    heights, as those of the hits (...)."""
+    return (np.abs(layers - heights) <= share * np.abs(heights)).any(axis=0)
 
 
 def _jumps(one: _Hits, other: _Hits, steps: np.ndarray, gap: float) -> np.ndarray:

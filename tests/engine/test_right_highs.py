@@ -158,3 +158,20 @@ def test_seams_of_a_clean_mesh_stay():
     _, smooth, _ = baked(low, [spoiled.build("alone", alone)])
     assert spoiled.wrong(found[0], smooth) == 0.0
     assert not np.array_equal(smooth, baked(low, [bpy.data.objects["alone"]], keep_faces=True)[1])
+
+
+INSIDE = {"an inner skin": (0.99, False), "the inner side of a wall": (0.985, True), "a second scan": (0.9995, False)}
+
+
+@pytest.mark.parametrize("name", INSIDE)
+def test_sides_of_one_surface_are_no_doubt(name):
+    """The low mesh has another layer near it, to which neither of the two hits that a texel owns belongs."""
+    radius, is_inward = INSIDE[name]
+    lows = [layer_pairs.ball(size, 0.0, 64) for size in (1.0, 0.93)]
+    highs = [layer_pairs.ball(1.001, 0.0, 96), layer_pairs.ball(0.931, 0.0, 96)]
+    inner = layer_pairs.ball(radius, 0.0, 96, is_inward=is_inward)
+    low = spoiled.build("lo", all_of(layer_pairs.banded(lows)))
+    clean = baked(low, [spoiled.build("clean", all_of(highs))])[1]
+    report, normals, _ = baked(low, [spoiled.build("hi", all_of([*highs, inner]))])
+    assert spoiled.wrong(clean, normals) <= MORE_WRONG
+    assert report.checks["unsure"]["severity"] != "WRONG"
