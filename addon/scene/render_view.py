@@ -157,9 +157,10 @@ def _scene(
         for obj in needs.linked:
             shown.objects.link(obj)
         for obj in objects:
-            if obj.hide_render:
-                obj.hide_render = False
-                restore.callback(setattr, obj, "hide_render", True)
+            for name in ("hide_render", "hide_viewport")[: 1 + needs.viewport]:
+                if getattr(obj, name):
+                    setattr(obj, name, False)
+                    restore.callback(setattr, obj, name, True)
         triangle = _triangle(made)
         scene.collection.objects.link(triangle)
         yield scene, triangle

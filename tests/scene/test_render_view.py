@@ -8,7 +8,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.scene import reading, render_view
-from tests.support import scenes, zoo
+from tests.support import geometry_nodes, scenes, zoo
 from tests.support.render_scenes import SCENES, SLOW
 from tests.support.snapshot import difference, snapshot
 
@@ -237,6 +237,17 @@ def test_objects_are_read_while_another_engine_renders():
     finally:
         bpy.utils.unregister_class(Outer)
     assert found == [32]
+
+
+@pytest.mark.parametrize("is_hidden", [False, True])
+def test_errors_of_nodes_are_told_also_of_objects_that_the_viewport_hides(is_hidden):
+    low, high = zoo.plane("low"), zoo.plane("high")
+    tree = geometry_nodes.Tree(high)
+    said = tree.add("GeometryNodeWarning", {"Show": True, "Message": "no scatter"}, warning_type="ERROR")
+    tree.end(tree.add("GeometryNodeSetPosition", {"Geometry": tree.geometry, "Selection": said}))
+    high.hide_viewport = is_hidden
+    (sentence,) = reading.read(bpy.context, low, [high], None, Settings(method="CAST")).lacks
+    assert "No scatter" in sentence
 
 
 def test_what_blender_says_against_it_is_told(monkeypatch):

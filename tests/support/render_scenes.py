@@ -527,6 +527,16 @@ def hidden_in_the_viewport():
     return [obj]
 
 
+@scene
+def moved_while_the_viewport_hides_it():
+    obj = subdivided("high")
+    obj.parent = empty("parent")
+    obj.hide_viewport = True
+    bpy.context.view_layer.update()
+    obj.parent.location.z = 0.5
+    return [obj]
+
+
 @slow
 def hidden_by_the_eye():
     obj = subdivided("high")
