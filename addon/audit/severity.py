@@ -131,8 +131,9 @@ _BACKS = (
     "{share:.2%} of the texels of {low} may be wrong: most of their rays hit only backs of high faces. Recalculate the normals "
     "of the high mesh."
 )
-_COVERED = Fix.NEAREST_HIT.after(
-    "{share:.2%} of the texels of {low} can show two surfaces of the high mesh: the map has the outer one."
+_COVERED = (
+    "{share:.2%} of the texels of {low} can show two surfaces of the high mesh: the map has the outer one. With the hit "
+    "nearest it has the inner one."
 )
 _BEYOND = (
     "{share:.2%} of the texels of {low} can show two surfaces of the high mesh: the map has the inner one. Increase the "

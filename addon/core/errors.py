@@ -61,7 +61,6 @@ class Fix(Enum):
     AUTO = "--method auto casts rays where they do", "method", Method.AUTO.value
     CAST = "--method cast casts rays instead", "method", Method.CAST.value
     OWN_HIT = "--hit own chooses the layer that belongs to each texel", "hit", Hit.OWN.value
-    NEAREST_HIT = "--hit nearest chooses the inner one", "hit", Hit.NEAREST.value
     MEASURE = "without --extrusion and --max-distance they are measured", "measure", True
     DEPTH = "--depth 32 keeps them", "depth", "32"
     SAMPLES = "--samples 16 shows it", "samples", "16"

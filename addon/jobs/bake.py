@@ -178,7 +178,9 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
     """Raises BakeError if no texel was written."""
     settings, timings = run.settings, run.timings
     if not tally.written:
-        raise NothingDrawn(nothing_drawn(ready.plan, ready.length, is_covered=tally.missed > 0))
+        why, tracing = nothing_drawn(ready.plan, ready.length, is_covered=tally.missed > 0), settings.tracing
+        is_set = tracing.extrusion is not None or tracing.max_distance is not None
+        raise NothingDrawn(Fix.MEASURE.after(why) if is_set and tally.missed and ready.plan.casts_rays else why)
     ray_cast = ready.source.ray_cast
     seen = yield from relay(ready.seen.measured(), within=partial(timings.timed, "audit"))
     with timings.timed("audit"):

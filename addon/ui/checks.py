@@ -256,11 +256,6 @@ FIXES = {
         "Set Hit to Own, which chooses the layer that belongs to each texel",
         "SETTINGS",
     ),
-    Fix.NEAREST_HIT.name: (
-        "Use Nearest Hit",
-        "Set Hit to Nearest, which chooses the inner one of two surfaces that a texel can show",
-        "SETTINGS",
-    ),
     Fix.MEASURE.name: (
         "Measure Distances",
         "Measure how far the high surface lies from the low one, instead of using distances that were set",

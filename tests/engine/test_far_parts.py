@@ -71,8 +71,8 @@ def test_with_a_length_that_is_set_rays_still_reach_what_was_measured_inside():
     ("size", "is_part", "reason", "sentence"),
     [
         (0.45, True, None, None),
-        (0.6, True, "covered", "the map has the outer one; --hit nearest chooses the inner one"),
-        (0.75, True, "covered", "the map has the outer one; --hit nearest chooses the inner one"),
+        (0.6, True, "covered", "the map has the outer one. With the hit nearest it has the inner one"),
+        (0.75, True, "covered", "the map has the outer one. With the hit nearest it has the inner one"),
         (1.0, False, "beyond", "the map has the inner one. Increase the extrusion"),
     ],
 )

@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.errors import in_window
 from addon.jobs import Job, bake_jobs, checks
 from addon.ui.bake_results import results
 from tests.support import angles, maps, panel_layout, scenes, zoo
@@ -210,3 +211,105 @@ def test_random_parts_on_a_plate_flip_nothing(seed):
     settings = scenes.settings(method="CAST", size=16)
     (report,) = bake_jobs.bake_all(bpy.context, [Job(low, [high, *parts])], settings)
     assert not any("point to the other side" in text for text in report.warnings)
+
+
+# What changes a setting, or the low object's UVs and shading
+
+
+HEIGHT, WAVES = 0.05, 1
+
+
+def terrain_truth(side=SIDE):
+    """The closed form of the map of zoo.terrain on zoo.plane, all of it known."""
+    uv = 2.0 * np.pi * WAVES * maps.texel_uv(side, side)
+    slopes = (
+        HEIGHT
+        * np.pi
+        * WAVES
+        * np.stack([np.cos(uv[..., 0]) * np.sin(uv[..., 1]), np.sin(uv[..., 0]) * np.cos(uv[..., 1])], axis=-1)
+    )
+    normals_ = np.concatenate([-slopes, np.ones((side, side, 1))], axis=-1)
+    return normals_ / np.linalg.norm(normals_, axis=-1, keepdims=True), np.ones((side, side), bool)
+
+
+def waves(n=24):
+    return zoo.terrain("hi", n, height=HEIGHT, waves=WAVES)
+
+
+def moved_uvs():
+    """A high mesh whose UVs fit the low one in a half of the map."""
+    high = waves()
+    scenes.move_uvs(high, (0.5, 1.0))
+    return zoo.plane("lo"), high, {"method": "FLATTEN"}
+
+
+def too_short_rays():
+    high = waves()
+    high.location.z = 0.1
+    return zoo.plane("lo"), high, {"method": "CAST", "measure": False, "extrusion": 0.1, "max_distance": 0.15}
+
+
+def no_uvs():
+    low = zoo.plane("lo")
+    low.data.uv_layers.remove(low.data.uv_layers[0])
+    return low, waves(), {"method": "CAST"}
+
+
+BETTER = {"CAST or AUTO": moved_uvs, "MEASURE": too_short_rays}
+
+
+@pytest.mark.parametrize("case", BETTER)
+def test_a_setting_that_a_warning_names_brings_the_map_nearer_to_the_truth(case):
+    low, high, values = BETTER[case]()
+    use(low, high, size=SIDE, material=False, **values)
+    before = error(terrain_truth())
+    kinds = {in_window(text)[1] for text in results.of(bpy.context).warnings} - {""}
+    assert kinds & set(case.split(" or "))
+    for kind in kinds:
+        press(kind)
+        assert error(terrain_truth()) < 1.0 < before
+
+
+def test_unwrap_makes_a_bake_possible():
+    low, high, values = no_uvs()
+    use(low, high, size=SIDE, material=False, **values)
+    assert "UNWRAP" in offered()
+    with pytest.raises(RuntimeError, match="unwrap it first"):
+        bpy.ops.imprint.bake()
+    press("UNWRAP")
+    assert "UNWRAP" not in offered()
+    _, is_known = normals()
+    assert is_known.mean() > 0.5
+
+
+@pytest.mark.parametrize("kind", ["POLYGONS", "LAYER", "HARD_EDGES", "MIRRORED"])
+def test_what_makes_a_low_object_fit_for_engines_spoils_no_map(kind):
+    """The shading error of the low object with its map, which its new triangles, normals or UVs would raise."""
+    make = {
+        "POLYGONS": lambda: zoo.terrain("lo", 4, waves=1),
+        "LAYER": lambda: zoo.terrain("lo", 4, waves=1),
+        "HARD_EDGES": lambda: zoo.terrain("lo", 4, waves=1, smooth=False),
+        "MIRRORED": lambda: zoo.mirrored("lo"),
+    }
+    low = make[kind]()
+    high = zoo.mirrored("hi", 16) if kind == "MIRRORED" else zoo.terrain("hi", 24, waves=1)
+    use(low, high, size=SIDE, method="CAST", material=False, green="-Y", appearance=True)
+    if kind == "LAYER":
+        low.data.uv_layers.new(name="Second")
+        low.data.uv_layers.active = low.data.uv_layers["Second"]
+        bpy.context.scene.imprint.uv_layer = zoo.LAYER
+    assert kind in offered()
+    bpy.ops.imprint.bake()
+    before = results.of(bpy.context)
+    press(kind)
+    assert kind not in offered()
+    bpy.ops.imprint.bake()
+    after = results.of(bpy.context)
+    assert after.appearance["mean"] < before.appearance["mean"] + SAME_SHADING
+    harm = {"HARD_EDGES": "hard_edges", "POLYGONS": "uneven", "MIRRORED": "overlap"}.get(kind)
+    if harm:
+        assert after.checks[harm]["count"] < max(1, before.checks[harm]["count"])
+
+
+SAME_SHADING = 0.05
+"""Degrees by which the shading error may change by the rounding of rays."""
