@@ -160,6 +160,8 @@ def _left_alone(patches: HighPatches, settings: Settings, timings: Timings, *, m
     # Objects beside the low mesh may be rotated, too.
     if patches.is_aside or not _can_try(meshes):
         return meshes
+    if _agreement(patches) < -0.5 and _low_is_wrong(patches):
+        return _low_named(patches)
     suspects, is_reversed = sides.suspects_of(patches), False
     if not may_be_twice and not any(each.any() for each in suspects):
         # The low mesh near a part may be another layer. Then places of it lack what they should show.
