@@ -201,8 +201,6 @@ class RunFiles:
         for blend, names in by_blend.items():
             for image in _images_of(blend):
                 for title, by in self.places.written_by(image):
-                    if by == _OF_RUN:  # a bake that reads it fails alone
-                        continue
                     if by not in names:
                         yield image, names[0], blend, title
                     elif len(names) > 1:

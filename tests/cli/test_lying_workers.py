@@ -144,7 +144,7 @@ def run(tmp_path, monkeypatch):
             command=lambda *_: words, environment=dict, bounds=bounds, folders=(bounds.inputs, bounds.outputs)
         )
         events, begun = io.StringIO(), time.monotonic()
-        with WorkerPool(RunOptions(untrusted=True), sandbox) as pool:
+        with WorkerPool(RunOptions(untrusted=True, timeout=2.0 * NAMED), sandbox) as pool:
             found = []
             for each in pool.bake_all(WorkQueue(planned), files, Events(events)):
                 found.append((each, time.monotonic() - begun))
