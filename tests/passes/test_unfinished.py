@@ -12,7 +12,8 @@ from addon.core.declarations.choices import Hit
 from addon.core.progress import STEP, Pace
 from addon.mesh import bvh, edges
 from addon.passes import cast, hemisphere, shader, target, unfinished
-from tests.support import lanes, maps, scenes
+from tests.passes import test_owned_hits
+from tests.support import lanes, maps, oracle, scenes
 from tests.support.hemisphere import (
     Probes,
     cards,
@@ -241,3 +242,20 @@ def test_a_bake_is_the_same_wherever_dispatches_end(values, monkeypatch):
     for name, texels in bakes[0].items():
         assert np.array_equal(texels, bakes[1][name]), name
         assert texels[..., :3].std() > 0.0
+
+
+def test_owners_of_many_hits_go_on_exactly_where_they_were_seed_3(monkeypatch):
+    """Rays through a cloud of triangles, of which few belong to the texel."""
+    rng = np.random.default_rng(3)
+    low = np.ascontiguousarray(oracle.icosphere(2), np.float32)
+    high = np.concatenate([low[::2] * 1.02, needles(rng, 300, 0.5, 0.3) * (1.0, 1.0, 2.0)]).astype(np.float32)
+    normals = np.repeat(np.cross(high[:, 1] - high[:, 0], high[:, 2] - high[:, 0])[:, None], 3, axis=1)
+    across = edges.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
+    rays, found = test_owned_hits.rays_from(rng, low, 0.6), []
+    for most in (UNLIMITED, FEW):
+        with turns(monkeypatch, most):
+            found.append(test_owned_hits.trace(rays, high, normals, low, across))
+    assert same_to_the_bit(*found)
+    _, is_hit, is_not_owned, is_from_behind, _ = found[0]
+    assert is_hit.mean() > 0.5
+    assert min(is_not_owned.mean(), is_from_behind.mean()) > 0.01
