@@ -28,8 +28,8 @@ JOBS = ("RENDER", "OBJECT_BAKE")
 class _Call:
     """What to do in the engine, and what came of it: Blender would print an error, and go on."""
 
-    def __init__(self, work: Callable[[bpy.types.Depsgraph], Any]):
-        self.work, self.result = work, None
+    def __init__(self, work: Callable[[bpy.types.Depsgraph], Any], *, is_second: bool):
+        self.work, self.result, self.is_second = work, None, is_second
         self.error: BaseException | None = None
         self.was_made = False
 
@@ -41,6 +41,14 @@ class _Call:
         if error is not None:
             traceback.clear_frames(error.__traceback__)  # they hold the dependency graph, which is freed soon
         return True
+
+
+class _Again(Exception):
+    """Something has to be done outside of the engine before the objects are read."""
+
+    def __init__(self, first: Callable[[], None]):
+        super().__init__()
+        self.first = first
 
 
 class _Engine(bpy.types.RenderEngine):
@@ -65,10 +73,26 @@ def read(
 
     Raises BakeError while a render runs.
     """
+    try:
+        return _read(context, objects, _Call(work, is_second=False))
+    except _Again as again:
+        again.first()
+    return _read(context, objects, _Call(work, is_second=True))
+
+
+def outside(work: Callable[[], None]) -> None:
+    """Call what registers classes. Blender frees engines then, so that inside of one the reading begins again after it."""
+    call = getattr(_Engine, "call", None)
+    if call is None:
+        work()
+    elif not call.is_second:
+        raise _Again(work)
+
+
+def _read(context: bpy.types.Context, objects: Sequence[bpy.types.Object], call: _Call) -> Any:
     if _is_busy():
         raise BakeError(_refused("a render or a bake of Blender runs"))
     context.view_layer.update()  # tells handlers what has changed until now
-    call = _Call(work)
     with _without_handlers(), _scene(context, objects) as (scene, triangle), _engine(scene, call):
         why = _bake(scene, scene.view_layers[context.view_layer.name], triangle)
     if call.error is not None:

@@ -274,3 +274,19 @@ def test_an_object_of_300_is_evaluated_alone():
         bpy.context, [high], lambda depsgraph: [each.evaluated_get(depsgraph).is_evaluated for each in others]
     )
     assert not any(seen)
+
+
+def test_what_registers_classes_is_done_outside_of_the_engine():
+    """Cycles is loaded by the first material that needs it. Within the engine, that would end Blender."""
+    zoo.plane("low")
+    (high,) = SCENES["subdivision"]()
+    calls = []
+
+    def work(depsgraph):
+        render_view.outside(lambda: calls.append(hasattr(render_view._Engine, "call")))
+        return depsgraph.mode
+
+    assert render_view.read(bpy.context, [high], work) == "RENDER"
+    assert calls == [False]
+    render_view.outside(lambda: calls.append("at once"))
+    assert calls == [False, "at once"]

@@ -8,6 +8,7 @@ import bpy
 
 from ...core.material_feeds import ExactFeed
 from ...mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
+from .. import render_view
 from ..textures import UnreadableError
 from .node_values import NodeValues, Place, title
 from .signals import NotFollowedError
@@ -23,7 +24,8 @@ load_cycles: Callable[[], None] = _nothing
 
 def has_cycles() -> bool:
     """Whether Cycles is enabled in this Blender. Loads it if need be."""
-    load_cycles()
+    if "cycles" not in bpy.types.Scene.bl_rna.properties:
+        render_view.outside(load_cycles)
     return "cycles" in bpy.types.Scene.bl_rna.properties
 
 
