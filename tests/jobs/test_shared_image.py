@@ -144,6 +144,17 @@ def test_what_is_not_baked_stays_to_the_bit(way, tmp_path):
     assert way == "all gray" or 0.1 < changed < 0.6
 
 
+def test_a_narrower_margin_leaves_what_it_does_not_reach(tmp_path):
+    """The wider margin of others, and of what is baked again, is no background."""
+    settings = settings_in(tmp_path, output="m.png")
+    jobs = pairs()
+    bake(jobs.values(), settings)
+    before = all_maps(settings)["NORMAL"]
+    narrow = settings_in(tmp_path, output="m.png", margin=1)
+    bake([jobs["b"]], narrow)
+    assert np.array_equal(all_maps(narrow)["NORMAL"], before)
+
+
 def test_a_part_that_was_never_there_joins(tmp_path):
     """One after the other, in any order, gives what all at once give."""
     settings = settings_in(tmp_path, output="m.png")
