@@ -88,6 +88,16 @@ class Trials:
         """How many patches all meshes have."""
         return int(self.starts[-1])
 
+    def expected(self, number: int) -> np.ndarray:
+        """How many of the places spread over the low mesh would show each patch (count,) of a mesh if all of it were seen,
+        about."""
+        one, some = self._patches.of[number], self._patches.samples[number]
+        counts = np.maximum(np.bincount(some.patches, minlength=one.count), 1)
+        areas = (
+            np.bincount(some.patches, some.weights, one.count) / counts * np.bincount(one.labels, minlength=one.count)
+        )
+        return self.spread * areas / max(float(self._patches.low_areas.sum()), 1e-300)
+
     def as_read(self) -> Shown:
         """What places show of the meshes as they are."""
         if self._read is None:

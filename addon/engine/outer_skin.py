@@ -24,6 +24,8 @@ PEEPING = 0.2
 """The share of a hidden patch that may see the outside, as through a hole."""
 NEEDED, FEWEST = 0.5, 4
 """A hidden patch stays if this share of the places that show it, and so many, have no hit of their own without it."""
+SHOWN = 0.5
+"""What shows this share of itself is no hidden patch."""
 HARM, SPARE = 1e-3, 0.1
 """In a mesh without conflicts, patches that are against the low mesh are left out only if they take at least the first share of
 its hits, and at most the second share of these places needs them."""
@@ -79,8 +81,9 @@ def _twice(meshes: Meshes, patches: HighPatches, trials: Trials | None) -> list[
         needs = np.stack([worth[side][number][patch[:, side]] for side in range(2)], axis=1)
         takes = shows[number][patch]
         is_spare = (needs <= SPARE * takes) | (needs <= SPARE * needs[:, ::-1])
-        # Of two that nothing needs, that which takes hits goes, or the later one.
-        goes = np.where(is_spare[:, 1] & ~(is_spare[:, 0] & (takes[:, 0] > takes[:, 1])), 1, 0)
+        # Of two that nothing needs, a solid that points outward stays, else that which agrees with the low mesh near it.
+        right = patches.agreements[number] + 2.0 * patches.is_outward(number, one.is_closed)
+        goes = np.where(is_spare.all(axis=1), right[patch[:, 1]] <= right[patch[:, 0]], is_spare[:, 1]).astype(int)
         some = is_spare.any(axis=1)
         same[each[some, goes[some]]] = True
     return found
@@ -108,7 +111,7 @@ def _hidden(meshes: Meshes, patches: HighPatches, trials: Trials) -> list[np.nda
             found[number] &= (even[number] >= LEAST) & (needs[number] <= SPARE * shows[number])
             harms[number] = even[number][found[number]]
         else:
-            is_doubtful = patches.is_dirty(number) | one.is_closed
+            is_doubtful = (patches.is_dirty(number) | one.is_closed) & (even[number] < SHOWN * trials.expected(number))
             is_spare = is_doubtful & (needs[number] < np.maximum(NEEDED * shows[number], FEWEST))
             found[number] &= is_spare | (shows[number] < LEAST)
     if np.concatenate(harms).sum() < HARM * before.spread:

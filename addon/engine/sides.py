@@ -169,7 +169,7 @@ def _compared(before: _State, after: _State, asked: Sequence[np.ndarray]) -> tup
         hidden = inward & ~dirty
         if hidden.any():
             hidden &= ~sees_outside_of(patches, number, high, hidden, trials.scene)
-        parts = np.where(dirty, 0.0, np.where(hidden, MOST, PART)) * _expected(patches, trials, number)
+        parts = np.where(dirty, 0.0, np.where(hidden, MOST, PART)) * trials.expected(number)
         enough = places >= np.maximum(np.where(dirty, LEAST, LEAST + 1), parts)
         is_better = enough & (gained > MORE * lost)
         is_lacking = fresh >= np.where(ratio <= SURE, FRESH, ALL_FRESH) * places
@@ -188,16 +188,6 @@ def _compared(before: _State, after: _State, asked: Sequence[np.ndarray]) -> tup
         better.append(flip & ((is_better & is_lacking) | stands | is_relieved))
         equal.append(flip & dirty & ~is_better & (lost <= MORE * gained) & (places < LEAST))
     return better, equal
-
-
-def _expected(patches: HighPatches, trials: Trials, number: int) -> np.ndarray:
-    """How many places (count,) would show each patch of a mesh if all of it were seen, about."""
-    one, some = patches.of[number], patches.samples[number]
-    areas = np.bincount(some.patches, some.weights, one.count) / np.maximum(
-        np.bincount(some.patches, minlength=one.count), 1
-    )
-    sizes = np.bincount(one.labels, minlength=one.count)
-    return trials.spread * areas * sizes / max(float(patches.low_areas.sum()), 1e-300)
 
 
 def _is_mixed(patches: HighPatches, number: int) -> np.ndarray:
