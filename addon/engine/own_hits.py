@@ -42,9 +42,9 @@ class LowPlaces:
         them over its UV map."""
         mesh = meshes.whole_low
         corners = mesh.vertices[mesh.front_triangles]
-        areas = np.linalg.norm(orientation.face_normals(local_space_of([mesh]).points(mesh), corners), axis=1)
+        areas = _finite(np.linalg.norm(orientation.face_normals(local_space_of([mesh]).points(mesh), corners), axis=1))
         if mesh.uv is not None:
-            of_uv = np.nan_to_num(np.abs(uv_layout.areas(mesh)), nan=0.0, posinf=0.0)
+            of_uv = _finite(np.abs(uv_layout.areas(mesh)))
             areas = areas / max(areas.sum(), 1e-300) + of_uv / max(of_uv.sum(), 1e-300)
         sums = np.cumsum(areas)
         if not len(sums) or not sums[-1] > 0.0:
@@ -163,3 +163,8 @@ def place_aside(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
     if gap(low, highs) <= FAR_APART * space.size:
         return np.zeros(3)
     return local_space_of(highs).origin - space.origin
+
+
+def _finite(areas: np.ndarray) -> np.ndarray:
+    """Areas (N,) float64, 0 where coordinates are not finite, or too large."""
+    return np.nan_to_num(areas.astype(np.float64), nan=0.0, posinf=0.0)

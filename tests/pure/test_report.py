@@ -14,6 +14,7 @@ import tempfile
 from copy import deepcopy
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from addon.cli import arguments, command, limits, run_report
@@ -24,6 +25,7 @@ from addon.cli.sheet import SheetFile
 from addon.core import asset, report
 from addon.core.errors import BakeError
 from addon.core.report import Report
+from addon.output import png_writer
 from scripts.dev import report_schema
 from scripts.imprint import ROOT
 from tests.support import json_schema, reports
@@ -775,12 +777,13 @@ def test_a_bake_that_wrote_nothing_has_no_picture(tmp_path):
 
 def test_the_command_takes_the_pictures_that_a_run_kept(tmp_path):
     report = reports.of_three()
-    (tmp_path / "p.png").write_bytes(b"picture")
+    picture = png_writer.small(np.zeros((1, 1, 3), np.uint8))
+    (tmp_path / "p.png").write_bytes(picture)
     report["bakes"][0]["picture"], report["bakes"][1]["picture"] = str(tmp_path / "p.png"), str(tmp_path / "gone.png")
     (tmp_path / "r.json").write_text(json.dumps(report), encoding="utf-8")
     assert command.run(["report", "--sheet", str(tmp_path / "s.html"), str(tmp_path / "r.json")]) == 1
     (image,) = read((tmp_path / "s.html").read_text(encoding="utf-8")).images
-    assert image["src"] == "data:image/png;base64," + base64.b64encode(b"picture").decode()
+    assert image["src"] == "data:image/png;base64," + base64.b64encode(picture).decode()
 
 
 def test_what_is_no_path_is_no_link():
