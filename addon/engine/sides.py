@@ -180,7 +180,7 @@ def _compared(before: _State, after: _State, asked: Sequence[np.ndarray]) -> tup
         stands = flip & in_doubt & (inward | _is_mixed(patches, number))
         if stands.any():
             stands &= sees_outside_of(patches, number, high, stands, trials.scene, least=OUTSIDE)
-        sheets = flip & in_doubt & ~stands & ~dirty & ~inward & (ratio < -SURE)
+        sheets = flip & in_doubt & ~stands & ~one.is_closed & (ratio < -SURE)
         if sheets.any():
             front, back = _open_sides(patches, number, sheets, trials.scene)
             stands |= sheets & (back - front > OPEN_BACK)
