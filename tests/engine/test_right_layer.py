@@ -14,7 +14,6 @@ pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
 LIMITS = {
     "pairs/helmet_23358_6117": (0.25, 0.01),  # parts intersect, and sheets of the low mesh cross
     "pairs/king_40480_4000": (0.01, 0.01),
-    "pairs/shaderball_48048_23378": (0.0, 0.01),
     "pairs/shaderball_61644_20517": (0.0, 0.01),
     "pairs/spot_1696_536": (0.0, 0.01),
     "layers/collar": (0.05, 0.05),

@@ -164,10 +164,10 @@ def spoiled_surface(rng):
     return high, (clean.points.astype(np.float64) @ matrix[:3, :3].T)[clean.triangles]
 
 
-outcomes = random_cases.counted(enough=24, assets=0.5, sentences=0.04)
+outcomes = random_cases.counted(enough=16, assets=0.5, sentences=0.04)
 
 
-@random_cases.seeds(24, fast=2)
+@random_cases.seeds(16, fast=2)
 def test_any_high_becomes_an_asset_or_a_sentence(seed, outcomes, monkeypatch):
     rng = np.random.default_rng(seed)
     high = wrong_highs.made(rng)
@@ -184,7 +184,7 @@ def test_any_high_becomes_an_asset_or_a_sentence(seed, outcomes, monkeypatch):
     check(reports)
 
 
-@random_cases.seeds(10, fast=1)
+@random_cases.seeds(8, fast=1)
 def test_a_spoiled_surface_becomes_an_asset_without_turned_faces(seed, monkeypatch):
     rng = np.random.default_rng(1000 + seed)
     high, truth = spoiled_surface(rng)

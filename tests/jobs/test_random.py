@@ -31,7 +31,7 @@ NAMES = (
 )
 
 
-outcomes = random_cases.counted(200, map=0.3)
+outcomes = random_cases.counted(160, map=0.3)
 
 
 # Meshes
@@ -398,7 +398,7 @@ def existing_image(rng, name):
 # The test
 
 
-@random_cases.seeds(240, fast=2)
+@random_cases.seeds(160, fast=2)
 def test_a_random_bake_ends_in_a_map_or_an_error_message(seed, tmp_path, outcomes):
     rng = np.random.default_rng(seed)
     (tmp_path / "out").mkdir()
@@ -444,7 +444,7 @@ SIZES = ((1, 1), (4, 3), (16, 16), (1, 300), (257, 2))
 SPACES = ("sRGB", "Non-Color", "Linear Rec.709", "ACEScg", "AgX Base sRGB", "Filmic sRGB")
 
 
-outcomes_of_maps = random_cases.counted(100, map=0.6)
+outcomes_of_maps = random_cases.counted(60, map=0.6)
 
 
 # Images
@@ -618,7 +618,7 @@ def settings_of(source, folder):
     )
 
 
-@random_cases.seeds(100, fast=2)
+@random_cases.seeds(60, fast=2)
 def test_random_materials_end_in_maps_or_an_error_message(seed, tmp_path, outcomes_of_maps):
     source = random.Random(seed)
     (tmp_path / "out").mkdir()
