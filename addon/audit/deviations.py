@@ -63,17 +63,17 @@ class Deviations:
         hidden: StackedParts,
     ):
         self._kept = kept
-        self._plan, self._settings, self._pictures = plan, settings, pictures
+        self._plan, self.settings, self._pictures = plan, settings, pictures
         self._counts, self._is_wanted = AngleCounts(), is_wanted
         self._hidden, self._pool = hidden, target.TargetPool()
-        self._whole = _Drawn(plan.meshes, highs)
+        self.whole = _Drawn(plan.meshes, highs)
 
     def add(self, tile: int, stored: Map) -> None:
         """Measure a UDIM tile of the normal map as it is stored, before rounding."""
         if not self._is_wanted:
             return
         height, width = stored[1].shape
-        self._add(tile, stored, self._whole.bands((width, height), tile), self._whole)
+        self._add(tile, stored, self.whole.bands((width, height), tile), self.whole)
         with target.using(self._pool):
             for drawn in self._layers:
                 self._add(tile, stored, drawn.bands((width, height), tile), drawn)
@@ -86,12 +86,12 @@ class Deviations:
     def _add(self, tile: int, stored: Map, of_tile: Iterable[Band], drawn: _Drawn) -> None:
         """Measure some bands of a tile."""
         texels, state = stored
-        elsewhere = self._elsewhere(tile, drawn.meshes)
+        elsewhere = self.elsewhere(tile, drawn.meshes)
         for band in of_tile:
             rows = slice(band.start, band.stop)
             part = np.arange(band.start, band.stop) * len(elsewhere) // len(state)
             texels_of_band = self._kept(np.ascontiguousarray(texels[rows], np.float32))
-            angles = self._angles(band.without_halo, texels_of_band, elsewhere[part], drawn)
+            angles = self.angles(band.without_halo, texels_of_band, elsewhere[part], drawn)
             is_drawn = state[rows] == WRITTEN
             if drawn.layer is not None:
                 is_drawn &= (angles[..., 3] != 0.0) & self._hidden.is_hidden(drawn.layer, band)
@@ -103,22 +103,21 @@ class Deviations:
     def add_raw(self, tile: int, normals: np.ndarray) -> None:
         """Measure a tile of normals as baking.Renderer.raw returns them."""
         if self._is_wanted:
-            self.add(tile, normal_space.stored(normals, self._settings))
+            self.add(tile, normal_space.stored(normals, self.settings))
 
     def results(self) -> dict[str, float | int]:
         """The angles as Report.deviation has them; empty if no texel was measured."""
-        found = self._counts.results()
-        return found if found["texels"] else {}
+        return self._counts.with_wrong()
 
-    def _elsewhere(self, tile: int, meshes: Meshes) -> np.ndarray:
+    def elsewhere(self, tile: int, meshes: Meshes) -> np.ndarray:
         """Where the high surface that is drawn is another place, as viewport.measure_deviation takes it."""
         if self._plan.casts_rays or meshes.is_own_base:
             return np.zeros((1, 1), bool)
         return uv_agreement.mismatched(meshes.low, meshes.drawn_highs, tile)
 
-    def _angles(self, band: Band, texels: np.ndarray, elsewhere: np.ndarray, drawn: _Drawn) -> np.ndarray:
+    def angles(self, band: Band, texels: np.ndarray, elsewhere: np.ndarray, drawn: _Drawn) -> np.ndarray:
         """What viewport.measure_deviation writes, (height, width, 4) float32."""
-        low, settings = drawn.low, self._settings
+        low, settings = drawn.low, self.settings
         read = normal_space.reading(settings.map)
         measured = target.get("deviation", band.width, band.height, "RGBA32F")
         viewport.measure_deviation(
@@ -132,6 +131,70 @@ class Deviations:
             uv_to_clip=band.uv_to_clip,
         )
         return measured.texels()
+
+
+WRONG = 20.0
+"""Degrees from which a texel is taken for one of another surface, or of none."""
+UNSEEN = 0.35
+"""Degrees that do not count in what a map leaves of the detail: 8 bits turn 99 % of the normals by less."""
+LEAST_DETAIL = 0.5
+"""Degrees of detail, as a mean, below which what a map leaves of it is told as a share of this."""
+MOST_BETWEEN = 1025
+"""The most places along a side of the map that BetweenTexels looks at. Odd, so that they lie anywhere between texels."""
+
+
+class BetweenTexels:
+    """The angles between the normals that the low mesh shows with its map, read between texels as programs read it, and those
+    of the high surface there. Where texels are too few for the detail, they are large, though each texel is right.
+
+    Arguments as in Deviations.
+    """
+
+    def __init__(self, plan: Plan, truth: SampledMaps, settings: Settings, *, kept: Callable, is_wanted: bool):
+        nothing = StackedParts(plan, truth.source, settings, is_shared=False)
+        self._of = Deviations(plan, truth, settings, kept=kept, is_wanted=False, hidden=nothing)
+        self._kept, self._is_wanted, self._counts, self._sums = kept, is_wanted, AngleCounts(), np.zeros(2)
+
+    def add(self, tile: int, stored: Map) -> None:
+        """Measure a UDIM tile of the normal map as it is stored, before rounding."""
+        if not self._is_wanted:
+            return
+        drawn = self._of.whole
+        texels = self._kept(np.ascontiguousarray(stored[0], np.float32))
+        width, height = (min(2 * side + 1, MOST_BETWEEN) for side in stored[1].shape[::-1])
+        for band in drawn.bands((width, height), tile):
+            rows = band.start + np.arange(band.stop - band.start) + 0.5
+            between = _between(texels, rows / height, (np.arange(width) + 0.5) / width)
+            angles = self._of.angles(band.without_halo, between, self._of.elsewhere(tile, drawn.meshes), drawn)
+            known = angles[angles[..., 3] > 0.0]
+            self._counts.add(known[:, 0])
+            self._sums += np.maximum(known[:, :2] - (UNSEEN, 0.0), 0.0).sum(axis=0)
+
+    def add_raw(self, tile: int, normals: np.ndarray) -> None:
+        """Measure a tile of normals as baking.Renderer.raw returns them."""
+        if self._is_wanted:
+            self.add(tile, normal_space.stored(normals, self._of.settings))
+
+    def results(self) -> dict[str, float | int]:
+        """As Report.between has it; empty if nothing was measured."""
+        found = self._counts.with_wrong()
+        if found:
+            with_map, without = self._sums / found["texels"]
+            found["left"] = float(with_map / max(without, LEAST_DETAIL))
+        return found
+
+
+def _between(texels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Texels (h, w, n), read by linear interpolation at places (R,) along v and (C,) along u, from 0 to 1: (R, C, n) float32.
+
+    The map repeats."""
+    for axis, places in enumerate((rows, columns)):
+        count = texels.shape[axis]
+        first = np.floor(places * count - 0.5).astype(np.int64)
+        share = (places * count - 0.5 - first).astype(np.float32)[(slice(None), *[None] * (2 - axis))]
+        one, other = (texels.take((first + step) % count, axis) for step in (0, 1))
+        texels = one + (other - one) * share
+    return np.ascontiguousarray(texels, np.float32)
 
 
 class OtherEngines:
@@ -241,6 +304,14 @@ class AngleCounts:
             "maximum": self._largest,
             "texels": int(sums[-1]),
         }
+
+    def with_wrong(self) -> dict[str, float | int]:
+        """The results, and the share of the texels that are more than WRONG degrees off (wrong); empty without texels."""
+        found = self.results()
+        if not found["texels"]:
+            return {}
+        first = int(np.float32(WRONG).view(np.int32)) >> DROPPED
+        return {**found, "wrong": float(self._counts[first:].sum()) / found["texels"]}
 
     def _of_bin(self, number: int) -> float:
         """The middle of a bin, at most the largest angle."""

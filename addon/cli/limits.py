@@ -98,6 +98,27 @@ def _angles() -> Iterator[Metric]:
         lambda report: report.get("deviation"),
         DEVIATION,
     )
+    yield from _of_angles(
+        "between",
+        "degrees between the normals that the low mesh shows with its map between texels and those of the high mesh there",
+        lambda report: report.get("between"),
+        DEVIATION,
+    )
+    yield Metric(
+        "between.left",
+        SHARE,
+        "the detail that the map does not show: its mean deviation between texels, of that without a map",
+        lambda report: (report.get("between") or {}).get("left"),
+        DEVIATION,
+    )
+    for name, where in (("deviation", "texels"), ("between", "places between texels")):
+        yield Metric(
+            f"{name}.wrong",
+            SHARE,
+            f"{where} where the map is more than 20 degrees off the surface of the high mesh that they own",
+            lambda report, key=name: (report.get(key) or {}).get("wrong"),
+            DEVIATION,
+        )
     yield from _of_angles("appearance", SEEN, lambda report: report.get("appearance"), APPEARANCE)
     for end, unit, meaning in (
         ("mean", DEGREES, f"{SEEN}, as a mean"),

@@ -12,7 +12,7 @@ import numpy as np
 from ..audit import deviations, severity
 from ..audit.appearance import Appearance, SeenBake
 from ..audit.checks import Findings, audit, check_stacked
-from ..audit.deviations import Deviations, OtherEngines
+from ..audit.deviations import BetweenTexels, Deviations, OtherEngines
 from ..audit.pictures import BakePictures
 from ..audit.severity import Warned
 from ..audit.tally import Tally
@@ -61,6 +61,7 @@ class DrawnJob:
     rays: float = 0.0
     targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     deviation: dict[str, float | int] = field(default_factory=dict)
+    between: dict[str, float | int] = field(default_factory=dict)
     appearance: Appearance | None = None
     picture: np.ndarray | None = None
 
@@ -97,6 +98,7 @@ def _bake(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[DrawnJob
                 with timings.timed("audit"):
                     ready.others.add(tile, maps[NORMAL.name])
                     ready.deviations.add(tile, maps[NORMAL.name])
+                    ready.between.add(tile, maps[NORMAL.name])
                     ready.seen.add(tile, maps[NORMAL.name])
                     ready.pictures.add(tile, maps)
                 levels = yield from part(mip_levels.of(maps, tile, run), stop, stop)
@@ -126,6 +128,7 @@ class _Ready:
     truth: SampledMaps
     hidden: StackedParts
     deviations: Deviations
+    between: BetweenTexels
     seen: SeenBake
     pictures: BakePictures
     length: Length
@@ -163,6 +166,9 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     deviations = Deviations(
         plan, truth, settings, pictures, kept=partial(kept, settings=settings), is_wanted=is_wanted, hidden=hidden
     )
+    between = BetweenTexels(
+        plan, truth, settings, kept=partial(kept, settings=settings), is_wanted=job.is_measured and settings.map.normal
+    )
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
     if plan.method == Method.CAST:
         warnings += [Warned(text, severity.UNFIT) for text in job.hints]
@@ -171,7 +177,9 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     )
     warnings += map(Warned, seen.warnings)
     renderer = Renderer(drawn, run)
-    return _Ready(meshes, warnings, plan, source, renderer, others, truth, hidden, deviations, seen, pictures, length)
+    return _Ready(
+        meshes, warnings, plan, source, renderer, others, truth, hidden, deviations, between, seen, pictures, length
+    )
 
 
 def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
@@ -204,6 +212,7 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
         ready.source.share_of_rays if ready.plan.has_rays else 0.0,
         read,
         ready.deviations.results(),
+        ready.between.results(),
         seen,
         picture,
     )
@@ -227,6 +236,7 @@ def draw_raw(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[Drawn
             with run.timings.timed("audit"):
                 ready.others.add_raw(tile, maps[tile][NORMAL.name])
                 ready.deviations.add_raw(tile, maps[tile][NORMAL.name])
+                ready.between.add_raw(tile, maps[tile][NORMAL.name])
                 ready.seen.add_raw(tile, maps[tile][NORMAL.name])
                 ready.pictures.add_raw(tile, maps[tile][NORMAL.name])
         drawn = yield from part(_audit(job, run, ready, tally), 1.0, 1.0)
@@ -289,6 +299,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
         checks=findings.checks,
         targets=drawn.targets,
         deviation=drawn.deviation,
+        between=drawn.between,
         appearance=drawn.appearance.to_dict() if drawn.appearance is not None else {},
         picture=drawn.picture,
         tiles=[tile for tile in plan.tiles if tile in stored.tiles],
