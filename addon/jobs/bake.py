@@ -31,6 +31,7 @@ from ..engine.sampling import SampledMaps, maps_of_bake
 from ..engine.sources import Source, normal_source
 from ..engine.stacked_uvs import StackedParts
 from ..mesh import triangle_mesh
+from ..mesh.edges import is_without_area
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..output.materials import into_materials
@@ -188,7 +189,8 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
     if not tally.written:
         why, tracing = nothing_drawn(ready.plan, ready.length, is_covered=tally.missed > 0), settings.tracing
         is_set = tracing.extrusion is not None or tracing.max_distance is not None
-        raise NothingDrawn(Fix.MEASURE.after(why) if is_set and tally.missed and ready.plan.casts_rays else why)
+        can_be_hit = ready.plan.casts_rays and not all(map(is_without_area, ready.plan.meshes.listed_highs))
+        raise NothingDrawn(Fix.MEASURE.after(why) if is_set and tally.missed and can_be_hit else why)
     ray_cast = ready.source.ray_cast
     seen = yield from relay(ready.seen.measured(), within=partial(timings.timed, "audit"))
     with timings.timed("audit"):
