@@ -55,13 +55,18 @@ def constants(material):
 def images(material):
     """Images in both, by an image, which Cycles alone can evaluate. The emission has a strength."""
     tree = material.node_tree
-    tree.links.new(closest(material, RUST, "rust"), principled(material).inputs["Base Color"])
+    for name in ("Base Color", "Emission Color"):
+        tree.links.new(closest(material, RUST, "rust"), principled(material).inputs[name])
+    principled(material).inputs["Emission Strength"].default_value = 0.5
     other = second(
-        material, Base_Color=closest(material, OTHER, "other"), Emission_Color=(0.5, 0.5, 0.5, 1), Emission_Strength=1.5
+        material,
+        Base_Color=closest(material, OTHER, "other"),
+        Emission_Color=closest(material, OTHER, "glow"),
+        Emission_Strength=1.5,
     )
     mix = add(material, "MixShader", {0: closest(material, MASK, "mask"), 1: principled(material).outputs[0], 2: other})
-    color = gray(RUST + (OTHER - RUST) * MASK)
-    return mix, {"Base Color": color, "Roughness": gray(0.5), "Metallic": gray(0), "Emission Color": gray(0.75 * MASK)}
+    color, glow = gray(RUST + (OTHER - RUST) * MASK), gray(0.5 * RUST + (1.5 * OTHER - 0.5 * RUST) * MASK)
+    return mix, {"Base Color": color, "Roughness": gray(0.5), "Metallic": gray(0), "Emission Color": glow}
 
 
 def nested(material):
