@@ -75,7 +75,7 @@ def test_names_are_there():
     files |= {path.name for path in ROOT.glob("*.*")}
     wrong = []
     for path, text in said():
-        wrong += [(path.name, name) for name in re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", text)
+        wrong += [(path.name, name) for name in re.findall(r"`([A-Za-z_](?:[\w.]*\w)?)(?:\(\))?`", text)
                   if name not in files and name.split(".")[-1] not in known]  # fmt: skip
         wrong += [(path.name, f"{a}.{b}") for a, b in re.findall(r"(?<![\w/.])([a-z_]+)\.([A-Za-z_]\w+)\b", text)
                   if a in modules and b not in modules[a] | {"py", "glsl", "md", "schema", "npz"}
