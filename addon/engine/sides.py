@@ -23,19 +23,19 @@ RAYS = 32
 FRESH, ALL_FRESH = 0.15, 0.5
 """A patch is what the low mesh lacks if at least this share of the places that gain it had no hit of their own, or one on its
 other side; the second one if the patch agrees with the low mesh near it."""
-PART, MOST = 0.1, 0.7
+PART, MOST = 0.1, 0.6
 """The least share of a patch without a conflict that must be shown once it is turned over; of one that is closed and lies in
 others, as a copy inside or the inner side of a hollow body, the second one."""
 OPEN_BACK = 0.4
 """By how much more open the back of a sheet is that stands off what it covers, as a share of a hemisphere."""
-OUTSIDE = 0.5
+OUTSIDE = 0.45
 """What stands off others sees the outside on this share of it."""
 MIXED = 0.35
 """The share of the triangles of a patch that point against the others from which most of them say nothing."""
 MOST_APART = 4
 """The most open patches, the largest ones, that are turned over one at a time to see which one is better."""
 LOST = 0.01
-"""The share of the low mesh that may lose its hits by all changes together."""
+"""The share of the low mesh that may lose its hits by all changes together, unless the others come nearer."""
 MUCH = 0.25
 """The share of the places that showed a patch as it was read. If more of them show nothing then, it stays as it was."""
 ROUNDS = 4
@@ -204,7 +204,7 @@ def _without_worse(state: _State, undecided: list[np.ndarray]) -> Sides:
     gone = as_read.counts(state.shown.patches < 0, trials.count)
     came = state.shown.counts(as_read.patches < 0, trials.count)
     worse = trials.split((gone > came) & (gone > MUCH * as_read.counts(every, trials.count)))
-    if state.shown.share < as_read.share - LOST:
+    if state.shown.share < as_read.share - LOST and state.shown.value < as_read.value:
         worse = [one | (flip & ~each) for one, flip, each in zip(worse, state.flips, state.dirty, strict=True)]
     if any((one & (other | flip)).any() for one, other, flip in zip(worse, state.dirty, state.flips, strict=True)):
         dirty = [each & ~bad for each, bad in zip(state.dirty, worse, strict=True)]
