@@ -45,15 +45,29 @@ class Faces:
         return float(parts.sum() / most) if most > 0.0 else 0.0
 
 
-def faces_of_mesh(mesh: Mesh, most: int, turned: np.ndarray | None = None) -> Faces:
+def faces_of_mesh(mesh: Mesh, most: int, turned: np.ndarray | None = None, *, least: int = 0) -> Faces:
     """Some triangles of a mesh, evenly spaced in their order, at most `most`. turned (T,) bool: those that were turned over;
-    they count as they were before."""
+    they count as they were before. least: triangles of a mesh with fewer are divided, so that there are about as many."""
     step = max(1, -(-len(mesh.triangles) // most))
     kept = mesh.front_triangles[::step]
     corners = mesh.positions[mesh.vertices[kept]].astype(np.float64) @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     normals = np.cross(b - a, c - a)
-    return Faces((a + b + c) / 3.0, normals if turned is None else np.where(turned[::step, None], -normals, normals))
+    if turned is not None:
+        normals = np.where(turned[::step, None], -normals, normals)
+    weights = _middles(int(np.ceil((least / max(1, len(kept))) ** 0.5)))
+    centers = np.einsum("wk,tkx->twx", weights, corners).reshape(-1, 3)
+    return Faces(centers, normals.repeat(len(weights), axis=0) / len(weights))
+
+
+def _middles(parts: int) -> np.ndarray:
+    """The weights (N, 3) of the middles of the triangles into which so many parts of each side divide a triangle."""
+    parts = max(1, parts)
+    u, v = np.divmod(np.arange(parts * parts), parts)
+    turned = u + v >= parts  # the triangles between those that stand like the whole one
+    u, v = np.where(turned, parts - 1 - u, u), np.where(turned, parts - 1 - v, v)
+    u, v = ((each + np.where(turned, 2.0, 1.0) / 3.0) / parts for each in (u, v))
+    return np.stack([1.0 - u - v, u, v], axis=1)
 
 
 def joined_faces(faces: Sequence[Faces]) -> Faces:
@@ -152,9 +166,9 @@ class Finding:
         return self.template.format(**self.values)
 
 
-def suspicion(low: Faces) -> float:
-    """The share of the faces of a low object from which rays are asked, where there is time for it."""
-    return MAYBE if len(low.centers) >= FEW else -1.0
+def suspicion(low_faces: int) -> float:
+    """The share of the faces of a low object, of so many, from which rays are asked where there is time for it."""
+    return MAYBE if low_faces >= FEW else -1.0
 
 
 def find_flipped(

@@ -143,17 +143,18 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     with timings.timed("extract"):
         warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
         warnings += map(Warned, orienting.notes(meshes))
+    tiles = tiles_to_bake(meshes, settings.sampling)
+    yield Progress(f"Looking at {name}", 0.5)
+    with timings.timed("method"):
+        in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
+        plan = choose_method(in_order, tiles, settings.tracing, length)
     with timings.timed("audit"):
-        found = checks.flipped_findings(meshes, timings)
+        found = checks.flipped_findings(meshes, timings, has_rays=plan.casts_rays)
         if job.is_for_others:
             others = checks.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
             found += checks.unsolved_by_export(others, is_exported=job.is_exported)
         early = [*map(Warned, checks.pose_notes(context, job, settings)), *checks.finding_warnings(found)]
-    tiles = tiles_to_bake(meshes, settings.sampling)
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
-    with timings.timed("method"):
-        in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
-        plan = choose_method(in_order, tiles, settings.tracing, length)
     source = yield from part(normal_source(plan, run), 0.5, 1.0)
     drawn, others = maps_of_bake(in_order, source, run), OtherEngines(in_order.basis, settings)
     low = in_order.basis or in_order.low

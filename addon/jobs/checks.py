@@ -113,18 +113,22 @@ def viewport_findings(
         return mesh_findings(mesh, low, layer, settings.sampling) if len(mesh.triangles) else []
 
 
-def flipped_findings(meshes: Meshes, timings: Timings) -> list[Finding]:
+def flipped_findings(meshes: Meshes, timings: Timings, *, has_rays: bool) -> list[Finding]:
     """A finding if the faces of the meshes of a bake pointed to opposite sides when they were read. That of high meshes that
-    were turned over is none."""
+    were turned over is none.
+
+    has_rays: whether the bake casts rays. Without them, a tree would be built for this alone, and the nearest faces have to
+    raise the question.
+    """
     if meshes.is_own_base or not len(meshes.low.triangles):
         return []
-    low = before_bake.faces_of_mesh(meshes.low, before_bake.LOW_FACES)
+    low = before_bake.faces_of_mesh(meshes.low, before_bake.LOW_FACES, least=before_bake.FEW)
     each = max(1, before_bake.HIGH_FACES // len(meshes.highs))
     turned = meshes.mended.turned_of_kept if meshes.mended is not None else [None] * len(meshes.highs)
     faces = (before_bake.faces_of_mesh(high, each, mask) for high, mask in zip(meshes.highs, turned, strict=True))
     highs = before_bake.joined_faces(list(faces))
     names = shorten_list(repr(high.name) for high in meshes.highs)
-    against = before_bake.suspicion(low)
+    against = before_bake.suspicion(len(meshes.low.triangles)) if has_rays else before_bake.MAYBE
     found = before_bake.find_flipped(low, highs, repr(meshes.low.name), names, against=against)
     is_mended = any(mask is not None for mask in turned)
     found = [each for each in found if not (is_mended and each.values["is_high"])]
@@ -199,7 +203,7 @@ def viewport_flipped(
     each = max(1, before_bake.HIGH_FACES // len(highs))
     on_high = before_bake.joined_faces([_some_faces(high, each) for high in shown])
     names = shorten_list(repr(high.name) for high in highs)
-    against = before_bake.AGAINST if is_sure else before_bake.suspicion(on_low)
+    against = before_bake.AGAINST if is_sure else before_bake.suspicion(len(on_low.centers))
     found = before_bake.find_flipped(on_low, on_high, repr(low.name), names, against=against)
     if not found or sum(len(high.data.polygons) for high in shown) > MOST_TRACED:
         return []
