@@ -146,8 +146,9 @@ def _shows_more_flipped(
         np.zeros(len(high.triangles), bool) if mask is None else mask
         for high, mask in zip(meshes.highs, turned, strict=True)
     ]
-    as_read = replace(meshes, highs=list(map(_turned, meshes.highs, masks)))
-    shares = own_hits.shares_of_sides(as_read, timings, like=meshes.highs)
+    is_mended = any(mask.any() for mask in masks)
+    as_read = replace(meshes, highs=list(map(_turned, meshes.highs, masks))) if is_mended else meshes
+    shares = own_hits.shares_of_sides(as_read, timings, like=meshes.highs if is_mended else None)
     if shares is None or len(meshes.whole_low.triangles) > MOST_LOW:
         return False
     if is_high:
