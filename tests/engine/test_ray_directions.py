@@ -189,8 +189,8 @@ def test_probes_for_distances_and_checks_are_sliced_too(slow):
     low, high = zoo.plane("lo"), zoo.terrain("hi")
     settings = Settings(method="CAST", width=SIZE, height=SIZE, image="map", storage="MEMORY", material=False)
     bake_pair(bpy.context, low, [high], settings)
-    # Both sides of the low mesh, as it has few faces; the distances, parts that stand off, and surfaces beyond the rays; then the
-    # map; then the checks on some of its texels: hits, and other layers of the low mesh on both sides.
+    # Both sides of the low mesh, as it has few faces; the distances, parts that stand off, and surfaces beyond the rays; then
+    # the map; then the checks on some of its texels: hits, and other layers of the low mesh on both sides.
     starts = [rows.start for rows in slow].count(0)
     assert starts == 9
     assert max(map(len, slow)) < tally.SAMPLES_A_SIDE, "the map or a probe was drawn at once"
