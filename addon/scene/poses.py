@@ -15,7 +15,7 @@ from mathutils.bvhtree import BVHTree
 
 from .. import older_blender
 from ..core.errors import Fix, shorten_list
-from . import evaluation
+from . import evaluation, render_view
 
 TARGETS = {
     "HOOK": "object",
@@ -128,16 +128,20 @@ def may_differ(low: bpy.types.Object, highs: Sequence[bpy.types.Object], *, for_
 def find(
     context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object], *, for_render: bool
 ) -> list[Posed]:
-    """The objects that are moved by deformers which others lack, farther than does no harm."""
+    """The objects that are moved by deformers which others lack, farther than does no harm.
+
+    Nothing is measured while Blender renders, which must not see the copies, and in a linked scene, which takes none.
+    """
     suspects = may_differ(low, highs, for_render=for_render)
-    if not suspects:
+    if not suspects or render_view.is_busy() or not context.scene.is_editable:
         return []
     meshes = [high for high in highs if high.type == "MESH"]
     with _copies(context, [low, *meshes], suspects, for_render) as copies:
         before = {obj: copies.points(obj) for obj in (low, *meshes)}
-        faces = _faces(low) if len(low.data.polygons) <= MOST_FACES else None
         copies.mute()
         after = {obj: copies.points(obj) for obj in (low, *meshes)}
+        is_whole = all(len(places[low]) == len(low.data.vertices) for places in (before, after))  # nodes may cut it
+        faces = _faces(low) if is_whole and len(low.data.polygons) <= MOST_FACES else None
         normals = {posed.obj: copies.normals(posed.obj) for posed in suspects}
     diagonal = float(np.linalg.norm(np.ptp(before[low], axis=0))) if len(before[low]) else 0.0
     found, farthest = [], 0.0
@@ -161,7 +165,10 @@ def find(
 def at_rest(
     context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object], *, for_render: bool
 ) -> Iterator[None]:
-    """Mute the deformers that `find` finds, and put rigs into their rest pose, until the block ends."""
+    """Mute the deformers that `find` finds, and put rigs into their rest pose, until the block ends. Raises BakeError while
+    Blender renders."""
+    if may_differ(low, highs, for_render=for_render):
+        render_view.check_free()
     with ExitStack() as restore:
         for posed in find(context, low, highs, for_render=for_render):
             for deformer in posed.own:

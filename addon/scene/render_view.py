@@ -90,8 +90,7 @@ def outside(work: Callable[[], None]) -> None:
 
 
 def _read(context: bpy.types.Context, objects: Sequence[bpy.types.Object], call: _Call) -> Any:
-    if _is_busy():
-        raise BakeError(_refused("a render or a bake of Blender runs"))
+    check_free()
     context.view_layer.update()  # tells handlers what has changed until now
     with _without_handlers(), _scene(context, objects) as (scene, triangle), _engine(scene, call):
         why = _bake(scene, scene.view_layers[context.view_layer.name], triangle)
@@ -108,7 +107,14 @@ def unregister() -> None:
         bpy.utils.unregister_class(_Engine)
 
 
-def _is_busy() -> bool:
+def check_free() -> None:
+    """Raise BakeError while Blender renders or bakes: then nothing may be made or changed, not even for a moment."""
+    if is_busy():
+        raise BakeError(_refused("a render or a bake of Blender runs"))
+
+
+def is_busy() -> bool:
+    """Whether Blender renders or bakes."""
     return any(map(bpy.app.is_job_running, JOBS))
 
 

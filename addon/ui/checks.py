@@ -12,7 +12,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import checks
 from ..jobs.checks import Finding
-from ..scene import evaluation, mesh_elements, poses, reading
+from ..scene import evaluation, mesh_elements, poses, reading, render_view
 from ..scene.object_checks import ObjectRef, object_by_name
 from . import bake_results
 from .bake_results import results
@@ -130,6 +130,9 @@ class PanelFindings:
         if self._posed is None:
             return
         found, for_render = [ref.find() for ref in self._pair_refs], self._posed[-1]
+        if render_view.is_busy():  # then it is measured later
+            self._posed = None
+            return
         screen = bpy.context.screen
         is_busy = display.current is not None or (screen is not None and screen.is_animation_playing)
         if None in found or is_busy or any(obj.mode != "OBJECT" for obj in found):

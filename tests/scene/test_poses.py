@@ -8,8 +8,9 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.errors import BakeError
 from addon.jobs import Job, checks
-from addon.scene import poses
+from addon.scene import poses, render_view
 from addon.ui.checks import findings
 from tests.support import maps, panel_layout, scenes, zoo
 from tests.support.panel import select, use
@@ -364,6 +365,36 @@ def test_own_modifiers_and_other_kinds_of_objects():
     assert not said(low, low)
     text = scenes.link(bpy.data.objects.new("text", bpy.data.curves.new("text", "FONT")))
     assert not said(low, text)
+
+
+def test_a_mesh_that_nodes_cut_is_compared_without_its_faces():
+    """The low mesh has fewer vertices than its faces name."""
+    low, high = pair()
+    nodes(low, (0.0, 0.0, 0.0))
+    tree = low.modifiers["Nodes"].node_group
+    cut, last = tree.nodes.new("GeometryNodeDeleteGeometry"), tree.nodes["Group Output"]
+    index, choose = tree.nodes.new("GeometryNodeInputIndex"), tree.nodes.new("FunctionNodeCompare")
+    choose.data_type, choose.operation = "INT", "GREATER_THAN"
+    numbers = [socket for socket in choose.inputs if socket.enabled]
+    tree.links.new(index.outputs[0], numbers[0])
+    numbers[1].default_value = 12
+    tree.links.new(choose.outputs[0], cut.inputs["Selection"])
+    tree.links.new(last.inputs[0].links[0].from_socket, cut.inputs["Geometry"])
+    tree.links.new(cut.outputs[0], last.inputs[0])
+    pose(high)
+    assert ["'hero_high' is posed by 'rig'" in note for note in said(low, high)] == [True]
+
+
+def test_nothing_is_copied_while_blender_renders(monkeypatch):
+    low, high = pair()
+    pose(low)
+    monkeypatch.setattr(render_view, "is_busy", lambda: True)
+    assert not said(low, high)
+    with (
+        pytest.raises(BakeError, match="a render or a bake of Blender runs"),
+        poses.at_rest(bpy.context, low, [high], for_render=True),
+    ):
+        pass
 
 
 def test_the_button_bakes_in_rest_pose():

@@ -206,7 +206,7 @@ def test_a_render_result_and_its_slots_stay(tmp_path):
 def test_a_render_that_runs_is_told(monkeypatch):
     zoo.plane("low")
     (high,) = SCENES["subdivision"]()
-    monkeypatch.setattr(render_view, "_is_busy", lambda: True)
+    monkeypatch.setattr(render_view, "is_busy", lambda: True)
     with pytest.raises(BakeError, match="a render or a bake of Blender runs: wait, or set Modifiers"):
         counted(high)
     low = bpy.data.objects["low"]
