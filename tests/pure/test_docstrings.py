@@ -15,8 +15,11 @@ FOREIGN = re.compile(r"(\w+/)*(io_scene_\w+/[\w/]+|gpu_shader_\w+)\.\w+")
 @functools.cache
 def texts():
     """The texts of files by their paths."""
-    paths = [path for folder, kind in (("addon", "py"), ("scripts", "py"), ("shaders", "glsl"))
-             for path in sorted((ROOT / folder).rglob(f"*.{kind}"))]  # fmt: skip
+    paths = [
+        path
+        for folder, kind in (("addon", "py"), ("scripts", "py"), ("shaders", "glsl"))
+        for path in sorted((ROOT / folder).rglob(f"*.{kind}"))
+    ]
     return {path.relative_to(ROOT): path.read_text(encoding="utf-8") for path in paths}
 
 
@@ -70,20 +73,36 @@ def test_names_are_there():
     for path in texts():
         if path.parts[0] == "addon":
             modules[path.stem] |= words(path)
-    files = {path.name for folder in ("addon", "scripts", "shaders", "docs", "tests")
-             for path in (ROOT / folder).rglob("*.*")}  # fmt: skip
+    files = {
+        path.name
+        for folder in ("addon", "scripts", "shaders", "docs", "tests")
+        for path in (ROOT / folder).rglob("*.*")
+    }
     files |= {path.name for path in ROOT.glob("*.*")}
     wrong = []
     for path, text in said():
-        wrong += [(path.name, name) for name in re.findall(r"`([A-Za-z_](?:[\w.]*\w)?)(?:\(\))?`", text)
-                  if name not in files and name.split(".")[-1] not in known]  # fmt: skip
-        wrong += [(path.name, f"{a}.{b}") for a, b in re.findall(r"(?<![\w/.])([a-z_]+)\.([A-Za-z_]\w+)\b", text)
-                  if a in modules and b not in modules[a] | {"py", "glsl", "md", "schema", "npz"}
-                  and not re.search(rf"\b{a}: ", code(path))]  # fmt: skip
-        wrong += [(path.name, f"{a}.{b}") for a, b in re.findall(r"\b([A-Z]\w+)\.([a-z_]\w+)\b", text)
-                  if a in classes() and not any(b in members(node) for _, node in classes()[a])]  # fmt: skip
-        wrong += [(path.name, name) for name in re.findall(r"\b[\w/]+\.(?:py|glsl|md)\b", text)
-                  if name.split("/")[-1] not in files and not FOREIGN.fullmatch(name)]  # fmt: skip
+        wrong += [
+            (path.name, name)
+            for name in re.findall(r"`([A-Za-z_](?:[\w.]*\w)?)(?:\(\))?`", text)
+            if name not in files and name.split(".")[-1] not in known
+        ]
+        wrong += [
+            (path.name, f"{a}.{b}")
+            for a, b in re.findall(r"(?<![\w/.])([a-z_]+)\.([A-Za-z_]\w+)\b", text)
+            if a in modules
+            and b not in modules[a] | {"py", "glsl", "md", "schema", "npz"}
+            and not re.search(rf"\b{a}: ", code(path))
+        ]
+        wrong += [
+            (path.name, f"{a}.{b}")
+            for a, b in re.findall(r"\b([A-Z]\w+)\.([a-z_]\w+)\b", text)
+            if a in classes() and not any(b in members(node) for _, node in classes()[a])
+        ]
+        wrong += [
+            (path.name, name)
+            for name in re.findall(r"\b[\w/]+\.(?:py|glsl|md)\b", text)
+            if name.split("/")[-1] not in files and not FOREIGN.fullmatch(name)
+        ]
     assert wrong == [], wrong
 
 
