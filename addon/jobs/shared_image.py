@@ -43,6 +43,7 @@ def kept(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, *,
     search, parts = _Search(context, jobs, settings), {}
     for name, of_map in map_names.settings_by_map(settings).items():
         others = list(search.others(of_map, is_shared))
+        shared_maps.check_room(map_names.output_for(of_map), len(set(search.lows)) + len(others))
         if others:
             parts[name] = others
             _check(name, of_map, others, [search.found[part] for part in others])

@@ -109,14 +109,22 @@ def content(
 
 
 def note_of(path: str | Path) -> str:
-    """The note in the metadata of a file; empty if it has none, or is no image."""
-    if file_formats.of(path) is file_formats.PNG:
-        return png_writer.texts(path).get(KEYWORD, "")
+    """The note in the metadata of a file; empty if it has none, or is no image. Raises BakeError for one that the system does
+    not let read, which may have one."""
+    try:
+        if file_formats.of(path) is file_formats.PNG:
+            return png_writer.texts(path).get(KEYWORD, "")
+        with open(path, "rb") as file:  # OpenImageIO does not tell such a file from one that is no image
+            file.read(1)
+    except OSError as error:
+        raise BakeError(f"{str(path)!r} could not be read: {error.strerror}.") from error
     try:
         with _opened(path) as (picture, _):
-            return str(picture.spec().getattribute(ATTRIBUTE) or "")
+            note = str(picture.spec().getattribute(ATTRIBUTE) or "")
     except BakeError:
         return ""
+    # OpenImageIO puts a line break between the lines of a comment, which have no more than 80 letters.
+    return note.replace("\n", "") if file_formats.of(path) is file_formats.TARGA else note
 
 
 def format_of(path: str | Path) -> Format:

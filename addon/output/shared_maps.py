@@ -19,7 +19,7 @@ import numpy as np
 
 from ..core import file_formats, udim
 from ..core.declarations.choices import Storage
-from ..core.errors import shorten_list
+from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
 from . import datablocks, image_file
 from .image_file import Format
@@ -28,8 +28,10 @@ from .map_names import output_for
 RECORD = "imprint_low"
 """The custom property of images with the record of their parts."""
 PNG_START = b"\x89PNG"
-LONGEST_IN_TARGA = 300
+LONGEST_IN_TARGA = 320
 """Bytes of a record in a Targa file, whose comment has four lines of 80 letters. Of a longer one, only checksums are kept."""
+MOST_IN_TARGA = 29
+"""Parts whose checksums have room there: each takes up to 10 digits and a comma, and the list two brackets."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +69,21 @@ def listed(parts: Sequence[Part]) -> str:
 
 
 def to_text(parts: Sequence[Part], path: str | Path = "") -> str:
-    """The record of parts in ASCII; empty for none. path: the file that it is for."""
+    """The record of parts in ASCII; empty for none. path: the file that it is for, in which it must have room."""
     text = json.dumps([astuple(part) for part in parts], separators=(",", ":")) if parts else ""
     is_targa = bool(path) and file_formats.of(path) is file_formats.TARGA
     if is_targa and len(text) > LONGEST_IN_TARGA:
         return json.dumps([part.layout for part in parts], separators=(",", ":"))
     return text
+
+
+def check_room(path: str | Path, count: int) -> None:
+    """Raise BakeError if the file at `path` has no room for a record of that many parts."""
+    if path and count > MOST_IN_TARGA and file_formats.of(path) is file_formats.TARGA:
+        raise BakeError(
+            f"{str(path)!r} would be shared by {count} low objects, and a Targa file has room to note {MOST_IN_TARGA}: choose "
+            "another format, or bake fewer objects into one image."
+        )
 
 
 def _from_text(text: str) -> list[Part]:

@@ -365,17 +365,51 @@ def test_a_map_of_one_object_has_no_record(tmp_path):
     bake([jobs["a"]], settings, share_image=False)
 
 
+def note_in(path, note):
+    """What is read back of a note in a file of a few texels."""
+    image = image_file.content(np.zeros((2, 2, 4), np.float32), path, 16 if path.suffix == ".exr" else 8, note=note)
+    image.write(path, (part() for part in image.parts))
+    return image_file.note_of(path)
+
+
 @pytest.mark.parametrize("ending", ["png", "exr", "tif", "tga"])
 def test_records_are_read_back(ending, tmp_path):
     """Names may be anything; of many in a Targa file, only checksums have room."""
     parts = [shared_maps.Part(f'{number} "ü\\\n[', "UV\0Map", number == 1, number * 2**20) for number in range(9)]
-    path, depth = tmp_path / f"m.{ending}", 8 if ending != "exr" else 16
+    path = tmp_path / f"m.{ending}"
     for some in (parts[:2], parts):
-        note = shared_maps.to_text(some, path)
-        image = image_file.content(np.zeros((2, 2, 4), np.float32), path, depth, note=note)
-        image.write(path, (part() for part in image.parts))
-        found = shared_maps._from_text(image_file.note_of(path))
+        found = shared_maps._from_text(note_in(path, shared_maps.to_text(some, path)))
         is_short = ending == "tga"
         assert [part.layout for part in found] == [part.layout for part in some]
         assert found == some or is_short
     assert not shared_maps._from_text("[[1,2],{}," + "[" * 5000)
+
+
+def test_each_length_of_a_record_has_room_in_a_targa_file(tmp_path):
+    """Its comment has four lines; a line can end in a blank."""
+    path = tmp_path / "m.tga"
+    for length in range(1, shared_maps.LONGEST_IN_TARGA - 25):
+        parts = [shared_maps.Part(("ab " * 200)[length % 3 :][:length], "", False, 1)]
+        assert shared_maps._from_text(note_in(path, shared_maps.to_text(parts, path))) == parts, length
+    most = [shared_maps.Part(str(number), "", False, 2**32 - 1 - number) for number in range(shared_maps.MOST_IN_TARGA)]
+    found = shared_maps._from_text(note_in(path, shared_maps.to_text(most, path)))
+    assert [part.layout for part in found] == [part.layout for part in most]
+
+
+def test_more_than_a_targa_file_can_note_are_refused(tmp_path, monkeypatch):
+    """Before the bake: otherwise a later one of some would not know whose texels to keep."""
+    monkeypatch.setattr(shared_maps, "MOST_IN_TARGA", 1)
+    jobs = pairs("ab")
+    refused(jobs.values(), settings_in(tmp_path, output="m.tga"), "shared by 2 low objects, .* Targa .* another format")
+    assert not list(tmp_path.iterdir())
+    bake(jobs.values(), settings_in(tmp_path, output="m.png"))
+    bake([jobs["a"]], settings_in(tmp_path, output="m.tga", image="alone"))
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/mem"), reason="needs a file that root cannot read either")
+@pytest.mark.parametrize("ending", ["png", "exr", "tif", "tga"])
+def test_a_file_that_cannot_be_read_is_no_file_without_record(ending, tmp_path):
+    settings = settings_in(tmp_path, output=f"m.{ending}", depth=16 if ending == "exr" else 8)
+    os.symlink("/proc/self/mem", settings.storing.output)
+    with pytest.raises(BakeError, match=rf"m.{ending}' could not be read: Input/output error."):
+        shared_maps.parts_of_files(settings)
