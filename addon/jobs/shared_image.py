@@ -5,7 +5,7 @@ The texels of a low object, with its margin, stay to the bit while another one i
 could not, the bake is refused before it starts.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import bpy
@@ -46,7 +46,7 @@ def kept(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, *,
         shared_maps.check_room(map_names.output_for(of_map), len(set(search.lows)) + len(others))
         if others:
             parts[name] = others
-            _check(name, of_map, others, [search.found[part] for part in others])
+            _check(name, of_map, others, [search.found[part] for part in others], search)
     lows = {id(search.found[part]): search.found[part] for others in parts.values() for part in others}
     return Kept(parts, list(lows.values()))
 
@@ -74,7 +74,7 @@ class _Search:
         self.context, self.jobs, self.settings = context, jobs, settings
         self.lows = [job.low for job in jobs]
         self.found: dict[Part, Mesh] = {}
-        self._layouts: set[int] | None = None
+        self._own: list[tuple[Part, Mesh]] | None = None
         self._known: dict[int, tuple[Part, Mesh]] = {}
 
     def others(self, of_map: Settings, is_shared: bool) -> Iterator[Part]:
@@ -89,7 +89,7 @@ class _Search:
             if obj is not None:
                 if obj not in self.lows:
                     yield self._read(obj, part)
-            elif part in in_files and part.layout not in self._baked_layouts():
+            elif part in in_files and part.layout not in {own.layout for own, _ in self.baked()}:
                 raise BakeError(
                     f"{_place(of_map)} also has the map of {shared_maps.listed([part])}, which is not in this file, and "
                     "would lose it: choose another name for the map, or delete that file first."
@@ -97,12 +97,11 @@ class _Search:
         if is_shared and not in_image and not in_files:
             yield from (self._read(obj, None) for obj in users if obj not in self.lows)
 
-    def _baked_layouts(self) -> set[int]:
-        """The checksums of the UVs of the low objects that are baked."""
-        if self._layouts is None:
-            parts = [self._part(job.low, self.settings.map.uv_layer, job.low in job.highs) for job in self.jobs]
-            self._layouts = {part.layout for part, _ in parts}
-        return self._layouts
+    def baked(self) -> list[tuple[Part, Mesh]]:
+        """The low objects that are baked."""
+        if self._own is None:
+            self._own = [self._part(job.low, self.settings.map.uv_layer, job.low in job.highs) for job in self.jobs]
+        return self._own
 
     def _of_layout(self, part: Part, users: Sequence[bpy.types.Object]) -> bpy.types.Object | None:
         """The user of an image that has the UVs of a part: it was renamed."""
@@ -150,30 +149,48 @@ def _place(of_map: Settings) -> str:
     return f"The file {output!r}" if output else f"The image {of_map.storing.image!r}"
 
 
-def _check(name: str, of_map: Settings, parts: Sequence[Part], lows: Sequence[Mesh]) -> None:
+def _check(name: str, of_map: Settings, parts: Sequence[Part], lows: Sequence[Mesh], search: _Search) -> None:
     """Raise BakeError if the texels of `parts` cannot stay in a map."""
-    where, whose = _place(of_map), shared_maps.listed(parts)
+    whose = shared_maps.listed(parts)
     reason = _problem(name, of_map)
     if reason:
-        raise BakeError(f"{where} also has the map of {whose}, which would change: {reason}")
-    tiles = sorted({tile for low in lows for tile in uv_layout.tiles(low)}) if of_map.sampling.udim else [udim.FIRST]
+        raise BakeError(f"{_place(of_map)} also has the map of {whose}, which would change: {reason}")
+    tiles = _tiles(of_map, lows)
+    _check_place(of_map, parts, tiles, search)
     wanted = shared_maps.wanted(of_map)
-    stored = [found for tile in tiles if (found := shared_maps.stored(of_map, tile)) is not None]
-    image = datablocks.get(of_map.storing.image)
-    if of_map.storing.storage == Storage.FILE and image is not None:
-        is_elsewhere = image.source == "GENERATED" and not shared_maps.parts_of_files(of_map)
-        if is_elsewhere or not (stored or of_map.sampling.udim):
-            raise BakeError(
-                f"The map of {whose} in the image {image.name!r} is not in {_lower(where)}: bake all of them together."
-            )
-        if image.is_dirty:
-            raise BakeError(f"The image {image.name!r} has unsaved changes, also on {whose}: save it first.")
-    for found in stored:
-        if found.format != wanted:
+    for found in (shared_maps.stored(of_map, tile) for tile in tiles):
+        if found is not None and found.format != wanted:
             raise BakeError(
                 f"{found.where} also has the map of {whose}, as {found.format}, and this bake would make it {wanted}: bake "
                 "all of them together, or with the same settings as before."
             )
+
+
+def _tiles(of_map: Settings, lows: Iterable[Mesh]) -> list[int]:
+    return sorted({tile for low in lows for tile in uv_layout.tiles(low)}) if of_map.sampling.udim else [udim.FIRST]
+
+
+def _check_place(of_map: Settings, parts: Sequence[Part], tiles: Sequence[int], search: _Search) -> None:
+    """Raise BakeError if the image has texels of `parts` that this bake would replace, and not find to keep them. tiles: of the
+    parts. Other tiles than those that are baked stay, or are copied to the new place."""
+    image = datablocks.get(of_map.storing.image)
+    if image is not None and shared_maps.parts_of_files(of_map):  # the others are only in the files
+        in_image = shared_maps.parts_of_image(image.name)
+        parts = [part for part in parts if any(part.is_same(known) for known in in_image)]
+    if image is None or not parts:
+        return
+    where, whose = _place(of_map), shared_maps.listed(parts)
+    lost = [tile for tile in tiles if shared_maps.is_elsewhere(of_map, tile)]
+    if lost and not shared_maps.is_other_kind(of_map):
+        lost = set(lost).intersection(_tiles(of_map, (low for _, low in search.baked())))
+    if lost and of_map.storing.storage == Storage.FILE:
+        raise BakeError(
+            f"The map of {whose} in the image {image.name!r} is not in {_lower(where)}: bake all of them together."
+        )
+    if lost:
+        raise BakeError(f"{where} has the map of {whose} in another way than this bake: bake all of them together.")
+    if of_map.storing.storage == Storage.FILE and image.is_dirty:
+        raise BakeError(f"The image {image.name!r} has unsaved changes, also on {whose}: save it first.")
 
 
 def _lower(where: str) -> str:

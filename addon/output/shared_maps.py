@@ -141,7 +141,7 @@ def stored(settings: Settings, tile: int) -> Stored | None:
     that is no image."""
     storing, image = settings.storing, datablocks.get(settings.storing.image)
     if storing.storage == Storage.FILE:
-        path = Path(bpy.path.abspath(udim.fill(output_for(settings), tile)))
+        path = _path(settings, tile)
         return _in_file(path) if path.is_file() else None
     if image is None:
         return None
@@ -155,6 +155,36 @@ def stored(settings: Settings, tile: int) -> Stored | None:
     return Stored(
         where, Format(tuple(image.size), wanted(settings).depth, image.is_float), partial(_pixels, image.name)
     )
+
+
+def is_elsewhere(settings: Settings, tile: int) -> bool:
+    """Whether the image of these settings, which exists, has a tile in another place than where a bake would look for it."""
+    image = datablocks.get(settings.storing.image)
+    if is_other_kind(settings):
+        return True
+    if settings.storing.storage != Storage.FILE:
+        return not settings.sampling.udim and not image.size[0]  # its file is gone
+    path = _path(settings, tile)
+    if settings.sampling.udim:
+        found = dict(datablocks.tile_contents(image)).get(tile)
+        return found is not None and not (isinstance(found, Path) and _is_same_file(found, path))
+    # A packed image has the source FILE as well, and may still have the path of a file.
+    shown = Path(bpy.path.abspath(image.filepath))
+    return image.source != "FILE" or image.packed_file is not None or not _is_same_file(shown, path)
+
+
+def is_other_kind(settings: Settings) -> bool:
+    """Whether the image of these settings, which exists, has tiles and a bake would make one picture of it, or the reverse."""
+    return (datablocks.get(settings.storing.image).source == "TILED") != settings.sampling.udim
+
+
+def _path(settings: Settings, tile: int) -> Path:
+    return Path(bpy.path.abspath(udim.fill(output_for(settings), tile)))
+
+
+def _is_same_file(path: Path, other: Path) -> bool:
+    """Whether both lead to one file, which exists."""
+    return path.is_file() and other.is_file() and path.samefile(other)
 
 
 def wanted(settings: Settings) -> Format:

@@ -17,7 +17,7 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, convert
 from addon.jobs.live_session import Session
-from addon.output import image_file, shared_maps
+from addon.output import datablocks, image_file, shared_maps
 from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -251,12 +251,34 @@ def refused(jobs, settings, match, *, share_image=True):
     assert all(np.array_equal(maps.pixels(bpy.data.images[name]), texels) for name, texels in images.items())
 
 
+TILED = {"udim": True}
+TILED_FILES = TILED | {"output": "m.<UDIM>.png"}
 REFUSALS = {
     "another size": ({}, {"width": 64}, "as 32 x 32 texels of 8 bits, and this bake would make it 64 x 32"),
     "another depth": ({"output": "m.png"}, {"depth": 16}, "m.png' also has the map of 'a_low', as .* 8 bits"),
     "no alpha": ({"output": "m.png"}, {"alpha": False}, "without alpha"),
     "floats": ({}, {"depth": 32}, "32-bit floats"),
     "a file instead of an image": ({}, {"output": "m.png"}, "The map of 'a_low' in the image 'atlas_normal' is not in"),
+    "a file instead of a packed image": ({"storage": "PACK"}, {"output": "m.png"}, "'a_low' in the image .* is not in"),
+    "another file": (
+        {"output": "m.png"},
+        {"output": "n.png"},
+        "The map of 'a_low' in the image 'atlas_normal' is not in",
+    ),
+    "files instead of packed tiles": (TILED | {"storage": "PACK"}, TILED_FILES, "'a_low' in the image .* is not in"),
+    "other files of tiles": (TILED_FILES, TILED | {"output": "n.<UDIM>.png"}, "'a_low' in the image .* is not in"),
+    "tiles instead of a picture": ({"output": "m.png"}, TILED_FILES, "'a_low' in the image .* is not in"),
+    "packed tiles instead of a picture": ({}, TILED | {"storage": "PACK"}, "'a_low' in another way than this bake"),
+    "a picture instead of tiles": (
+        TILED_FILES,
+        {"udim": False, "output": "m.png"},
+        "'a_low' in the image .* is not in",
+    ),
+    "a picture instead of packed tiles": (
+        TILED | {"storage": "PACK"},
+        {"udim": False, "storage": "MEMORY"},
+        "another way",
+    ),
     "mip files": ({"output": "m.png", "mip_files": True}, {}, "its mip levels mix all objects"),
     "a measured range": ({"maps": ("HEIGHT",)}, {}, "its values are scaled by the largest"),
     "a packed range": ({"normal": False, "maps": ("HEIGHT",)}, {}, "height.* its values are scaled"),
@@ -271,6 +293,41 @@ def test_what_cannot_stay_is_refused(case, tmp_path):
     bake(jobs.values(), settings_in(tmp_path, **first))
     refused([jobs["b"]], settings_in(tmp_path, **first | then), match)
     bake(jobs.values(), settings_in(tmp_path, **first | then))
+
+
+@pytest.mark.parametrize("values", [{"storage": "PACK"}, {"storage": "MEMORY"}, {"storage": "PACK", "udim": True}])
+def test_an_older_file_does_not_replace_what_was_baked_into_the_image_since(values, tmp_path):
+    """Also a map that was packed when the .blend was saved: its source is FILE then."""
+    name = "m.<UDIM>.png" if values.get("udim") else "m.png"
+    jobs, file_settings = pairs("ab"), settings_in(tmp_path, output=name, udim=bool(values.get("udim")))
+    bake(jobs.values(), file_settings)
+    bend(jobs["a"])
+    bake(jobs.values(), settings_in(tmp_path, **values))
+    datablocks.pack_unpacked()
+    refused([jobs["b"]], file_settings, "The map of 'a_low' in the image 'atlas_normal' is not in")
+    bake(jobs.values(), file_settings)
+    bake([jobs["b"]], file_settings)
+
+
+def test_tiles_of_others_alone_go_along_to_new_files(tmp_path):
+    places = {"a": PLACES["a"], "b": (1.1, 0.1, 0.8, 0.8)}
+    jobs, settings = pairs("ab", places), settings_in(tmp_path, udim=True, storage="PACK", depth=8)
+    bake(jobs.values(), settings)
+    before = all_maps(settings)["NORMAL"]
+    bake([jobs["a"]], settings_in(tmp_path, **TILED_FILES))
+    assert np.array_equal(all_maps(settings_in(tmp_path, **TILED_FILES))["NORMAL"], before)
+
+
+def test_a_file_with_others_counts_where_the_image_has_none(tmp_path):
+    """The image has only what is baked again: the file is the place of the others."""
+    settings = settings_in(tmp_path, output="m.png", image="both")
+    jobs = pairs("ab")
+    bake(jobs.values(), settings)
+    before = image_file.read(settings.storing.output)
+    bpy.data.images.remove(bpy.data.images["both"])
+    bake([jobs["b"]], settings_in(tmp_path, image="both"), share_image=False)
+    bake([jobs["b"]], settings, share_image=False)
+    assert np.array_equal(image_file.read(settings.storing.output), before)
 
 
 def test_live_and_conversions_do_not_replace_it():
