@@ -6,6 +6,7 @@ could not, the bake is refused before it starts.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import bpy
@@ -75,7 +76,7 @@ class _Search:
         self.lows = [job.low for job in jobs]
         self.found: dict[Part, Mesh] = {}
         self._own: list[tuple[Part, Mesh]] | None = None
-        self._known: dict[int, tuple[Part, Mesh]] = {}
+        self._known: dict[tuple[int, str, bool], tuple[Part, Mesh]] = {}
 
     def others(self, of_map: Settings, is_shared: bool) -> Iterator[Part]:
         """The parts of a map that are not baked, as they are in this file. Raises BakeError for one that is not in it."""
@@ -88,14 +89,14 @@ class _Search:
             obj = _object(part.name) or self._of_layout(part, users)
             if obj is not None:
                 if obj not in self.lows:
-                    yield self._read(obj, part)
+                    yield self._kept(obj, of_map, part.uv_layer, part.is_own_base)
             elif part in in_files and part.layout not in {own.layout for own, _ in self.baked()}:
                 raise BakeError(
                     f"{_place(of_map)} also has the map of {shared_maps.listed([part])}, which is not in this file, and "
                     "would lose it: choose another name for the map, or delete that file first."
                 )
         if is_shared and not in_image and not in_files:
-            yield from (self._read(obj, None) for obj in users if obj not in self.lows)
+            yield from (self._kept(obj, of_map) for obj in users if obj not in self.lows)
 
     def baked(self) -> list[tuple[Part, Mesh]]:
         """The low objects that are baked."""
@@ -105,19 +106,33 @@ class _Search:
 
     def _of_layout(self, part: Part, users: Sequence[bpy.types.Object]) -> bpy.types.Object | None:
         """The user of an image that has the UVs of a part: it was renamed."""
-        return next((obj for obj in users if self._read(obj, part).layout == part.layout), None)
+        for obj in users:
+            with suppress(BakeError):  # without UVs, it is another one
+                if self._read(obj, part.uv_layer, part.is_own_base)[0].layout == part.layout:
+                    return obj
+        return None
 
-    def _read(self, obj: bpy.types.Object, part: Part | None) -> Part:
-        uid = obj.session_uid
-        if uid not in self._known:
-            layer = part.uv_layer if part else ""
+    def _kept(self, obj: bpy.types.Object, of_map: Settings, uv_layer: str = "", is_own_base: bool = False) -> Part:
+        """The part of an object that is not baked, whose mesh is noted. Raises BakeError if it has no UVs any more."""
+        try:
+            part, mesh = self._read(obj, uv_layer, is_own_base)
+        except BakeError as error:
+            raise BakeError(
+                f"{_place(of_map)} also has the map of {obj.name!r}, whose texels cannot be told "
+                f"({str(error).removesuffix('.')}): mend or delete that object, or choose another name for the map."
+            ) from error
+        self.found[part] = mesh
+        return part
+
+    def _read(self, obj: bpy.types.Object, uv_layer: str, is_own_base: bool) -> tuple[Part, Mesh]:
+        """An object as a part with that UV map, or with another one if it has that no more."""
+        key = obj.session_uid, uv_layer, is_own_base
+        if key not in self._known:
             try:
-                self._known[uid] = self._part(obj, layer, part is not None and part.is_own_base)
-            except BakeError:  # it has another UV map now
-                self._known[uid] = self._part(obj, "", False)
-        known, mesh = self._known[uid]
-        self.found[known] = mesh
-        return known
+                self._known[key] = self._part(obj, uv_layer, is_own_base)
+            except BakeError:
+                self._known[key] = self._part(obj, "", False)
+        return self._known[key]
 
     def _part(self, obj: bpy.types.Object, uv_layer: str, is_own_base: bool) -> tuple[Part, Mesh]:
         settings = replace(self.settings, uv_layer=uv_layer, space=Space.OBJECT, texture_sets=False)

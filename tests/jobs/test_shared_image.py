@@ -15,7 +15,7 @@ from addon.core.conversion import StoredNormals
 from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_jobs, convert
+from addon.jobs import Job, bake_jobs, convert, shared_image
 from addon.jobs.live_session import Session
 from addon.output import datablocks, image_file, shared_maps
 from tests.support import maps, scenes, zoo
@@ -63,6 +63,13 @@ def stored(settings, of_map, image):
     if settings.sampling.udim:
         return np.concatenate([shared_maps.stored(of_map, tile).read() for tile in (1001, 1002)])
     return maps.pixels(image)
+
+
+def texels_of(name):
+    """Where the UVs of a low object of `pairs` are in a map, (32, 32) bool."""
+    uv = maps.texel_uv(32, 32)
+    left, bottom, width, height = PLACES[name]
+    return ((uv > (left, bottom)) & (uv < (left + width, bottom + height))).all(axis=-1)
 
 
 def all_maps(settings):
@@ -344,6 +351,52 @@ def test_live_and_conversions_do_not_replace_it():
         convert.convert(bpy.context, conversion, settings_in("", image="both", space="OBJECT"))
 
 
+def test_an_object_has_a_layout_in_each_map_of_its_own():
+    """Two maps with the same object, baked by different UV maps: each keeps the texels of its own."""
+    jobs = pairs("ab")
+    bake(jobs.values(), settings_in(""))
+    mesh = jobs["a"].low.data
+    second = mesh.uv_layers.new(name="second")
+    second.uv[0].vector.x += 0.01
+    mesh.uv_layers.active = second
+    bake(jobs.values(), settings_in("", normal=False, maps=("AO",), uv_layer=""))
+    kept = shared_image.kept(
+        bpy.context, [jobs["b"]], bake_jobs.for_low(settings_in("", maps=("AO",)), "atlas"), is_shared=True
+    )
+    assert {name: [part.uv_layer for part in parts] for name, parts in kept.parts.items()} == {
+        "NORMAL": ["UVMap"],
+        "AO": ["second"],
+    }
+    assert len(kept.lows) == 2
+
+
+def lose_the_uvs(jobs):
+    jobs["a"].low.data.uv_layers.remove(jobs["a"].low.data.uv_layers[0])
+
+
+def lose_the_faces(jobs):
+    jobs["a"].low.data.clear_geometry()
+
+
+@pytest.mark.parametrize("lose", [lose_the_uvs, lose_the_faces], ids=lambda lose: lose.__name__)
+def test_an_object_without_uvs_blocks_only_the_map_it_is_in(lose):
+    """A sentence names it and what to do. Where it has a map in the image no more, it is no matter."""
+    settings = settings_in("")
+    jobs = pairs("abc")
+    bake(jobs.values(), settings)
+    lose(jobs)
+    bpy.context.view_layer.update()
+    refused([jobs["b"]], settings, r"also has the map of 'a_low', .*\('a_low' has no .*\): mend or delete that object")
+    image = bpy.data.images["atlas_normal"]
+    parts = [part for part in shared_maps.parts_of_image(image.name) if part.name != "a_low"]
+    shared_maps.note(image, parts)
+    jobs["c"].low.name = "limb"
+    before = all_maps(settings)["NORMAL"]
+    bake([jobs["b"]], settings)
+    inside = texels_of("c")
+    assert np.array_equal(all_maps(settings)["NORMAL"][inside], before[inside])
+
+
 def test_parts_of_another_scene_are_not_replaced(tmp_path):
     settings = settings_in(tmp_path, output="m.png")
     bake(pairs("a").values(), settings)
@@ -395,9 +448,7 @@ def test_uvs_that_overlap_others_are_told_and_take_nothing():
     scenes.move_uvs(jobs["b"].low, (1.0, 1.0), (-0.05, 0.0))
     (report,) = bake([jobs["b"]], settings)
     assert any("overlap texels of other objects in the same image, which stay" in text for text in report.warnings)
-    u = maps.texel_uv(32, 32)
-    left, bottom, width, height = PLACES["a"]
-    inside = ((u > (left, bottom)) & (u < (left + width, bottom + height))).all(axis=-1)
+    inside = texels_of("a")
     assert np.array_equal(all_maps(settings)["NORMAL"][inside], before[inside])
 
 
