@@ -39,7 +39,7 @@ def widened(normals, roughness=0.0, *, direction=None, state=1.0, known=1.0):
     def upload(values, alpha=1.0):
         texels = np.empty((SIZE, SIZE, 4), np.float32)
         texels[..., :3], texels[..., 3] = values, alpha
-        return texture(texels)
+        return texture(texels.reshape(-1, 4))
 
     sums = target.get("test's slopes", SIZE, SIZE, "RGBA32F", "RGBA32F")
     directions = None if direction is None else upload(direction)

@@ -268,7 +268,7 @@ def test_a_view_that_cannot_continue_after_live_reports_why(pair):
     bpy.context.view_layer.update()
     bpy.ops.imprint.live()
     viewer.catch_up()
-    assert viewer.message.startswith("'hi' was deleted")
+    assert viewer.message.startswith("'hi' is not in this file")
     assert viewer.is_idle
 
 
