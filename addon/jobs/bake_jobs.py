@@ -27,7 +27,7 @@ from ..engine import coverage, gpu_memory, margins, mip_levels
 from ..engine.baking import Renderer
 from ..engine.bands import DrawnMaps
 from ..mesh.triangle_mesh import Mesh
-from ..output import datablocks, map_names, materials, outputs
+from ..output import datablocks, map_names, materials, outputs, shared_maps
 from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_low_name
 from ..output.materials import into_materials
 from ..output.outputs import Outputs
@@ -68,7 +68,7 @@ class Atlas:
             shared_image.part_of(each.meshes.low, each.meshes.uv_layer, is_own_base=each.meshes.is_own_base)
             for each in self.drawn
         ]
-        with last.in_total(), Outputs(self.settings, baked, self.kept.parts) as outputs:
+        with last.in_total(), Outputs(self.settings, baked, self.kept.parts, self.kept.tiles) as outputs:
             lows = [drawn.job.low for drawn in self.drawn]  # before anything changes: it raises if one was deleted
             for low, drawn in zip(lows, self.drawn, strict=True):
                 outputs.sample_onto(low, drawn.meshes.uv_layer, is_own_base=drawn.meshes.is_own_base)
@@ -326,6 +326,8 @@ def work_on_frames(
     image = datablocks.get(settings.storing.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
         raise BakeError(f"The image {image.name!r} is not a picture or sequence: choose another name for the map.")
+    only_normal = replace(settings.without_other_maps(), mask=False)  # other maps of frames are only files
+    shared_image.check_alone(context, job, only_normal.without_file(), "the sequence")
     if settings.storing.material:
         materials.check(job.low)  # the bakes of frames do not change it
     frame_settings = [of_frame(frame_base, frame) for frame in frames]
@@ -394,6 +396,7 @@ def _show_frames(job: Job, settings: Settings, frames: Sequence[int], reports: S
     """
     image = datablocks.show(settings.storing.image, output_of_frame(settings.storing.output, frames[0]))
     image.source = "SEQUENCE"
+    shared_maps.note(image, [])
     first, *others = (replace(report, image=image.name) for report in reports)
     done = [first.with_warnings(outputs.sign(image, [ref.name for ref in job.high_refs])), *others]
     low = job.low_ref.find()

@@ -26,9 +26,11 @@ from .job import Job
 
 @dataclass(frozen=True)
 class Kept:
-    """The parts of each map that are not baked, by the map's name, and their low meshes with UVs."""
+    """The parts of each map that are not baked, by the map's name, and their low meshes with UVs. tiles: of each map, in which
+    their texels were found."""
 
     parts: dict[str, list[Part]] = field(default_factory=dict)
+    tiles: dict[str, list[int]] = field(default_factory=dict)
     lows: list[Mesh] = field(default_factory=list)
 
     def __bool__(self) -> bool:
@@ -41,26 +43,27 @@ def kept(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, *,
     settings: with names filled in. is_shared: whether the low objects share the maps on purpose, also those without a record,
     of earlier versions.
     """
-    search, parts = _Search(context, jobs, settings), {}
+    search, parts, tiles = _Search(context, jobs, settings), {}, {}
     for name, of_map in map_names.settings_by_map(settings).items():
-        others = list(search.others(of_map, is_shared))
+        others = list(search.others(of_map, is_shared=is_shared))
         shared_maps.check_room(map_names.output_for(of_map), len(set(search.lows)) + len(others))
         if others:
             parts[name] = others
-            _check(name, of_map, others, [search.found[part] for part in others], search)
+            tiles[name] = _check(name, of_map, others, [search.found[part] for part in others], search)
     lows = {id(search.found[part]): search.found[part] for others in parts.values() for part in others}
-    return Kept(parts, list(lows.values()))
+    return Kept(parts, tiles, list(lows.values()))
 
 
 def check_alone(context: bpy.types.Context, job: Job, settings: Settings, what: str) -> None:
     """Raise BakeError if others are in the maps of a job that writes all of them. what: that job, in a sentence."""
-    others = kept(context, [job], settings).parts
-    for name, parts in others.items():
-        of_map = map_names.settings_by_map(settings)[name]
-        raise BakeError(
-            f"{_place(of_map)} also has the map of {shared_maps.listed(parts)}, which {what} would replace: choose another "
-            "name."
-        )
+    search = _Search(context, [job], settings)
+    for of_map in map_names.settings_by_map(settings).values():
+        others = list(search.others(of_map, is_shared=False))
+        if others:
+            raise BakeError(
+                f"{_place(of_map)} also has the map of {shared_maps.listed(others)}, which {what} would replace: choose "
+                "another name."
+            )
 
 
 def part_of(low: Mesh, uv_layer: str, *, is_own_base: bool) -> Part:
@@ -78,7 +81,7 @@ class _Search:
         self._own: list[tuple[Part, Mesh]] | None = None
         self._known: dict[tuple[int, str, bool], tuple[Part, Mesh]] = {}
 
-    def others(self, of_map: Settings, is_shared: bool) -> Iterator[Part]:
+    def others(self, of_map: Settings, *, is_shared: bool) -> Iterator[Part]:
         """The parts of a map that are not baked, as they are in this file. Raises BakeError for one that is not in it."""
         name = of_map.storing.image
         in_image, in_files = shared_maps.parts_of_image(name), shared_maps.parts_of_files(of_map)
@@ -164,8 +167,8 @@ def _place(of_map: Settings) -> str:
     return f"The file {output!r}" if output else f"The image {of_map.storing.image!r}"
 
 
-def _check(name: str, of_map: Settings, parts: Sequence[Part], lows: Sequence[Mesh], search: _Search) -> None:
-    """Raise BakeError if the texels of `parts` cannot stay in a map."""
+def _check(name: str, of_map: Settings, parts: Sequence[Part], lows: Sequence[Mesh], search: _Search) -> list[int]:
+    """The tiles in which texels of `parts` are stored. Raises BakeError if they cannot stay in a map."""
     whose = shared_maps.listed(parts)
     reason = _problem(name, of_map)
     if reason:
@@ -173,12 +176,14 @@ def _check(name: str, of_map: Settings, parts: Sequence[Part], lows: Sequence[Me
     tiles = _tiles(of_map, lows)
     _check_place(of_map, parts, tiles, search)
     wanted = shared_maps.wanted(of_map)
-    for found in (shared_maps.stored(of_map, tile) for tile in tiles):
-        if found is not None and found.format != wanted:
+    stored = {tile: found for tile in tiles if (found := shared_maps.stored(of_map, tile)) is not None}
+    for found in stored.values():
+        if found.format != wanted:
             raise BakeError(
                 f"{found.where} also has the map of {whose}, as {found.format}, and this bake would make it {wanted}: bake "
                 "all of them together, or with the same settings as before."
             )
+    return list(stored)
 
 
 def _tiles(of_map: Settings, lows: Iterable[Mesh]) -> list[int]:

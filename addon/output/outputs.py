@@ -7,7 +7,7 @@ beside the files.
 
 import functools
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -90,7 +90,8 @@ class MapWriter:
     is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
     color_spaces.assign. is_packed: whether alpha holds a map. is_gray: whether all colors of a texel are the same. queue:
     what writes the files. Without one, it has its own. has_image: whether an image datablock shows the files. baked, kept: the
-    parts of a map that several low objects share, and those whose texels stay as they are.
+    parts of a map that several low objects share, and those whose texels stay as they are. kept_tiles: in which these
+    were found.
     """
 
     def __init__(
@@ -106,8 +107,10 @@ class MapWriter:
         has_image: bool = True,
         baked: Sequence[Part] = (),
         kept: Sequence[Part] = (),
+        kept_tiles: Collection[int] = (),
     ):
         self.parts, self.has_kept = shared_maps.joined(baked, kept), bool(kept)
+        self._kept_tiles = kept_tiles
         self.name, self.settings, self.is_normal = (
             settings.storing.image or name_for(low_name, settings.storing),
             settings,
@@ -151,9 +154,8 @@ class MapWriter:
         if self.is_normal and not settings.storing.is_float:
             rounded = value_encoding.rounded(value_encoding.sample_texels(stored), settings.storing.depth)
             self._angles.append(value_encoding.angles_between(value_encoding.sample_texels(texels), rounded))
-        before = shared_maps.stored(settings, tile) if self.has_kept and is_kept is not None else None
-        if before is not None:
-            np.copyto(stored, before.read(), where=is_kept[..., None])
+        if self.has_kept and is_kept is not None:
+            self._keep(tile, stored, is_kept)
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             # As in Blender's own packed images, floats have 32 bits.
@@ -235,6 +237,18 @@ class MapWriter:
             partial.discard()
         if self._folder:
             self._folder.cleanup()
+
+    def _keep(self, tile: int, texels: np.ndarray, is_kept: np.ndarray) -> None:
+        """Put what is stored of a tile into `texels`. Raises BakeError if that of others changed during the bake."""
+        before = shared_maps.stored(self.settings, tile)
+        if before is not None and before.format == shared_maps.wanted(self.settings):
+            np.copyto(texels, before.read(), where=is_kept[..., None])
+        elif tile in self._kept_tiles:
+            where = self._of_tile(tile) if self._path and not self._folder else self.name
+            raise BakeError(
+                f"{str(where)!r} was deleted or changed during the bake, and also has the map of other objects: bring it back, "
+                "or bake all of them together."
+            )
 
     def _keep_other_tiles(self) -> None:
         """Copy the tiles of the image that were not baked, unless they are in the files of this map already."""
@@ -321,8 +335,9 @@ class Outputs:
         settings: Settings,
         baked: Sequence[Part] = (),
         kept: Mapping[str, Sequence[Part]] = MappingProxyType({}),
+        kept_tiles: Mapping[str, Collection[int]] = MappingProxyType({}),
     ):
-        """baked, kept: as in MapWriter; those that are kept by the name of the map."""
+        """baked, kept, kept_tiles: as in MapWriter; what is kept by the name of the map."""
         self.settings = settings
         types = stored_maps(settings.map)
         self._queue = WriteQueue()
@@ -338,6 +353,7 @@ class Outputs:
                 queue=self._queue,
                 baked=baked,
                 kept=kept.get(name, ()),
+                kept_tiles=kept_tiles.get(name, ()),
             )
             for name, of_map in settings_by_map(settings).items()
         }
@@ -351,6 +367,7 @@ class Outputs:
                 has_image=False,
                 baked=baked,
                 kept=kept.get(name, ()),
+                kept_tiles=kept_tiles.get(name, ()),
             )
             for name, writer in self._writers.items()
             for level in map_names.levels_of(settings, name)

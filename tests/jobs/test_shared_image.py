@@ -13,7 +13,7 @@ import pytest
 
 from addon.core.conversion import StoredNormals
 from addon.core.errors import BakeError
-from addon.core.progress import Pace
+from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, convert, shared_image
 from addon.jobs.live_session import Session
@@ -395,6 +395,70 @@ def test_an_object_without_uvs_blocks_only_the_map_it_is_in(lose):
     bake([jobs["b"]], settings)
     inside = texels_of("c")
     assert np.array_equal(all_maps(settings)["NORMAL"][inside], before[inside])
+
+
+def test_a_sequence_does_not_replace_it(tmp_path):
+    """It is asked before the first frame. When it may, the image is that of one object."""
+    jobs = pairs("ab")
+    bake(jobs.values(), settings_in(tmp_path, image="both", output="m.png"))
+    frames = settings_in(tmp_path / "frames", image="both", output="m_####.png", depth=16)
+    with pytest.raises(BakeError, match="'both' also has the map of 'b_low', which the sequence would replace"):
+        finish(bake_jobs.work_on_frames(bpy.context, jobs["a"], frames, [1, 2], Pace()))
+    assert bpy.data.images["both"].source == "FILE"
+    assert not (tmp_path / "frames").exists()
+    bpy.data.objects.remove(jobs["b"].low)
+    finish(bake_jobs.work_on_frames(bpy.context, jobs["a"], frames, [1, 2], Pace()))
+    assert bpy.data.images["both"].source == "SEQUENCE"
+    assert not shared_maps.parts_of_image("both")
+
+
+def delete(path):
+    path.unlink()
+
+
+def put_another_size(path):
+    image_file.write(np.zeros((8, 8, 4), np.float32), path, 8)
+
+
+@pytest.mark.parametrize("values", [{"output": "m.png"}, {"udim": True, "output": "m.<UDIM>.png"}])
+@pytest.mark.parametrize("change", [delete, put_another_size], ids=lambda change: change.__name__)
+def test_a_file_that_changes_during_the_bake_is_not_replaced(change, values, tmp_path):
+    """Between the check and the last step."""
+    settings = settings_in(tmp_path, **values)
+    jobs = pairs("ab")
+    bake(jobs.values(), settings)
+    (path,) = tmp_path.iterdir()
+    steps = bake_jobs.work(bpy.context, [jobs["b"]], settings, Pace(), share_image=True)
+    next(step for step in steps if step.what == "Storing")
+    change(path)
+    after = path.read_bytes() if path.exists() else None
+    with pytest.raises(
+        BakeError, match="was deleted or changed during the bake, and also has the map of other objects"
+    ):
+        finish(steps)
+    assert (path.read_bytes() if path.exists() else None) == after
+    assert set(tmp_path.iterdir()) <= {path}
+
+
+def test_an_image_that_is_deleted_during_the_bake_is_missed():
+    settings, jobs = settings_in(""), pairs("ab")
+    bake(jobs.values(), settings)
+    steps = bake_jobs.work(bpy.context, [jobs["b"]], settings, Pace(), share_image=True)
+    next(step for step in steps if step.what == "Storing")
+    bpy.data.images.remove(bpy.data.images["atlas_normal"])
+    with pytest.raises(BakeError, match="'atlas_normal' was deleted or changed during the bake"):
+        finish(steps)
+
+
+def test_a_tile_without_others_may_have_another_size(tmp_path):
+    places = {"a": PLACES["a"], "b": (1.1, 0.1, 0.8, 0.8)}
+    jobs, settings = pairs("ab", places), settings_in(tmp_path, **TILED_FILES)
+    bake(jobs.values(), settings)
+    before = (tmp_path / "m.1002.png").read_bytes()
+    put_another_size(tmp_path / "m.1001.png")
+    bake([jobs["a"]], settings)
+    assert image_file.format_of(tmp_path / "m.1001.png").size == (32, 32)
+    assert (tmp_path / "m.1002.png").read_bytes() == before
 
 
 def test_parts_of_another_scene_are_not_replaced(tmp_path):
