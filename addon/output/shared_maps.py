@@ -167,10 +167,11 @@ def is_elsewhere(settings: Settings, tile: int) -> bool:
     path = _path(settings, tile)
     if settings.sampling.udim:
         found = dict(datablocks.tile_contents(image)).get(tile)
-        return found is not None and not (isinstance(found, Path) and _is_same_file(found, path))
+        return found is not None and not _is_in_file(found, path)
     # A packed image has the source FILE as well, and may still have the path of a file.
-    shown = Path(bpy.path.abspath(image.filepath))
-    return image.source != "FILE" or image.packed_file is not None or not _is_same_file(shown, path)
+    packed = image.packed_file
+    found = Path(bpy.path.abspath(image.filepath)) if packed is None else packed.data
+    return image.source != "FILE" or not _is_in_file(found, path)
 
 
 def is_other_kind(settings: Settings) -> bool:
@@ -182,9 +183,13 @@ def _path(settings: Settings, tile: int) -> Path:
     return Path(bpy.path.abspath(udim.fill(output_for(settings), tile)))
 
 
-def _is_same_file(path: Path, other: Path) -> bool:
-    """Whether both lead to one file, which exists."""
-    return path.is_file() and other.is_file() and path.samefile(other)
+def _is_in_file(content: bytes | Path, path: Path) -> bool:
+    """Whether the file at `path` is there and is `content`: that file, or packed bytes equal to its own."""
+    if not path.is_file():
+        return False
+    if isinstance(content, Path):
+        return content.is_file() and content.samefile(path)
+    return len(content) == path.stat().st_size and content == path.read_bytes()
 
 
 def wanted(settings: Settings) -> Format:

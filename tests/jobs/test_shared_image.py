@@ -316,6 +316,21 @@ def test_an_older_file_does_not_replace_what_was_baked_into_the_image_since(valu
     bake([jobs["b"]], file_settings)
 
 
+@pytest.mark.parametrize("values", [{"output": "m.png"}, {"udim": True, "output": "m.<UDIM>.png"}])
+def test_a_file_that_is_packed_as_well_counts_while_both_are_equal(values, tmp_path):
+    """As with Blender's Automatically Pack Resources."""
+    jobs, settings = pairs("ab"), settings_in(tmp_path, **values)
+    bake(jobs.values(), settings)
+    before = all_maps(settings)["NORMAL"]
+    bpy.data.images["atlas_normal"].pack()
+    bake([jobs["b"]], settings)
+    assert np.array_equal(all_maps(settings)["NORMAL"], before)
+    bpy.data.images["atlas_normal"].pack()
+    (path,) = tmp_path.iterdir()
+    image_file.write(np.zeros((32, 32, 4), np.float32), path, 8)
+    refused([jobs["b"]], settings, "The map of 'a_low' in the image 'atlas_normal' is not in")
+
+
 def test_tiles_of_others_alone_go_along_to_new_files(tmp_path):
     places = {"a": PLACES["a"], "b": (1.1, 0.1, 0.8, 0.8)}
     jobs, settings = pairs("ab", places), settings_in(tmp_path, udim=True, storage="PACK", depth=8)
