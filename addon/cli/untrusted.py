@@ -351,14 +351,7 @@ class Sandbox:
             *("--dir", "/tmp", "--dir", here),
             *(word for link, path in self._links([*readable, *writable]).items() for word in ("--symlink", path, link)),
             *(word for path in readable for word in ("--ro-bind-try", path, path)),
-            *(
-                "--proc",
-                "/proc",
-                "--remount-ro",
-                "/proc",
-                "--dir",
-                "/dev/shm",
-            ),  # root may write to /proc without rights
+            *("--proc", "/proc", "--remount-ro", "/proc", "--dir", "/dev/shm"),  # root may write there
             *(word for name in ("fd", "stdin", "stdout", "stderr") for word in _standard_link(name)),
             *(word for path in (*_DEVICES, *_gpus()) for word in ("--dev-bind-try", path, path)),
             *(word for path in writable for word in ("--bind", path, path)),

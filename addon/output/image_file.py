@@ -259,15 +259,9 @@ def _is_complete(path: Path, last_row: np.ndarray, file_format: FileFormat) -> b
         with path.open("rb") as file:
             file.seek(max(0, path.stat().st_size - len(TARGA_END)))
             return file.read() == TARGA_END
-    library = _library()
-    wanted = library.ImageSpec()
-    for name, value in _OF_ALL.items():
-        wanted.attribute(name, value)
-    picture = library.ImageInput.open(os.fsencode(path), wanted)
-    if picture is None:
-        library.geterror()
+    try:
+        with _opened(path) as (picture, _):
+            row = picture.read_scanline(picture.spec().height - 1, 0, _type_name(last_row.dtype))
+    except BakeError:
         return False
-    row = picture.read_scanline(picture.spec().height - 1, 0, _type_name(last_row.dtype))
-    picture.geterror()
-    picture.close()
     return row is not None and row.tobytes() == last_row.tobytes()
