@@ -26,6 +26,7 @@ from .core.progress import Progress
 from .core.report import Report
 from .core.settings import PART_OF, Settings
 from .jobs import Job, bake_all
+from .scene import new_datablocks
 
 __all__ = ["BakeError", "NoGpu", "Result", "Surface", "bake"]
 
@@ -326,32 +327,22 @@ def _arrays(report: Report, settings: Settings) -> dict[str, np.ndarray]:
 @contextmanager
 def _nothing_left() -> Iterator[Callable[[Callable[[Progress], None]], Callable[[Progress], None]]]:
     """Remove what the block adds to the open file. Yields a decorator of functions of the caller: what these add stays."""
-    before = _everything()
+    before = new_datablocks.known()
 
     def kept(on_progress: Callable[[Progress], None]) -> Callable[[Progress], None]:
         def called(progress: Progress) -> None:
-            start = _everything()
+            start = new_datablocks.known()
             try:
                 on_progress(progress)
             finally:
-                before.update(_everything() - start)
+                before.update(new_datablocks.known() - start)
 
         return called
 
     try:
         yield kept
     finally:
-        bpy.data.batch_remove(_everything() - before)
-
-
-def _everything() -> set[bpy.types.ID]:
-    """All datablocks of the open file that a bake and importers can add."""
-    kinds_of = (each.identifier for each in bpy.data.bl_rna.properties if each.type == "COLLECTION")
-    return {each for kind in kinds_of if kind not in _OTHERS for each in getattr(bpy.data, kind)}
-
-
-_OTHERS = {"shape_keys", "window_managers", "workspaces", "screens", "all_ids"}
-"""Collections of bpy.data whose datablocks come and go with others, or with the window."""
+        new_datablocks.remove_new(before)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -22,6 +22,7 @@ from ..core.errors import BakeError
 from ..core.file_formats import OPEN_EXR
 from ..core.file_structure import mesh_references
 from ..output.atomic_file import reason
+from ..scene import new_datablocks
 from ..scene.textures import location
 from . import blender_process, scan_files, standard_streams
 from .scan_files import Texture
@@ -344,6 +345,7 @@ IMPORTERS = {
     ".usd": ("wm", "usd_import", {}),
     ".usda": ("wm", "usd_import", {}),
     ".usdc": ("wm", "usd_import", {}),
+    ".usdz": ("wm", "usd_import", {}),
 }
 """Blender's import operators by the ending of files, with further arguments. All of them turn Z up."""
 
@@ -392,28 +394,33 @@ def import_file(path: Path, space: Space) -> list[bpy.types.Object]:
 
 @contextmanager
 def scene_apart() -> Iterator[None]:
-    """Import into a scene of its own, whose objects come into the open one at the end.
+    """Import into a scene of its own, whose objects come into the open one at the end. What fails leaves nothing.
 
     Importers set frames, world, selection and mode of a scene, or switch to another one.
     """
     scene, window = bpy.context.scene, bpy.context.window
     layer = bpy.context.view_layer
-    apart = bpy.data.scenes.new(" ")  # the first by name, in which the importer of glTF puts the variants of materials
-    try:
-        for name in ("scale_length", "system"):
-            setattr(apart.unit_settings, name, getattr(scene.unit_settings, name))
-        for name in ("fps", "fps_base"):
-            setattr(apart.render, name, getattr(scene.render, name))
-        with bpy.context.temp_override(scene=apart, view_layer=apart.view_layers[0]):
-            yield
-        for obj in apart.collection.objects:
-            scene.collection.objects.link(obj)
-        for collection in apart.collection.children:
-            scene.collection.children.link(collection)
-    finally:
-        if window is not None and window.scene != scene:
-            window.scene, window.view_layer = scene, layer
-        bpy.data.scenes.remove(apart)
+    with ExitStack() as undo:
+        undo.callback(new_datablocks.remove_new, new_datablocks.known())
+        apart = bpy.data.scenes.new(
+            " "
+        )  # the first by name, in which the importer of glTF puts the variants of materials
+        try:
+            for name in ("scale_length", "system"):
+                setattr(apart.unit_settings, name, getattr(scene.unit_settings, name))
+            for name in ("fps", "fps_base"):
+                setattr(apart.render, name, getattr(scene.render, name))
+            with bpy.context.temp_override(scene=apart, view_layer=apart.view_layers[0]):
+                yield
+            for obj in apart.collection.objects:
+                scene.collection.objects.link(obj)
+            for collection in apart.collection.children:
+                scene.collection.children.link(collection)
+        finally:
+            if window is not None and window.scene != scene:
+                window.scene, window.view_layer = scene, layer
+            bpy.data.scenes.remove(apart)
+        undo.pop_all()
 
 
 _SAYS_SHADING = re.compile(rb"^s[ \t]", re.MULTILINE)

@@ -136,7 +136,8 @@ def _libraries(options: argparse.Namespace) -> Iterator[str]:
         path = Path(name).absolute()
         if path.suffix.lower() == ".obj":
             yield from (repr(str(path.parent / library)) for library in importers.missing_libraries(path))
-        images = [each for each in usd_layers.named(str(path)).assets if Path(each).suffix.lower() in _IMAGES]
+        named = usd_layers.named(str(path)).assets
+        images = [each for each in named if Path(each.rstrip("]")).suffix.lower() in _IMAGES]
         yield from (
             repr(each) for each in images if not (udim.files(each) if udim.is_tiled(each) else os.path.isfile(each))
         )

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..core.declarations import kinds
 from ..core.declarations.all_settings import DECLARED, PANELS
+from ..core.file_formats import OPENED
 from ..core.naming import Suffixes
 from . import option_types, run_report
 from .run_report import STDOUT, ThisCall
@@ -253,7 +254,7 @@ def _options() -> Iterator[tuple[str, dict[str, CommandOption]]]:
 OPTIONS = dict(_options())
 """The options without their dashes, by the groups of --help, which are those of the panels."""
 FILE = CommandOption(
-    "A .blend to open, or mesh files to import into an empty scene: .obj, .ply, .stl, .gltf, .glb, .fbx, .usd, .usda, .usdc",
+    f"A .blend to open, or mesh files to import into an empty scene: {', '.join(OPENED[1:])}",
     {"nargs": "*", "type": option_types.path, "metavar": "FILE"},
     "the open file",
 )

@@ -262,7 +262,7 @@ def used(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
         yield from ((path, f"what {os.path.basename(name)!r} refers to") for path in usd_layers.named(name).layers)
     if named and not any(Path(name).suffix.lower().startswith(".blend") for name in named):
         for image in bpy.data.images:
-            if image.filepath and image.source in {"FILE", "TILED", "SEQUENCE"}:
+            if image.filepath and not image.packed_file and image.source in {"FILE", "TILED", "SEQUENCE"}:
                 yield bpy.path.abspath(image.filepath), "a texture of the meshes"
 
 

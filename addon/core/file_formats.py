@@ -38,7 +38,7 @@ FORMATS = (PNG, OPEN_EXR, TIFF, TARGA)
 BY_ENDING = MappingProxyType({ending: file_format for file_format in FORMATS for ending in file_format.endings})
 MESHES = (".glb", ".usd", ".usda", ".usdc", ".fbx")
 """The endings of files of meshes with maps, for engines."""
-OPENED = (".blend", ".obj", ".ply", ".stl", ".gltf", ".glb", ".fbx", ".usd", ".usda", ".usdc")
+OPENED = (".blend", ".obj", ".ply", ".stl", ".gltf", ".glb", ".fbx", ".usd", ".usda", ".usdc", ".usdz")
 """The endings of files whose meshes the command line bakes."""
 PACKED = MappingProxyType({False: PNG, True: OPEN_EXR})
 """The formats in which Blender packs images, by whether their pixels are floats."""

@@ -8,15 +8,18 @@ import re
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import bpy
 import numpy as np
 import pytest
 
 from addon.cli import command, importers, run_report, scene_files
+from addon.cli.importers import PLAIN
 from addon.core import file_formats
+from addon.core.errors import BakeError
 from scripts import imprint
-from tests.support import angles, maps, reports, zoo
+from tests.support import angles, bombs, maps, reports, snapshot, zoo
 
 pytestmark = [
     pytest.mark.usefixtures("gpu_context"),
@@ -36,7 +39,7 @@ EXPORTERS = {
     ".fbx": lambda path: bpy.ops.export_scene.fbx(filepath=path, use_selection=True),
     **{
         ending: lambda path: bpy.ops.wm.usd_export(filepath=path, selected_objects_only=True)
-        for ending in (".usd", ".usda", ".usdc")
+        for ending in (".usd", ".usda", ".usdc", ".usdz")
     },
     ".blend": lambda path: bpy.data.libraries.write(path, set(bpy.context.selected_objects)),
 }
@@ -153,6 +156,19 @@ def test_a_usd_that_refers_to_a_file_that_is_missing_is_not_baked(tmp_path, caps
     assert capsys.readouterr().err == f"imprint: {str(usda)!r} refers to 'none.usdc', which cannot be read.\n"
 
 
+@pytest.mark.parametrize("is_missing", [False, True])
+def test_an_import_that_fails_leaves_nothing(tmp_path, is_missing):
+    path = tmp_path / "part.usda"
+    export(path, zoo.plane("part"))
+    text = path.read_text()
+    before = snapshot.snapshot()
+    layers = "subLayers = [@none.usdc@]\n" if is_missing else ""
+    path.write_text(text.replace("(\n", f"(\n{layers}", 1))
+    with pytest.raises(BakeError) if is_missing else nullcontext(), importers.scene_apart():
+        importers.import_file(path, PLAIN)
+    assert bool(snapshot.difference(before, snapshot.snapshot())) != is_missing
+
+
 SHADED = [ending for ending in WITH_UVS if ending != ".ply"]  # PLY files have only smooth normals
 
 
@@ -250,6 +266,8 @@ BROKEN = {
     "words.fbx": b"Kaydara FBX Binary  \0\x1a\0 and no more",
     "empty.usda": b"",
     "words.usdc": b"PXR-USDC and no more",
+    "words.usdz": b"PK and no more",
+    "packed.usdz": bombs.zip_of_zeros("a.usda", 1 << 16),
     "empty.ply": b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n",
     "words.ply": b"hello",
     "words.stl": b"solid hello",

@@ -2,6 +2,7 @@
 """Tests that an image which is there and gives no pixels is the error of one that is missing, whoever reads it."""
 
 import struct
+import zipfile
 
 import bpy
 import numpy as np
@@ -162,3 +163,33 @@ def test_a_picture_that_is_cut_off_is_not_shown(folder):
     assert sheet.read_picture(str(folder / "p.png")) == content
     cut(folder / "p.png")
     assert sheet.read_picture(str(folder / "p.png")) == b""
+
+
+@pytest.mark.parametrize("lacks", [False, True])
+def test_images_in_an_archive_of_usd_are_those_of_its_file(folder, lacks, capsys):
+    path = written(folder, "PNG")
+    zoo.plane("lo")
+    bpy.ops.wm.obj_export(filepath="low.obj")
+    bpy.data.objects.remove(bpy.data.objects["lo"])
+    scenes.show(zoo.plane("hi", slope=0.1), bpy.data.images.load(str(path)))
+    bpy.ops.wm.usd_export(filepath="high.usda")
+    bpy.ops.wm.usd_export(filepath="high.usdz")
+    if lacks:
+        with zipfile.ZipFile("high.usdz") as archive:
+            layer = archive.infolist()[0]
+            content = archive.read(layer)
+        with zipfile.ZipFile("high.usdz", "w") as archive:
+            archive.writestr(layer.filename, content)
+    found = []
+    for high in ("high.usda", "high.usdz"):
+        words = ["--low-file", "low.obj", "--high-file", high, "--maps", "base-color", "--output", f"{high}.png"]
+        code = command.run([*words, "--size", "16", "--limit", "9", "--depth", "8"])
+        found.append(code)
+    out = capsys.readouterr().err
+    if lacks:
+        assert found == [run_report.DONE, run_report.FAILED]
+        assert f"cannot be found: '{folder / 'high.usdz'}[textures/a.png]'." in out
+    else:
+        assert found == [run_report.DONE] * 2, out
+        first, second = (next(folder.glob(f"high.{ending}*olor*.png")) for ending in ("usda", "usdz"))
+        assert first.read_bytes() == second.read_bytes()

@@ -256,9 +256,9 @@ def rigged(folder):
     scenes.select(low, rig)
     files = {
         kind: str(folder / f"part.{kind}")
-        for kind in ("usdc", "usda", "fbx", "glb", "gltf", "obj", "ply", "stl", "blend")
+        for kind in ("usdc", "usda", "usdz", "fbx", "glb", "gltf", "obj", "ply", "stl", "blend")
     }
-    for kind in ("usdc", "usda"):
+    for kind in ("usdc", "usda", "usdz"):
         bpy.ops.wm.usd_export(filepath=files[kind], export_animation=True)
     bpy.ops.export_scene.fbx(filepath=files["fbx"])
     bpy.ops.export_scene.gltf(filepath=files["glb"])
@@ -284,7 +284,7 @@ def files(tmp_path_factory, gpu_context):
 
 
 @pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
-@pytest.mark.parametrize("kind", ["usdc", "usda", "fbx", "glb", "gltf", "obj", "ply", "stl", "blend"])
+@pytest.mark.parametrize("kind", ["usdc", "usda", "usdz", "fbx", "glb", "gltf", "obj", "ply", "stl", "blend"])
 def test_a_file_leaves_the_open_scene_alone(kind, mode, files):
     one, other, hidden = (zoo.plane(name) for name in ("one", "other", "hidden"))
     scene = bpy.context.scene

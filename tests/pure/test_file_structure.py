@@ -4,11 +4,13 @@
 import io
 import random
 import struct
+import zipfile
+from pathlib import Path
 
 import pytest
 
-from addon.core.file_structure import blend_files, usd_layers
-from addon.core.file_structure.whole_files import image_size
+from addon.core.file_structure import blend_files, usd_archives, usd_layers
+from addon.core.file_structure.whole_files import CUT, image_size, problem
 from tests.support import usd_files
 
 LIBRARY = b"lib.blend\0" + b"//parts/lib.blend\0" + bytes(8)
@@ -161,6 +163,88 @@ def test_damaged_files_end_soon(root):
         for _ in range(chance.randrange(1, 6)):
             content[chance.randrange(8, len(whole))] = chance.choice((0, 1, 127, 255))
         usd_layers.named(write(root / f"{number}.usdc", bytes(content[: chance.randrange(9, len(whole) + 1)])))
+
+
+# Archives of USD
+
+
+def archive(path, *members, packing=zipfile.ZIP_STORED):
+    """A .usdz with these files: pairs of a name and its content."""
+    with zipfile.ZipFile(path, "w", packing) as file:
+        for name, content in members:
+            file.writestr(name, content)
+    return str(path)
+
+
+LAYERED = "#usda 1.0\n(\nsubLayers = [@./{}@]\n)\n"
+
+
+def test_what_an_archive_contains_is_not_named(root):
+    inner = Path(archive(root / "inner.usdz", ("deep.usdc", usd_files.binary(usd_files.SUBLAYER)), ("part.usda", "")))
+    text = TEXT.replace("../b.usdc", "in/b.usdc").replace("e@f.usdz", "inner.usdz")
+    names = ["a.usda", "in/b.usdc", "c d.usd", "tex/skin.<UDIM>.png"]
+    members = [("root.usda", text), ("inner.usdz", inner.read_bytes())]
+    members += [(name.replace("<UDIM>", "1001"), "") for name in names]
+    whole = archive(root / "whole.usdz", *members)
+    assert usd_layers.named(whole) == usd_layers.Named()
+    assert problem(whole) == ""
+    lacks = archive(root / "lacks.usdz", *members[:2])
+    assert set(usd_layers.named(lacks).layers) == {f"{lacks}[{name}]" for name in names[:3]}
+    assert usd_layers.named(lacks).assets == (f"{lacks}[{names[3]}]",)
+
+
+def test_files_outside_an_archive_are_named(root):
+    """USD opens them."""
+    path = archive(root / "a.usdz", ("a.usda", LAYERED.replace("./{}", str(root / "b.usda"))))
+    write(root / "b.usda", LAYERED.format("c.usda"))
+    assert usd_layers.named(path).layers == (str(root / "b.usda"), str(root / "c.usda"))
+
+
+def test_archives_are_read_from_head_to_head(root):
+    """As USD does, which ignores the list at the end."""
+    path = Path(archive(root / "a.usdz", ("a.usda", LAYERED.format("one.usda")), ("two.usda", "")))
+    assert usd_layers.named(str(path)).layers == (f"{path}[one.usda]",)
+    path.write_bytes(path.read_bytes().replace(b"two.usda", b"one.usda", 1))  # in its head alone
+    assert usd_layers.named(str(path)).layers == ()
+
+
+@pytest.mark.parametrize(
+    "name", ["../a.usda", "/a.usda", "b/../../a.usda", "c:a.usda", "b\\a.usda", "./a.usda", "b//a.usda"]
+)
+def test_archives_with_names_that_lead_out_of_them_are_refused(root, name):
+    with zipfile.ZipFile(root / "a.usdz", "w") as file:
+        file.writestr("a.usda", "")
+        file.writestr("_" * len(name), "")
+    content = (root / "a.usdz").read_bytes().replace(b"_" * len(name), name.encode())
+    assert "leads out of the archive" in problem(write(root / "a.usdz", content))
+
+
+def test_archives_that_usd_does_not_read_are_refused(root):
+    packed = archive(root / "packed.usdz", ("a.usda", TEXT * 9), packing=zipfile.ZIP_DEFLATED)
+    many = archive(root / "many.usdz", *((f"{number}.usda", "") for number in range(usd_archives.MOST_FILES + 1)))
+    nested = archive(root / "nested.usdz", ("a.usda", ""), ("b.usdz", Path(packed).read_bytes()))
+    twice = archive(root / "twice.usdz", ("a.usda", ""), ("b.usda", ""))
+    write(Path(twice), Path(twice).read_bytes().replace(b"b.usda", b"a.usda"))
+    image = archive(root / "image.usdz", ("a.png", ""), ("a.usda", ""))
+    for path, words in {
+        packed: "compressed",
+        many: "more than 10,000 files",
+        nested: "compressed",
+        twice: "is taken",
+        image: "whose first file is",
+        write(root / "text.usdz", TEXT): "is no archive",
+    }.items():
+        assert words in problem(path)
+        assert usd_layers.named(path) == usd_layers.Named()
+
+
+def test_an_archive_that_is_cut_anywhere_is_found(root):
+    path = Path(archive(root / "a.usdz", ("a.usda", TEXT), ("b.usdz", usd_files.binary(usd_files.CLIPS))))
+    path = Path(archive(root / "b.usdz", ("a.usda", TEXT), ("a.usdz", path.read_bytes().replace(b"b.usdz", b"b.usdc"))))
+    content = path.read_bytes()
+    assert problem(str(path)) == ""
+    for size in range(4, len(content), 7):
+        assert problem(write(path, content[:size])) == CUT, size
 
 
 # Image headers

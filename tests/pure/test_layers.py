@@ -36,7 +36,7 @@ MAY_IMPORT = {
     "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit", "export", "older_blender"},
     "ui": {"core", "mesh", "passes", "scene", "output", "engine", "jobs", "export", "flamenco", "older_blender"},
     "cli": {"core", "flamenco", "scene", "output", "jobs", "export", "older_blender"},
-    "api": {"core", "jobs", "cli"},
+    "api": {"core", "scene", "jobs", "cli"},
     "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees
 }
 """The packages that each package may import."""

@@ -6,12 +6,15 @@ Text is searched for paths between @. A binary file keeps all its paths in one t
 
 import mmap
 import os
+import posixpath
 import re
 import struct
-import zipfile
-from collections.abc import Iterable, Iterator
-from functools import lru_cache
+from collections.abc import Callable, Iterator
+from functools import lru_cache, partial
 from typing import NamedTuple
+
+from .. import udim
+from . import usd_archives
 
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 _LAYERS = (*ENDINGS, ".abc", ".mtlx", ".sdf")
@@ -69,51 +72,92 @@ def _named_in(path: str) -> Named:
             return Named()
         state = os.stat(path)
         return _read(path, (state.st_size, state.st_mtime_ns, state.st_ctime_ns, state.st_ino))
-    except (OSError, ValueError, IndexError, struct.error, zipfile.BadZipFile):  # what opens it will report the error
+    except (OSError, ValueError, IndexError, struct.error):  # what opens it will report the error
         return Named()
 
 
 @lru_cache(maxsize=1000)
 def _read(path: str, _state: tuple[int, ...]) -> Named:
-    """As `_named_in`. _state: changes with the file. Raises OSError, ValueError, IndexError, struct.error, BadZipFile."""
-    if path.lower().endswith(".usdz") or not is_usd(path) or not os.path.getsize(path):
-        return Named()  # an archive contains all that it names
+    """As `_named_in`. _state: changes with the file. Raises OSError, ValueError, IndexError, struct.error."""
+    if not is_usd(path) or not os.path.getsize(path):
+        return Named()
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        if content[: len(_BINARY)] == _BINARY:
-            words = _words(content).split(b"\0")
-            names = [word for word in words if b"." in word or b"`" in word]
-            return _sorted(path, names, is_computed=_COMPUTED in words, has_variants=_VARIANTS in words)
-        names = [match[1] or match[2] for match in PARTS.finditer(content) if match[1] or match[2]]
-        is_computed, has_variants = (content.find(word) >= 0 for word in (_COMPUTED, _VARIANTS))
-        return _sorted(path, names, is_computed=is_computed, has_variants=has_variants)
+        if path.lower().endswith(usd_archives.ENDING):
+            return _of_archive(path, content)
+        return _of_layer(path, content, 0, len(content), lambda name: os.path.join(os.path.dirname(path), name))
 
 
-def _sorted(path: str, names: Iterable[bytes], *, is_computed: bool, has_variants: bool) -> Named:
+def _of_archive(path: str, content: mmap.mmap) -> Named:
+    """What the layers of an archive name and it does not contain. Such a path in the archive stands in brackets behind its own,
+    and is no file."""
+    members = usd_archives.members(content)
+    names = {(each.archive, each.name) for each in members}
+    bare = {posixpath.basename(name) for each in members for name in (each.name, _tiled(each.name))}
+
+    def beside(member: usd_archives.Member, name: str) -> str:
+        if os.path.isabs(name):
+            return name
+        inside = posixpath.normpath(posixpath.join(posixpath.dirname(member.name), name))
+        # The words of a binary layer are also paths that it had before it was packed.
+        is_there = (member.archive, inside) in names if _is_layer(name) else posixpath.basename(name) in bare
+        return "" if is_there else f"{path}[{inside}]"
+
+    layers = [member for member in members if member.is_layer]
+    found = [_of_layer(path, content, each.start, each.stop, partial(beside, each)) for each in layers]
+    assets = [name for each in found for name in each.assets]
+    return Named(
+        tuple(dict.fromkeys(name for each in found for name in each.layers)),
+        tuple({re.split(r"[/[]", name)[-1]: name for name in reversed(assets)}.values()),
+        next(filter(None, (each.unknown for each in found)), ""),
+        any(each.has_variants for each in found),
+    )
+
+
+def _is_layer(name: str) -> bool:
+    return name.lower().endswith(_LAYERS)
+
+
+def _tiled(name: str) -> str:
+    """A name in an archive with <UDIM> for its number; empty if it has none."""
+    stem, ending = posixpath.splitext(name)
+    tiled = udim.tiled_name(stem)
+    return tiled + ending if tiled else ""
+
+
+def _of_layer(path: str, content: mmap.mmap, start: int, stop: int, place: Callable[[str], str]) -> Named:
+    """What a layer names. start, stop: where it is in `content`. place: the path for a name, or "" for what needs none."""
+    if content[start : start + len(_BINARY)] == _BINARY:
+        words = _words(content, start).split(b"\0")
+        names = [word for word in words if b"." in word or b"`" in word]
+        is_computed, has_variants = (word in words for word in (_COMPUTED, _VARIANTS))
+    else:
+        names = [match[1] or match[2] for match in PARTS.finditer(content, start, stop) if match[1] or match[2]]
+        is_computed, has_variants = (content.find(word, start, stop) >= 0 for word in (_COMPUTED, _VARIANTS))
     layers, assets = [], []
     for name in names:
         text = name.decode(errors="surrogateescape")
         file = text.partition(":SDF_FORMAT_ARGS:")[0].partition("[")[0]
-        is_layer = file.lower().endswith(_LAYERS)
+        is_layer = _is_layer(file)
         if text[:1] == text[-1:] == "`" or (is_layer and "://" in text):
             is_computed = True
-        else:
-            found = layers if is_layer else assets
-            found.append(os.path.normpath(os.path.join(os.path.dirname(path), file)))
+        elif found := place(file):
+            (layers if is_layer else assets).append(os.path.normpath(found))
     why = f"{path!r} names files in a way that cannot be followed" if is_computed else ""
     return Named(tuple(dict.fromkeys(layers)), tuple(dict.fromkeys(assets)), why, has_variants)
 
 
-def _words(content: mmap.mmap) -> bytes:
-    """The words of a binary file, with a zero after each. Raises struct.error, ValueError or IndexError."""
-    (table,) = struct.unpack_from("<q", content, 16)
-    (count,) = struct.unpack_from("<Q", content, table)
+def _words(content: mmap.mmap, base: int) -> bytes:
+    """The words of a binary file, with a zero after each. base: where it begins. Raises as `_read`."""
+    (table,) = struct.unpack_from("<q", content, base + 16)
+    (count,) = struct.unpack_from("<Q", content, base + table)
     for row in range(min(count, 64)):
-        name, start, _ = struct.unpack_from("<16sqq", content, table + 8 + 32 * row)
+        name, start, _ = struct.unpack_from("<16sqq", content, base + table + 8 + 32 * row)
         if name.rstrip(b"\0") == b"TOKENS":
             break
     else:
         return b""
-    if content[8] == 0 and content[9] < _RAW_TABLE:
+    start += base
+    if content[base + 8] == 0 and content[base + 9] < _RAW_TABLE:
         (size,) = struct.unpack_from("<8xQ", content, start)
         return content[start + 16 : start + 16 + size]
     size, compressed = struct.unpack_from("<8xQQ", content, start)

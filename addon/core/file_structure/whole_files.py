@@ -10,12 +10,11 @@ import mmap
 import os
 import re
 import struct
-import zipfile
 from collections.abc import Callable, Iterator
 from typing import BinaryIO, NamedTuple
 
 from ..file_formats import TARGA
-from . import usd_layers
+from . import usd_archives, usd_layers
 
 _TYPES = {1: "B", 3: "H", 4: "I"}
 """The struct formats of BYTE, SHORT and LONG."""
@@ -140,6 +139,8 @@ def problem(path: str, *, is_image: bool = False) -> str:
             for is_format, is_whole in _FORMATS:
                 if is_format(start, ending):
                     return "" if is_whole(file, size) else CUT
+    except usd_archives.Refused as error:
+        return str(error)
     except (OSError, ValueError):
         return ""
     except (struct.error, IndexError, KeyError):  # a part of the file that says where others are is not there
@@ -430,6 +431,12 @@ def _font(file: BinaryIO, size: int) -> bool:
     return all(start + length <= size for start, length in tables)
 
 
+def _archive(file: BinaryIO, size: int) -> bool:
+    """An archive of USD. Raises as usd_archives.members."""
+    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        return bool(usd_archives.members(content))
+
+
 def _crate(file: BinaryIO, size: int) -> bool:
     """A binary USD file, whose table of contents is at its end."""
     (start,) = _unpack(file, "<q", 16)
@@ -473,6 +480,7 @@ _FORMATS: tuple[tuple[Callable[[bytes, str], bool], Callable[[BinaryIO, int], bo
     (_starts(b"BCDF"), _external_detail),
     (_starts(b"\0\1\0\0", b"OTTO", b"true"), _font),
     (_starts(b"wOFF", b"wOF2"), _says_size(">I", 8)),
+    (_ends(usd_archives.ENDING), _archive),
     (_starts(b"PXR-USDC"), _crate),
     (_starts(b"Ogawa"), _ogawa),
     (_starts(b"glTF"), _says_size("<I", 8)),
@@ -482,7 +490,6 @@ _FORMATS: tuple[tuple[Callable[[bytes, str], bool], Callable[[BinaryIO, int], bo
     (_starts(b"#usda"), _usda),
     (_ends(".json"), _json),
     (_starts(b" BDV"), _volume),
-    (_ends(".usdz"), lambda file, _: zipfile.is_zipfile(file)),
 )
 """How to tell a format by its first bytes and the ending of its name, and whether a file of it is whole."""
 _OF_IMAGES = 7
