@@ -69,15 +69,19 @@ class Entry:
     number: int
     """Its place among all bakes of the job file or folder, from 1."""
     name: str
+    """The low object or file, with the number of the set."""
     state: State = State.DONE
+    """How it ended: stopped by a signal, gate with a metric over its limit, resumed if another call did it."""
     error: str = ""
-    """One sentence."""
+    """Why it is not done, in a sentence."""
     cause: Cause = Cause.NONE
+    """Of a bake that failed."""
     signal: str = ""
     """The name of the signal that ended its process, as SIGSEGV."""
     gate: list[str] = field(default_factory=list)
     """The metrics over their limits, in sentences."""
     seconds: float = 0.0
+    """What it took, with opening its files."""
     inputs: list[dict[str, Any]] = field(default_factory=list)
     """The files that it read: path, bytes, sha256, and what they are."""
     files: list[dict[str, Any]] = field(default_factory=list)

@@ -143,8 +143,9 @@ class ConversionReport(Report):
     before: dict[str, str]
     """What the source means, by the names in StoredNormals."""
     was: str
+    """The space of the source, in words."""
     now: str
-    """The spaces of both maps, in words."""
+    """The space of the new map, in words."""
     source_depth: int
     """Bits per channel that the values of the source need: 8 or 16, or 32 for floats."""
     source_loss: dict[str, float]

@@ -42,11 +42,17 @@ class Report:
     """The results of a bake. Shares are of all texels, unless noted. seconds: of each stage, and in total."""
 
     method: str
+    """FLATTEN or CAST."""
     space: str
+    """TANGENT, OBJECT or WORLD."""
     size: tuple[int, int]
+    """Width and height in texels."""
     low: str
+    """The name of the low object."""
     high: list[str]
+    """The names of the high objects."""
     cage: str = ""
+    """The name of the cage, or empty."""
     material: str = ""
     """The material of the low object whose texture set this is; empty for all faces."""
     slots: list[int] = field(default_factory=list)
@@ -56,9 +62,11 @@ class Report:
     settings: dict = field(default_factory=dict)
     """The settings of the bake, by the names in settings.Settings."""
     uv_layer: str = ""
+    """The low mesh's UV map that was used."""
     why: str = ""
     """Why the bake chose this method; empty if the settings name it."""
     triangles: dict[str, int] = field(default_factory=dict)
+    """How many triangles: high, low."""
     mended: dict[str, float] = field(default_factory=dict)
     """What was changed of the high meshes for the bake; empty if nothing was. turned: triangles that were turned over, of so
     many (of). parts: connected parts that have such triangles, of so many (of_parts). undecided: parts whose outer side is
@@ -97,22 +105,8 @@ class Report:
     mirrored: int = 0
     """The number of triangles of the low mesh that are mirrored in UV space."""
     checks: dict[str, dict[str, float | str | bool]] = field(default_factory=dict)
-    """The results of the checks of the low mesh and its map, by kind.
-
-    count: texels (overlap, uncovered, far, unsure, gaps, backwards), triangles (mirrored, outside, no_area, behind), edges
-    (hard_edges) or faces (polygons, uneven). of: the number of those that were checked. share: count / of. severity: "GOOD",
-    "LOOK" or "WRONG".
-
-    Some kinds have more. overlap: the texels of parts that are stacked on purpose, the triangles in parts that others hide on
-    the map (hidden) and those of them that parts of another material hide (under_others; 0 with texture sets, and for maps that
-    are not in tangent space), and the share of the texels of these whose own detail is more than 2 degrees from what they show
-    (differing; of a tangent-space map, else 0). outside: the triangles that are moved by whole tiles on purpose, and the share
-    of the UV area that is cut off (cut_off). behind: the share of the texels with a z of 0 or less (backwards). mirrored:
-    islands. gaps: the texels near the border, and the number of texels needed between islands.
-    far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that
-    own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
-    contested, jumps, other_layer, covered, beyond) of engine.unsure_texels.Doubts; a texel can have several. uneven: whether
-    the low mesh is the base of its own high one."""
+    """The results of the checks of the low mesh and its map, by kind: count, mostly of how many were checked, share (count /
+    of) for texels, severity ("GOOD", "LOOK" or "WRONG"), and what docs/command-line.md lists under Checks."""
     targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
     normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
@@ -134,14 +128,15 @@ class Report:
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)
     """The maps besides the normal map, by name: the image, and how to decode it: value = (stored - midlevel) * scale + offset
-    in scene units, or the colors of its labels. With a color_space, `stored` is linear after decoding the space. With empty, no
-    texel has a value. The packed image has channels: red, green, blue and alpha, each with its map, whether it is inverted
-    (1 - stored) and how to decode it, or a constant."""
+    in scene units, or the colors of its labels (colours). With a color_space, `stored` is linear after decoding the space. With
+    empty, no texel has a value. The packed image has channels: red, green, blue and alpha, each with its map, whether it is
+    inverted (1 - stored) and how to decode it, or a constant."""
     attributes: dict[str, str] = field(default_factory=dict)
     """The attributes of the low mesh in which maps were stored, by the map's name. Values are decoded, colors linear."""
     loss: dict[str, float] = field(default_factory=dict)
     """Median and maximum of the degrees between the normals and their values in 8 or 16 bits; empty if stored as floats."""
     image: str = ""
+    """The name of the image in the .blend."""
     output: list[str] = field(default_factory=list)
     """The absolute paths of the files that were written: the normal map's of each tile, then those of each other map."""
     mip_files: dict[str, list[str]] = field(default_factory=dict)
@@ -164,16 +159,24 @@ class Report:
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
     backend: str = ""
+    """OPENGL, VULKAN or METAL."""
     renderer: str = ""
+    """The name that the graphics driver gives itself."""
     seconds: dict[str, float] = field(default_factory=lambda: Timings().seconds)
+    """Of each stage, and total: extract (reading Blender's meshes), orient (turning over faces of the high meshes), method
+    (choosing it), tree (building that for rays), upload, distances (measuring them), draw, textures (reading images of the high
+    meshes; until version 0.4 also as pages), read (from the GPU), audit (the checks) and image (storing)."""
     startup: dict[str, float] = field(default_factory=dict)
-    """Seconds of each stage of STARTUP, counted since the report before. Empty in a bake from the window, and in all but the
-    first report of pairs and frames."""
+    """Seconds before the bake drew: launcher (from the start of the process), bpy (loading Blender's Python package), imprint
+    (loading Imprint), gpu (starting it), opening (the files) and shaders (compiling them, which is part of draw as well). Empty
+    in a bake from the window, and in all but the first report of pairs and frames."""
     warnings: list[str] = field(default_factory=list)
+    """Sentences."""
     picture: Any = field(default=None, compare=False)
     """An array of the map, the low mesh with it, and its deviations, (rows, columns, 3) uint8, row 0 on top. None unless it was
     asked for, and in a report from a file."""
     version: int = VERSION
+    """Of these keys, now 1. It goes up if a key goes or changes its meaning. New keys do not change it."""
 
     @property
     def images(self) -> list[str]:

@@ -116,7 +116,10 @@ def _texts(kind: type) -> dict[str, str]:
 def schema() -> dict[str, Any]:
     """The schema of the report."""
     head = {
-        "imprint_report": {"const": run_report.VERSION},
+        "imprint_report": {
+            "const": run_report.VERSION,
+            "description": "The version of this shape. It goes up if a key goes or changes its meaning, not for new keys.",
+        },
         "imprint": {"type": "string", "description": "The version of Imprint."},
         "blender": {"type": "string", "description": "The version of Blender."},
         "code": {
@@ -125,8 +128,16 @@ def schema() -> dict[str, Any]:
             "pattern": "^([0-9a-f]{64})?$",
         },
         **of_class(ThisCall, {"call": {"type": "array", "items": {"type": "string"}}})["properties"],
-        "planned": {"type": "integer", "minimum": 0},
-        "shard": {"type": ["string", "null"], "pattern": "^[0-9]+/[0-9]+$"},
+        "planned": {
+            "type": "integer",
+            "minimum": 0,
+            "description": "How many bakes the job file or folder has, also those of other parts.",
+        },
+        "shard": {
+            "type": ["string", "null"],
+            "description": "The part of the bakes that was done, as 1/4; null for all.",
+            "pattern": "^[0-9]+/[0-9]+$",
+        },
         "only": {
             "type": ["object", "null"],
             "description": "The patterns of --only, and the numbers of the bakes that match; null for all.",
@@ -136,8 +147,13 @@ def schema() -> dict[str, Any]:
             },
             "required": ["patterns", "bakes"],
         },
-        "bakes": {"type": "array", "items": {"$ref": "#/$defs/entry"}},
+        "bakes": {
+            "type": "array",
+            "description": "Those that are done or failed, or of which something was done.",
+            "items": {"$ref": "#/$defs/entry"},
+        },
         "summary": {
+            "description": "How many bakes have each state, and the seconds of all.",
             "type": "object",
             "properties": {
                 **{str(state): {"type": "integer", "minimum": 0} for state in run_report.State},

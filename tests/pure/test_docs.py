@@ -17,7 +17,6 @@ from addon.cli.options import OPTIONS, RUN_OPTIONS
 from addon.cli.report_command import REPORT_OPTIONS
 from addon.core import map_types
 from addon.core.declarations import targets
-from addon.core.report import STAGES, Report
 from scripts import imprint
 from scripts.imprint import ROOT
 from tests.pure.test_layers import MAY_IMPORT, WITHOUT
@@ -257,13 +256,6 @@ def test_the_table_of_states_has_the_values_in_the_code():
     assert {name: int(number) for number, name, _ in cells if name} == {
         name: value for name, value in vars(map_types).items() if isinstance(value, int)
     }
-
-
-def test_the_table_of_a_report_has_its_keys():
-    data = Report("CAST", "TANGENT", (16, 16), "lo", ["hi"]).to_dict()
-    text = section(ROOT / "docs" / "command-line.md", "### The report of one bake")
-    assert [names(cells[0])[0] for cells in rows(text)] == list(data)
-    assert set(STAGES) <= set(names(text))
 
 
 def test_the_version_is_the_same_everywhere():

@@ -100,7 +100,7 @@ def test_names_are_there():
         ]
         wrong += [
             (path.name, name)
-            for name in re.findall(r"\b[\w/]+\.(?:py|glsl|md)\b", text)
+            for name in re.findall(r"\b[\w/-]+\.(?:py|glsl|md)\b", text)
             if name.split("/")[-1] not in files and not FOREIGN.fullmatch(name)
         ]
     assert wrong == [], wrong

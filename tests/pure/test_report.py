@@ -446,6 +446,11 @@ def test_the_file_is_that_of_the_dataclasses():
     assert report_schema.schema() == SCHEMA, "run scripts/dev/report_schema.py"
 
 
+def test_each_key_is_described():
+    kinds = SCHEMA, *SCHEMA["$defs"].values()
+    assert [key for kind in kinds for key, value in kind["properties"].items() if not value.get("description")] == []
+
+
 def test_reports_fit():
     assert list(json_schema.faults(document(), SCHEMA)) == []
 
