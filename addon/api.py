@@ -13,20 +13,18 @@ from typing import Any, TypeAlias
 import bpy
 import numpy as np
 
-from .cli.importers import PLAIN, lacks_normals, scene_apart, smooth
-from .cli.options import SMOOTH_BELOW
-from .cli.scene_files import import_meshes
 from .core import file_formats, map_types
 from .core.declarations import kinds
 from .core.declarations.all_settings import DECLARED
 from .core.declarations.choices import Storage
 from .core.errors import BakeError, NoGpu
+from .core.file_formats import SMOOTH_BELOW
 from .core.naming import did_you_mean
 from .core.progress import Progress
 from .core.report import Report
 from .core.settings import PART_OF, Settings
 from .jobs import Job, bake_all
-from .scene import new_datablocks
+from .scene import importing, new_datablocks
 
 __all__ = ["BakeError", "NoGpu", "Result", "Surface", "bake"]
 
@@ -214,8 +212,8 @@ def _objects(source: Source, name: str) -> list[bpy.types.Object]:
             raise BakeError(f"The object of {name!r} was deleted: give one of the open file.") from None
         return [source]
     if isinstance(source, str | os.PathLike):
-        with scene_apart():
-            return import_meshes(_value("output", source, name), PLAIN)
+        with importing.scene_apart():
+            return importing.import_meshes(_value("output", source, name), importing.PLAIN)
     if not isinstance(source, Surface) and hasattr(source, "vertices") and hasattr(source, "faces"):
         visual = getattr(source, "visual", None)
         normals = getattr(source, "vertex_normals", None)
@@ -235,9 +233,9 @@ _ANGLE = kinds.WholeNumber(label="smooth_files", tooltip="", default=SMOOTH_BELO
 def _smoothed(source: Source, objects: Sequence[bpy.types.Object], degrees: int) -> dict[str, int]:
     """Shade objects of a file as `smooth_files` says. Returns the degrees by their names."""
     path = Path(os.fspath(source)) if isinstance(source, str | os.PathLike) else None
-    found = [obj for obj in objects if path and degrees and lacks_normals(path, obj.data)]
+    found = [obj for obj in objects if path and degrees and importing.lacks_normals(path, obj.data)]
     for obj in found:
-        smooth(obj.data, degrees)
+        importing.smooth(obj.data, degrees)
     return {obj.name: degrees for obj in found}
 
 

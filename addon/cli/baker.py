@@ -30,8 +30,8 @@ from ..jobs.bake_jobs import work_on_frames
 from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
-from ..scene import object_checks
-from ..scene.materials import exact_nodes
+from ..scene import addons, object_checks
+from ..scene.importing import Space
 from ..scene.object_checks import object_by_name
 from ..scene.reading import lengths_of
 from . import (
@@ -47,7 +47,6 @@ from . import (
     standard_streams,
     terminal,
 )
-from .importers import Space
 from .options import RunOptions
 from .plans import Plan, subject
 from .records import Assignment, Content, Contents, finish_record
@@ -56,7 +55,7 @@ from .scene_files import SceneLoader
 from .terminal import Meter
 from .work_queue import Chains, WorkQueue
 
-exact_nodes.load_cycles = blender_process.complete
+addons.load = blender_process.complete
 
 
 def need_all(planned: Iterable[Plan]) -> bool:

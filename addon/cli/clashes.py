@@ -12,12 +12,11 @@ from functools import cache, partial
 from pathlib import Path
 
 from ..core import naming, udim
-from ..core.errors import WrongPlace
+from ..core.errors import WrongPlace, reason
 from ..core.file_formats import OPENED
 from ..core.file_structure import blend_files, mesh_references
 from ..core.naming import ATLAS
 from ..output import map_names
-from ..output.atomic_file import reason
 from ..output.path_clashes import Places
 from . import arguments, plans, run_report, untrusted
 from .options import RunOptions

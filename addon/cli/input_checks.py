@@ -15,16 +15,16 @@ from ..core import map_types, udim
 from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError, shorten_list
 from ..core.file_formats import BY_ENDING
-from ..core.file_structure import usd_layers
+from ..core.file_structure import obj_files, usd_layers
 from ..core.file_structure.whole_files import MISSING, NO_PIXELS
 from ..core.map_types import BY_NAME
 from ..core.preflight import Amounts, Need, memory_sentence, placement_hint, rounding_hint, texel_bytes
 from ..core.settings import MapSettings, Settings
 from ..jobs import checks
 from ..jobs.job import Job, band_texels, draws_in_software
-from ..scene import complaints, dependencies, object_checks
+from ..scene import complaints, dependencies, imported_images, object_checks
 from ..scene.textures import header_size
-from . import importers, plans
+from . import plans
 from .option_types import word_for
 
 _IMAGES = {*BY_ENDING, ".jpg", ".jpeg", ".webp", ".hdr", ".bmp"}
@@ -49,7 +49,7 @@ def check_textures(options: argparse.Namespace, map_settings: MapSettings, jobs:
     highs = [high for job in jobs for high in job.highs if high.type == "MESH"]
     libraries = list(_libraries(options))
     if not any(Path(name).suffix.lower().startswith(".blend") for name in plans.scene_paths(options) or (".blend",)):
-        libraries += map(repr, importers.missing_tiles(highs))
+        libraries += map(repr, imported_images.missing_tiles(highs))
     if options.allow_missing_files:  # the bake reports the images that each material lacks
         return [_not_found(libraries)] if libraries else []
     lacking = dependencies.lacking(each for each in dependencies.of((), highs) if each.is_surface)
@@ -135,7 +135,7 @@ def _libraries(options: argparse.Namespace) -> Iterator[str]:
     for name in [*options.file, *options.high_file]:
         path = Path(name).absolute()
         if path.suffix.lower() == ".obj":
-            yield from (repr(str(path.parent / library)) for library in importers.missing_libraries(path))
+            yield from (repr(str(path.parent / library)) for library in obj_files.missing_libraries(path))
         named = usd_layers.named(str(path)).assets
         images = [each for each in named if Path(each.rstrip("]")).suffix.lower() in _IMAGES]
         yield from (
@@ -181,7 +181,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
     if any(obj.type != "MESH" or obj.modifiers or obj.is_instancer for obj in objects):
         return None
     shows_images = any(BY_NAME[name].family.shows_materials for name in settings.map.drawn_maps)
-    textures = importers.images_of(job.highs)
+    textures = imported_images.images_of(job.highs)
     method, has_detail = settings.tracing.method, bool(settings.map.detail_maps and textures)
     on_gpu = texel_bytes(settings, method, has_detail=has_detail)
     return Need.of(

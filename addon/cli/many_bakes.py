@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import BakeError, WrongPlace
+from ..core.errors import BakeError, WrongPlace, reason
 from ..core.naming import printable
 from ..core.progress import Progress, startup
-from ..output.atomic_file import check_folder, make_folder, reason
+from ..output.atomic_file import check_folder, make_folder
 from . import clashes, plans, sheet, terminal
 from .blender_process import load_blender
 from .claims import Claims

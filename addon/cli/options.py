@@ -8,7 +8,7 @@ from typing import Any
 
 from ..core.declarations import kinds
 from ..core.declarations.all_settings import DECLARED, PANELS
-from ..core.file_formats import OPENED
+from ..core.file_formats import OPENED, SMOOTH_BELOW
 from ..core.naming import Suffixes
 from . import option_types, run_report
 from .run_report import STDOUT, ThisCall
@@ -145,9 +145,6 @@ _BESIDE = {
 _OBJECTS = ("low", "highs", "cage")
 """The settings that name objects."""
 
-
-SMOOTH_BELOW = 40
-"""Degrees. Of the edges of smooth scans, 0.02 to 3 % are sharper; chamfers of hard parts have 45."""
 
 OBJECTS = {
     **{option_word(name): _option(name, **_BESIDE.get(name, {})) for name in _OBJECTS},

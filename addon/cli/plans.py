@@ -14,10 +14,9 @@ from itertools import groupby
 from pathlib import Path
 
 from ..core import udim
-from ..core.errors import BakeError
+from ..core.errors import BakeError, reason
 from ..core.file_formats import OPENED
 from ..core.naming import Pair, Suffixes, match, printable
-from ..output.atomic_file import reason
 from . import arguments
 from .arguments import WrongUsage
 

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from ..core import versions
-from ..core.errors import BakeError, NoGpu, NoGpuMemory, WrongPlace, sentence
-from ..output.atomic_file import check_writable, make_folder, reason, replacing
+from ..core.errors import BakeError, NoGpu, NoGpuMemory, WrongPlace, reason, sentence
+from ..output.atomic_file import check_writable, make_folder, replacing
 
 VERSION = 2
 """The version of the report's keys. It increases when a key is removed or changes its meaning, not for new keys."""

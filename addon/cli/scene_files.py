@@ -11,16 +11,14 @@ from pathlib import Path
 import bpy
 
 from .. import older_blender
-from ..core.errors import BakeError, shorten_list
-from ..core.file_formats import OPENED
-from ..core.file_structure import blend_files, mesh_references, usd_layers, whole_files
+from ..core.errors import BakeError, reason, shorten_list
+from ..core.file_structure import blend_files, mesh_references, usd_layers
 from ..jobs.job import Job
 from ..output import datablocks
-from ..output.atomic_file import reason
-from ..scene import dependencies
+from ..scene import dependencies, importing
 from ..scene.evaluation import set_until
+from ..scene.importing import PLAIN, Space
 from . import interruption, plans, standard_streams
-from .importers import IMPORTERS, PLAIN, Space, UnreadReference, import_file, lacks_normals, scene_apart, smooth
 from .untrusted import is_below
 
 
@@ -47,18 +45,18 @@ class SceneLoader:
 
         A .blend after the first file is appended. space: of the mesh files. Raises BakeError.
         """
-        first, *others = (str(_existing(name)) for name in names)
+        first, *others = (str(importing.existing(name)) for name in names)
         wanted = [Path(name).resolve() for name in names], space
         if wanted == self._open:
             return
         self._leave()
-        if _ending(first) in IMPORTERS:
+        if _ending(first) in importing.IMPORTERS:
             _empty()
             self._import_meshes(first, space)
         else:  # a .blend1 as well
             _open_blend(first)
         for name in others:
-            with scene_apart():
+            with importing.scene_apart():
                 self._import_meshes(name, space)
         self.take()
         self._open = wanted
@@ -104,7 +102,7 @@ class SceneLoader:
         found = [high for high in highs if high.data.session_uid in self._without_normals - lows]
         for data in bpy.data.meshes:
             if data.session_uid in self._without_normals:
-                smooth(data, degrees if any(high.data == data for high in found) else 0)
+                importing.smooth(data, degrees if any(high.data == data for high in found) else 0)
         return {high.name: degrees for high in found if degrees}
 
     def changed(self, names: Iterable[str]) -> None:
@@ -130,7 +128,7 @@ class SceneLoader:
         high files, as in Space. Raises BakeError.
         """
         for name in (low, *highs, *([cage] if cage else [])):
-            _existing(name)
+            importing.existing(name)
         self._leave()
         _empty()
         low_object = _only(low, self._import_meshes(low, space))
@@ -143,40 +141,22 @@ class SceneLoader:
         return Job(low_object, high_objects, cage_object)
 
     def _import_meshes(self, name: str, space: Space) -> list[bpy.types.Object]:
-        """As `import_meshes`. A file that an untrusted one refers to elsewhere is named as that."""
+        """As `importing.import_meshes`. A file that an untrusted one refers to elsewhere is named as that."""
+        interruption.check()
         try:
-            meshes = import_meshes(name, space)
-            self._without_normals |= {obj.data.session_uid for obj in meshes if lacks_normals(Path(name), obj.data)}
+            meshes = importing.import_meshes(name, space)
+            self._without_normals |= {
+                obj.data.session_uid for obj in meshes if importing.lacks_normals(Path(name), obj.data)
+            }
             return meshes
-        except UnreadReference as error:
+        except importing.UnreadReference as error:
             if self._folders:
                 check_reference(name, error.path, self._folders)
             raise
 
 
-def import_meshes(name: str, space: Space) -> list[bpy.types.Object]:
-    """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError."""
-    interruption.check()
-    path = _existing(name)
-    if _ending(path) not in OPENED:
-        raise BakeError(f"{str(path)!r} is not a supported mesh file. Supported: {', '.join(OPENED)}.")
-    meshes = [obj for obj in import_file(path, space) if obj.data.polygons or obj.modifiers]
-    if not meshes:
-        raise BakeError(f"{str(path)!r} holds no mesh with faces.")
-    return meshes
-
-
 def _ending(path: str | Path) -> str:
     return Path(path).suffix.lower()
-
-
-def _existing(name: str) -> Path:
-    path = Path(name).absolute()
-    if not os.path.isfile(path):
-        raise BakeError(f"There is no file {str(path)!r}.")
-    if problem := whole_files.problem(str(path)):
-        raise BakeError(f"{str(path)!r} {problem}.")
-    return path
 
 
 def _open_blend(name: str) -> None:

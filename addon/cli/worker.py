@@ -15,10 +15,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import WrongPlace
+from ..core.errors import WrongPlace, reason
 from ..core.progress import Progress
 from ..jobs.job import uses_vulkan
-from ..output.atomic_file import make_folder, reason
+from ..output.atomic_file import make_folder
 from . import clashes, interruption, scene_files, standard_streams
 from .baker import Baker, start_gpu
 from .plans import Plan

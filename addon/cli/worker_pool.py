@@ -11,9 +11,8 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from ..core.errors import BakeError, NoGpu, WrongPlace
+from ..core.errors import BakeError, NoGpu, WrongPlace, reason
 from ..core.progress import Progress
-from ..output.atomic_file import reason
 from . import clashes, interruption, records, worker_process
 from .options import RunOptions
 from .plans import Plan

@@ -47,6 +47,14 @@ def sentence(error: BakeError | MemoryError) -> str:
     return f"There is not enough memory{f' ({error})' if str(error) else ''}: choose a smaller map, or bake less at a time."
 
 
+def reason(error: OSError | RuntimeError) -> str:
+    """The message of an error of the system or of Blender: one line without a full stop."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    # Blender raises several reports at once; the first is the cause.
+    return str(error).strip().partition("\n")[0].removeprefix("Error: ").rstrip(".")
+
+
 def warn_of_former(former: str, name: str) -> None:
     """Warn the caller of the caller that an earlier name will not work for ever."""
     warnings.warn(f"{former} is now called {name}; the old name goes with version 0.4.", FutureWarning, stacklevel=3)

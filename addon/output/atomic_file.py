@@ -21,7 +21,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from ..core.errors import BakeError, WrongPlace
+from ..core.errors import BakeError, WrongPlace, reason
 
 try:
     import fcntl
@@ -203,14 +203,6 @@ def check_kind(path: str | Path) -> None:
     if not stat.S_ISREG(mode):
         kind = "pipe" if stat.S_ISFIFO(mode) else "socket" if stat.S_ISSOCK(mode) else "device"
         raise WrongPlace(f"{str(path)!r} is a {kind}: name a file, which can be replaced.")
-
-
-def reason(error: OSError | RuntimeError) -> str:
-    """The message of an error of the system or of Blender: one line without a full stop."""
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
-    # Blender raises several reports at once; the first is the cause.
-    return str(error).strip().partition("\n")[0].removeprefix("Error: ").rstrip(".")
 
 
 class Partial:

@@ -18,7 +18,7 @@ from mathutils import Color
 from ..core import udim
 from ..core.errors import BakeError
 from ..core.file_structure import whole_files
-from ..core.file_structure.whole_files import image_size, is_of_whole_numbers
+from ..core.file_structure.image_files import image_size, is_of_whole_numbers
 from ..core.map_types import MARK, ORIGIN
 from ..core.material_feeds import ImagePixels
 from ..core.threads import for_blocks

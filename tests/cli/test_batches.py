@@ -14,10 +14,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, importers, run_report, scene_files
-from addon.cli.importers import PLAIN
+from addon.cli import command, run_report, scene_files
 from addon.core import file_formats
 from addon.core.errors import BakeError
+from addon.scene import importing
 from scripts import imprint
 from tests.support import angles, bombs, maps, reports, snapshot, zoo
 
@@ -101,7 +101,7 @@ def test_all_endings_are_in_the_help_and_tested(capsys):
     text = capsys.readouterr().out.replace("\n", " ")
     assert all(ending in text for ending in file_formats.OPENED)
     assert set(EXPORTERS) == set(file_formats.OPENED)
-    assert (".blend", *importers.IMPORTERS) == file_formats.OPENED
+    assert (".blend", *importing.IMPORTERS) == file_formats.OPENED
 
 
 @pytest.fixture(scope="module")
@@ -164,8 +164,8 @@ def test_an_import_that_fails_leaves_nothing(tmp_path, is_missing):
     before = snapshot.snapshot()
     layers = "subLayers = [@none.usdc@]\n" if is_missing else ""
     path.write_text(text.replace("(\n", f"(\n{layers}", 1))
-    with pytest.raises(BakeError) if is_missing else nullcontext(), importers.scene_apart():
-        importers.import_file(path, PLAIN)
+    with pytest.raises(BakeError) if is_missing else nullcontext(), importing.scene_apart():
+        importing.import_file(path, importing.PLAIN)
     assert bool(snapshot.difference(before, snapshot.snapshot())) != is_missing
 
 
@@ -299,7 +299,7 @@ def test_broken_files_give_one_sentence(folder, run, name, role):
 
 def test_a_missing_file_is_reported_before_others_are_read(folder, run, monkeypatch):
     export(folder / "low.obj", zoo.plane("lo"))
-    monkeypatch.setattr(scene_files, "import_meshes", lambda name, _space: pytest.fail(f"{name} was read"))
+    monkeypatch.setattr(importing, "import_meshes", lambda name, _space: pytest.fail(f"{name} was read"))
     code, _, err = run("--low-file", "low.obj", "--high-file", "none.obj", *SMALL, "--output", "m.png")
     assert code == run_report.FAILED
     assert err == f"imprint: There is no file {str(folder / 'none.obj')!r}.\n"
@@ -575,12 +575,12 @@ def test_a_faulty_job_file_is_wrong_usage_and_nothing_is_baked(scenes, run, name
 @pytest.fixture
 def opened(monkeypatch):
     """The names of the opened scenes and imported files, in order."""
-    result, open_blend, import_meshes = [], scene_files._open_blend, scene_files.import_meshes
+    result, open_blend, import_meshes = [], scene_files._open_blend, importing.import_meshes
     monkeypatch.setattr(
         scene_files, "_open_blend", lambda name: (result.append(os.path.basename(name)), open_blend(name))
     )
     monkeypatch.setattr(
-        scene_files,
+        importing,
         "import_meshes",
         lambda name, *more: (result.append(os.path.basename(name)), import_meshes(name, *more))[1],
     )

@@ -10,8 +10,8 @@ import pytest
 
 from addon import api
 from addon.cli import command, run_report
-from addon.cli.importers import PLAIN, import_file, lacks_normals, smooth
-from addon.cli.options import SMOOTH_BELOW
+from addon.core.file_formats import SMOOTH_BELOW
+from addon.scene.importing import PLAIN, import_file, lacks_normals, smooth
 from tests.support import angles, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -12,8 +12,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, importers, interruption, run_report
+from addon.cli import command, interruption, run_report
 from addon.jobs import bake_jobs
+from addon.scene import importing
 from scripts import imprint
 from tests.support import reports, zoo
 
@@ -97,7 +98,7 @@ def test_a_signal_in_one_of_blenders_callbacks_is_not_lost(scene):
 
 def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
     bpy.ops.wm.obj_export(filepath=str(scene / "a_low.obj"))
-    monkeypatch.setitem(importers.IMPORTERS, ".obj", ("imprint_test", "signal", {}))
+    monkeypatch.setitem(importing.IMPORTERS, ".obj", ("imprint_test", "signal", {}))
 
     class Signal(bpy.types.Operator):
         bl_idname, bl_label = "imprint_test.signal", "Signal"

@@ -10,14 +10,15 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import baker, command, importers, input_checks, run_report, scan_files
-from addon.cli.importers import PLAIN, Space, import_file
-from addon.cli.scan_files import Texture
+from addon.cli import baker, command, input_checks, run_report
 from addon.cli.scene_files import SceneLoader
 from addon.core.errors import BakeError
-from addon.core.file_structure import mesh_references
+from addon.core.file_structure import far_points, mesh_references, obj_files, ply_files
+from addon.core.file_structure.ply_files import Texture
 from addon.core.preflight import EXACT_POINT, TEXTURE_PIXEL, TEXTURE_PIXEL_ON_GPU
 from addon.core.settings import Settings
+from addon.scene import imported_images
+from addon.scene.importing import PLAIN, Space, import_file
 from tests.support import angles, maps, reports, scans
 from tests.support.shader_nodes import add, principled
 
@@ -435,10 +436,10 @@ def test_uvs_by_face_are_left_out_where_the_faces_are_others(folder):
     scans.write_ply(folder / "scan.ply", points, faces)
     (obj,) = import_file(folder / "scan.ply", PLAIN)
     for corners in (faces[:, ::-1], faces[1:]):
-        importers.show_texture(obj, Texture(["a.png"], uv[corners], corners, np.zeros(len(corners), int)), folder)
+        imported_images.show_texture(obj, Texture(["a.png"], uv[corners], corners, np.zeros(len(corners), int)), folder)
         assert not obj.data.uv_layers
         assert not obj.material_slots
-    importers.show_texture(obj, Texture(["a.png"], uv[faces], faces, np.zeros(len(faces), int)), folder)
+    imported_images.show_texture(obj, Texture(["a.png"], uv[faces], faces, np.zeros(len(faces), int)), folder)
     assert len(obj.data.uv_layers) == len(obj.material_slots) == 1
 
 
@@ -541,10 +542,10 @@ def test_damaged_ply_files_are_read_without_an_error_by_seed(folder, name, seed)
             folder / name, (points, faces, uv[faces]), np.zeros(len(faces), int), ["a.png"], form=form
         )
     scans.damage(folder / name, random)
-    origin = scan_files.far_origin(folder / name)
+    origin = far_points.far_origin(folder / name)
     if origin is not None:
-        scan_files.write_near(folder / name, folder / "near.ply", origin)
-    found = scan_files.read_texture(folder / name)
+        far_points.write_near(folder / name, folder / "near.ply", origin)
+    found = ply_files.read_texture(folder / name)
     assert found is None or found.uv is None or found.uv.shape == (*found.corners.shape, 2)
 
 
@@ -707,7 +708,7 @@ def read(room, library, head="mtllib m.mtl\n"):
     """The lines of the library that the importer gets, and the names of the images' files by placeholder."""
     (room / "m.mtl").write_bytes(library.encode() if isinstance(library, str) else library)
     (room / "scan.obj").write_text(head + "v 0 0 0\n")
-    found = importers.read_materials(room / "scan.obj")
+    found = obj_files.read_materials(room / "scan.obj")
     files = {name: page.path.name if page.path else page.name for name, page in found.placeholders.items()}
     return found.content.decode(errors="surrogateescape").splitlines(), files
 
@@ -750,7 +751,7 @@ def test_planning_reads_no_points(room):
     points = "v 1 2 3\n" * 100
     for head, expected in ((names[0] + points + names[1], ["m.mtl", "other.mtl"]), (points + names[1], [])):
         (room / "scan.obj").write_text(head)
-        assert mesh_references.libraries(room / "scan.obj", is_whole=False) == expected
+        assert obj_files.libraries(room / "scan.obj", is_whole=False) == expected
 
 
 @pytest.mark.parametrize("name", ["/", ".", "..", '""', "-clamp on ./"])
@@ -771,7 +772,7 @@ def test_a_page_of_several_materials_has_one_placeholder_for_each_use(room):
     )
     (room / "m.mtl").write_text(library)
     (room / "scan.obj").write_text("mtllib m.mtl\n")
-    pages = importers.read_materials(room / "scan.obj").placeholders.values()
+    pages = obj_files.read_materials(room / "scan.obj").placeholders.values()
     assert [(page.name, page.is_color, page.path is None) for page in pages][:2] == [
         ("a.png", True, False),
         ("a.png", False, False),
@@ -793,7 +794,7 @@ LIBRARIES = {
 @pytest.mark.parametrize("head", LIBRARIES)
 def test_missing_libraries_are_named(room, head):
     lines, _ = read(room, "newmtl x\n", head)
-    assert importers.missing_libraries(room / "scan.obj") == LIBRARIES[head]
+    assert obj_files.missing_libraries(room / "scan.obj") == LIBRARIES[head]
     assert lines == (["newmtl x"] if "m.mtl" in head.lower().replace("none.mtl", "") else [])
 
 
@@ -801,7 +802,7 @@ def test_a_library_with_the_name_of_the_obj_counts(room):
     """As in Blender's importer."""
     (room / "SCAN.mtl").write_text("newmtl own\n")
     assert read(room, "newmtl x\n", "mtllib none.mtl\n")[0] == ["newmtl own"]
-    assert importers.missing_libraries(room / "scan.obj") == []
+    assert obj_files.missing_libraries(room / "scan.obj") == []
     (room / "scan.mtl").write_text("newmtl own\nmap_Kd own.png\n")
     assert room / "own.png" in mesh_references.of(str(room / "scan.obj"))
 

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli.importers import PLAIN, import_file
 from addon.core.errors import BakeError
+from addon.scene.importing import PLAIN, import_file
 
 POINTS = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]).tobytes()
 
@@ -71,7 +71,7 @@ def test_a_compressed_file_says_what_is_missing_and_where_it_is(tmp_path, name, 
     path = gltf(tmp_path, required=[name], ending=ending, **how)
     said = message(path)
     assert f"compressed with {title}" in said and "installed Blender" in said and "damaged" not in said
-    monkeypatch.setattr("addon.cli.importers.bpy", WholeBlender())  # where it is there, something else is wrong
+    monkeypatch.setattr("addon.scene.importing.bpy", WholeBlender())  # where it is there, something else is wrong
     assert f"compressed with {title}" not in message(path)
 
 

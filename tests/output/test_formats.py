@@ -18,7 +18,7 @@ from PIL import Image
 
 from addon.core import file_formats
 from addon.core.errors import BakeError
-from addon.core.file_structure.whole_files import tiff_directory
+from addon.core.file_structure.image_files import tiff_values
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, bake_pair
@@ -196,7 +196,7 @@ def test_a_tiff_is_marked_as_not_multiplied_with_alpha(depth, tmp_path):
     texels = some_texels()
     store(texels, storage="FILE", output=str(tmp_path / "map.tif"), depth=depth)
     with (tmp_path / "map.tif").open("rb") as file:
-        assert tiff_directory(file)[338].values == (2,)  # ExtraSamples: unassociated alpha
+        assert tiff_values(file, {338})[338] == (2,)  # ExtraSamples: unassociated alpha
     found = pictures.pillow(tmp_path / "map.tif")
     np.testing.assert_allclose(
         found[texels[..., 3] == 0][:, :3], [(127.5, 127.5, 255)] * (texels[..., 3] == 0).sum(), atol=0.5

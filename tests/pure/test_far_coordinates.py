@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.cli import scan_files
+from addon.core.file_structure import far_points
 
 PLACE = np.array([512_345.0, 5_412_345.0, 312.0])
 ROUNDING = 1e-6
@@ -41,9 +41,9 @@ def test_points_of_an_obj_are_moved_by_seed(tmp_path, form, seed):
     source, target = tmp_path / "scan.obj", tmp_path / "near.obj"
     values = points(seed)
     write_obj(source, values, **LINES[form])
-    origin = scan_files.far_origin(source)
+    origin = far_points.far_origin(source)
     assert np.abs(origin - PLACE).max() < 10.0
-    scan_files.write_near(source, target, origin)
+    far_points.write_near(source, target, origin)
     assert np.abs(points_of_obj(target) + origin - values).max() < ROUNDING
     lines = [path.read_text().split("\n") for path in (source, target)]
     assert [[line.strip() for line in text if line.split()[:1] != ["v"]] for text in lines][0] == [
@@ -55,11 +55,11 @@ def test_points_of_an_obj_are_moved_by_seed(tmp_path, form, seed):
 
 def test_lines_keep_their_order_across_blocks(tmp_path, monkeypatch):
     """Faces may count back from the points before them."""
-    monkeypatch.setattr(scan_files, "CHUNK", 100)
+    monkeypatch.setattr(far_points, "CHUNK", 100)
     source, target = tmp_path / "scan.obj", tmp_path / "near.obj"
     rows = points(3, 300)
     source.write_text("".join(f"v {x:.3f} {y:.3f} {z:.3f}\nf -1 -2 -3\n" for x, y, z in rows) + "v 1 2")
-    scan_files.write_near(source, target, PLACE)
+    far_points.write_near(source, target, PLACE)
     kinds = [line[:2] for line in target.read_text().splitlines()]
     assert kinds == ["v ", "f "] * 300 + ["v "]
     assert target.read_text().endswith("v 1 2")  # no point: the importer decides
@@ -93,13 +93,13 @@ def write_ply(path, values, form, kind="double", more=True):
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
 @pytest.mark.parametrize("seed", [4, 5])
 def test_points_of_a_ply_are_moved_by_seed(tmp_path, monkeypatch, form, seed):
-    monkeypatch.setattr(scan_files, "CHUNK", 1000)
+    monkeypatch.setattr(far_points, "CHUNK", 1000)
     source, target, expected = (tmp_path / f"{name}.ply" for name in ("scan", "near", "expected"))
     values = np.round(points(seed), 7)
     write_ply(source, values, form)
-    origin = scan_files.far_origin(source)
+    origin = far_points.far_origin(source)
     assert np.abs(origin - PLACE).max() < 10.0
-    scan_files.write_near(source, target, origin)
+    far_points.write_near(source, target, origin)
     write_ply(expected, values - origin, form)
     if form != "ascii":
         assert target.read_bytes() == expected.read_bytes()
@@ -115,32 +115,32 @@ def test_far_means_many_sizes_away(tmp_path):
     source = tmp_path / "scan.obj"
     for place, is_far in [((0, 0, 0), False), ((900, 0, 0), False), ((50_000, 0, 0), True), ((0, -1e6, 0), True)]:
         write_obj(source, points(6, place=np.array(place)))
-        assert (scan_files.far_origin(source) is not None) == is_far
+        assert (far_points.far_origin(source) is not None) == is_far
     write_obj(source, points(7, place=np.array((20_000.0, 0, 0))) * 30.0)  # as large as it is far
-    assert scan_files.far_origin(source) is not None
+    assert far_points.far_origin(source) is not None
     write_obj(source, points(7, place=np.array((1_000.0, 0, 0))) * 30.0)
-    assert scan_files.far_origin(source) is None
+    assert far_points.far_origin(source) is None
 
 
 def test_the_origin_is_exact_in_single_precision(tmp_path):
     source = tmp_path / "scan.obj"
     write_obj(source, points(8, place=np.array([4e8 + 3, -7e9, 1.5])))
-    origin = scan_files.far_origin(source)
+    origin = far_points.far_origin(source)
     assert np.array_equal(origin, origin.astype(np.float32).astype(np.float64))
 
 
 def test_a_large_file_is_read_in_windows(tmp_path, monkeypatch):
-    monkeypatch.setattr(scan_files, "WINDOW", 500)
+    monkeypatch.setattr(far_points, "WINDOW", 500)
     source = tmp_path / "scan.obj"
     values = np.concatenate([points(9, 2000), points(9, 2000) + 40.0])
     write_obj(source, values)
-    assert np.abs(scan_files.far_origin(source) - (PLACE + 20.0)).max() < 15.0
+    assert np.abs(far_points.far_origin(source) - (PLACE + 20.0)).max() < 15.0
 
 
 def test_files_in_single_precision_and_other_files_are_not_moved(tmp_path):
     source = tmp_path / "scan.ply"
     write_ply(source, points(10), "binary_little_endian", kind="float")
-    assert scan_files.far_origin(source) is None
+    assert far_points.far_origin(source) is None
     for content in (
         b"",
         b"ply\n",
@@ -148,9 +148,9 @@ def test_files_in_single_precision_and_other_files_are_not_moved(tmp_path):
         b"\0" * 999,
     ):
         source.write_bytes(content)
-        assert scan_files.far_origin(source) is None
+        assert far_points.far_origin(source) is None
         (tmp_path / "a.obj").write_bytes(content)
-        assert scan_files.far_origin(tmp_path / "a.obj") is None
+        assert far_points.far_origin(tmp_path / "a.obj") is None
     (tmp_path / "a.obj").write_text("v nan inf 1\nv 1e400 0 0\nv 1e300 0 0\nv a b c\nv 1\n")
-    assert scan_files.far_origin(tmp_path / "a.obj") is None
-    assert scan_files.far_origin(tmp_path / "a.stl") is None
+    assert far_points.far_origin(tmp_path / "a.obj") is None
+    assert far_points.far_origin(tmp_path / "a.stl") is None

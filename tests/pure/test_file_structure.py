@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from addon.core.file_structure import blend_files, usd_archives, usd_layers
-from addon.core.file_structure.whole_files import CUT, image_size, problem
+from addon.core.file_structure.image_files import image_size
+from addon.core.file_structure.whole_files import CUT, problem
 from tests.support import usd_files
 
 LIBRARY = b"lib.blend\0" + b"//parts/lib.blend\0" + bytes(8)

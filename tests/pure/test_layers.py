@@ -36,7 +36,7 @@ MAY_IMPORT = {
     "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit", "export", "older_blender"},
     "ui": {"core", "mesh", "passes", "scene", "output", "engine", "jobs", "export", "flamenco", "older_blender"},
     "cli": {"core", "flamenco", "scene", "output", "jobs", "export", "older_blender"},
-    "api": {"core", "scene", "jobs", "cli"},
+    "api": {"core", "scene", "jobs"},
     "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees
 }
 """The packages that each package may import."""
@@ -52,8 +52,7 @@ WITHOUT = {
 WITHOUT_BLENDER = "addon/cli", "addon/output/atomic_file", "addon/output/path_clashes"
 """Folders and modules that need no Blender, although others of their package do. They import only what needs none."""
 WITH_BLENDER = {
-    *("addon/cli/baker.py", "addon/cli/importers.py", "addon/cli/input_checks.py", "addon/cli/scene_files.py"),
-    "addon/cli/worker.py",
+    *("addon/cli/baker.py", "addon/cli/input_checks.py", "addon/cli/scene_files.py", "addon/cli/worker.py"),
 }
 """The modules in these folders that do."""
 

@@ -3,7 +3,7 @@
 
 import pytest
 
-from addon.core.file_structure import mesh_references
+from addon.core.file_structure import found_files
 
 
 @pytest.fixture
@@ -39,32 +39,32 @@ FOUND = {
 
 @pytest.mark.parametrize("name", FOUND)
 def test_a_page_is_found(folder, name):
-    assert mesh_references.find_file(name, [folder]) == folder / FOUND[name]
+    assert found_files.find_file(name, [folder]) == folder / FOUND[name]
 
 
 @pytest.mark.parametrize(
     "name", ["none.png", "empty.png", "folder.png", "", "/", "C:\\", "a\0b.png", "none_<UDIM>.png", "x" * 5000, ".."]
 )
 def test_a_missing_page_is_not_found(folder, name):
-    assert mesh_references.find_file(name, [folder]) is None
+    assert found_files.find_file(name, [folder]) is None
 
 
 def test_a_path_of_this_machine_comes_before_a_file_with_its_name(folder, tmp_path_factory):
     other = tmp_path_factory.mktemp("other") / "my scan 2.jpg"
     other.write_bytes(b"other")
-    assert mesh_references.find_file(str(other), [folder]) == other
+    assert found_files.find_file(str(other), [folder]) == other
 
 
 def test_the_exact_letter_case_comes_first(folder):
     (folder / "MY SCAN 2.JPG").write_bytes(b"another")
     # On file systems that ignore the letter case, this is the same file.
-    assert mesh_references.find_file("my scan 2.jpg", [folder]).name == "my scan 2.jpg"
+    assert found_files.find_file("my scan 2.jpg", [folder]).name == "my scan 2.jpg"
 
 
 def test_the_tiles_of_a_page_are_listed(folder):
     (folder / "tile_1002.png").touch()  # empty
     (folder / "tile_10010.png").write_bytes(b"page")
-    assert mesh_references.existing_tiles(folder / "tile_<UDIM>.png") == [1001, 1003]
+    assert found_files.existing_tiles(folder / "tile_<UDIM>.png") == [1001, 1003]
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_the_tiles_of_a_page_are_listed(folder):
     [("scan_1001.png", "scan_<UDIM>.png"), ("a.1012.jpg", "a.<UDIM>.jpg"), ("x21001.png", None), ("u1_v1.png", None)],
 )
 def test_numbered_pages_are_tiles(folder, name, tiled):
-    assert mesh_references.tiled_path(folder / name) == (tiled and folder / tiled)
+    assert found_files.tiled_path(folder / name) == (tiled and folder / tiled)
 
 
 @pytest.mark.parametrize(
@@ -80,4 +80,4 @@ def test_numbered_pages_are_tiles(folder, name, tiled):
     [("a.png", "a.png"), ("x\\A b.png", "x/A b.png"), ("D:\\scans\\a.png", "a.png"), ("/home/me/a.png", "a.png")],
 )
 def test_a_missing_page_is_expected_beside_the_mesh_file(folder, name, place):
-    assert mesh_references.expected_path(name, folder) == folder / place
+    assert found_files.expected_path(name, folder) == folder / place

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.cli import scan_files
+from addon.core.file_structure import ply_files
 
 HEAD = (
     "ply\nformat {form} 1.0\ncomment TextureFile my page.png\nelement vertex 3\nproperty float x\nproperty float y\n"
@@ -16,7 +16,7 @@ POINTS = "0 0 0\n1 0 0\n0 1 0\n"
 
 def read(tmp_path, text):
     (tmp_path / "scan.ply").write_bytes(text if isinstance(text, bytes) else text.encode())
-    return scan_files.read_texture(tmp_path / "scan.ply")
+    return ply_files.read_texture(tmp_path / "scan.ply")
 
 
 def test_uvs_of_triangles_are_read(tmp_path):
@@ -95,5 +95,5 @@ def test_random_headers_never_fail_by_seed(tmp_path, seed):
     lines = [" ".join(words[random.integers(len(words))] for _ in range(random.integers(1, 6))) for _ in range(30)]
     lines = ["ply", "format ascii 1.0", "comment TextureFile a.png", *lines, "end_header", "1 2 3"]
     (tmp_path / "scan.ply").write_text("\n".join(lines))
-    scan_files.read_header(tmp_path / "scan.ply")
-    scan_files.read_texture(tmp_path / "scan.ply")
+    ply_files.read_header(tmp_path / "scan.ply")
+    ply_files.read_texture(tmp_path / "scan.ply")

@@ -9,7 +9,7 @@ import pytest
 
 from addon.core import udim
 from addon.core.errors import BakeError, WrongPlace
-from addon.core.file_structure import mesh_references
+from addon.core.file_structure import found_files
 from addon.output.path_clashes import Places
 
 SIZE = 64, 48
@@ -94,8 +94,8 @@ def test_a_number_is_a_tile_wherever_it_is_asked(number, tmp_path):
     path = str(tmp_path / "rock_<UDIM>.png")
     assert bool(udim.files(path)) is is_tile
     assert bool(udim.tiled_name(f"rock_{number}")) is is_tile
-    assert bool(mesh_references.existing_tiles(Path(path))) is is_tile
-    assert (mesh_references.find_file("rock_<UDIM>.png", [tmp_path]) is not None) is is_tile
+    assert bool(found_files.existing_tiles(Path(path))) is is_tile
+    assert (found_files.find_file("rock_<UDIM>.png", [tmp_path]) is not None) is is_tile
     places = Places()
     places.read(str(tmp_path / f"rock_{number}.png"), "a texture")
     with pytest.raises(WrongPlace) if is_tile else nullcontext():

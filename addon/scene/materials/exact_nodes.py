@@ -1,31 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which sockets Cycles can evaluate at single points of a surface, and what of the mesh their nodes read."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import bpy
 
 from ...core.material_feeds import ExactFeed
 from ...mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
-from .. import render_view
+from .. import addons, render_view
 from ..textures import UnreadableError
 from .node_values import NodeValues, Place, title
 from .signals import NotFollowedError
 
 
-def _nothing() -> None:
-    pass
-
-
-load_cycles: Callable[[], None] = _nothing
-"""Loads Cycles where Blender has started without it. The command line replaces it."""
-
-
 def has_cycles() -> bool:
     """Whether Cycles is enabled in this Blender. Loads it if need be."""
     if "cycles" not in bpy.types.Scene.bl_rna.properties:
-        render_view.outside(load_cycles)
+        render_view.outside(addons.load)
     return "cycles" in bpy.types.Scene.bl_rna.properties
 
 
