@@ -94,13 +94,13 @@ def _of_angles(start: str, meaning: str, find: Callable[[dict], dict | None], ne
 def _angles() -> Iterator[Metric]:
     yield from _of_angles(
         "deviation",
-        "degrees between the normals that the low mesh shows with its map and those of the high mesh at its texels' hits",
+        "degrees between the normals that the low mesh shows with its map and those of the high mesh, at texels",
         lambda report: report.get("deviation"),
         DEVIATION,
     )
     yield from _of_angles(
         "between",
-        "degrees between the normals that the low mesh shows with its map between texels and those of the high mesh there",
+        "the same between texels",
         lambda report: report.get("between"),
         DEVIATION,
     )
@@ -115,13 +115,13 @@ def _angles() -> Iterator[Metric]:
         yield Metric(
             f"{name}.wrong",
             SHARE,
-            f"{where} where the map is more than 20 degrees off the surface of the high mesh that they own",
+            f"{where} where the map is more than 20 degrees off the high surface that they own",
             lambda report, key=name: (report.get(key) or {}).get("wrong"),
             DEVIATION,
         )
     yield from _of_angles("appearance", SEEN, lambda report: report.get("appearance"), APPEARANCE)
     for end, unit, meaning in (
-        ("mean", DEGREES, f"{SEEN}, as a mean"),
+        ("mean", DEGREES, "mean of these degrees"),
         ("silhouette", SHARE, "pixels of outlines, from 40 sides, that only one of high and low mesh covers"),
         ("distance", SHARE, "distance between high and low mesh along the view, as a share of the diagonal"),
         ("wrong", SHARE, "texels that show the high mesh more than 20 degrees wrong from most sides"),

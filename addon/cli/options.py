@@ -166,19 +166,17 @@ OBJECTS = {
         {"type": option_types.path, "metavar": "FILE"},
     ),
     "high-up": CommandOption(
-        "Axis that points up in high files that do not say it: .obj, .ply and .stl. Scans often have Z up in an .obj",
+        "Axis that points up in high files that do not say it: .obj, .ply and .stl",
         {"type": option_types.axis, "metavar": "y|z"},
         "y in .obj, z in .ply and .stl",
     ),
     "smooth-files": CommandOption(
-        "Shade high meshes smooth, with edges hard from this many degrees on, if their file does not say how: .stl, and .ply "
-        "and .obj without normals. 0 leaves them flat",
+        "Shade high meshes of files without normals smooth, with edges hard from this many degrees on. 0 leaves them flat",
         {"type": option_types.degrees, "default": SMOOTH_BELOW, "metavar": "N"},
         str(SMOOTH_BELOW),
     ),
     "origin": CommandOption(
-        "Point that becomes the scene's origin in .obj and .ply files far from it, in their own coordinates, for a low mesh "
-        "that was moved by the same distance",
+        "Point of .obj and .ply files, in their own coordinates, that becomes the scene's origin, where the low mesh has it",
         {"type": option_types.point, "metavar": "X,Y,Z"},
         "files stay where they are",
     ),
@@ -188,8 +186,7 @@ OBJECTS = {
         "that of the low object or its file",
     ),
     "allow-missing-files": CommandOption(
-        "Bake although files are missing or not whole, as images of the high meshes, caches and fonts, or although Blender "
-        "leaves out modifiers: each is a warning then",
+        "Bake although files are missing or not whole, or Blender leaves out modifiers: each is a warning then",
         {"action": "store_true"},
     ),
     "pairs": CommandOption(
@@ -208,9 +205,8 @@ OBJECTS = {
         {"action": "store_true"},
     ),
     "convert": CommandOption(
-        "Convert this normal map of the low mesh instead of baking: an image file, with <UDIM> for tiles. --space, --basis, "
-        "--green and others say what the new map is, --from-space, --from-basis, --from-green and others what this one is. It "
-        "keeps its size",
+        "Convert this normal map of the low mesh instead of baking: an image file, with <UDIM> for tiles. --space, --basis "
+        "and others say what the new map is, --from-space, --from-basis and others what this one is",
         {"type": option_types.path, "metavar": "MAP"},
     ),
     "frames": CommandOption(
@@ -269,8 +265,7 @@ RUN_TITLE = "many bakes"
 """The title of their group in --help."""
 RUN_OPTIONS: dict[str, CommandOption] = {
     "list": CommandOption(
-        "List the bakes with their numbers, costs and files, and bake nothing. All that can be checked without a GPU is "
-        "checked",
+        "List the bakes with their numbers, costs and files, check what needs no GPU, and bake nothing",
         {"action": "store_true"},
     ),
     "json": CommandOption("With --list: print one JSON object", {"action": "store_true"}),
@@ -288,8 +283,7 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         "all",
     ),
     "resume": CommandOption(
-        "Leave out bakes that are done and still true: a record beside the map has what decided it. Processes on any machine "
-        "can do one job at once, and do each bake once",
+        "Leave out bakes that are done and still true, by a record beside each map. Several machines can do one job at once",
         {"action": "store_true"},
     ),
     "force": CommandOption("Do all bakes, and write the records for --resume", {"action": "store_true"}),
@@ -299,8 +293,7 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         "beside the maps",
     ),
     "workers": CommandOption(
-        "Bake in so many processes at once, each with a Blender of its own, so that a crash ends one bake alone. 0: in this "
-        "process",
+        "Bake in so many processes at once, each with a Blender of its own. 0: in this process",
         {"type": option_types.workers, "default": 1, "metavar": "N"},
         "1",
     ),
@@ -325,14 +318,13 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         "none",
     ),
     "pictures": CommandOption(
-        "Folder for a picture of each bake, with its map, the low mesh with it, and its deviations, for pages that are "
-        "written later",
+        "Folder for a picture of each bake, for pages that are written later",
         {"type": option_types.path, "metavar": "DIR"},
         "none",
     ),
     "untrusted": CommandOption(
-        "Bake files of other people: only the input folder is read, only the output folder is written, in a process with few "
-        "rights and limits of time and memory",
+        "Bake files of other people in a process with few rights, which reads the input folder alone and writes the output "
+        "folder alone",
         {"action": "store_true"},
     ),
     "input-folder": CommandOption(

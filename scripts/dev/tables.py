@@ -22,7 +22,7 @@ from addon.core import file_formats, map_types, udim  # noqa: E402
 from addon.core.declarations import kinds, targets  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
 from addon.core.declarations.choices import Pack  # noqa: E402
-from addon.core.map_types import CUSTOM_SUFFIX, PACKINGS, RGBA, Channel, Family, Kind, Packing  # noqa: E402
+from addon.core.map_types import CUSTOM_SUFFIX, PACKINGS, RGBA, Channel, Family, Packing  # noqa: E402
 from addon.core.naming import USUAL  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -92,9 +92,11 @@ def option_of(name: str, setting: kinds.Setting) -> str:
 
 def panel(shown: PanelSettings) -> str:
     """The settings of a panel, from top to bottom."""
+    switches = [one.switch for one in shown.settings.values()]
     rows = [
         (f"**{one.label}**", option_of(name, one), default_of(one), MEANINGS.get(name) or meaning_of(one))
         for name, one in shown.settings.items()
+        if switches.count(name) != 1  # its number says what holds without it
     ]
     if not any(option for _, option, _, _ in rows):
         return table(("setting", "default", "what it does"), ((name, *rest) for name, _, *rest in rows))
@@ -167,9 +169,6 @@ def formats() -> str:
     return table(("ending", "format", "bits per channel", "default", "values"), rows)
 
 
-OUTSIDE_FLOATS = {Kind.LABEL: "a color for each", Kind.NORMAL: code("normal = stored * 2 - 1")}
-
-
 def maps() -> str:
     """The maps beside the normal map, with the endings of their names."""
     rows = (
@@ -178,11 +177,10 @@ def maps() -> str:
             code(word_for(one.name)),
             endings_of(one),
             sentence(one.tooltip),
-            OUTSIDE_FLOATS.get(one.kind) or ("sRGB" if one.is_color else code(one.range.value)),
         )
         for one in map_types.OTHERS
     )
-    return table(("map", "`--maps`", "ending", "what it holds", "outside of float formats"), rows)
+    return table(("map", "`--maps`", "ending", "what it holds"), rows)
 
 
 SOURCES = {
@@ -245,7 +243,7 @@ def programs() -> str:
     rows = (
         (
             one.label,
-            one.preset,
+            "" if one.preset == one.label else one.preset,
             code(one.name),
             one.green,
             one.basis.label,
@@ -291,7 +289,7 @@ def engine_options() -> str:
     return table(("In the panel", "Options"), ((", ".join(names), code(said)) for said, names in by_options.items()))
 
 
-UNITS = {SHARE: "%, or a share from 0 to 1", COUNT: "a number", LENGTH: "scene units", SECONDS: "s", DEGREES: "deg"}
+UNITS = {SHARE: "%", COUNT: "a number", LENGTH: "scene units", SECONDS: "s", DEGREES: "deg"}
 
 
 def figures() -> str:

@@ -67,8 +67,8 @@ LEVELS: dict[str, Setting] = {
     ),
     "level_degrees": Text(
         label="Degrees",
-        tooltip="For each level, the largest angle between the normals that it shows with its map and those of "
-        "the mesh, on 99 % of the texels",
+        tooltip="For each level, the largest angle between its normals with its map and those of the mesh, on 99 % "
+        "of the texels",
         default=levels.DEGREES,
         option=None,
     ),
@@ -81,7 +81,7 @@ LEVELS: dict[str, Setting] = {
     ),
     "level_beside": Switch(
         label="Side by Side",
-        tooltip="Put the levels in a row beside the mesh, and not into it. A file of the export has all of them in one place",
+        tooltip="Put the levels in a row beside the mesh, and not into it. Exported files have all of them in one place",
         option=None,
     ),
 }
@@ -146,7 +146,7 @@ OUTPUT: dict[str, Setting] = {
     ),
     "range_limited": Switch(
         label="Set Range",
-        tooltip="Set what black and white stand for in maps of heights, distances and positions, so that those of several "
+        tooltip="Set what black and white stand for in maps of heights, distances and positions, so that several "
         "bakes fit together",
         empties=False,
         option=None,
@@ -190,8 +190,7 @@ OUTPUT: dict[str, Setting] = {
     ),
     "alpha": Switch(
         label="Alpha",
-        tooltip="Files have an alpha channel, which is 0 on the background and where rays hit nothing. Without it they are "
-        "smaller",
+        tooltip="Files have an alpha channel, which is 0 on the background and where rays hit nothing",
         default=True,
         option=Option(
             word="no-alpha",
@@ -200,8 +199,8 @@ OUTPUT: dict[str, Setting] = {
     ),
     "mip_files": Switch(
         label="Mip Levels",
-        tooltip="Also write the smaller mip levels to files, such as rock_normal_mip1.png. They average what the map covers, "
-        "and widened roughness keeps what the mean of the normals loses",
+        tooltip="Also write the smaller mip levels to files, such as rock_normal_mip1.png. They average what the "
+        "map covers",
     ),
     "material": Switch(
         label="Material",
@@ -225,8 +224,8 @@ OUTPUT: dict[str, Setting] = {
     ),
     "show_result": Switch(
         label="Show Result",
-        tooltip="After a bake, show the map in an open Image Editor and the low mesh with it in the 3D viewport: "
-        "with Material Preview instead of Solid, and the high objects hidden",
+        tooltip="After a bake, show the map in an open Image Editor and on the low mesh in the 3D viewport, and "
+        "hide the high objects",
         default=True,
         option=None,
     ),

@@ -36,8 +36,7 @@ MAP: dict[str, Setting] = {
             Item(
                 Method.AUTO,
                 "Auto",
-                "Flatten where the meshes share their UV layout, else Cast. "
-                "The report says which method was used, and why",
+                "Flatten where the meshes share their UV layout, else Cast",
             ),
             Item(Method.FLATTEN, "Flatten", "Draw the high mesh in UV space. Both meshes must share their UV layout"),
             Item(
@@ -73,7 +72,7 @@ MAP: dict[str, Setting] = {
     ),
     "targets": Flags(
         label="Target Engines",
-        tooltip="Programs for which the report says by how many degrees they are off when they read this tangent-space map",
+        tooltip="Engines for which the report says by how many degrees they are off with this tangent-space map",
         items=tuple(
             Item(target.name, target.label, f"It decodes with the basis {target.basis.label}")
             for target in targets.TARGETS
@@ -111,8 +110,8 @@ MAP: dict[str, Setting] = {
     "square": Switch(label="Square", tooltip="Use one size for width and height", default=True, option=None),
     "samples": Choice(
         label="Samples",
-        tooltip="Samples per texel, for antialiasing. Use 1 for a preview, and 4 or more for the final map: "
-        "4 samples take 2 to 3 times as long and leave a fifth of the error",
+        tooltip="Samples per texel: 1 for a preview, 4 or more for the final map. 4 take 2 to 3 times as long and "
+        "leave a fifth of the error",
         default=1,
         items=(
             Item(1, "1", "One sample, at the texel's center"),
@@ -122,8 +121,8 @@ MAP: dict[str, Setting] = {
     ),
     "adaptive": Switch(
         label="Adaptive Sampling",
-        tooltip="Take all samples only at borders and where the first ones differ. In 99 of 100 texels, the normal is within "
-        "0.02 degrees of the mean of all samples. Flatten and bakes of several maps take all samples everywhere",
+        tooltip="Take all samples only at borders and where the first ones differ: 99 of 100 texels are within "
+        "0.02 degrees of all samples. Flatten and bakes of several maps take all",
         default=True,
         option=Option(
             word="no-adaptive",
@@ -173,7 +172,7 @@ MAP: dict[str, Setting] = {
             Item(
                 Stacked.FIRST,
                 "First Part",
-                "The part whose faces come first in the mesh, as what was modeled before the copies of Mirror and Array",
+                "The part whose faces come first in the mesh, as before the copies of Mirror and Array",
             ),
             Item(
                 Stacked.LAST, "Last Part", "The part whose faces come last in the mesh, as the last copy of a modifier"
@@ -193,19 +192,17 @@ MAP: dict[str, Setting] = {
     ),
     "rest_pose": Switch(
         label="Rest Pose",
-        tooltip="Bake without the poses, shape keys and other deformers that only one of the high and low objects has. The "
-        "objects do not change",
+        tooltip="Bake without the poses, shape keys and other deformers that only one of the high and low objects has",
     ),
     "keep_faces": Switch(
         label="Keep Faces",
-        tooltip="Take the faces of the high mesh as they are. Without it, faces that point to the wrong side are turned over "
-        "for the bake, and those that are there twice or hidden behind the surface are left out. The object itself does not "
-        "change",
+        tooltip="Take the faces of the high mesh as they are. Otherwise the bake turns over those that point to "
+        "the wrong side, and leaves out those that are there twice or hidden behind the surface",
     ),
     "smooth_high": WholeNumber(
         label="Smooth High",
-        tooltip="How often the normals of the high mesh are averaged with those around them, against noise. The report says by "
-        "how many degrees they change. Hard edges stay",
+        tooltip="How often the normals of the high mesh are averaged with those around them, against noise. Hard "
+        "edges stay",
         default=0,
         least=0,
         most=MAX_SMOOTH,
@@ -213,15 +210,14 @@ MAP: dict[str, Setting] = {
     ),
     "limited": Switch(
         label="Set Limit",
-        tooltip="Set the distance between the high and the low surface above which a warning is shown. Without it, the check "
-        "Far counts from 5 % of the low mesh's radius on, and warns of nothing that is deep",
+        tooltip="Set the distance between the high and the low surface above which a warning is shown. Without it, "
+        "nothing that is deep is a warning",
         empties=False,
         option=None,
     ),
     "limit": Distance(
         label="Limit",
-        tooltip="Distance between the high and the low surface above which the check Far counts texels. Where it is set, a "
-        "warning names them",
+        tooltip="Distance between the high and the low surface above which the check Far counts texels",
         empty="5 % of the low mesh's radius",
         switch="limited",
         shown=0.1,
@@ -247,7 +243,7 @@ def _channel(name: str, usual: str, more: str = "") -> Choice:
         tooltip=f"Axis of the normal that the {name.lower()} channel stores{more}",
         default=f"+{usual}",
         items=tuple(items),
-        option=Option(metavar="AXIS", explains=False, note=f"One of {', '.join(item.value.lower() for item in items)}"),
+        option=Option(explains=False),
     )
 
 
@@ -419,8 +415,8 @@ MAPS: dict[str, Setting] = {
     ),
     "exact_materials": Choice(
         label="Exact Materials",
-        tooltip="Who evaluates the inputs of the high meshes' materials that Imprint does not follow itself, such as noise and "
-        "mixes of textures",
+        tooltip="Who evaluates inputs of the high meshes' materials that Imprint does not follow, such as noise "
+        "and mixes of textures",
         default=ExactMaterials.AUTO,
         items=(
             Item(ExactMaterials.AUTO, "Auto", "Cycles does, at the points that the map shows"),
