@@ -62,7 +62,7 @@ def _problem(path: str) -> str:
 
 
 def map_files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = ()) -> Iterator[tuple[str, str]]:
-    """The files that a bake of the object `low` writes, as planned_files.files returns them."""
+    """The files that a bake of the object `low` writes, as map_names.planned_files returns them."""
     settings = arguments.settings(options)
     if not of_frames:
         output = naming.fill(settings.storing.output, low, low_suffix=settings.storing.low_suffix)

@@ -73,7 +73,7 @@ def set_source_objects(image: bpy.types.Image, highs: Iterable[str]) -> None:
 def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool, color_space: str = "") -> bpy.types.Image:
     """The image `name`, made if missing, with `texels`, (height, width, 4) float32, in memory or packed.
 
-    color_space: of the texels, as in color_spaces.assign.
+    color_space: of the texels, as in `assign_color_space`.
     """
     height, width = texels.shape[:2]
     image = get(name)
@@ -106,7 +106,7 @@ def show(name: str, path: str, *, pack: bool = False, color_space: str = "") -> 
     """The image `name`, made if missing, with the file at `path`, or with a tile for each file of a path with TOKEN.
 
     Tiles of the image that have no file stay, empty. pack: pack the tiles, and clear the path of the files.
-    color_space: as in color_spaces.assign.
+    color_space: as in `assign_color_space`.
     """
     image = get(name) or bpy.data.images.new(name, 1, 1, is_data=True)
     is_tiled = TOKEN in path

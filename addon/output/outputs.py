@@ -88,7 +88,7 @@ class MapWriter:
     number, and threads write them while the caller goes on. Use it in a `with` block, or call `discard` at the end.
 
     is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
-    color_spaces.assign. is_packed: whether alpha holds a map. is_gray: whether all colors of a texel are the same. queue:
+    `assign_color_space`. is_packed: whether alpha holds a map. is_gray: whether all colors of a texel are the same. queue:
     what writes the files. Without one, it has its own. has_image: whether an image datablock shows the files. baked, kept: the
     parts of a map that several low objects share, and those whose texels stay as they are. kept_tiles: in which these
     were found.

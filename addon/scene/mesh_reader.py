@@ -135,7 +135,7 @@ def surface(
     """Read positions, corner normals and triangles of `data`, UVs unless `uv_layer` is empty, and faces if `with_faces`.
 
     Triangles with NaN or infinite values are left out and counted. is_drawn_in_uv: whether this includes values of UVs, for a
-    mesh that is drawn in UV space. copied: copies `data`, as mesh_copies.copied has it.
+    mesh that is drawn in UV space. copied: copies `data`, as the function `copied` returns it.
     """
     corners = len(data.loops)
     part = partial(part_of_copy, data, copied)
