@@ -2,6 +2,7 @@
 """Tests of bakes in processes of their own: one that crashes, hangs or takes too much memory ends alone."""
 
 import errno
+import gc
 import io
 import json
 import os
@@ -9,6 +10,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +22,6 @@ from addon.cli import (
     arguments,
     clashes,
     command,
-    interruption,
     job_file,
     plans,
     run_report,
@@ -32,7 +33,7 @@ from addon.cli.options import RunOptions
 from addon.cli.run_report import Entry
 from addon.cli.terminal import Meter
 from addon.cli.work_queue import WorkQueue
-from addon.cli.worker_process import Answer, FilesFound, Percent, Ready
+from addon.cli.worker_messages import Answer, Begun, FilesFound, Gone, Percent, Ready
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
 from addon.jobs import job
@@ -225,137 +226,163 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
         assert [(done.state, turns.count) for done in results] == [("done", left) for left in (2, 1, 0, 0)]
 
 
-@pytest.mark.parametrize(
-    ("busy_for", "is_ready", "has_lost", "left", "expected"),
-    [
-        (4.0, True, False, 1, 1),
-        (6.0, True, False, 1, 2),  # more than half of the limit
-        (6.0, True, False, 0, 1),
-        (0.0, True, True, 1, 2),
-        (0.0, False, True, 1, 1),
-        (None, True, True, 1, 1),
-    ],
-)
-def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is_ready, has_lost, left, expected):
-    """busy_for: seconds that the only worker has its bake; None if it has none."""
-    monkeypatch.setattr(worker_pool, "Worker", lambda *_: made(plan=None, is_ready=False))
-    watching = worker_pool.WorkerPool(RunOptions(timeout=10.0))
-    watching._has_crashed = has_lost
-    plan = None if busy_for is None else object()
-    watching._workers.append(made(plan=plan, is_ready=is_ready, begun=time.monotonic() - (busy_for or 0.0)))
-    for _ in range(2):
-        watching._fill(left)
-        assert len(watching._workers) == expected
+class StandIn:
+    """A worker without a process.
+
+    fate: it "bakes", at once or after it "waits", "crashes" or "hangs" in a bake, "leaves" before it, "dies" before Blender has
+    started, or "ends" after a bake. sends: more messages, after it is ready. most: as in Ready.
+    """
+
+    log, memory, chain, is_stuck, bakes_left = "", 0, 0, False, -1
+
+    def __init__(self, messages, fate, sends=(), most=0):
+        self.fate, self.assigned, self.answered = fate, None, []
+        self.is_ready = self.is_well = self.has_begun = self.has_ended = self.is_closed = False
+        self.started = self.begun = time.monotonic()
+        self._send = lambda *found: [messages.put((self, each)) for each in found]
+        self._send(Gone()) if fate == "dies" else self._send(Ready(most), *sends)
+
+    @property
+    def plan(self):
+        return self.assigned and self.assigned.plan
+
+    def begin(self, _setup, assigned):
+        self.assigned, self.has_begun, self.begun = assigned, False, time.monotonic()
+        done = Entry(self.plan.number, self.plan.name)
+        busy = [each for each in self.others if each and each.plan and not each.is_closed]
+        assert len(busy) <= self.workers
+        if self.fate == "leaves":
+            return self._send(Gone())
+        self._send(Begun(), *{"crashes": [Gone()], "hangs": [], "waits": []}.get(self.fate, [done]))
+        if self.fate == "waits":
+            threading.Timer(0.2, self._send, [done]).start()
+        self.has_ended = self.fate == "ends"
+        return None
+
+    def kill(self, _seconds=0.0):
+        if self.plan:  # too late
+            self._send(Entry(self.plan.number, self.plan.name))
+
+    def end(self):
+        return worker_process.Ending("exit code 9", "", lacked_memory=False)
+
+    def answer(self, message):
+        self.answered.append(message)
+
+    def last_printed(self, *_):
+        return ""
+
+    def close(self, *_):
+        self.is_closed = True
+
+    crash_output, ask_to_stop, dismiss = last_printed, answer, last_printed
 
 
-def made(*, plan, is_ready, begun=0.0):
-    """Stands for a worker."""
-    return SimpleNamespace(plan=plan, begun=begun, is_well=is_ready, is_ready=is_ready, close=lambda: None)
+class Waiting(WorkQueue):
+    """A queue whose bakes other machines have at first, for so many looks."""
+
+    def __init__(self, planned, looks):
+        super().__init__(planned)
+        self.looks = looks
+
+    def next(self, taken=()):
+        self.looks -= 1
+        return None if self.looks >= 0 else super().next(taken)
 
 
-def dying(made_):
-    """A function that stands for Worker: what it starts ends before Blender starts, and is appended to `made_`."""
+@pytest.fixture
+def pool(monkeypatch):
+    """Bakes in a pool of stand-ins. Returns the states of the bakes by their numbers; `pool.made` has the stand-ins."""
+    monkeypatch.setattr(worker_pool, "LOOK_EVERY", 0.005)
 
-    def make(*_):
-        worker_ = made(plan=None, is_ready=False)
-        worker_.end = lambda: worker_process.Ending("exit code 9", "", lacked_memory=False)
-        worker_.last_printed, worker_.crash_output = str, str
-        made_.append(worker_)
-        return worker_
+    def bake(count, *fates, looks=0, **options):
+        """fates: of the workers in their order, the last one for all others: a word, the arguments of StandIn, or None for one
+        that cannot be started."""
+        bake.made = []
 
-    return make
+        def make(messages, _sandbox):
+            fate = fates[min(len(bake.made), len(fates) - 1)]
+            bake.made.append(fate and StandIn(messages, *([fate] if isinstance(fate, str) else fate)))
+            if fate is None:
+                raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+            bake.made[-1].others, bake.made[-1].workers = bake.made, options.get("workers", 1)
+            return bake.made[-1]
 
+        monkeypatch.setattr(worker_pool, "Worker", make)
+        planned = [
+            plans.Plan("a", SimpleNamespace(save_blend=None, export=None), number=number + 1) for number in range(count)
+        ]
+        with Meter(io.StringIO()) as meter, worker_pool.WorkerPool(RunOptions(**options)) as started:
+            found = list(started.bake_all(Waiting(planned, looks), clashes.RunFiles(), meter))
+        assert sorted(each.number for each in found) == list(range(1, count + 1))
+        return {each.number: str(each.cause or each.state) for each in found}
 
-def failing(made_):
-    """A function that stands for Worker and cannot start one."""
-
-    def make(*_):
-        made_.append(None)
-        raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
-
-    return make
-
-
-@pytest.mark.parametrize("start_", [dying, failing])
-@pytest.mark.parametrize(("count", "expected"), [(1, 1), (2, 3)])
-def test_workers_that_do_not_start_end_no_run_while_another_is_well(monkeypatch, start_, count, expected):
-    """A spare one is tried once, others three times, and again once the other has ended."""
-    made_ = []
-    monkeypatch.setattr(worker_pool, "Worker", start_(made_))
-    watching = worker_pool.WorkerPool(RunOptions(workers=count))
-    watching._has_crashed = True
-    well = made(plan=object(), is_ready=True)
-    watching._workers.append(well)
-
-    def fill():
-        watching._fill(9)
-        for worker_ in watching._workers[1:]:
-            assert list(watching._handle_exit(worker_)) == []
-
-    for _ in range(9):
-        fill()
-        assert watching._workers == [well]
-    assert len(made_) == expected
-    watching._remove(well)
-    watching._workers.append(made(plan=object(), is_ready=True))
-    fill()
-    assert len(made_) > expected
+    return bake
 
 
-def test_without_another_worker_the_third_that_ends_unready_ends_the_run(monkeypatch):
+def states(count, **others):
+    return dict.fromkeys(range(1, count + 1), "done") | {int(name[1:]): state for name, state in others.items()}
+
+
+def test_a_spare_worker_starts_in_the_second_half_of_the_limit(pool):
+    """It bakes at once when the other is ended. What that one still sends is ignored."""
+    assert pool(2, "hangs", "bakes", timeout=0.6) == states(2, _1="timeout")
+    first, spare = pool.made
+    assert 0.3 < spare.started - first.begun < 0.55 < spare.begun - first.begun
+    pool(1, "hangs", "bakes", timeout=0.2)
+    assert len(pool.made) == 1  # nothing is left for one
+    pool(2, "bakes", timeout=0.6)
+    assert len(pool.made) == 1
+
+
+def test_a_spare_worker_starts_after_a_crash(pool):
+    assert pool(4, "crashes", "bakes") == states(4, _1="crash")
+    assert len(pool.made) == 3
+
+
+@pytest.mark.parametrize("others", ["dies", None])
+def test_workers_that_do_not_start_end_no_run_while_another_is_well(pool, others):
+    """They are tried three times, and a spare one once."""
+    assert pool(2, "waits", others, workers=2) == states(2)
+    assert len(pool.made) <= 1 + 2 * worker_pool.MOST_STARTS  # before the first bake begins, and after it
+    assert pool(3, "crashes", "waits", others) == states(3, _1="crash")
+    assert len(pool.made) == 3
+
+
+def test_workers_are_tried_again_when_the_one_that_is_well_has_ended(pool):
+    tries = worker_pool.MOST_STARTS - 1  # before it begins its bake, from when they are counted anew
+    dying = ["dies"] * (tries + worker_pool.MOST_STARTS + worker_pool.MOST_STARTS - 1)
+    assert pool(3, ("waits", (), 1), *dying, "bakes", workers=2) == states(3)
+
+
+def test_a_bake_whose_workers_leave_before_it_is_given_to_others(pool):
+    assert pool(2, "leaves", "leaves", "bakes") == states(2)
+    assert pool(1, "leaves") == states(1, _1="crash")
+    assert len(pool.made) == worker_pool.MOST_SENT
+
+
+@pytest.mark.parametrize("others", ["dies", None])
+def test_without_another_worker_the_third_that_does_not_start_ends_the_run(pool, others):
     """Those that ended while another was well do not count."""
-    monkeypatch.setattr(worker_pool, "Worker", dying([]))
-    watching = worker_pool.WorkerPool(RunOptions(workers=2))
-    well = made(plan=object(), is_ready=True)
-    watching._workers.append(well)
-    for _ in range(2):
-        watching._fill(9)
-        assert list(watching._handle_exit(watching._workers[-1])) == []
-    watching._remove(well)
-    for _ in range(2):
-        watching._fill(1)
-        assert list(watching._handle_exit(watching._workers[-1])) == []
-    watching._fill(1)
     with pytest.raises(NoGpu, match=r"^Blender does not start here: exit code 9\.$"):
-        list(watching._handle_exit(watching._workers[-1]))
+        pool(9, "dies", others, workers=2)
+    assert len(pool.made) == worker_pool.MOST_STARTS + 1  # two start at once
+    assert pool(4, ("waits", (), 1), "dies", "dies", ("waits", (), 1), "dies", "dies", "bakes") == states(4)
 
 
-def test_a_worker_that_ends_unready_ends_the_run_after_others_could_not_be_started(monkeypatch):
-    made_ = []
-    first = dying(made_)(None)
-    monkeypatch.setattr(worker_pool, "Worker", failing(made_))
-    watching = worker_pool.WorkerPool(RunOptions(workers=2))
-    watching._workers.append(first)
-    watching._fill(9)
-    assert len(made_) == 1 + worker_pool.MOST_STARTS
-    with pytest.raises(NoGpu):
-        list(watching._handle_exit(first))
-
-
-def test_workers_that_end_between_their_start_and_their_first_bake_are_not_started_for_ever(monkeypatch):
+def test_workers_that_end_between_their_start_and_their_first_bake_are_not_started_for_ever(pool):
     """As where other machines have all bakes that are left."""
-    made_ = []
-    monkeypatch.setattr(worker_pool, "Worker", dying(made_))
-    watching = worker_pool.WorkerPool(RunOptions())
-
-    def fill():
-        watching._fill(1)
-        made_[-1].is_ready = True
-        return list(watching._handle_exit(made_[-1]))
-
-    for _ in range(worker_pool.MOST_STARTS - 1):
-        assert fill() == []
     with pytest.raises(NoGpu, match=r"^Blender ends here before it bakes: exit code 9\.$"):
-        fill()
-    assert len(made_) == worker_pool.MOST_STARTS
+        pool(1, ("bakes", [Gone()]), looks=10**6)
+    assert len(pool.made) == worker_pool.MOST_STARTS
 
 
-def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch):
-    monkeypatch.setattr(worker_pool, "Worker", failing([]))
-    before = list(interruption._at_end)
+def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(pool):
+    before = len(gc.get_referrers(worker_pool.WorkerPool))
     with pytest.raises(BakeError, match="A process to bake in could not be started: Resource temporarily"):
-        worker_pool.WorkerPool(RunOptions()).__enter__()
-    assert interruption._at_end == before
+        pool(1, None)
+    gc.collect()
+    assert len(gc.get_referrers(worker_pool.WorkerPool)) == before
 
 
 @pytest.mark.slow
@@ -366,17 +393,6 @@ def test_after_a_crash_there_is_a_spare_worker(folder, monkeypatch, name, expect
     monkeypatch.setattr(worker_pool, "Worker", lambda *more: made_.append(make(*more)) or made_[-1])
     command.run(jobs(folder, name, "a", "b", "c"), may_start_processes=True)
     assert len(made_) == expected
-
-
-def test_a_spare_worker_bakes_when_another_has_ended():
-    watching = worker_pool.WorkerPool(RunOptions())
-    first, spare = (made(plan=object(), is_ready=True), made(plan=None, is_ready=True))
-    watching._workers += [first, spare]
-    assert watching._free() == []
-    first.plan = None
-    assert watching._free() == [first]
-    watching._workers.remove(first)
-    assert watching._free() == [spare]
 
 
 def test_messages_about_progress_are_few():
@@ -605,50 +621,22 @@ def test_a_blender_that_does_not_start_is_one_sentence(folder, monkeypatch):
     assert process.stderr == "imprint: Blender does not start here: exit code 9.\n"
 
 
-def test_what_a_worker_sends_without_a_bake_is_ignored():
+def test_what_a_worker_sends_without_a_bake_is_ignored(pool):
     """As one may that a file has taken over."""
-    answered = []
-    worker_ = SimpleNamespace(plan=None, is_ready=True, answer=answered.append)
-    watching = worker_pool.WorkerPool(RunOptions())
-    watching._workers.append(worker_)
-    for message in (Entry(1, "a"), FilesFound(), Ready()):
-        watching._messages.put((worker_, message))
-        assert list(watching._receive(None, None)) == []
-    assert answered == [None] * 3
+    assert pool(1, ("bakes", [Entry(1, "b"), FilesFound(), Ready()]), looks=20) == states(1)
+    assert pool.made[0].answered[:3] == [None] * 3
 
 
-def test_messages_of_a_worker_that_was_ended_are_ignored():
-    watching = worker_pool.WorkerPool(RunOptions())
-    watching._workers.append(made(plan=None, is_ready=True))
-    watching._messages.put((made(plan=object(), is_ready=True), Entry(1, "a")))
-    assert list(watching._receive(None, None)) == []
+def test_a_worker_that_ends_while_it_has_no_bake_is_replaced(pool):
+    assert pool(2, "ends", "bakes") == states(2)
+    assert len(pool.made) == 2
 
 
-def test_a_worker_without_a_bake_that_ends_is_replaced(monkeypatch):
-    idle = dying([])(None)
-    idle.is_ready = idle.is_well = idle.has_ended = True
-    watching = worker_pool.WorkerPool(RunOptions())
-    watching._workers.append(idle)
-    assert list(watching._check_limits()) == []
-    assert watching._workers == []
-
-
-@pytest.mark.parametrize(("most", "expected"), [(3, 3), (0, 9)])
-def test_a_worker_is_replaced_after_the_bakes_that_it_may_do(most, expected):
+@pytest.mark.parametrize(("most", "expected"), [(3, 3), (0, 1)])
+def test_a_worker_is_replaced_after_the_bakes_that_it_may_do(pool, most, expected):
     """Blender's Vulkan backend leaves mappings of memory behind each bake."""
-    watching = worker_pool.WorkerPool(RunOptions())
-    worker_ = dying([])(None)
-    worker_.is_ready, worker_.answer, worker_.log = False, lambda _: None, ""
-    watching._workers.append(worker_)
-    assert list(watching._handle(worker_, Ready(most), None, None)) == []
-    for number in range(1, 10):
-        worker_.plan = SimpleNamespace(number=number, name="a", chain=0)
-        worker_.assigned = SimpleNamespace(plan=worker_.plan)
-        (entry,) = watching._handle(worker_, Entry(number, "a"), None, None)
-        if not watching._workers:
-            break
-    assert (entry.number, len(watching._workers)) == (expected, int(not most))
-    assert not watching._has_crashed
+    assert pool(9, ("bakes", (), most)) == states(9)
+    assert len(pool.made) == expected
 
 
 def test_a_worker_on_vulkan_may_do_a_hundred_bakes(monkeypatch):
