@@ -47,7 +47,12 @@ FILLED = 0.98
 
 @dataclass(frozen=True)
 class Detail:
-    """How closely is looked. views: their number, evenly spread over the sphere. side: of a picture, in pixels."""
+    """How closely is looked.
+
+    Attributes:
+        views: Their number, evenly spread over the sphere.
+        side: Of a picture, in pixels.
+    """
 
     views: int = 40
     side: int = 512
@@ -61,8 +66,10 @@ USUAL = Detail()
 class ShownMap:
     """A normal map as programs read it.
 
-    tiles: by UDIM tile, its texels (rows, columns, 4) float32 as they are stored, of the same size; without UDIM a single one,
-    which repeats. read: from lit.reading.
+    Attributes:
+        tiles: By UDIM tile, its texels (rows, columns, 4) float32 as they are stored, of the same size; without UDIM a single
+            one, which repeats.
+        read: From lit.reading.
     """
 
     tiles: Mapping[int, np.ndarray]
@@ -74,12 +81,16 @@ class ShownMap:
 class Appearance:
     """What was seen.
 
-    mean, median, percentile_95, percentile_99, maximum: of the shading error in degrees, over all pixels that both cover.
-    silhouette: the share of the pixels of either that one covers alone. distance: between both surfaces along the view, at the
-    99th percentile, as a share of the diagonal of the box around both. pixels: the number compared. worst_view: the direction
-    (3,) in world space towards the viewer who sees the largest mean error. squares: by UDIM tile, the mean error on each square
-    of the map, (rows, columns) float32, in degrees; views count by how straight they meet the square. NaN where none does.
-    places: as SeenHighs has them, (N,), the sum of the errors that all viewers see there, who count in the same way.
+    Attributes:
+        mean, median, percentile_95, percentile_99, maximum: Of the shading error in degrees, over all pixels that both cover.
+        silhouette: The share of the pixels of either that one covers alone.
+        distance: Between both surfaces along the view, at the 99th percentile, as a share of the diagonal of the box around
+            both.
+        pixels: The number compared.
+        worst_view: The direction (3,) in world space towards the viewer who sees the largest mean error.
+        squares: By UDIM tile, the mean error on each square of the map, (rows, columns) float32, in degrees; views count by how
+            straight they meet the square. NaN where none does.
+        places: As SeenHighs has them, (N,), the sum of the errors that all viewers see there, who count in the same way.
     """
 
     mean: float
@@ -297,8 +308,13 @@ class SeenHighs:
 
 @dataclass(frozen=True)
 class _InView:
-    """The places that one viewer sees. which: (S,) int, their numbers. pixels: (S,) int, their pixels, row by row. facing:
-    (S,), how straight the viewer meets the surface, from 0 to 1."""
+    """The places that one viewer sees.
+
+    Attributes:
+        which: (S,) int, their numbers.
+        pixels: (S,) int, their pixels, row by row.
+        facing: (S,), how straight the viewer meets the surface, from 0 to 1.
+    """
 
     which: np.ndarray
     pixels: np.ndarray
@@ -336,7 +352,11 @@ def directions(count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Frame:
-    """What a picture shows: the sphere around all meshes, in a local space. diagonal: of the box around them."""
+    """What a picture shows: the sphere around all meshes, in a local space.
+
+    Attributes:
+        diagonal: Of the box around them.
+    """
 
     center: np.ndarray
     radius: float
@@ -379,7 +399,12 @@ def _uploaded(high: Mesh, points: np.ndarray, triangles: np.ndarray) -> gpu.type
 
 @dataclass(frozen=True)
 class _Squares:
-    """The squares of a map. tiles: their UDIM numbers. size: columns and rows of squares on each."""
+    """The squares of a map.
+
+    Attributes:
+        tiles: Their UDIM numbers.
+        size: Columns and rows of squares on each.
+    """
 
     tiles: Sequence[int]
     size: tuple[int, int]

@@ -151,9 +151,12 @@ _BLENDERS = {bases.of_engine("CYCLES"), bases.of_engine("BLENDER_EEVEE")}
 
 @dataclass(frozen=True)
 class Finding:
-    """One of KINDS, with a sentence about it. template: one of SENTENCES. values: to fill in.
+    """One of KINDS, with a sentence about it.
 
-    harms: whether the map is wrong in another program.
+    Attributes:
+        template: One of SENTENCES.
+        values: To fill in.
+        harms: Whether the map is wrong in another program.
     """
 
     kind: str

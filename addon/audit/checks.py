@@ -41,8 +41,11 @@ Checks = dict[str, Check]
 class Findings:
     """The results of the audit.
 
-    triangles: "high" and "low". coverage, margin: shares of all texels. missed: share of the low mesh's texels whose ray hit
-    nothing. checks: as in Report.checks.
+    Attributes:
+        triangles: "high" and "low".
+        coverage, margin: Shares of all texels.
+        missed: Share of the low mesh's texels whose ray hit nothing.
+        checks: As in Report.checks.
     """
 
     triangles: dict[str, int]
@@ -210,8 +213,12 @@ def _gaps(low: Mesh, tiles: Sequence[int], sampling: SamplingSettings, *, overla
 
 @dataclass(frozen=True)
 class _Placement:
-    """How far the surfaces are apart. offset (3,): of the high meshes as wholes, which does not count. beyond: the share of the
-    texels that are farther apart than `usual`, the default limit or a larger one, in scene units."""
+    """How far the surfaces are apart.
+
+    Attributes:
+        offset (3,): Of the high meshes as wholes, which does not count.
+        beyond: The share of the texels that are farther apart than `usual`, the default limit or a larger one, in scene units.
+    """
 
     offset: np.ndarray
     beyond: float

@@ -22,7 +22,9 @@ MOST = 4096
 class Found:
     """The texels of one tile that `grid` selects, (height, width) bool each.
 
-    covered: by the mesh. close, border: of the covered ones, those too close to another island, or to the border.
+    Attributes:
+        covered: By the mesh.
+        close, border: Of the covered ones, those too close to another island, or to the border.
     """
 
     covered: np.ndarray

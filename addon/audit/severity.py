@@ -201,7 +201,11 @@ _HIDES: Mapping[str, frozenset[str]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Warned:
-    """A warning, as a sentence. kind: of Report.checks, or one of this module; empty for one that stands for itself."""
+    """A warning, as a sentence.
+
+    Attributes:
+        kind: Of Report.checks, or one of this module; empty for one that stands for itself.
+    """
 
     text: str
     kind: str = ""

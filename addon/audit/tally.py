@@ -48,10 +48,14 @@ COMPARED = np.s_[::4, ::4]
 
 @dataclass
 class Tally:
-    """The numbers of texels in all tiles of a map. written, margin, missed: by state, of all `texels`.
+    """The numbers of texels in all tiles of a map.
 
-    compared: normals that were compared with the low mesh's; turned_away: those that point into the low mesh; leaning: those
-    that differ from its normal. backwards: texels whose z is 0 or less.
+    Attributes:
+        written, margin, missed: By state, of all `texels`.
+        compared: Normals that were compared with the low mesh's.
+        turned_away: Those that point into the low mesh.
+        leaning: Those that differ from its normal.
+        backwards: Texels whose z is 0 or less.
     """
 
     written: int = 0

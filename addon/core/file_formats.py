@@ -15,8 +15,11 @@ USUAL_DEPTH = 16
 class FileFormat:
     """One format.
 
-    label: its name in Blender's interface. endings: its file endings in lower case, the usual one first. depths: the bits per
-    channel that it supports, in ascending order. is_float: whether it stores floats, rather than steps from 0 to 1.
+    Attributes:
+        label: Its name in Blender's interface.
+        endings: Its file endings in lower case, the usual one first.
+        depths: The bits per channel that it supports, in ascending order.
+        is_float: Whether it stores floats, rather than steps from 0 to 1.
     """
 
     label: str

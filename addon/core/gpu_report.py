@@ -30,9 +30,12 @@ class Verdict(StrEnum):
 class Outcome:
     """One check of the driver, or one map.
 
-    name: of the check, or of the pair and the map. note: what was measured, or what is wrong, in a sentence. differing: of
-    `texels`, those that differ from the answer. worst: the largest difference in `unit`, which is "degrees", or empty for
-    plain numbers. All three are None for checks, and for maps that could not be drawn.
+    Attributes:
+        name: Of the check, or of the pair and the map.
+        note: What was measured, or what is wrong, in a sentence.
+        differing: Of `texels`, those that differ from the answer.
+        worst: The largest difference in `unit`, which is "degrees", or empty for plain numbers. All three are None for checks,
+            and for maps that could not be drawn.
     """
 
     name: str
@@ -61,7 +64,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Timed:
-    """A stage. value: the median, in `unit`. note: of what, in a few words."""
+    """A stage.
+
+    Attributes:
+        value: The median, in `unit`.
+        note: Of what, in a few words.
+    """
 
     name: str
     value: float
@@ -75,7 +83,12 @@ class Timed:
 
 @dataclass
 class GpuReport:
-    """What was found. machine, limits: as the system and Blender name them. seconds: of all of it."""
+    """What was found.
+
+    Attributes:
+        machine, limits: As the system and Blender name them.
+        seconds: Of all of it.
+    """
 
     machine: dict[str, str] = field(default_factory=dict)
     limits: dict[str, int | str] = field(default_factory=dict)

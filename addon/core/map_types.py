@@ -72,12 +72,18 @@ class Family(StrEnum):
 class MapType:
     """One map.
 
-    name: in settings and job files. label, tooltip: in the interface. suffix: the ending of the names of its image and files;
-    empty for the map that the settings name. short_suffix: the same in names such as T_rock_N, if there is a usual one. range:
-    only for maps of numbers. labeled: only for maps of labels. index: in the shader that draws the family. is_deep: whether the
-    map has the depth of the settings, rather than the lowest depth of the format. socket: of the Principled BSDF, for maps of
-    materials. is_color: whether the values are scene-linear colors, which formats without floats store as sRGB. is_vector:
-    whether the channels are the coordinates of points or vectors.
+    Attributes:
+        name: In settings and job files.
+        label, tooltip: In the interface.
+        suffix: The ending of the names of its image and files; empty for the map that the settings name.
+        short_suffix: The same in names such as T_rock_N, if there is a usual one.
+        range: Only for maps of numbers.
+        labeled: Only for maps of labels.
+        index: In the shader that draws the family.
+        is_deep: Whether the map has the depth of the settings, rather than the lowest depth of the format.
+        socket: Of the Principled BSDF, for maps of materials.
+        is_color: Whether the values are scene-linear colors, which formats without floats store as sRGB.
+        is_vector: Whether the channels are the coordinates of points or vectors.
     """
 
     name: str
@@ -325,7 +331,11 @@ RGBA = ("red", "green", "blue", "alpha")
 
 @dataclass(frozen=True)
 class Channel:
-    """The content of a channel: a map, or the number `constant` where `map` is empty. is_inverted: 1 - value."""
+    """The content of a channel: a map, or the number `constant` where `map` is empty.
+
+    Attributes:
+        is_inverted: 1 - value.
+    """
 
     map: str = ""
     is_inverted: bool = False
@@ -345,8 +355,12 @@ WHITE = Channel(constant=1.0)
 
 @dataclass(frozen=True)
 class Packing:
-    """A layout. suffix, short_suffix: the endings of the names of its image and files, as those of a MapType. channels: red,
-    green, blue and alpha."""
+    """A layout.
+
+    Attributes:
+        suffix, short_suffix: The endings of the names of its image and files, as those of a MapType.
+        channels: Red, green, blue and alpha.
+    """
 
     suffix: str
     channels: tuple[Channel, Channel, Channel, Channel]

@@ -22,7 +22,11 @@ class Extension(StrEnum):
 
 @dataclass(frozen=True)
 class Constant:
-    """The same value everywhere. color: red, green, blue and alpha, scene-linear; numbers have three equal channels."""
+    """The same value everywhere.
+
+    Attributes:
+        color: Red, green, blue and alpha, scene-linear; numbers have three equal channels.
+    """
 
     color: tuple[float, float, float, float]
 
@@ -31,7 +35,9 @@ class Constant:
 class Limits:
     """Limits of what a texture has, before scale and offset.
 
-    low, high: of the value, by channel. least, most: of red, green and blue before LUMINANCE or AVERAGE weighs them.
+    Attributes:
+        low, high: Of the value, by channel.
+        least, most: Of red, green and blue before LUMINANCE or AVERAGE weighs them.
     """
 
     low: tuple[float, float, float] = (-math.inf, -math.inf, -math.inf)
@@ -47,12 +53,15 @@ NO_LIMITS = Limits()
 class ImageFeed:
     """A value from an image.
 
-    image: the key that `load_image` takes. tiles: UDIM numbers of a tiled image; empty for a single image, which extends by
-    `extension`. uv_layer: empty for each mesh's active render layer. mapping: the first two rows of the affine matrix (2, 3)
-    that takes (u, v, 1) to the image's coordinates. channel: 0 to 3 for one channel, in which case all
-    three of the value are equal; None for the color; LUMINANCE or AVERAGE where a color or a vector feeds a number. is_smooth:
-    linear interpolation, rather than the closest pixel. limits, scale, offset: of the value, after all else and in this order:
-    value * scale + offset.
+    Attributes:
+        image: The key that `load_image` takes.
+        tiles: UDIM numbers of a tiled image; empty for a single image, which extends by `extension`.
+        uv_layer: Empty for each mesh's active render layer.
+        mapping: The first two rows of the affine matrix (2, 3) that takes (u, v, 1) to the image's coordinates.
+        channel: 0 to 3 for one channel, in which case all three of the value are equal; None for the color; LUMINANCE or
+            AVERAGE where a color or a vector feeds a number.
+        is_smooth: Linear interpolation, rather than the closest pixel.
+        limits, scale, offset: Of the value, after all else and in this order: value * scale + offset.
     """
 
     image: str
@@ -71,9 +80,11 @@ class ImageFeed:
 class ImagePixels:
     """The pixels of an image, or of one tile of it.
 
-    values (h, w, 4) float32, row 0 at v = 0: scene-linear or data, or with is_srgb as sRGB stores colors. is_byte: whether
-    they are whole steps of 1/255, so that 8 bits hold them. weighs_alpha: whether colors, which are not multiplied with their
-    alpha, count by it where pixels are averaged: what is transparent does not color what is beside it.
+    Attributes:
+        values (h, w, 4) float32: Row 0 at v = 0: scene-linear or data, or with is_srgb as sRGB stores colors.
+        is_byte: Whether they are whole steps of 1/255, so that 8 bits hold them.
+        weighs_alpha: Whether colors, which are not multiplied with their alpha, count by it where pixels are averaged: what is
+            transparent does not color what is beside it.
     """
 
     values: np.ndarray
@@ -86,7 +97,8 @@ class ImagePixels:
 class AttributeFeed:
     """A value from an attribute of the mesh, of any domain.
 
-    name: empty for the color attribute that is set to render. Others as in ImageFeed.
+    Attributes:
+        name: Empty for the color attribute that is set to render. Others as in ImageFeed.
     """
 
     name: str
@@ -100,8 +112,11 @@ class AttributeFeed:
 class ExactFeed:
     """A value that Cycles evaluates at the hits.
 
-    material: HighMaterial.key. socket: whose value it is. layers: the keys of Mesh.layers that its nodes read. is_of_object:
-    whether they read the object, so that the instances of a mesh differ.
+    Attributes:
+        material: HighMaterial.key.
+        socket: Whose value it is.
+        layers: The keys of Mesh.layers that its nodes read.
+        is_of_object: Whether they read the object, so that the instances of a mesh differ.
     """
 
     material: int
@@ -119,7 +134,11 @@ LUMINANCE_WEIGHTS = (0.2126390, 0.7151687, 0.0721923)
 
 @dataclass(frozen=True)
 class NormalMapFeed:
-    """A tangent-space normal map of a high mesh. uv_layer: of its tangents; empty for the active render layer."""
+    """A tangent-space normal map of a high mesh.
+
+    Attributes:
+        uv_layer: Of its tangents; empty for the active render layer.
+    """
 
     image: ImageFeed
     uv_layer: str = ""
@@ -144,9 +163,12 @@ DetailFeed: TypeAlias = NormalMapFeed | BumpFeed
 class HighMaterial:
     """A material of the high meshes.
 
-    feeds: by the name of the Principled BSDF's socket, as Blender's interface spells it. The map of a missing socket is not
-    known on this material. "Emission Color" includes the strength. detail: what moves the normals. notes: sentences about what
-    could not be followed, by socket: "Normal" for `detail`, "" for the whole material. key: tells materials of one name apart.
+    Attributes:
+        feeds: By the name of the Principled BSDF's socket, as Blender's interface spells it. The map of a missing socket is not
+            known on this material. "Emission Color" includes the strength.
+        detail: What moves the normals.
+        notes: Sentences about what could not be followed, by socket: "Normal" for `detail`, "" for the whole material.
+        key: Tells materials of one name apart.
     """
 
     name: str

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 class PartTurned:
     """A connected part of a high mesh of which triangles were turned over.
 
-    name: of the object. triangles: of the part. of: of the object. before, after: the share of its places on the low mesh that
-    had a hit of their own on it, and that have one now; both 0 if no place shows it.
+    Attributes:
+        name: Of the object.
+        triangles: Of the part.
+        of: Of the object.
+        before, after: The share of its places on the low mesh that had a hit of their own on it, and that have one now; both 0
+            if no place shows it.
     """
 
     name: str

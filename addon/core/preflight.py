@@ -34,9 +34,18 @@ GIGABYTE = 10**9
 
 @dataclass(frozen=True)
 class Amounts:
-    """The sizes of a bake. triangles: of all meshes. texels: of one map. band_texels: that are drawn at once. texel_bytes: of
-    each of these, see the function. other_maps: beside the normal map. texture_pixels: of the largest image that the maps show.
-    is_flat: whether Flatten draws the normal map alone, without a tree. is_exact: whether Cycles evaluates materials."""
+    """The sizes of a bake.
+
+    Attributes:
+        triangles: Of all meshes.
+        texels: Of one map.
+        band_texels: That are drawn at once.
+        texel_bytes: Of each of these, see the function.
+        other_maps: Beside the normal map.
+        texture_pixels: Of the largest image that the maps show.
+        is_flat: Whether Flatten draws the normal map alone, without a tree.
+        is_exact: Whether Cycles evaluates materials.
+    """
 
     triangles: int
     texels: int

@@ -20,9 +20,12 @@ if TYPE_CHECKING:
 class Progress:
     """The state of a bake between two slices.
 
-    what: the current step. done: the finished share of the whole, from 0 to 1. picture: the unfinished map as a texture for the
-    screen, or None. finished: how many maps are done. warnings: about the objects, in sentences, in a step before maps are
-    drawn.
+    Attributes:
+        what: The current step.
+        done: The finished share of the whole, from 0 to 1.
+        picture: The unfinished map as a texture for the screen, or None.
+        finished: How many maps are done.
+        warnings: About the objects, in sentences, in a step before maps are drawn.
     """
 
     what: str

@@ -27,7 +27,11 @@ class FileMesh:
 
     One row per corner of each triangle, (T, 3, n) float32: positions, normals, uv, and tangents with the sign of the bitangent,
     None if they are unknown. materials (T,) int: indices into `pictures`, the files of normal maps, or None where there is
-    none. uv: of the layer that the normal map uses. has_tangents: whether the tangents are the file's own, and not made of it.
+    none.
+
+    Attributes:
+        uv: Of the layer that the normal map uses.
+        has_tangents: Whether the tangents are the file's own, and not made of it.
     """
 
     positions: np.ndarray
@@ -43,13 +47,17 @@ class FileMesh:
 class BakedLow:
     """A low object with the reports of its maps, and its triangles in the order of its material slots.
 
-    One row per corner of each triangle, (T, 3, n) float32: positions, normals, tangents with the sign of the bitangent. uvs:
-    the UVs of each layer by name, that of the maps first. slots (T,) int32: the material slot. materials: in each slot, also
-    those that modifiers set. name, names: of the object and of these materials, "" without one; staged copies borrow the names
-    of datablocks. matrix (4, 4)
-    float64: from the positions to the scene. has_applied_scale: whether the scale of the object is in the positions and not in
-    the matrix, as of a mirrored or unevenly scaled one: engines differ in how they transform its tangents. deformation: what
-    moves the mesh, which is in its rest pose; with an armature, positions are in the scene's space.
+    One row per corner of each triangle, (T, 3, n) float32: positions, normals, tangents with the sign of the bitangent.
+
+    Attributes:
+        uvs: The UVs of each layer by name, that of the maps first.
+        slots (T,) int32: The material slot.
+        materials: In each slot, also those that modifiers set.
+        name, names: Of the object and of these materials, "" without one; staged copies borrow the names of datablocks.
+        matrix (4, 4) float64: From the positions to the scene.
+        has_applied_scale: Whether the scale of the object is in the positions and not in the matrix, as of a mirrored or
+            unevenly scaled one: engines differ in how they transform its tangents.
+        deformation: What moves the mesh, which is in its rest pose; with an armature, positions are in the scene's space.
     """
 
     low: bpy.types.Object
@@ -140,8 +148,13 @@ def read(context: bpy.types.Context, reports: Sequence[Report]) -> BakedLow:
 
 @dataclass(frozen=True)
 class _Surface:
-    """A low mesh with tangents. layers: the UVs (C, 2) of its face corners by layer. slots (T,) int32: of its triangles, and
-    their order by slots (T,). own (T, 3): the face corners of the triangles in that order."""
+    """A low mesh with tangents.
+
+    Attributes:
+        layers: The UVs (C, 2) of its face corners by layer.
+        slots (T,) int32: Of its triangles, and their order by slots (T,).
+        own (T, 3): The face corners of the triangles in that order.
+    """
 
     mesh: Mesh
     layers: dict[str, np.ndarray]

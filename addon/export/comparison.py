@@ -63,9 +63,14 @@ POSITION_LIMIT, UV_LIMIT = 1e-4, 1e-4
 
 @dataclass(frozen=True)
 class Baked:
-    """What was baked, in the order of the file's triangles: normals (T, 3, 3), tangents (T, 3, 4), positions (T, 3, 3) and uv
-    (T, 3, 2) of the corners; textures (T,): the map of each triangle. texels_of: the texels (height, width, 4) of a map as the
-    bake stored them, in the channels of map_pictures.CHANNELS, or None without one."""
+    """What was baked, in the order of the file's triangles.
+
+    Attributes:
+        positions, normals (T, 3, 3), tangents (T, 3, 4), uv (T, 3, 2): Of the corners.
+        textures (T,): The map of each triangle.
+        texels_of: The texels (height, width, 4) of a map as the bake stored them, in the channels of map_pictures.CHANNELS, or
+            None without one.
+    """
 
     positions: np.ndarray
     normals: np.ndarray
@@ -78,9 +83,14 @@ class Baked:
 
 @dataclass(frozen=True)
 class Measured:
-    """Degrees between the normals that were baked and those that an engine makes of the file, by the name of its basis: median,
-    percentile_95, percentile_99, maximum. targets: the same by the names of programs. points: how many texels were compared.
-    has_tangents: whether the file has its own."""
+    """How far what an engine makes of the file is from what was baked.
+
+    Attributes:
+        degrees: Between the normals, by the name of the engine's basis: median, percentile_95, percentile_99, maximum.
+        targets: The same by the names of programs.
+        points: How many texels were compared.
+        has_tangents: Whether the file has its own.
+    """
 
     degrees: dict[str, dict[str, float]]
     targets: dict[str, dict[str, float]]

@@ -28,9 +28,14 @@ class ShapeKey:
 
 @dataclass(frozen=True)
 class Deformation:
-    """What deforms a low mesh. armature: None without one. groups: the names of its vertex groups. Each row of vertices,
-    numbers and weights (N,) is one weight: the vertex, the index of its group, and the value. notes: sentences of what no file
-    can have."""
+    """What deforms a low mesh.
+
+    Attributes:
+        armature: None without one.
+        groups: The names of its vertex groups. Each row of vertices, numbers and weights (N,) is one weight: the vertex, the
+            index of its group, and the value.
+        notes: Sentences of what no file can have.
+    """
 
     armature: bpy.types.Object | None = None
     groups: list[str] = field(default_factory=list)

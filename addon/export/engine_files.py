@@ -32,8 +32,14 @@ WRITTEN = 0.3
 
 @dataclass(frozen=True)
 class Exported:
-    """One low object in a written file. paths: of the file, and of those beside it. basis: the name of the basis that its
-    normal map was made for. has_applied_scale: as BakedLow has it. measured: None without a normal map."""
+    """One low object in a written file.
+
+    Attributes:
+        paths: Of the file, and of those beside it.
+        basis: The name of the basis that its normal map was made for.
+        has_applied_scale: As BakedLow has it.
+        measured: None without a normal map.
+    """
 
     low: str
     paths: list[str]

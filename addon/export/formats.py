@@ -31,12 +31,17 @@ from .staging import SHAPE_NORMALS, TANGENTS, Stage, Staged
 class MeshFormat:
     """A format of meshes with maps.
 
-    check: raises BakeError if Blender's exporter is missing. write: writes the staged objects, as levels of detail from the
-    finest if `are_levels`, and returns the files. read: reads an object back, and raises BakeError. channels: the axes that
-    normal maps store; None where the format does not say them, so that they stay as the bake has them. has_tangents: whether it
-    stores the tangents of the bake. links_levels: whether it holds levels of detail. names_files: whether textures of the same
-    file name become one. shares_folder: whether textures lie in a folder that other files have, too, so that their names begin
-    with that of the file.
+    Attributes:
+        check: Raises BakeError if Blender's exporter is missing.
+        write: Writes the staged objects, as levels of detail from the finest if `are_levels`, and returns the files.
+        read: Reads an object back, and raises BakeError.
+        channels: The axes that normal maps store; None where the format does not say them, so that they stay as the bake has
+            them.
+        has_tangents: Whether it stores the tangents of the bake.
+        links_levels: Whether it holds levels of detail.
+        names_files: Whether textures of the same file name become one.
+        shares_folder: Whether textures lie in a folder that other files have, too, so that their names begin with that of the
+            file.
     """
 
     check: Callable[[], None]

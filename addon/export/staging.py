@@ -27,10 +27,16 @@ SHAPE_NORMALS = "_IMPRINT_NORMALS_"
 
 @dataclass(frozen=True)
 class Staged:
-    """A low object that stands in the file. uv (T, 3, 2): as the file gets them. textures: the material slot and the UDIM tile
-    of each material; the tile is FIRST without UDIM. faces (T,): the texture of each triangle, whose order is that of the file.
-    order (T,): which triangle of `baked` each one is. name: of the object, which is gone when the file is read back. notes:
-    sentences of what could not be shown in its materials."""
+    """A low object that stands in the file.
+
+    Attributes:
+        uv (T, 3, 2): As the file gets them.
+        textures: The material slot and the UDIM tile of each material; the tile is FIRST without UDIM.
+        faces (T,): The texture of each triangle, whose order is that of the file.
+        order (T,): Which triangle of `baked` each one is.
+        name: Of the object, which is gone when the file is read back.
+        notes: Sentences of what could not be shown in its materials.
+    """
 
     baked: BakedLow
     object: bpy.types.Object

@@ -59,7 +59,13 @@ KEYWORD, ATTRIBUTE = "Imprint", "ImageDescription"
 
 @dataclass(frozen=True)
 class Format:
-    """How texels are stored. size: width and height. depth: bits per channel. has_alpha: whether alpha is stored."""
+    """How texels are stored.
+
+    Attributes:
+        size: Width and height.
+        depth: Bits per channel.
+        has_alpha: Whether alpha is stored.
+    """
 
     size: tuple[int, int]
     depth: int

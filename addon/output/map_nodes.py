@@ -68,9 +68,13 @@ SEPARATED = ("Red", "Green", "Blue")
 class MapImage:
     """An image that holds a map.
 
-    role: of its nodes, the same for all maps in one image. label: of its nodes. channel: of a packed image, "Red", "Green",
-    "Blue" or "Alpha", else empty. is_inverted: whether the channel holds 1 - value. midlevel, scale: the value is
-    (stored - midlevel) * scale. space: of vectors, as in Settings.
+    Attributes:
+        role: Of its nodes, the same for all maps in one image.
+        label: Of its nodes.
+        channel: Of a packed image, "Red", "Green", "Blue" or "Alpha", else empty.
+        is_inverted: Whether the channel holds 1 - value.
+        midlevel, scale: The value is (stored - midlevel) * scale.
+        space: Of vectors, as in Settings.
     """
 
     image: Image
@@ -203,7 +207,12 @@ def _is_own(editor: TreeEditor, node: Node | None, kind: str | None) -> bool:
 
 @dataclass(frozen=True)
 class NormalMapSettings:
-    """The settings of the nodes. image: the normal map. normal_map: properties of the Normal Map node."""
+    """The settings of the nodes.
+
+    Attributes:
+        image: The normal map.
+        normal_map: Properties of the Normal Map node.
+    """
 
     image: Image
     normal_map: dict[str, str]

@@ -313,8 +313,12 @@ HIDDEN_MISSES = Fix.MISS_MASK.after("Rays of some texels hit nothing, and files 
 class Stored:
     """The result of `Outputs.commit`.
 
-    image: the normal map, or the first other map without one. paths: the files of the normal map by tile, then those of each
-    other map. tiles: UDIM numbers. mip_files, maps, attributes, loss: as in Report. warnings: sentences.
+    Attributes:
+        image: The normal map, or the first other map without one.
+        paths: The files of the normal map by tile, then those of each other map.
+        tiles: UDIM numbers.
+        mip_files, maps, attributes, loss: As in Report.
+        warnings: Sentences.
     """
 
     image: bpy.types.Image

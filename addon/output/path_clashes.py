@@ -21,7 +21,12 @@ _UNFINISHED = re.compile(r"\.imprint\..*\.partial")
 
 
 class _Use(NamedTuple):
-    """A file that is read or written. title: for messages. by: see Places.read."""
+    """A file that is read or written.
+
+    Attributes:
+        title: For messages.
+        by: See Places.read.
+    """
 
     title: str
     path: str

@@ -43,7 +43,11 @@ COLOR_SPACE = (
 
 
 class Method(NamedTuple):
-    """How zlib deflates. strategy: of zlib."""
+    """How zlib deflates.
+
+    Attributes:
+        strategy: Of zlib.
+    """
 
     level: int
     strategy: int
@@ -54,15 +58,23 @@ RUNS = Method(6, zlib.Z_RLE)
 
 
 class Search(NamedTuple):
-    """A search for any repeats of bytes. level: of zlib. gain: it is worth its time if it leaves less than this of what RUNS
-    leave."""
+    """A search for any repeats of bytes.
+
+    Attributes:
+        level: Of zlib.
+        gain: It is worth its time if it leaves less than this of what RUNS leave.
+    """
 
     level: int
     gain: float
 
 
 class Deflated(NamedTuple):
-    """A piece of a stream. adler: the checksum of its `length` bytes before they were deflated."""
+    """A piece of a stream.
+
+    Attributes:
+        adler: The checksum of its `length` bytes before they were deflated.
+    """
 
     data: bytes
     adler: int
@@ -74,7 +86,11 @@ SEARCHES = {8: Search(level=2, gain=0.96), 16: Search(level=1, gain=0.96)}
 
 
 class _Piece(NamedTuple):
-    """A piece of the stream of rows. checksum: of its chunk."""
+    """A piece of the stream of rows.
+
+    Attributes:
+        checksum: Of its chunk.
+    """
 
     deflated: Deflated
     checksum: int

@@ -36,8 +36,13 @@ MOST_IN_TARGA = 29
 
 @dataclass(frozen=True)
 class Part:
-    """A low object in a map. uv_layer: of its UVs there. is_own_base: whether these are of its mesh without modifiers. layout:
-    a checksum of the UVs, by which it is known if it was renamed. Names are empty where only that was kept."""
+    """A low object in a map.
+
+    Attributes:
+        uv_layer: Of its UVs there.
+        is_own_base: Whether these are of its mesh without modifiers.
+        layout: A checksum of the UVs, by which it is known if it was renamed. Names are empty where only that was kept.
+    """
 
     name: str
     uv_layer: str
@@ -129,7 +134,11 @@ def parts_of_files(settings: Settings) -> list[Part]:
 
 @dataclass(frozen=True)
 class Stored:
-    """The texels of one tile of a map, where a bake would put its own. where: in a sentence."""
+    """The texels of one tile of a map, where a bake would put its own.
+
+    Attributes:
+        where: In a sentence.
+    """
 
     where: str
     format: Format

@@ -18,8 +18,11 @@ NODE_GAP = 60
 
 @dataclass(frozen=True)
 class Coordinates:
-    """The UV layer of the maps. uv_names: the names by which nodes may use this layer: "", or no node at all, means the
-    render-active layer."""
+    """The UV layer of the maps.
+
+    Attributes:
+        uv_names: The names by which nodes may use this layer: "", or no node at all, means the render-active layer.
+    """
 
     uv_layer: str
     uv_names: tuple[str, ...]

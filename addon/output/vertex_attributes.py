@@ -39,7 +39,12 @@ def check(low: bpy.types.Object) -> None:
 
 @dataclass
 class _Samples:
-    """One map at the corners. values (C, 3) float32. known (C,) bool: where they are known."""
+    """One map at the corners.
+
+    Attributes:
+        values: (C, 3) float32.
+        known (C,) bool: Where they are known.
+    """
 
     values: np.ndarray
     known: np.ndarray

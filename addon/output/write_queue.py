@@ -24,7 +24,7 @@ each other."""
 class Content:
     """A file to write.
 
-    Args:
+    Attributes:
         parts: Functions that can run in threads, in any order. Each packs a part of the file.
         write: Writes the file at a path that exists, from the results of `parts` in their order.
     """

@@ -41,8 +41,10 @@ class Owners:
 
     Triangle i has four texels in `corners`. The first three have its corners, and the number of the triangle across the edge to
     the next corner, or -1. The fourth has its face normal, of any length, and its clearance: no triangle is closer to it than
-    that, unless a short walk over the mesh leads to it. room: hits farther outside than this belong only to texels that are
-    about at their closest point.
+    that, unless a short walk over the mesh leads to it.
+
+    Attributes:
+        room: Hits farther outside than this belong only to texels that are about at their closest point.
     """
 
     tree: data_texture.Tree
@@ -213,8 +215,11 @@ class Tables:
 class Search:
     """Which hit of a ray counts, and where rays end.
 
-    A ray runs against its direction, from its start to `inside` below the low surface, at most as far as `max_t`. rule: OWN
-    needs owners. facing_only: ignore triangles whose back faces the ray.
+    A ray runs against its direction, from its start to `inside` below the low surface, at most as far as `max_t`.
+
+    Attributes:
+        rule: OWN needs owners.
+        facing_only: Ignore triangles whose back faces the ray.
     """
 
     rule: Hit

@@ -31,7 +31,12 @@ class CheckFailed(Exception):
 
 @dataclass(frozen=True)
 class DriverCheck:
-    """name: for the report. check: raises CheckFailed where the driver does something else."""
+    """A check of the driver.
+
+    Attributes:
+        name: For the report.
+        check: Raises CheckFailed where the driver does something else.
+    """
 
     name: str
     check: Callable[[], Check]

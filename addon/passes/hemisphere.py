@@ -93,8 +93,9 @@ TOGETHER = 4
 class Lattice:
     """A lattice of rank 1: point i is at (i * step[0] / count, i * step[1] / count), without the whole parts.
 
-    step: the way from a point to the next, a short one, so that successive rays take similar ways. cell: the two shortest
-    vectors of the lattice, as (x0, y0, x1, y1).
+    Attributes:
+        step: The way from a point to the next, a short one, so that successive rays take similar ways.
+        cell: The two shortest vectors of the lattice, as (x0, y0, x1, y1).
     """
 
     count: int
@@ -167,9 +168,12 @@ def _in_ended_part(lattice: Lattice, numbers: range) -> int:
 class Rays:
     """Rays from the hits of one sample.
 
-    hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it, with triangles of `surface`. numbers: the points of the lattice. rows:
-    those of the texture; the first is a multiple of 8. is_first: whether they replace what the sums hold. first_row: the row of
-    the map that is the texture's first: a band takes the rays that the whole map takes.
+    Attributes:
+        hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it, with triangles of `surface`.
+        numbers: The points of the lattice.
+        rows: Those of the texture; the first is a multiple of 8.
+        is_first: Whether they replace what the sums hold.
+        first_row: The row of the map that is the texture's first: a band takes the rays that the whole map takes.
     """
 
     hits: gpu.types.GPUTexture
@@ -185,11 +189,15 @@ class Rays:
 class Occluders:
     """What blocks rays, and how.
 
-    tables: the triangles; None for those of the surface itself. scale, offset: what takes a point of the surface's space to
-    that of `tables`: point * scale + offset; the axes are the same. farthest: rays end here; None for no limit. fade: one of
-    FADES; with a limit only. two_sided: backs block too. bias: directions within this angle of the tangent plane are left out,
-    in radians. floor: the height z of a plane that blocks rays from above; None for no floor. Lengths are in the surface's
-    space.
+    Attributes:
+        tables: The triangles; None for those of the surface itself.
+        scale, offset: What takes a point of the surface's space to that of `tables`: point * scale + offset; the axes are the
+            same.
+        farthest: Rays end here; None for no limit.
+        fade: One of FADES; with a limit only.
+        two_sided: Backs block too.
+        bias: Directions within this angle of the tangent plane are left out, in radians.
+        floor: The height z of a plane that blocks rays from above; None for no floor. Lengths are in the surface's space.
     """
 
     tables: cast.Tables | None = None

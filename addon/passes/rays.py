@@ -61,9 +61,11 @@ class Edges:
 class Directions:
     """How the directions of rays blend between smooth and straight normals of the low mesh.
 
-    edges: of the low mesh. straight_share: the share of the straight normals, from 0 to 1, where blend_width is 0.
-    blend_width: in the units of the positions. The share of the straight normals rises from 0 on a hard edge to 1 at this
-    distance from it.
+    Attributes:
+        edges: Of the low mesh.
+        straight_share: The share of the straight normals, from 0 to 1, where blend_width is 0.
+        blend_width: In the units of the positions. The share of the straight normals rises from 0 on a hard edge to 1 at this
+            distance from it.
     """
 
     edges: Edges

@@ -121,8 +121,12 @@ COVERED = 4
 class Active:
     """Some texels of a map.
 
-    stopped: depth, in which all other texels are drawn. texels: the list. count: its length. rows: of workgroups as wide as the
-    map, times their side, that work on the list. blocks (rows, columns) bool: which squares of BLOCK texels have some of them.
+    Attributes:
+        stopped: Depth, in which all other texels are drawn.
+        texels: The list.
+        count: Its length.
+        rows: Of workgroups as wide as the map, times their side, that work on the list.
+        blocks (rows, columns) bool: Which squares of BLOCK texels have some of them.
     """
 
     stopped: gpu.types.GPUTexture

@@ -45,7 +45,12 @@ UNKNOWN = -1
 
 @dataclass(frozen=True)
 class MaterialTable:
-    """feeds (M,) int: the number of each material's feed. texture: the same with constants, for shaders."""
+    """Which feed each material has.
+
+    Attributes:
+        feeds (M,) int: The number of each material's feed.
+        texture: The same with constants, for shaders.
+    """
 
     feeds: np.ndarray
     texture: gpu.types.GPUTexture
@@ -128,9 +133,13 @@ SRGB, WEIGHS_ALPHA = 1, 2
 class ImageLevels:
     """An image on the GPU.
 
-    pixels: as stored, 8 bits a channel where they suffice. levels: the others from half the size down to one pixel,
-    scene-linear and multiplied by alpha where it weighs, as shaders/lib/image_lib.glsl finds them. top: the number of
-    levels. flags: of the values above. reduced: by how much the image was too large for the GPU; 1 if it was not.
+    Attributes:
+        pixels: As stored, 8 bits a channel where they suffice.
+        levels: The others from half the size down to one pixel, scene-linear and multiplied by alpha where it weighs, as
+            shaders/lib/image_lib.glsl finds them.
+        top: The number of levels.
+        flags: Of the values above.
+        reduced: By how much the image was too large for the GPU; 1 if it was not.
     """
 
     pixels: gpu.types.GPUTexture

@@ -94,10 +94,13 @@ GREEN_DOWN = 8
 class ImageAtHits:
     """An image at the hits of a sample, on the materials that have `number` in `materials`.
 
-    hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it. tables: of the high triangles. uvs: from surface_tables.upload_uvs, of
-    the feed's layer. tile: the UDIM tile that the image is; only hits in it count. Pixels are averaged over the footprint of a
-    texel, from the hits beside it, divided by the square root of `samples`. blocks: from surface_tables.find_blocks, for the
-    same hits: without, a pass runs on the whole map.
+    Attributes:
+        hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it.
+        tables: Of the high triangles.
+        uvs: From surface_tables.upload_uvs, of the feed's layer.
+        tile: The UDIM tile that the image is; only hits in it count. Pixels are averaged over the footprint of a texel, from
+            the hits beside it, divided by the square root of `samples`.
+        blocks: From surface_tables.find_blocks, for the same hits: without, a pass runs on the whole map.
     """
 
     hits: target.Target

@@ -31,7 +31,11 @@ _PRINTED = {
 
 @dataclass(frozen=True)
 class Complaint:
-    """A modifier that Blender leaves out. text: why, as a clause without a full stop."""
+    """A modifier that Blender leaves out.
+
+    Attributes:
+        text: Why, as a clause without a full stop.
+    """
 
     owner: str
     modifier: str

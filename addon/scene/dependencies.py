@@ -36,10 +36,13 @@ _FOREIGN = bpy.types.Scene, bpy.types.MovieClip, bpy.types.Text
 class Dependency:
     """A file that objects are made from.
 
-    path: absolute. A name that udim.is_tiled stands for the files of all tiles, and a folder for all files in it. what: in
-    messages. is_surface: whether only materials show it. is_needed: whether the object differs without it; else it may be
-    missing. is_own_map: whether it is an image that Imprint baked. tiles: of an image, those that it has, empty for one without
-    tiles; None for other files.
+    Attributes:
+        path: Absolute. A name that udim.is_tiled stands for the files of all tiles, and a folder for all files in it.
+        what: In messages.
+        is_surface: Whether only materials show it.
+        is_needed: Whether the object differs without it; else it may be missing.
+        is_own_map: Whether it is an image that Imprint baked.
+        tiles: Of an image, those that it has, empty for one without tiles; None for other files.
     """
 
     path: str
@@ -51,7 +54,12 @@ class Dependency:
 
 
 class Lacking(NamedTuple):
-    """A file that is missing or not whole. what: as in Dependency. problem: a clause, as whole_files.problem returns it."""
+    """A file that is missing or not whole.
+
+    Attributes:
+        what: As in Dependency.
+        problem: A clause, as whole_files.problem returns it.
+    """
 
     path: str
     what: str

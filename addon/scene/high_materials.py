@@ -208,7 +208,11 @@ NO_MATERIAL = "none"
 
 @dataclass(frozen=True)
 class MaterialSet:
-    """The faces of a low object with one material. slots: the numbers of the slots that have it."""
+    """The faces of a low object with one material.
+
+    Attributes:
+        slots: The numbers of the slots that have it.
+    """
 
     name: str
     slots: tuple[int, ...]

@@ -33,9 +33,10 @@ ReadMesh = Callable[[bpy.types.Object, bpy.types.Object, bpy.types.Mesh], Mesh]
 class Reader:
     """Reads the high objects of one bake.
 
-    low, low_layer: the low object, and its mesh's UV layer. before: the materials of an earlier reading, which keep their
-    numbers. known: meshes of that reading, by the number of their high object; if only vertices have moved, little is read
-    again. materials: those that were read so far.
+    Attributes:
+        low, low_layer: The low object, and its mesh's UV layer.
+        before: The materials of an earlier reading, which keep their numbers.
+        known: Meshes of that reading, by the number of their high object; if only vertices have moved, little is read again.
     """
 
     depsgraph: bpy.types.Depsgraph

@@ -76,8 +76,9 @@ _FORWARD = {"Y": "NEGATIVE_Z", "Z": "Y"}
 class Space:
     """What a mesh file does not say of its coordinates.
 
-    origin: a point, in the axes of the file; a file far from the world's origin is moved so that this point gets there. up: the
-    axis that points up, "Y" or "Z", in the formats of WITHOUT_AXES; empty for the one that Blender expects.
+    Attributes:
+        origin: A point, in the axes of the file; a file far from the world's origin is moved so that this point gets there.
+        up: The axis that points up, "Y" or "Z", in the formats of WITHOUT_AXES; empty for the one that Blender expects.
     """
 
     origin: tuple[float, float, float] | None = None

@@ -20,9 +20,13 @@ GONE = -1
 class ObjectRef:
     """A reference to an object that stays valid if the object is renamed, or deleted and restored by Undo.
 
-    A bpy reference crashes after Undo, and a name may also belong to a linked or a newer object. uid: its session_uid, or 0
-    for any object of that name. name: its name when `of` was called. library: the absolute path of the library of a linked
-    object; reloading the library gives the object another session_uid.
+    A bpy reference crashes after Undo, and a name may also belong to a linked or a newer object.
+
+    Attributes:
+        uid: Its session_uid, or 0 for any object of that name.
+        name: Its name when `of` was called.
+        library: The absolute path of the library of a linked object; reloading the library gives the object another
+            session_uid.
     """
 
     uid: int

@@ -61,8 +61,13 @@ MOST_FACES = 300_000
 
 @dataclass(frozen=True)
 class Deformer:
-    """What moves the mesh of an object. kind: "rig", "key" or "modifier". name: of the armature object, the shape key or the
-    modifier. what: what it does, equal for deformers that move two objects alike."""
+    """What moves the mesh of an object.
+
+    Attributes:
+        kind: "rig", "key" or "modifier".
+        name: Of the armature object, the shape key or the modifier.
+        what: What it does, equal for deformers that move two objects alike.
+    """
 
     kind: str
     name: str

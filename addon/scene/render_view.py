@@ -224,9 +224,11 @@ PHYSICS = {"CLOTH", "SOFT_BODY", "DYNAMIC_PAINT", "FLUID", "PARTICLE_SYSTEM"}
 class _Needs(NamedTuple):
     """What a scene must have, so that objects are evaluated in it as in the user's.
 
-    linked: the objects to link. viewport: whether the viewport has to evaluate them, too: it alone tells errors of nodes, and
-    it evaluates no objects that are hidden in it. own_scene: whether only the user's scene itself has what is needed: the state
-    of rigid bodies is not copied.
+    Attributes:
+        linked: The objects to link.
+        viewport: Whether the viewport has to evaluate them, too: it alone tells errors of nodes, and it evaluates no objects
+            that are hidden in it.
+        own_scene: Whether only the user's scene itself has what is needed: the state of rigid bodies is not copied.
     """
 
     linked: list[bpy.types.Object]

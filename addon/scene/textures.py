@@ -225,7 +225,11 @@ class UnreadableError(Exception):
 
 
 class ImageTexture(NamedTuple):
-    """What feeds need from an image. notes: clauses about what is not read as Blender shows it."""
+    """What feeds need from an image.
+
+    Attributes:
+        notes: Clauses about what is not read as Blender shows it.
+    """
 
     key: str
     tiles: tuple[int, ...]

@@ -14,13 +14,19 @@ class Basis:
 
     It interpolates all of them over the triangle. The bitangent is sign * cross(normal, tangent).
 
-    name: in settings and job files. label, tooltip: in the interface. bitangent_of_vertices: whether the bitangent is made at
-    the vertices and interpolated, instead of made for each pixel from the other two. normalizes_tangent, normalizes_bitangent,
-    normalizes_normal: whether the vector is normalized per pixel; tangent and normal are before a bitangent is made of them.
-    in_object_space: whether the object's matrix is applied to the finished normal, and not to normal and tangent, which gives
-    other normals where a scale differs by axis. tangents_as_normals: whether tangents are then transformed as normals are, by
-    the inverse transpose, and not as directions in the surface. engines: Blender's identifiers of the render engines that use
-    it. former: earlier names, which job files may still have.
+    Attributes:
+        name: In settings and job files.
+        label, tooltip: In the interface.
+        bitangent_of_vertices: Whether the bitangent is made at the vertices and interpolated, instead of made for each pixel
+            from the other two.
+        normalizes_tangent, normalizes_bitangent, normalizes_normal: Whether the vector is normalized per pixel; tangent and
+            normal are before a bitangent is made of them.
+        in_object_space: Whether the object's matrix is applied to the finished normal, and not to normal and tangent, which
+            gives other normals where a scale differs by axis.
+        tangents_as_normals: Whether tangents are then transformed as normals are, by the inverse transpose, and not as
+            directions in the surface.
+        engines: Blender's identifiers of the render engines that use it.
+        former: Earlier names, which job files may still have.
     """
 
     name: str

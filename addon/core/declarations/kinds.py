@@ -118,7 +118,11 @@ class Switch(Setting):
 
 @dataclass(frozen=True)
 class Item:
-    """One of the values of a choice. former: earlier values, which the command line and job files still take."""
+    """One of the values of a choice.
+
+    Attributes:
+        former: Earlier values, which the command line and job files still take.
+    """
 
     value: Any
     label: str

@@ -23,12 +23,19 @@ OF_SCENE = "Blender"
 class TargetEngine:
     """A program that decodes tangent-space normal maps.
 
-    name: on the command line and in job files. label: in the interface and the manual. basis: that it decodes with. green: UP
-    or DOWN. rebuilds_z: whether it reads red and green alone and makes z of them, so that no normal has a z below 0. depth:
-    bits per channel that it makes use of. alpha: whether its images have alpha, in which packed ones store a map. preset: its
-    name among CHOICES. settings: what to set in it, in words. names: of images and files of normal maps, as its users have
-    them. pack: the layout of its packed images. export: the ending of the files with meshes that it reads best; empty for
-    Blender.
+    Attributes:
+        name: On the command line and in job files.
+        label: In the interface and the manual.
+        basis: That it decodes with.
+        green: UP or DOWN.
+        rebuilds_z: Whether it reads red and green alone and makes z of them, so that no normal has a z below 0.
+        depth: Bits per channel that it makes use of.
+        alpha: Whether its images have alpha, in which packed ones store a map.
+        preset: Its name among CHOICES.
+        settings: What to set in it, in words.
+        names: Of images and files of normal maps, as its users have them.
+        pack: The layout of its packed images.
+        export: The ending of the files with meshes that it reads best; empty for Blender.
     """
 
     name: str
@@ -209,8 +216,12 @@ def names(basis: Basis) -> str:
 
 @dataclass(frozen=True)
 class Engine:
-    """What the setting Engine sets. values: settings by their names, as the properties have them. names, export: as of
-    TargetEngine."""
+    """What the setting Engine sets.
+
+    Attributes:
+        values: Settings by their names, as the properties have them.
+        names, export: As of TargetEngine.
+    """
 
     values: dict[str, str | bool]
     names: str = USUAL

@@ -95,7 +95,12 @@ def _moved_obj(text: bytes, origin: np.ndarray) -> bytes:
 
 @dataclass(frozen=True)
 class _Points:
-    """The points of a .ply. order, start: as Header has them. columns: the places of x, y and z in a line of text."""
+    """The points of a .ply.
+
+    Attributes:
+        order, start: As Header has them.
+        columns: The places of x, y and z in a line of text.
+    """
 
     order: str
     start: int

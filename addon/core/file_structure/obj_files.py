@@ -58,7 +58,8 @@ def _begins_line(text: mmap.mmap, at: int) -> bool:
 class ImageLine(NamedTuple):
     """A line of a .mtl that names an image: its first word, the options that Blender reads, and the name as it is spelled.
 
-    whole: all that follows the first word, which is the name if its beginning only looks like options.
+    Attributes:
+        whole: All that follows the first word, which is the name if its beginning only looks like options.
     """
 
     word: str
@@ -125,8 +126,13 @@ def references(path: Path) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class NamedImage:
-    """An image that materials name. name: as they spell it. path: its file, which may contain <UDIM>; None if it is missing.
-    is_color: whether it stores colors, rather than numbers."""
+    """An image that materials name.
+
+    Attributes:
+        name: As they spell it.
+        path: Its file, which may contain <UDIM>; None if it is missing.
+        is_color: Whether it stores colors, rather than numbers.
+    """
 
     name: str
     path: Path | None
@@ -137,7 +143,8 @@ class NamedImage:
 class Materials:
     """The materials of an .obj.
 
-    content: of one library with all of them, in which `placeholders` stand for the images.
+    Attributes:
+        content: Of one library with all of them, in which `placeholders` stand for the images.
     """
 
     content: bytes = b""

@@ -28,7 +28,11 @@ _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 @dataclass(frozen=True)
 class Property:
-    """A property of an element. counts: the type of a list's length; empty for a single value."""
+    """A property of an element.
+
+    Attributes:
+        counts: The type of a list's length; empty for a single value.
+    """
 
     name: str
     kind: str
@@ -65,8 +69,13 @@ class Element:
 
 @dataclass(frozen=True)
 class Header:
-    """order: of bytes, as numpy spells it; empty for text. start: of the first element, in bytes from the start of the file.
-    textures: the images that comments name."""
+    """The head of a .ply.
+
+    Attributes:
+        order: Of bytes, as numpy spells it; empty for text.
+        start: Of the first element, in bytes from the start of the file.
+        textures: The images that comments name.
+    """
 
     order: str
     start: int
@@ -110,8 +119,13 @@ _UV, _IMAGE = "texcoord", "texnumber"
 
 @dataclass(frozen=True)
 class Texture:
-    """The images of a .ply, as it spells them. Of UVs by face also: uv (T, 3, 2) float32; corners (T, 3), indices of points;
-    images (T,), the number of each triangle's image.
+    """The images of a .ply, and UVs by face if it has them.
+
+    Attributes:
+        names: As the file spells them.
+        uv (T, 3, 2) float32: Of the corners.
+        corners (T, 3): Indices of points.
+        images (T,): The number of each triangle's image.
     """
 
     names: list[str]

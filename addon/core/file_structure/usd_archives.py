@@ -28,8 +28,13 @@ class Refused(ValueError):
 
 
 class Member(NamedTuple):
-    """A file in an archive. name: with slashes. start, stop: where its bytes are in the file that holds the archive. archive:
-    the number of the archive that it is in; 0 is the outermost."""
+    """A file in an archive.
+
+    Attributes:
+        name: With slashes.
+        start, stop: Where its bytes are in the file that holds the archive.
+        archive: The number of the archive that it is in; 0 is the outermost.
+    """
 
     name: str
     start: int

@@ -37,8 +37,13 @@ _RAW_TABLE = 4
 
 
 class Named(NamedTuple):
-    """What a USD file names. layers, assets: paths in the file system, of which some may not exist. unknown: why there can be
-    others, as a clause; empty if there are none. has_variants: whether some of them may be for variants that are not chosen."""
+    """What a USD file names.
+
+    Attributes:
+        layers, assets: Paths in the file system, of which some may not exist.
+        unknown: Why there can be others, as a clause; empty if there are none.
+        has_variants: Whether some of them may be for variants that are not chosen.
+    """
 
     layers: tuple[str, ...] = ()
     assets: tuple[str, ...] = ()

@@ -47,7 +47,11 @@ _OUTPUTS = {
 
 @dataclass
 class _Walk:
-    """What the nodes read that feed some sockets. layers: as in ExactFeed."""
+    """What the nodes read that feed some sockets.
+
+    Attributes:
+        layers: As in ExactFeed.
+    """
 
     values: NodeValues
     layers: dict[tuple[str, str], None] = field(default_factory=dict)

@@ -55,11 +55,15 @@ Value: TypeAlias = Place | float | Mix
 
 @dataclass(frozen=True)
 class Shader:
-    """A shader of the surface. values: by socket of the Principled BSDF. strength: of the emission, by which it is multiplied.
+    """A shader of the surface.
 
-    opacity: the shares of the shader in mixes with transparency, whose product is its alpha's factor. notes: clauses of
-    sentences, of which normal_notes are about the normals. normal: what moves the normals. parts: how many shaders are mixed,
-    one as often as mixes lead to it.
+    Attributes:
+        values: By socket of the Principled BSDF.
+        strength: Of the emission, by which it is multiplied.
+        opacity: The shares of the shader in mixes with transparency, whose product is its alpha's factor.
+        notes: Clauses of sentences, of which normal_notes are about the normals.
+        normal: What moves the normals.
+        parts: How many shaders are mixed, one as often as mixes lead to it.
     """
 
     node: Node

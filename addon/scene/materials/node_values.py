@@ -117,7 +117,8 @@ Reading: TypeAlias = Callable[["NodeValues", Place], Signal]
 class NodeValues:
     """The values of the sockets of one material's nodes. It remembers them, because nodes can share inputs.
 
-    readings: how to evaluate outputs, by type of node.
+    Attributes:
+        readings: How to evaluate outputs, by type of node.
     """
 
     images: ImageTextures

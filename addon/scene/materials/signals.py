@@ -37,8 +37,12 @@ class NotAffineError(Exception):
 
 @dataclass(frozen=True)
 class Signal:
-    """The value of a socket. notes: what `feed` leaves out, as clauses of a sentence. range: within which the numbers of its
-    texture are, as far as that is known."""
+    """The value of a socket.
+
+    Attributes:
+        notes: What `feed` leaves out, as clauses of a sentence.
+        range: Within which the numbers of its texture are, as far as that is known.
+    """
 
     feed: Feed
     notes: tuple[str, ...] = ()

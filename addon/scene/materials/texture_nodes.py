@@ -31,7 +31,12 @@ MOST_NODES = 60
 
 @dataclass(frozen=True)
 class _Vector:
-    """An affine function of UV coordinates. rows (3, 3) takes (u, v, 1) to it. layer: as in feeds; None if it is constant."""
+    """An affine function of UV coordinates.
+
+    Attributes:
+        rows (3, 3): Take (u, v, 1) to it.
+        layer: As in feeds; None if it is constant.
+    """
 
     rows: np.ndarray
     layer: str | None = None
