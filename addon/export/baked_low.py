@@ -25,12 +25,12 @@ from .deformation import Deformation
 class FileMesh:
     """The triangles of an object in a file, in Blender's axes and the object's space, with v upwards.
 
-    One row per corner of each triangle, (T, 3, n) float32: positions, normals, uv, and tangents with the sign of the bitangent,
-    None if they are unknown. materials (T,) int: indices into `pictures`, the files of normal maps, or None where there is
-    none.
-
     Attributes:
-        uv: Of the layer that the normal map uses.
+        positions, normals (T, 3, 3) float32: By corner.
+        uv (T, 3, 2) float32: Of the layer that the normal map uses.
+        tangents (T, 3, 4) float32: With the sign of the bitangent; None if they are unknown.
+        materials (T,) int: Indices into `pictures`.
+        pictures: The files of normal maps, or None where there is none.
         has_tangents: Whether the tangents are the file's own, and not made of it.
     """
 
@@ -47,9 +47,9 @@ class FileMesh:
 class BakedLow:
     """A low object with the reports of its maps, and its triangles in the order of its material slots.
 
-    One row per corner of each triangle, (T, 3, n) float32: positions, normals, tangents with the sign of the bitangent.
-
     Attributes:
+        positions, normals (T, 3, 3) float32: By corner.
+        tangents (T, 3, 4) float32: With the sign of the bitangent.
         uvs: The UVs of each layer by name, that of the maps first.
         slots (T,) int32: The material slot.
         materials: In each slot, also those that modifiers set.

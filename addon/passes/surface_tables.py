@@ -236,7 +236,11 @@ BITS = 24
 
 @dataclass(frozen=True)
 class Blocks:
-    """masks (rows, columns, 4) int: the materials that each block shows, material m in bit m % 96, by 24 bits."""
+    """Which materials show in each block of texels.
+
+    Attributes:
+        masks (rows, columns, 4) int: Material m in bit m % 96, by 24 bits.
+    """
 
     masks: np.ndarray
 
