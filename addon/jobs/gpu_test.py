@@ -27,10 +27,12 @@ from ..engine import gpu_memory, margins
 from ..engine.bands import Band
 from ..engine.method_choice import choose_method
 from ..engine.sources import normal_source
+from ..mesh.inputs import Meshes
+from ..mesh.triangle_mesh import Mesh
 from ..passes import data_texture, hemisphere, margin_fill, shader, target
 from ..passes.driver_checks import DRIVER_CHECKS, CheckFailed, DriverCheck
 from . import gpu_pairs
-from .gpu_pairs import PAIRS, Pair, Sheet
+from .gpu_pairs import PAIRS, Pair
 
 STEP = Progress("Testing the GPU", 0.0)
 """The step in the progress bar, at the start."""
@@ -255,11 +257,21 @@ RAYS = 16
 """From each hit."""
 
 
+def _sheet(name: str, columns: int, waves: float) -> Mesh:
+    """A square of columns x columns quads that covers the map. waves: their height."""
+    across, up = np.meshgrid(*[np.linspace(0.0, 1.0, columns + 1)] * 2)
+    height = waves * (1.5 + np.sin(9.0 * across + 1.0) * np.sin(8.0 * up + 1.0))
+    points = np.stack([2.0 * across - 1.0, 2.0 * up - 1.0, height], axis=-1).reshape(-1, 3)
+    first = np.add.outer((columns + 1) * np.arange(columns), np.arange(columns)).reshape(-1, 1)
+    above = columns + 2
+    triangles = np.concatenate([first + (0, 1, above), first + (0, above, above - 1)], axis=1).reshape(-1, 3)
+    return Mesh.of_arrays(name, points, triangles, np.stack([across, up], axis=-1).reshape(-1, 2))
+
+
 def _rays() -> Task[list[Timed]]:
     """Rays from a low mesh to a high one, and those from the hits."""
-    low = gpu_pairs.mesh_of("low", Sheet(gpu_pairs.flat(), (0.0, 0.0, 1.0, 1.0), 16, 16))
-    high = gpu_pairs.mesh_of("high", Sheet(gpu_pairs.wave(0.05), (0.0, 0.0, 1.0, 1.0), 100, 100))
-    meshes = gpu_pairs.pair_of(low, high)
+    low, high = _sheet("low", 16, 0.0), _sheet("high", 100, 0.03)
+    meshes = replace(Meshes.of(low, [high]), basis=low)
     run = Run(Settings(method=Method.CAST, space=Space.WORLD, maps=("AO",), width=SIDES[0], height=SIDES[0], margin=0))
     plan = choose_method(meshes, [1001], run.settings.tracing)
     source = yield from normal_source(plan, run)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makes addon/jobs/gpu_answers.npz: what the maps of the test of the GPU should be, and prints how far this GPU is from it.
+"""Makes addon/jobs/gpu_answers.npz: the meshes of the test of the GPU and what their maps should be. Prints how far this GPU is.
 
     .venv/bin/python scripts/dev/gpu_answers.py [--check]
 
 Nearly all answers are computed here, in double precision and without a shader: closed forms, or rays that test every triangle.
 What depends on each single ray of a lattice, or on the rounds of adaptive samples, is drawn by Mesa's llvmpipe instead; a
-coarse estimate, computed here as well, must agree with it. With --check, nothing is written.
+coarse estimate, computed here as well, must agree with it. With --check, nothing is written. gpu_inputs.py has the meshes.
 """
 
 import sys
@@ -27,11 +27,18 @@ from addon.core.progress import finish  # noqa: E402
 from addon.jobs import gpu_pairs  # noqa: E402
 from addon.jobs.gpu_pairs import SIZE, Answer  # noqa: E402
 from addon.passes import samples  # noqa: E402
+from scripts.dev import gpu_inputs  # noqa: E402
 from tests.support import oracle, raster  # noqa: E402
 
 DRAWN = {"Adaptive samples": ("NORMAL",), "Rays from hits": ("AO", "BENT_NORMAL", "THICKNESS", "CURVATURE")}
 """The maps that llvmpipe draws, by pair."""
 CENTERS = (np.arange(SIZE) + 0.5) / SIZE
+INPUTS = gpu_inputs.arrays()
+
+
+def meshes_of(name):
+    """The meshes of some pairs, as the formulas make them."""
+    return gpu_pairs.meshes_of(name, INPUTS)
 
 
 def unit(vectors):
@@ -132,7 +139,7 @@ def answer(values, covered, is_compared=None):
 
 
 def flat_domes(basis):
-    meshes = gpu_pairs.domes()
+    meshes = meshes_of("domes")
     low, high = Texels(meshes.low), Texels(meshes.highs[0])
     return {
         "NORMAL": answer(stored(in_basis(low, unit_or(high.of(high.mesh.normals)), basis), low.covered), low.covered)
@@ -140,7 +147,7 @@ def flat_domes(basis):
 
 
 def cast_domes(basis):
-    meshes = gpu_pairs.wide_domes()
+    meshes = meshes_of("wide_domes")
     low = Texels(meshes.low)
     directions = unit_or(low.of(low.mesh.normals))[low.covered]
     origins = low.points[low.covered] + 0.4 * directions
@@ -153,17 +160,17 @@ def cast_domes(basis):
 
 def own_hits():
     """Rays are straight, and floor and roof have the UVs of what is above them."""
-    high = Texels(gpu_pairs.layers().highs[0])
+    high = Texels(meshes_of("layers").highs[0])
     return {"NORMAL": answer(stored(unit_or(high.of(high.mesh.normals)), high.covered), high.covered)}
 
 
 def of_blocks():
-    covered = Texels(gpu_pairs.blocks().low).covered
+    covered = Texels(meshes_of("blocks").low).covered
     return {"NORMAL": answer(stored(np.broadcast_to((0.0, 0.0, 1.0), (SIZE, SIZE, 3)), covered), covered)}
 
 
 def of_points():
-    meshes = gpu_pairs.tilted()
+    meshes = meshes_of("tilted")
     low = Texels(meshes.low)
     points, covered = low.points, low.covered
     triangle, weights, found = hits(
@@ -185,7 +192,7 @@ def of_points():
 
 def of_means():
     """The means of the samples of a texel that the low mesh covers. The high one is level above it."""
-    meshes = gpu_pairs.bumpy()
+    meshes = meshes_of("bumpy")
     height = float(meshes.highs[0].positions[0, 2])
     found = [Texels(meshes.low, np.array(offset) / SIZE) for offset in samples.offsets(4)]
     count = np.sum([each.covered for each in found], axis=0)
@@ -213,17 +220,17 @@ def joined(meshes):
 def image_at(key, covered, uv):
     """The image (SIZE, SIZE, 4), 0 outside."""
     values = np.zeros((SIZE, SIZE, 4))
-    values[covered] = raster.bilinear(gpu_pairs.image_of(key), uv[covered])
+    values[covered] = raster.bilinear(gpu_inputs.image_of(key), uv[covered])
     return values
 
 
 def of_materials():
-    high = Texels(gpu_pairs.colored().highs[0])
+    high = Texels(meshes_of("colored").highs[0])
     covered, x = high.covered, high.points[..., 0]
-    first, second = gpu_pairs.LIMITS_OF_MATERIALS
+    first, second = gpu_inputs.LIMITS_OF_MATERIALS
     which = np.where(x < first, 0, np.where(x < second, 1, 2))
     image = image_at("color", covered, high.of(high.mesh.uv))
-    paint = gpu_pairs.painted(high.points.reshape(-1, 3)).reshape(SIZE, SIZE, 4)
+    paint = gpu_inputs.painted(high.points.reshape(-1, 3)).reshape(SIZE, SIZE, 4)
     constant = np.ones((SIZE, SIZE))
     maps = {
         "BASE_COLOR": np.choose(
@@ -242,12 +249,12 @@ def of_materials():
 
 
 def of_own_normals():
-    high = Texels(gpu_pairs.bumpy().highs[0])
+    high = Texels(meshes_of("bumpy").highs[0])
     covered, uv = high.covered, high.of(high.mesh.uv)
     normals = unit_or(2.0 * image_at("normals", covered, uv)[..., :3] - 1.0)
     # One pixel of the image to either side, by the same interpolation; x and y change by 2 where u and v change by the island.
-    width = (gpu_pairs.WHOLE[2] - gpu_pairs.WHOLE[0]) / 2.0
-    step = 0.5 / gpu_pairs.PIXELS
+    width = (gpu_inputs.WHOLE[2] - gpu_inputs.WHOLE[0]) / 2.0
+    step = 0.5 / gpu_inputs.PIXELS
     slopes = [
         (image_at("bumps", covered, uv + way)[..., 0] - image_at("bumps", covered, uv - way)[..., 0])
         / (2.0 * step)
@@ -277,32 +284,32 @@ def nearest(covered, reach):
 
 
 def extended():
-    low = Texels(gpu_pairs.cut().low)
+    low = Texels(meshes_of("cut").low)
     covered = low.covered
     row, column, count, is_near = nearest(covered, 6)
     states = np.where(covered, WRITTEN, np.where(is_near, MARGIN, 0)).astype(np.uint8)
-    values = gpu_pairs.painted(low.points[row, column].reshape(-1, 3)).reshape(SIZE, SIZE, 4)[..., :3]
+    values = gpu_inputs.painted(low.points[row, column].reshape(-1, 3)).reshape(SIZE, SIZE, 4)[..., :3]
     values = np.where((states > 0)[..., None], values, 0.0)
     # Of several that are as near, any is right.
     return {"BASE_COLOR": Answer(values, states, covered | (states == 0) | (count == 1))}
 
 
 def across_seams():
-    meshes = gpu_pairs.cut()
+    meshes = meshes_of("cut")
     low = Texels(meshes.low)
     covered = low.covered
     row, column, count, is_near = nearest(covered, 4)
     # Both islands have the same scale and direction: the surface goes on beyond a seam where the UVs do.
-    texel = 2.0 * (1.0 + gpu_pairs.CUT) / 2.0 / 16.5
+    texel = 2.0 * (1.0 + gpu_inputs.CUT) / 2.0 / 16.5
     place = low.points[row, column]
     right = np.arange(SIZE)[None, :] - column
     continues = (
         ~covered
         & (row == np.arange(SIZE)[:, None])
-        & (np.sign(right) == np.where(place[..., 0] < gpu_pairs.CUT, 1, -1))
+        & (np.sign(right) == np.where(place[..., 0] < gpu_inputs.CUT, 1, -1))
     )
     place = place + np.where(continues, right * texel, 0)[..., None] * (1.0, 0.0, 0.0)
-    values = gpu_pairs.painted(place.reshape(-1, 3)).reshape(SIZE, SIZE, 4)[..., :3]
+    values = gpu_inputs.painted(place.reshape(-1, 3)).reshape(SIZE, SIZE, 4)[..., :3]
     states = np.where(covered, WRITTEN, np.where(is_near, MARGIN, 0)).astype(np.uint8)
     values = np.where((states > 0)[..., None], values, 0.0)
     # At the ends of the seam, the way to the nearest texel may cross it or not.
@@ -313,7 +320,7 @@ def across_seams():
 def of_tiles():
     maps = {}
     for tile, place in ((1002, (1, 0)), (1011, (0, 1))):
-        high = Texels(gpu_pairs.tiled().highs[0], place)
+        high = Texels(meshes_of("tiled").highs[0], place)
         maps[f"NORMAL {tile}"] = answer(stored(unit_or(high.of(high.mesh.normals)), high.covered), high.covered)
     return maps
 
@@ -324,7 +331,7 @@ def degrees(a, b):
 
 
 def deviations():
-    meshes = gpu_pairs.domes()
+    meshes = meshes_of("domes")
     low, high = Texels(meshes.low), Texels(meshes.highs[0])
     flat = frames(low, bases.MIKKTSPACE) @ (0.0, 0.0, 1.0)
     angles = np.sort(degrees(flat, high.of(high.mesh.normals))[low.covered])
@@ -334,7 +341,7 @@ def deviations():
 
 
 def engine_angles():
-    low = Texels(gpu_pairs.domes().low)
+    low = Texels(meshes_of("domes").low)
     color = 2.0 * gpu_pairs.TILTED_COLOR[:3].astype(np.float64) - 1.0
     own, other = (frames(low, basis) @ color for basis in (bases.CYCLES, bases.NORMALIZED))
     return {"angles": answer(np.where(low.covered, degrees(own, other), -1.0), low.covered)}
@@ -350,13 +357,13 @@ FEWER_SAMPLES = 0.1
 
 def check_estimates():
     """Compare what llvmpipe draws with estimates that share no code with it."""
-    maps = finish(pair_named("Rays from hits").bake())
+    maps = finish(pair_named("Rays from hits").bake(stored=INPUTS))
     places = [(row, column) for row in range(6, SIZE - 4, 9) for column in range(6, SIZE - 4, 5)]
     seen = np.array([openness(place) for place in places])
     apart = np.abs(seen - [maps["AO"][0][place][0] for place in places])
     print(f"occlusion: {apart.max():.3f} from an estimate at {len(places)} texels")
     assert apart.max() < SHARE_SEEN
-    found = finish(pair_named("Adaptive samples").bake())["NORMAL"]
+    found = finish(pair_named("Adaptive samples").bake(stored=INPUTS))["NORMAL"]
     covered = found[1] == WRITTEN
     apart = degrees(2.0 * found[0][..., :3] - 1.0, mean_of_tents())[covered]
     print(f"adaptive samples: {apart.max():.3f} degrees from the mean of all samples")
@@ -369,11 +376,11 @@ def pair_named(name):
 
 def openness(place, count=4096):
     """The share of the sky, by the cosine, that the surface sees on average below a texel."""
-    meshes = gpu_pairs.blocks()
+    meshes = meshes_of("blocks")
     corners = corners_of(meshes.highs[0])
     rng = np.random.default_rng(hash(place) % 2**32)
-    texel = 2.0 / (SIZE * (gpu_pairs.WHOLE[2] - gpu_pairs.WHOLE[0]))
-    start = np.array([(index + 0.5 - gpu_pairs.INSET) * texel - 1.0 for index in reversed(place)])
+    texel = 2.0 / (SIZE * (gpu_inputs.WHOLE[2] - gpu_inputs.WHOLE[0]))
+    start = np.array([(index + 0.5 - gpu_inputs.INSET) * texel - 1.0 for index in reversed(place)])
     start = start + texel * (rng.random((count, 2)) - 0.5)
     origins = np.column_stack([start, np.full(count, 2.0)])
     triangle, distance, _, _ = oracle.first_hits(
@@ -390,10 +397,10 @@ def openness(place, count=4096):
 
 def mean_of_tents():
     """The mean of the normals (SIZE, SIZE, 3) at all samples of each texel."""
-    meshes = gpu_pairs.tents()
+    meshes = meshes_of("tents")
     mesh, total = meshes.highs[0], 0.0
-    texel = 2.0 / (SIZE * (gpu_pairs.WHOLE[2] - gpu_pairs.WHOLE[0]))
-    centers = (np.arange(SIZE) + 0.5 - gpu_pairs.INSET) * texel - 1.0
+    texel = 2.0 / (SIZE * (gpu_inputs.WHOLE[2] - gpu_inputs.WHOLE[0]))
+    centers = (np.arange(SIZE) + 0.5 - gpu_inputs.INSET) * texel - 1.0
     for x, y in samples.offsets(64):
         places = np.stack(np.meshgrid(centers + x * texel, centers + y * texel), axis=-1).reshape(-1, 2)
         origins = np.column_stack([places, np.full(len(places), 2.0)])
@@ -422,12 +429,32 @@ COMPUTED = {
 }
 
 
+def write(answers):
+    """Store the meshes and the answers, by pair and map: these in 16 bits between the least and the largest value of each."""
+    arrays = dict(INPUTS)
+    for pair, maps in answers.items():
+        for name, answer in maps.items():
+            known = answer.values[answer.is_known]
+            low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
+            scaled = (answer.values - low) / ((high - low) or 1.0) * gpu_pairs.STEPS
+            scaled = np.where(answer.is_known[..., None], np.clip(np.round(scaled), 0, gpu_pairs.STEPS), 0)
+            key = f"{pair}: {name}"
+            # Channel after channel, and of each the changes along rows: smooth maps become small numbers.
+            changes = np.diff(scaled.astype(np.uint16), axis=1, prepend=np.uint16(0))
+            arrays[f"{key}/values"] = np.ascontiguousarray(np.moveaxis(changes, -1, 0))
+            arrays[f"{key}/range"] = np.array([low, high])
+            arrays[f"{key}/states"] = answer.states
+            if answer.is_compared is not None:
+                arrays[f"{key}/compared"] = np.packbits(answer.is_compared)
+    np.savez_compressed(gpu_pairs.ANSWERS, **arrays)
+
+
 def main():
     gpu.init()
     check_estimates()
     found = {}
     for pair in gpu_pairs.PAIRS:
-        maps = finish(pair.bake())
+        maps = finish(pair.bake(stored=INPUTS))
         own = COMPUTED[pair.name]() if pair.name in COMPUTED else {}
         for name in DRAWN.get(pair.name, ()):
             texels, states = maps[name]
@@ -438,7 +465,7 @@ def main():
         found[pair.name] = own
     addon.free()
     if "--check" not in sys.argv:
-        gpu_pairs.write_answers(found)
+        write(found)
         print(f"{gpu_pairs.ANSWERS.stat().st_size:,} bytes")
 
 

@@ -19,6 +19,7 @@ from addon.core.progress import Pace, finish
 from addon.jobs import gpu_pairs, gpu_test
 from addon.jobs.gpu_pairs import PAIRS
 from addon.passes import hemisphere, shader, target
+from scripts.dev import gpu_inputs
 from tests.support import drivers, fast_math
 from tests.support.lying_drivers import WHOLE_LIES, changed_shaders, lying
 from tests.support.snapshot import difference, snapshot
@@ -26,8 +27,8 @@ from tests.support.snapshot import difference, snapshot
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 BY_NAME = {pair.name: pair for pair in PAIRS}
-LARGEST = 300_000
-"""Bytes of the answers in the zip."""
+LARGEST = 500_000
+"""Bytes of the meshes and answers in the zip."""
 
 
 def verdicts(pair, maps):
@@ -50,6 +51,14 @@ def test_slices_of_a_window_give_the_same_maps(pair):
     for name, (texels, states) in at_once.items():
         assert np.array_equal(texels, in_slices[name][0])
         assert np.array_equal(states, in_slices[name][1])
+
+
+def test_the_meshes_are_those_that_the_answers_are_computed_of():
+    with np.load(gpu_pairs.ANSWERS) as stored:
+        made = gpu_inputs.arrays()
+        assert {key for key in stored if key.startswith(("meshes/", "images/"))} == set(made)
+        for key, values in made.items():
+            np.testing.assert_allclose(stored[key], values, atol=1e-6, err_msg=key)
 
 
 def test_the_answers_are_small():
@@ -159,10 +168,10 @@ def test_no_basis_passes_for_another(method):
 )
 def test_another_bake_is_wrong(name, wrong, settings):
     pair = BY_NAME[name]
-    meshes = pair.meshes
+    make = pair.make
     if "detail_maps" in settings:  # without objects, nobody reads this setting
-        settings, meshes = {}, lambda: replace(pair.meshes(), materials=[])
-    other = replace(pair, meshes=meshes, settings={**pair.settings, **settings})
+        settings, make = {}, lambda meshes, run: pair.make(replace(meshes, materials=[]), run)
+    other = replace(pair, make=make, settings={**pair.settings, **settings})
     found = verdicts(pair, finish(other.bake()))
     assert {each for each, test in found.items() if test.verdict is Verdict.WRONG} == wrong
 
