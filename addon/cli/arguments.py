@@ -4,7 +4,6 @@
 import argparse
 import functools
 import os
-import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path, PurePath
@@ -15,10 +14,11 @@ from ..core.conversion import StoredNormals
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError, warn_of_former
-from ..core.naming import Suffixes, did_you_mean
+from ..core.naming import Suffixes
 from ..core.settings import PART_OF, Settings
 from . import limits
-from .options import FILE, FORMER_WORDS, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, SUBJECTS, RunOptions, option_word
+from .commands import ASSET, BAKE, CHECK, CONVERT, LOD, RUN, Command, WrongUsage
+from .options import FORMER_WORDS, SUBJECTS, RunOptions, option_word
 
 
 def settings(options: argparse.Namespace) -> Settings:
@@ -55,64 +55,17 @@ def settings_faults(options: argparse.Namespace) -> Iterator[str]:
     yield from (text.rstrip(".") for text in faults)
 
 
-# noqa: F401 - callers find them here
-
-
-class WrongUsage(Exception):
-    """The arguments are unknown or contradict each other. The text is for the user, without a full stop."""
-
-
-class Parser(argparse.ArgumentParser):
-    """A parser that raises WrongUsage, and ends no process."""
-
-    def error(self, message: str):
-        raise WrongUsage(message)
-
-
-class _BakeParser(Parser):
-    def error(self, message: str):
-        unknown = re.match("unrecognized arguments: (--[^ =]+)", message)
-        own = _OF_COMMANDS.get(self.prog.rpartition(" ")[2], ())
-        raise WrongUsage(message + (_similar_option(unknown[1], own) if unknown else ""))
-
-
-_OF_COMMANDS = {"lod": ("degrees", "distance", "triangles"), "asset": ("degrees", "distance", "triangles", "levels")}
-"""Options that commands have beside those of a bake."""
-
-
-def _similar_option(name: str, own: Collection[str]) -> str:
-    """The end of a sentence about an unknown option, whose dashes do not count as similar. own: further options."""
-    names = (*own, "jobs", *(name for options in (*OPTIONS.values(), RUN_OPTIONS) for name in options))
-    return did_you_mean([name.lstrip("-")], names).replace("'", "'--", 1)
-
-
 @functools.cache
-def parser(program: str) -> argparse.ArgumentParser:
-    """The parser of the command line. It raises WrongUsage."""
-    result = _BakeParser(
-        prog=program,
-        usage="%(prog)s [FILE ...] --low NAME [--high NAME ...] --output MAP [option ...]\n"
-        "       %(prog)s [FILE ...] --pairs [DIR] --output MAP [option ...]\n"
-        "       %(prog)s --low-file FILE --high-file FILE ... --output MAP [option ...]\n"
-        "       %(prog)s [FILE ...] --low NAME --convert MAP --output MAP [option ...]\n"
-        "       %(prog)s --jobs FILE [--report REPORT.json] [option ...]",
-        description="Bake the detail of high-poly meshes into maps of a low-poly mesh.",
-        allow_abbrev=False,
-    )
-    for title, options in (*OPTIONS.items(), (RUN_TITLE, RUN_OPTIONS)):
-        group = result.add_argument_group(title)
-        if title == "what to bake":
-            group.add_argument("file", **FILE.arguments)
-            group.add_argument("--jobs", **JOBS.arguments)
-        for name, option in options.items():
-            group.add_argument(f"--{name}", **option.arguments)
+def parser(program: str, command: Command = BAKE) -> argparse.ArgumentParser:
+    """The parser of the options of a bake. It raises WrongUsage. command: whose own options may be meant by unknown ones."""
+    result = BAKE.parser(program, known=(*BAKE.options, *command.options))
     result.set_defaults(levels=None, asset=None)  # the commands lod and asset have them
     return result
 
 
-def parse(arguments: Sequence[str], program: str = "imprint") -> argparse.Namespace:
-    """The options in `arguments`, each checked by itself. Raises WrongUsage."""
-    return with_pairs(parser(program).parse_intermixed_args(_joined(arguments)))
+def parse(arguments: Sequence[str], program: str = "imprint", command: Command = BAKE) -> argparse.Namespace:
+    """The options in `arguments`, each checked by itself. Raises WrongUsage. command: as in `parser`."""
+    return with_pairs(parser(program, command).parse_intermixed_args(_joined(arguments)))
 
 
 def given(arguments: Sequence[str]) -> dict[str, Any]:
@@ -136,9 +89,7 @@ def with_pairs(options: argparse.Namespace) -> argparse.Namespace:
 
 def split_jobs(arguments: Sequence[str], program: str = "imprint") -> tuple[RunOptions, list[str]]:
     """The options of the run of a job file, and the other arguments, which override all sets. Raises WrongUsage."""
-    own = _BakeParser(add_help=False, allow_abbrev=False)
-    for name, option in {"jobs": JOBS, "report": OPTIONS["output"]["report"], **RUN_OPTIONS}.items():
-        own.add_argument(f"--{name}", **option.arguments)
+    own = RUN.parser(program, known=BAKE.options, has_help=False)
     known, more = own.parse_known_args(_joined(arguments))
     rest = parse(more)
     if rest.file or any(vars(rest)[name.replace("-", "_")] for name in SUBJECTS):
@@ -153,8 +104,8 @@ def check(options: argparse.Namespace, program: str = "imprint") -> RunOptions:
     if job_file := next((name for name in options.file if PurePath(name).suffix.lower() in JOB_FILES), None):
         raise WrongUsage(f"{job_file!r} is a job file: put --jobs before it")
     run = RunOptions.of(options, program)
-    others = _given(options, _IGNORED_BY_CONVERSIONS) if options.convert else []
-    of_conversion = [_NOT_CONVERTED.format(", ".join(others))] if others else []
+    others = _given(options, CONVERT.ignored) if options.convert else []
+    of_conversion = [CONVERT.refusal.format(", ".join(others))] if others else []
     _refuse([*mistakes(options), *of_conversion, *run.mistakes(has_files=bool(options.file or options.low_file))])
     return run
 
@@ -208,8 +159,8 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--scene is for a .blend: leave it out"
     if options.high_up and not (options.high_file or options.pairs):
         yield "--high-up is for --high-file"
-    if options.convert and (others := _given(options, _OF_BAKES)):
-        yield _NOT_CONVERTED.format(", ".join(others))
+    if options.convert and (others := _given(options, CONVERT.refused)):
+        yield CONVERT.refusal.format(", ".join(others))
     if options.convert and options.export:
         yield "--export follows a bake: leave it out with --convert"
     if options.pack_uvs and not (options.pairs and not is_folder(options) and not naming.has_low(options.output)):
@@ -219,38 +170,13 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
 
 
 JOB_FILES = (".toml", ".json")
-_OF_BAKES = {
-    "high-file": "high_file",
-    "cage": "cage",
-    "cage-file": "cage_file",
-    "pairs": "pairs",
-    "pack-uvs": "pack_uvs",
-    "frames": "frames",
-    "no-normal": "normal",
-    "maps": "maps",
-    "pack": "pack",
-    "texture-sets": "texture_sets",
-    "vertex-domain": "vertex_domain",
-    "connect-maps": "connect_maps",
-    "mask": "mask",
-    "targets": "targets",
-}
-"""Options that ask for what a conversion does not make, and where their values are."""
 
 
-_OF_RAYS = ("method", "hit", "extrusion", "max_distance", "directions", "facing_only", "offset_group", "straight_group")
-"""Options without an effect where no ray is cast."""
-_IGNORED_BY_CONVERSIONS = {option_word(name): name for name in ("size", "samples", "adaptive", *_OF_RAYS)}
-"""As _OF_BAKES, options without an effect on a conversion. A job file may have them, where they count for its bakes."""
-
-
-_NOT_CONVERTED = "--convert converts one normal map: leave out {}"
-
-
-def _given(options: argparse.Namespace, names: dict[str, str]) -> list[str]:
-    """Those of these options that are given, by the words and the names of their values."""
+def _given(options: argparse.Namespace, names: Iterable[str]) -> list[str]:
+    """Those of these options that are given, by the names of their values."""
     defaults = parser("imprint").get_default
-    return [f"--{word}" for word, name in names.items() if vars(options)[name] != defaults(name)]
+    given = (name for name in names if vars(options)[name] != defaults(name))
+    return [f"--{option_word(name) if name in DECLARED else name.replace('_', '-')}" for name in given]
 
 
 def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
@@ -333,34 +259,33 @@ def _present(argument: str) -> str:
     return f"--{now}{is_given}{value}"
 
 
-_NOT_OF_LOD = (
-    *("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers"),
-    *_OF_RAYS,
-)
-"""Options that a chain has no use for."""
+def _of_bake(command: Command, words: Sequence[str], program: str) -> argparse.Namespace:
+    """The options of a bake in a call of another command. Raises WrongUsage for those that it has no use for."""
+    options = parse(words, program, command)
+    if given := _given(options, command.refused):
+        raise WrongUsage(command.refusal.format(given[0]))
+    return options
 
 
-def read_lod(words: Sequence[str], program: str) -> argparse.Namespace:
-    """The options of the bake that makes the chain: its `levels` are the texts of the limits. Raises WrongUsage."""
-    own, rest = _lod_parser(program).parse_known_args(words)
-    options = parse(rest, program)
-    defaults = vars(parse([]))
-    wrong = next((name for name in _NOT_OF_LOD if getattr(options, name) != defaults[name]), None)
-    if wrong:
-        word = option_word(wrong) if wrong in DECLARED else wrong.replace("_", "-")
-        raise WrongUsage(f"--{word} is not for lod, which makes coarser meshes of one mesh")
+def read_lod(words: Sequence[str], program: str) -> tuple[RunOptions, argparse.Namespace]:
+    """The options of the run, and of the bake that makes the chain: its `levels` are the texts of the limits.
+
+    Raises WrongUsage.
+    """
+    own, rest = LOD.parser(program).parse_known_args(words)
+    options = _of_bake(LOD, rest, program)
     if own.triangles is not None and (own.degrees, own.distance) != (None, None):
         raise WrongUsage("--triangles sets how many triangles levels have: give it without --degrees and --distance")
     degrees = own.degrees if own.degrees is not None else "" if own.distance else levels.DEGREES
     options.levels = degrees, levels.PERCENT if own.distance is None else own.distance, own.triangles or ""
-    check(options)
+    run = check(options, program)
     try:
         count = len(levels.limits(*options.levels))
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
     if count > 1:
         _check_levels(options)
-    return options
+    return run, options
 
 
 def _check_levels(options: argparse.Namespace) -> None:
@@ -372,134 +297,30 @@ def _check_levels(options: argparse.Namespace) -> None:
         raise WrongUsage(f"only .glb has levels in one file: put {naming.LOW} into --export")
 
 
-_NOT_OF_ASSET = (
-    "jobs",
-    "cage",
-    "pairs",
-    "low_file",
-    "high_file",
-    "cage_file",
-    "frames",
-    "high_up",
-    "convert",
-    "workers",
-)
-"""Options that the making of an asset has no use for."""
-
-
-def read_asset(words: Sequence[str], program: str) -> argparse.Namespace:
-    """The options of the bake of an asset: its `asset` has the texts of the limits. Raises WrongUsage."""
-    own, rest = _asset_parser(program).parse_known_args(words)
+def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse.Namespace]:
+    """The options of the run, and of the bake of an asset: its `asset` has the texts of the limits. Raises WrongUsage."""
+    own, rest = ASSET.parser(program).parse_known_args(words)
     limits_of_asset = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
     try:
         wanted = asset.Wanted.of_texts(*limits_of_asset)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
-    options = parse([*rest, *(["--size", own.size] if own.size and not wanted.finds_size else [])], program)
-    defaults = vars(parse([]))
-    wrong = next((name for name in _NOT_OF_ASSET if getattr(options, name) != defaults[name]), None)
-    if wrong:
-        raise WrongUsage(f"--{wrong.replace('_', '-')} is not for asset, which makes the low mesh of its FILEs")
+    size = ["--size", own.size] if own.size and not wanted.finds_size else []
+    options = _of_bake(ASSET, [*rest, *size], program)
     options.asset = limits_of_asset
     if options.export and not options.output:
         path = Path(options.export)
         has_low = not wanted.levels or naming.has_low(path.name)
         options.output = str(path.with_suffix(".png") if has_low else path.with_name(f"{naming.LOW}.png"))
-    check(options)
+    run = check(options, program)
     if wanted.levels:
         _check_levels(options)
-    return options
+    return run, options
 
 
 def read_check(words: Sequence[str], program: str) -> argparse.Namespace:
     """The options of the bake to look at, which need no output. Raises WrongUsage."""
-    options = parse(words, program)
-    if options.jobs or options.convert:
-        raise WrongUsage("check looks at the high meshes of one bake: give a FILE with --low and --high, or mesh files")
+    options = _of_bake(CHECK, words, program)
     options.output = options.output or f"{naming.LOW}.png"
     check(options)
     return options
-
-
-def _asset_parser(program: str) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=program,
-        usage="%(prog)s FILE ... [--high NAME ...] --export out.glb [--triangles 5000] [--degrees 2]\n"
-        "                  [--distance 0.5] [--levels 2] [option ...]\n"
-        "       %(prog)s FILE ... --low NAME [--high NAME ...] --export out.glb [option ...]",
-        description="Make a game asset of high meshes: a low mesh with a UV map, all maps, and a file for an engine.",
-        epilog="Without --high, all visible meshes of the files are high. A low mesh that is there, and its UV map, are kept. "
-        "Without --output, maps go beside the file of --export. Other options are those of a bake, as --maps, --basis, "
-        "--save-blend, --report and --strict: see `bake --help`.",
-        allow_abbrev=False,
-    )
-    parser.add_argument(
-        "--triangles",
-        default=None,
-        metavar="N",
-        help=f"How many triangles the low mesh has (default: {asset.TRIANGLES}); with --degrees or --distance, the most",
-    )
-    parser.add_argument(
-        "--degrees",
-        default=None,
-        metavar="DEGREES",
-        help="The shading error that 99 %% of the pixels may have, seen from all sides: the fewest triangles within it are "
-        "searched",
-    )
-    parser.add_argument(
-        "--distance",
-        default=None,
-        metavar="PERCENT",
-        help="How far 99 %% of the surfaces may be apart, in percent of the longest side of the box: the fewest triangles "
-        "within it are searched",
-    )
-    parser.add_argument(
-        "--levels",
-        type=int,
-        default=0,
-        metavar="N",
-        help="How many levels of detail follow, each with half the triangles of the one before it, or twice its limits",
-    )
-    parser.add_argument(
-        "--size",
-        default=None,
-        metavar="auto",
-        help=f"Of the maps: {asset.AUTO} for texels as small as the high meshes' triangles, 512{asset.A_METER} for at least "
-        "512 texels a meter, or as for `bake`",
-    )
-    return parser
-
-
-def _lod_parser(program: str) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=program,
-        usage="%(prog)s [FILE ...] --low NAME --output MAP [--degrees 1,2,4] [--distance 1] [option ...]\n"
-        "       %(prog)s --low-file FILE --output MAP [--degrees 1,2,4] [--distance 1] [option ...]\n"
-        "       %(prog)s ... --output MAP --triangles 50%%,25%%,500 [option ...]",
-        description="Make levels of detail of one mesh: for each limit the coarsest mesh with the same UV layout that, with "
-        "its map, stays within the limit on 99 % of the map's texels.",
-        epilog="Other options are those of a bake, as --size, --basis, --save-blend, --report and --untrusted: see `bake "
-        "--help`. --output has {low}, which stands for the level's name.",
-        allow_abbrev=False,
-    )
-    parser.add_argument(
-        "--degrees",
-        default=None,
-        metavar="1,2,4",
-        help="The largest angles between the normals that each level shows with its map and those of the mesh (default: "
-        "1,2,4, without --distance)",
-    )
-    parser.add_argument(
-        "--distance",
-        default=None,
-        metavar="0.5,1,2",
-        help="The largest distances of each level from the mesh, in percent of the longest side of its box; one for all "
-        "levels, or one for each (default: 1)",
-    )
-    parser.add_argument(
-        "--triangles",
-        default=None,
-        metavar="50%,25%,500",
-        help="In place of limits, how many triangles each level has, or its share of those of the mesh",
-    )
-    return parser

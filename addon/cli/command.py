@@ -27,32 +27,19 @@ from . import (
     untrusted,
     worker_process,
 )
-from .arguments import WrongUsage
 from .blender_process import load_blender
 from .clashes import InputFiles
+from .commands import BAKE, CHECK, COMMANDS, FARM, GPU, LOD, REPORT, Command, WrongUsage
 from .options import RunOptions
 from .run_report import DONE, FAILED, NO_MACHINE, WRONG_USAGE, Only, ThisCall
 from .terminal import Meter
 
-LOD = "lod"
-"""The first argument for levels of detail."""
-ASSET = "asset"
-"""The first argument for making a game asset."""
-FARM = "farm"
-"""The first argument for sending a job file to a farm."""
-REPORT = "report"
-"""The first argument for putting reports together."""
-GPU = "gpu"
-"""The first argument for testing the GPU."""
-CHECK = "check"
-"""The first argument for a look at the high meshes of a bake."""
 VERSION = "--version"
 """An argument of all commands."""
 
 
 def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
-    """Bake according to `words`, the arguments. If the first one is LOD, ASSET, FARM, REPORT, GPU or CHECK, do
-    that.
+    """Bake according to `words`, the arguments, or do what the command says that is the first of them.
 
     may_start_processes: whether many bakes are done in processes of their own. Returns the exit code; errors and warnings go to
     stderr, a line each.
@@ -91,30 +78,29 @@ def _work() -> int:
 
 def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, may_start_processes: bool) -> int:
     """Run the command that `words` begin with. Returns the exit code, also of errors, which are printed. call: for reports."""
-    name = words[0] if words[:1] in ([LOD], [ASSET], [FARM], [REPORT], [GPU], [CHECK]) else ""
-    if name:
-        program, words = f"{program} {name}", words[1:]
+    command = COMMANDS.get(words[0], BAKE) if words else BAKE
+    if command is not BAKE:
+        program, words = f"{program} {command.name}", words[1:]
     try:
-        if name == FARM:
+        if command is FARM:
             from . import farm_command
 
             return farm_command.run(words, program)
-        if name == REPORT:
+        if command is REPORT:
             from . import report_command
 
             return report_command.run(words, program, call)
-        if name == GPU:
+        if command is GPU:
             from . import gpu_command
 
             return gpu_command.run(words, program, meter)
-        if name == CHECK:
+        if command is CHECK:
             options = arguments.read_check(words, program)
             load_blender()
             from . import baker  # needs Blender
 
             return baker.look_at(options)
-        read = {LOD: _read_lod, ASSET: _read_asset}.get(name, _read)
-        options, sets = read(words, program, meter)
+        options, sets = _read(command, words, program, meter)
         return _bake(replace(options, call=call), sets, meter, may_start_processes=may_start_processes)
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
@@ -158,8 +144,13 @@ def _bake(options: RunOptions, sets: Sequence[argparse.Namespace], meter: Meter,
     return baker.bake_one(planned[0], files, options, meter)
 
 
-def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
+def _read(
+    command: Command, words: Sequence[str], program: str, meter: Meter
+) -> tuple[RunOptions, list[argparse.Namespace]]:
     """The options of the command line, and of each set to bake. Raises WrongUsage."""
+    if command is not BAKE:
+        options, of_bake = (arguments.read_lod if command is LOD else arguments.read_asset)(words, program)
+        return options, [of_bake]
     options = arguments.parse(words, program)
     if options.jobs:
         own, more = arguments.split_jobs(words, program)
@@ -180,18 +171,6 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[RunOptions,
         finally:
             meter.clear()
     return arguments.check(options, program), [options]
-
-
-def _read_lod(words: Sequence[str], program: str, _meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
-    """As `_read`, of the command lod."""
-    options = arguments.read_lod(words, program)
-    return RunOptions.of(options, program), [options]
-
-
-def _read_asset(words: Sequence[str], program: str, _meter: Meter) -> tuple[RunOptions, list[argparse.Namespace]]:
-    """As `_read`, of the command asset."""
-    options = arguments.read_asset(words, program)
-    return RunOptions.of(options, program), [options]
 
 
 def _has_no_folder() -> str:
@@ -216,7 +195,7 @@ def _see_help(error: WrongUsage) -> str:
 def _run_in_blender(words: Sequence[str]) -> int:
     import bpy
 
-    if words[:1] == [FARM] and not bpy.app.online_access:
+    if words[:1] == [FARM.name] and not bpy.app.online_access:
         print("imprint farm: Blender has no online access: add --online-mode before --command", file=sys.stderr)
         return WRONG_USAGE
     return run(words, may_start_processes=True)

@@ -1,47 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command `gpu`, which tests the GPU."""
 
-import argparse
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from ..core.progress import Progress
-from . import interruption, option_types, run_report
-from .arguments import Parser
+from . import interruption, run_report
 from .blender_process import load_blender
-from .options import CommandOption
-from .run_report import DONE, GATE, NO_MACHINE, STDOUT
+from .commands import GPU
+from .run_report import DONE, GATE, STDOUT
 from .terminal import Meter
-
-GPU_OPTIONS: dict[str, CommandOption] = {
-    "report": CommandOption(
-        f"Write what was found as JSON; {STDOUT} stands for standard output",
-        {"type": option_types.path, "metavar": "OUT.json"},
-        "none",
-    ),
-    "row": CommandOption("Print the row for the table in docs/platforms.md", {"action": "store_true"}),
-}
-"""The options without their dashes."""
-
-
-def parser(program: str) -> argparse.ArgumentParser:
-    """The parser of the arguments. It raises WrongUsage."""
-    result = Parser(
-        prog=program,
-        description="Test the GPU: what it is, whether its driver does what Imprint relies on, whether small bakes of all "
-        f"kinds are right, and how fast it is. Ends with 0 if all is right, {GATE} if not, {NO_MACHINE} without a GPU.",
-        allow_abbrev=False,
-    )
-    for name, option in GPU_OPTIONS.items():
-        result.add_argument(f"--{name}", **option.arguments)
-    return result
 
 
 def run(words: Sequence[str], program: str, meter: Meter) -> int:
     """Do what the arguments say. Returns the exit code. Raises SystemExit, WrongUsage, BakeError."""
-    options = parser(program).parse_args(words)
+    options = GPU.parser(program).parse_args(words)
     if options.report and options.report != STDOUT:
         run_report.check_report(options.report, "the report")
     load_blender()

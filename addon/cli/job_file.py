@@ -14,7 +14,7 @@ from typing import Any
 from ..core.errors import warn_of_former
 from ..core.naming import did_you_mean
 from . import arguments, option_types
-from .arguments import WrongUsage
+from .commands import WrongUsage
 from .options import FILE, FORMER_WORDS, OPTIONS, RUN_OPTIONS, CommandOption
 from .run_report import STDOUT, ranges
 

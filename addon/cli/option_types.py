@@ -196,6 +196,12 @@ def whole_number(value: str) -> int:
         raise argparse.ArgumentTypeError(f"{value!r} is not a whole number") from error
 
 
+def count(value: str) -> int:
+    if not (value.isascii() and value.isdecimal() and int(value) > 0):
+        raise argparse.ArgumentTypeError(f"{value!r} is not a whole number above 0")
+    return int(value)
+
+
 def workers(value: str) -> int:
     found = whole_number(value)
     if not 0 <= found <= MOST_WORKERS:

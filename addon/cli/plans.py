@@ -18,7 +18,7 @@ from ..core.errors import BakeError, reason
 from ..core.file_formats import OPENED
 from ..core.naming import Pair, Suffixes, match, printable
 from . import arguments
-from .arguments import WrongUsage
+from .commands import WrongUsage
 
 
 def folder_pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list[str]]:

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import BakeError
-from . import option_types, run_report, sheet, terminal
-from .arguments import Parser, WrongUsage
-from .options import CommandOption
+from . import run_report, sheet, terminal
+from .commands import REPORT, WrongUsage
 from .run_report import FAILED, LINES, STDOUT, WRONG_USAGE, Entry, Only, State, ThisCall, Totals
 
 _RANKS = {State.STOPPED: 0, State.FAILED: 1, State.RESUMED: 2, State.GATE: 3, State.DONE: 3}
@@ -114,39 +113,9 @@ def _best_entries(parts: Sequence[_Part]) -> list[Entry]:
     return [best[number] for number in sorted(best)]
 
 
-REPORT_OPTIONS: dict[str, CommandOption] = {
-    "merge": CommandOption(
-        f"Write one report of all bakes; {STDOUT} stands for standard output",
-        {"type": option_types.path, "metavar": "OUT.json"},
-        "none",
-    ),
-    "sheet": CommandOption(
-        "Write a page for a browser, with a row for each bake, and its picture if --pictures kept it",
-        {"type": option_types.page, "metavar": "OUT.html"},
-        "none",
-    ),
-}
-"""The options without their dashes."""
-
-
-def parser(program: str) -> argparse.ArgumentParser:
-    """The parser of the arguments. It raises WrongUsage."""
-    result = Parser(
-        prog=program,
-        usage="%(prog)s [--merge OUT.json] [--sheet OUT.html] IN.json ...",
-        description="Put the reports of the parts of a job file together, say which bakes are missing, and end with the exit "
-        "code that one call for all bakes would have had.",
-        allow_abbrev=False,
-    )
-    result.add_argument("reports", nargs="+", type=option_types.path, metavar="IN.json")
-    for name, option in REPORT_OPTIONS.items():
-        result.add_argument(f"--{name}", **option.arguments)
-    return result
-
-
 def run(words: Sequence[str], program: str, call: ThisCall) -> int:
     """Do what the arguments say. Returns the exit code: 1 if bakes are missing. Raises SystemExit, WrongUsage, MemoryError."""
-    options = parser(program).parse_intermixed_args(words)
+    options = REPORT.parser(program).parse_intermixed_args(words)
     if not (options.merge or options.sheet):
         raise WrongUsage("--merge OUT.json or --sheet OUT.html is required")
     try:

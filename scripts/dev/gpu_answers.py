@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makes addon/jobs/gpu_answers.npz: the meshes of the test of the GPU and what their maps should be. Prints how far this GPU is.
+"""Makes addon/jobs/gpu_answers.npz: the meshes of the test of the GPU and what their maps should be.
+
+It prints how far this GPU is from them.
 
     .venv/bin/python scripts/dev/gpu_answers.py [--check]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from addon.cli.farm_command import FARM_OPTIONS  # noqa: E402
+from addon.cli.commands import FARM  # noqa: E402
 from addon.cli.limits import COUNT, DEGREES, LENGTH, METRICS, SECONDS, SHARE, TARGETS  # noqa: E402
 from addon.cli.option_types import word_for  # noqa: E402
 from addon.cli.options import FILE, JOBS, OBJECTS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption, option_word  # noqa: E402
@@ -147,7 +147,7 @@ def options() -> str:
 
 def farm_options() -> str:
     """The options of the command `farm`."""
-    rows = [option_row(f"--{word}", option) for word, option in FARM_OPTIONS.items()]
+    rows = [option_row(f"--{word}", option) for word, option in FARM.options.items()]
     return table(("option", "default", "what it does"), rows)
 
 

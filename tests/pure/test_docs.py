@@ -10,11 +10,8 @@ import tomllib
 
 import pytest
 
-from addon.cli import arguments, command, farm_command, gpu_command, job_file, report_command, run_report
-from addon.cli.farm_command import FARM_OPTIONS
-from addon.cli.gpu_command import GPU_OPTIONS
-from addon.cli.options import OPTIONS, RUN_OPTIONS
-from addon.cli.report_command import REPORT_OPTIONS
+from addon.cli import arguments, job_file, run_report
+from addon.cli.commands import ASSET, BAKE, CHECK, COMMANDS, FARM, GPU, LOD, REPORT
 from addon.core import map_types
 from addon.core.declarations import targets
 from scripts import imprint
@@ -113,11 +110,7 @@ def options_in(script):
 
 @functools.cache
 def known_options():
-    ours = {
-        f"--{name}"
-        for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS, REPORT_OPTIONS, GPU_OPTIONS)
-        for name in group
-    } | {"--jobs"}
+    ours = {f"--{name}" for command in COMMANDS.values() for name in command.options}
     ours |= options_in(ROOT / "addon" / "cli" / "arguments.py")
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
 
@@ -144,13 +137,7 @@ def bake_arguments(words):
     ]
     if launcher:
         more = words[launcher[0] + 1 :]
-        return (
-            more[1:]
-            if more[:1] == ["bake"]
-            else more
-            if more[:1] in ([command.FARM], [command.REPORT], [command.GPU])
-            else None
-        )
+        return more[1:] if more[:1] == ["bake"] else more if more and more[0] in COMMANDS else None
     if "--command" in words:
         return words[words.index("--command") + 2 :]
     if "scripts/bake.py" in " ".join(words) and "--" in words:
@@ -164,18 +151,15 @@ def check_command(words):
     if given is not None:
         if given in ([], ["--help"]):
             return
-        if given[0] == command.FARM:
-            farm_command.parser("imprint").parse_args(given[1:])
+        named, more = (COMMANDS[given[0]], given[1:]) if given[0] in COMMANDS else (BAKE, given)
+        if more == ["--help"]:
             return
-        if given[0] == command.REPORT:
-            report_command.parser("imprint").parse_intermixed_args(given[1:])
-            return
-        if given[0] == command.GPU:
-            gpu_command.parser("imprint").parse_args(given[1:])
-            return
-        options = arguments.parse(given)
-        if options.jobs:
-            arguments.split_jobs(given)
+        if named in (FARM, REPORT, GPU):
+            named.parser("imprint").parse_intermixed_args(more)
+        elif named is not BAKE:
+            {LOD: arguments.read_lod, ASSET: arguments.read_asset, CHECK: arguments.read_check}[named](more, "imprint")
+        elif (options := arguments.parse(more)).jobs:
+            arguments.split_jobs(more)
         else:
             arguments.check(options)
         return

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli import arguments, job_file
+from addon.cli import arguments, commands, job_file
 from addon.cli.arguments import WrongUsage
 from addon.cli.job_file import KEYS
 from addon.cli.options import RunOptions
@@ -532,9 +532,9 @@ def test_all_mistakes_of_a_set_are_reported(write):
 def test_many_sets_are_read_with_one_parser_and_progress(write, monkeypatch):
     """Ten thousand sets take seconds."""
     made, progress = [], []
-    real = arguments._BakeParser.__init__
+    real = commands.Parser.__init__
     monkeypatch.setattr(
-        arguments._BakeParser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1]
+        commands.Parser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1]
     )
     sets = [{"file": "a.blend", "low": "a", "output": f"{number}.png"} for number in range(1000)]
     assert len(job_file.read(write({"bake": sets}, "jobs/jobs.json"), on_progress=progress.append)) == 1000

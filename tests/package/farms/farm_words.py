@@ -3,7 +3,8 @@
 
 import os
 
-from addon.cli import arguments, command, report_command
+from addon.cli import arguments
+from addon.cli.commands import REPORT
 from scripts import imprint
 
 FARM = imprint.ROOT / "scripts" / "farm"
@@ -36,8 +37,8 @@ def check_first(words, size=None):
 
 def check_merge(words, shards, reports=REPORTS):
     """The words merge the reports of all parts."""
-    assert words[0] == command.REPORT
-    merge = report_command.parser("imprint").parse_intermixed_args(words[1:])
+    assert words[0] == REPORT.name
+    merge = REPORT.parser("imprint").parse_intermixed_args(words[1:])
     parts = [f"{reports}/report.{shard}.json" for shard in range(1, shards + 1)]
     assert (merge.merge, merge.sheet) == (f"{reports}/report.json", f"{reports}/report.html")
     assert merge.reports == parts
