@@ -39,7 +39,9 @@ def unregister() -> None:
 
     import bpy
 
-    _stop()
+    from .ui.callbacks import events
+
+    events.tell("end")
     for module in reversed(modules()):
         module.unregister()
     bpy.app.handlers.load_pre.remove(before_loading)
@@ -54,9 +56,8 @@ def free() -> None:
     from . import passes
     from .engine import gpu_memory
 
-    for name, held in (("ui.live", "live"), ("ui.views", "viewer")):
-        if module := sys.modules.get(f"{__name__}.{name}"):  # without a window, no module of the interface is imported
-            getattr(module, held).free()
+    if callbacks := sys.modules.get(f"{__name__}.ui.callbacks"):  # not without a window
+        callbacks.events.tell("free")
     gpu_memory.free()
     passes.free()
 
@@ -69,6 +70,7 @@ def modules() -> tuple[ModuleType, ...]:
         bake_panel,
         bake_results,
         cage_overlay,
+        callbacks,
         checks,
         gpu_test,
         modal,
@@ -83,6 +85,7 @@ def modules() -> tuple[ModuleType, ...]:
     )
 
     return (
+        callbacks,
         texts,
         properties,
         preferences,
@@ -102,27 +105,9 @@ def modules() -> tuple[ModuleType, ...]:
     )
 
 
-def _stop() -> None:
-    """End what is going on, and forget what belongs to the open file."""
-    import bpy
-
-    from .ui.bake_results import results
-    from .ui.cage_overlay import overlay
-    from .ui.checks import findings
-    from .ui.live import live
-    from .ui.modal import held, runner
-    from .ui.views import viewer
-
-    runner.stop(bpy.context)
-    live.stop()
-    results.forget()
-    findings.forget()
-    held.forget()
-    overlay.hide()
-    viewer.off()
-
-
 def before_loading(*_) -> None:
     """Called by Blender before it opens another file."""
-    _stop()
+    from .ui.callbacks import events
+
+    events.tell("end")
     free()

@@ -20,7 +20,7 @@ from ..output import materials
 from ..scene import evaluation
 from ..scene.object_checks import object_by_name
 from . import modal, object_pairs
-from .callbacks import redraw
+from .callbacks import events, redraw
 from .modal import QuickOperator
 from .progress_display import display
 from .texts import labeled, message, tooltip
@@ -110,6 +110,7 @@ def high_objects(report: Report) -> list[bpy.types.Object]:
 
 
 results = BakeResults()
+events.hear(end=results.forget)
 
 
 def show_image(context: bpy.types.Context, shown: bpy.types.Image) -> bool:

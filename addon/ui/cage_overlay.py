@@ -24,7 +24,7 @@ from ..scene.mesh_elements import without_missing
 from ..scene.object_checks import ObjectRef
 from ..scene.updates import Shapes
 from .bake_results import results
-from .callbacks import DrawCallbacks, Handlers, Timer, redraw
+from .callbacks import DrawCallbacks, Timer, events, redraw
 from .live import live
 
 OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)
@@ -128,11 +128,12 @@ class CageOverlay:
 
     def __init__(self):
         self._draw_callbacks = DrawCallbacks((bpy.types.SpaceView3D, self._draw, "POST_VIEW"))
-        self._handlers = Handlers(
-            ("depsgraph_update_post", self._on_update),
-            ("frame_change_post", self._on_update),
-            ("undo_post", self._on_undo),
-            ("redo_post", self._on_undo),
+        events.hear(
+            depsgraph_update_post=self._on_update,
+            frame_change_post=self._on_update,
+            undo_post=self._on_undo,
+            redo_post=self._on_undo,
+            end=self.hide,
         )
         self._shapes = Shapes()
         self.timer = Timer(self.catch_up)
@@ -160,12 +161,10 @@ class CageOverlay:
     def show(self) -> None:
         """Draw the shells from now on."""
         self._draw_callbacks.add()
-        self._handlers.add()
 
     def hide(self) -> None:
-        """Stop drawing. No handler, timer or mesh remains."""
+        """Stop drawing. No timer or mesh remains."""
         self._draw_callbacks.remove()
-        self._handlers.remove()
         self.timer.stop()
         self._wanted = self._read = self._mesh = None
         self._measured.clear()

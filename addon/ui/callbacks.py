@@ -1,9 +1,59 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Callbacks of Blender: timers, event handlers, drawing in editors, keys. Each class adds its callbacks and removes them."""
+"""Callbacks of Blender: events, timers, drawing in editors, keys. Each class adds its callbacks and removes them."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 
 import bpy
+from bpy.app.handlers import persistent
+
+
+class Events:
+    """What Blender tells, and who hears it: Blender has one handler for each event, from registering the add-on on.
+
+    Besides those of bpy.app.handlers, there are two of our own. "end": what belongs to the open file has to go, since another
+    one is opened or the add-on is disabled. "free": so has what is on the GPU.
+    """
+
+    OF_BLENDER = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_post")
+
+    def __init__(self):
+        self._heard: dict[str, list[Callable[..., object]]] = {"end": [], "free": []}
+        self._handlers = {name: self._handler(name) for name in self.OF_BLENDER}
+
+    def hear(self, **functions: Callable[..., object]) -> None:
+        """Call functions at events, by their names, with what Blender passes its handlers."""
+        for name, function in functions.items():
+            self._heard[name].append(function)
+
+    def tell(self, name: str, *arguments: object) -> None:
+        """Call the functions of an event, the last one that was added first: it may depend on others. If one raises, the rest
+        is called, too."""
+        with ExitStack() as calls:
+            for function in self._heard[name]:
+                calls.callback(function, *arguments)
+
+    def register(self) -> None:
+        """Hear Blender's events from now on."""
+        for name, handler in self._handlers.items():
+            getattr(bpy.app.handlers, name).append(handler)
+
+    def unregister(self) -> None:
+        for name, handler in self._handlers.items():
+            getattr(bpy.app.handlers, name).remove(handler)
+
+    def _handler(self, name: str) -> Callable[..., None]:
+        self._heard[name] = []
+
+        @persistent  # it stays for the next file
+        def handler(*arguments: object) -> None:
+            self.tell(name, *arguments)
+
+        return handler
+
+
+events = Events()
+register, unregister = events.register, events.unregister
 
 
 class Timer:
@@ -28,32 +78,6 @@ class Timer:
     def stop(self) -> None:
         if self.is_running:
             bpy.app.timers.unregister(self._function)
-
-
-class Handlers:
-    """Functions for lists of bpy.app.handlers, as pairs of a list's name and a function."""
-
-    def __init__(self, *handlers: tuple[str, Callable[..., None]]):
-        self._handlers = handlers
-
-    @property
-    def are_added(self) -> bool:
-        """Whether any of the functions is in its list."""
-        return any(function in getattr(bpy.app.handlers, name) for name, function in self._handlers)
-
-    def add(self) -> None:
-        """Add the functions that are not in their lists."""
-        for name, function in self._handlers:
-            functions = getattr(bpy.app.handlers, name)
-            if function not in functions:
-                functions.append(function)
-
-    def remove(self) -> None:
-        """Remove the functions that are in their lists. Opening a file may already have removed them."""
-        for name, function in self._handlers:
-            functions = getattr(bpy.app.handlers, name)
-            if function in functions:
-                functions.remove(function)
 
 
 class DrawCallbacks:

@@ -16,7 +16,7 @@ from ..scene import evaluation, mesh_elements, poses, reading, render_view
 from ..scene.object_checks import ObjectRef, object_by_name
 from . import bake_results
 from .bake_results import results
-from .callbacks import Handlers, Timer, redraw
+from .callbacks import Timer, events, redraw
 from .modal import QuickOperator
 from .progress_display import display
 from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, tooltip
@@ -48,8 +48,8 @@ class PanelFindings:
         self._pair_refs: list[ObjectRef] = []
         self._is_measuring = False
         self._timer = Timer(self.measure_poses)
-        self._handlers = Handlers(
-            ("depsgraph_update_post", self._after_update), ("undo_post", self._drop), ("redo_post", self._drop)
+        events.hear(
+            depsgraph_update_post=self._after_update, undo_post=self._drop, redo_post=self._drop, end=self.forget
         )
 
     def of(
@@ -81,7 +81,6 @@ class PanelFindings:
         """Whether the faces of high and low point to opposite sides, from the last time if nothing has changed since."""
         key = self._key_of(low, highs)
         if key != self._pair:
-            self._handlers.add()
             self._flipped = checks.viewport_flipped(context, low, highs)
             self._pair = key
         return self._flipped
@@ -104,7 +103,6 @@ class PanelFindings:
             *((material.session_uid, material.name) for material in slots if material is not None),
         )
         if key != self._shown:
-            self._handlers.add()
             self._notes = checks.viewport_material_notes(low, highs, settings.map)
             self._shown = key
         return self._notes
@@ -119,7 +117,6 @@ class PanelFindings:
             return []
         key = (*self._key_of(low, highs), for_render)
         if key != self._posed:
-            self._handlers.add()
             self._posed, self._poses = key, []
             self._pair_refs = [ObjectRef.of(obj) for obj in (low, *highs)]
             self._timer.start(POSE_SECONDS)
@@ -148,7 +145,6 @@ class PanelFindings:
 
     def keep_look(self, low: bpy.types.Object, highs: list[bpy.types.Object], lines: list[str]) -> None:
         """Remember what a look at the high objects found, until one of the objects changes."""
-        self._handlers.add()
         self._looked, self._look = self._key_of(low, highs), lines
 
     def look_of(self, low: bpy.types.Object, highs: list[bpy.types.Object]) -> list[str]:
@@ -166,17 +162,15 @@ class PanelFindings:
             *(layer, checks.active_layer(low), settings.sampling.udim),
         )
         if key != self._key:
-            self._handlers.add()
             self.looks += 1
             self.known = checks.viewport_findings(context, low, settings, is_own_base=is_own_base)
             self._key = key
         return self.known
 
     def forget(self) -> None:
-        """Forget the findings, and follow no changes."""
+        """Forget the findings."""
         self._drop()
         self._timer.stop()
-        self._handlers.remove()
 
     def _drop(self, *_) -> None:
         self._key, self.known = None, []

@@ -6,7 +6,6 @@ from functools import singledispatch
 from typing import Any
 
 import bpy
-from bpy.app.handlers import persistent
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
@@ -141,7 +140,6 @@ def passed_on(former: str, name: str):
     return update
 
 
-@persistent
 def take_former_values(*_) -> None:
     """Called by Blender when it has opened a file, which may have values under earlier names."""
     for scene in (scene for scene in bpy.data.scenes if scene.is_editable):

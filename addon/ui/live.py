@@ -18,7 +18,7 @@ from ..scene import evaluation
 from ..scene.object_checks import scene_by_uid
 from ..scene.updates import Shapes
 from . import object_pairs
-from .callbacks import Handlers, Timer
+from .callbacks import Timer, events
 from .progress_display import display
 from .texts import message
 
@@ -340,12 +340,14 @@ class LiveController:
         self.on_new: list[Callable[[], None]] = []
         self.rest, self.budget = REST, BUDGET
         self.timer = Timer(self.tick)
-        self._handlers = Handlers(
-            ("depsgraph_update_post", self._on_update),
-            ("frame_change_post", self._on_update),
-            ("save_pre", self._on_save),
-            ("undo_post", self.on_undo),
-            ("redo_post", self.on_undo),
+        events.hear(
+            depsgraph_update_post=self._on_update,
+            frame_change_post=self._on_update,
+            save_pre=self._on_save,
+            undo_post=self.on_undo,
+            redo_post=self.on_undo,
+            end=self.stop,
+            free=self.free,
         )
         self._following: Following | None = None
 
@@ -402,7 +404,6 @@ class LiveController:
         session = live_session.Session(context, job, settings, pace)
         following = self._following = Following(session, settings, context.scene)
         self.message = ""
-        self._handlers.add()  # changes count from now on
         is_done = False
         try:
             yield from session.steps(context)
@@ -431,8 +432,7 @@ class LiveController:
             self.stop()
 
     def stop(self) -> None:
-        """Stop following. No handler and no timer remains; the image keeps what it has."""
-        self._handlers.remove()
+        """Stop following. No timer remains; the image keeps what it has."""
         self.timer.stop()
         following, self._following = self._following, None
         if following is not None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from .callbacks import Handlers, Timer
+from .callbacks import Timer, events
 
 Place = tuple[bpy.types.Window, bpy.types.Screen, bpy.types.Area, bpy.types.SpaceView3D]
 
@@ -30,9 +30,7 @@ class ObjectHiding:
 
     def __init__(self):
         self.timer = Timer(self.catch_up)
-        self._handlers = Handlers(
-            ("save_pre", self.give_back), ("undo_post", self._after_undo), ("redo_post", self._after_undo)
-        )
+        events.hear(save_pre=self.give_back, undo_post=self._after_undo, redo_post=self._after_undo)
         self._requests: dict[int, _Request] = {}
         self._taken: dict[int, _Request | None] = {}
         """Viewports in Local View by this class, with their requests; None if Undo may have changed it."""
@@ -41,9 +39,8 @@ class ObjectHiding:
 
     @property
     def is_off(self) -> bool:
-        """Whether no viewport, handler or timer is affected."""
-        is_used = self._requests or self._taken or self._left
-        return not (is_used or self.timer.is_running or self._handlers.are_added)
+        """Whether no viewport and no timer is affected."""
+        return not (self._requests or self._taken or self._left or self.timer.is_running)
 
     def ask(self, context: bpy.types.Context, objects: list[bpy.types.Object]) -> None:
         """Request that `objects`, and no others, are hidden in the viewport that is being drawn."""
@@ -68,7 +65,6 @@ class ObjectHiding:
 
     def catch_up(self) -> None:
         """Do what the viewports have requested."""
-        self._handlers.add()
         for place in list(_places()):
             request = self._requests.pop(place[3].as_pointer(), None)
             if request is not None:
@@ -76,10 +72,9 @@ class ObjectHiding:
         self._requests.clear()
 
     def stop(self) -> None:
-        """Restore all viewports. No handler and no timer remains."""
+        """Restore all viewports. No timer remains."""
         self.give_back()
         self._left.clear()
-        self._handlers.remove()
 
     def give_back(self, *_) -> None:
         """Restore all viewports until they are drawn again."""
@@ -92,7 +87,7 @@ class ObjectHiding:
     def _after_undo(self, *_) -> None:
         """Undo restores Local View as it was, and may leave it. The user has not left it, so the next draw requests it
         again."""
-        for *_, space in list(_places()):
+        for *_, space in list(_places()) if self._taken else ():
             key = space.as_pointer()
             if key in self._taken:
                 self._taken[key] = None

@@ -12,7 +12,6 @@ from functools import partial
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
 from .. import older_blender
 from ..core import progress
@@ -21,7 +20,7 @@ from ..core.progress import Pace, Progress, Task
 from ..engine import gpu_memory
 from ..output import datablocks
 from ..output.datablocks import UNPACKED
-from .callbacks import Handlers, Key, Timer
+from .callbacks import Key, Timer, events
 from .live import live
 from .progress_display import MAIN, display
 from .texts import tooltip
@@ -60,6 +59,7 @@ class Runner:
 
     def __init__(self):
         self.run: Run | None = None
+        events.hear(end=lambda: self.stop(bpy.context))
 
     def start(self, context: bpy.types.Context, task: Task, operator: str = MAIN) -> Run:
         """Begin a task, without doing its first step. operator: whose button becomes the bar."""
@@ -234,6 +234,7 @@ class HeldMaps:
         """The pixels (height, width, 4) float32, and whether the image is one of floats, by the number of the map."""
         self._shown: dict[int, int] = {}
         """The number of the map in each image, by its session_uid."""
+        events.hear(save_pre=self._before_saving, undo_post=self.put_back, redo_post=self.put_back, end=self.forget)
 
     @property
     def number(self) -> int:
@@ -252,7 +253,7 @@ class HeldMaps:
         while len(self._maps) > 1 and sum(texels.nbytes for texels, _ in self._maps.values()) > MOST_HELD:
             del self._maps[next(iter(self._maps))]
 
-    def put_back(self) -> None:
+    def put_back(self, *_) -> None:
         """Fill the images that have no pixels, or those of another step."""
         for image in _in_memory():
             number = image[UNPACKED]
@@ -261,6 +262,10 @@ class HeldMaps:
                 texels, is_float = self._maps[number]
                 datablocks.refill(image, texels, is_float=is_float)
                 self._shown[image.session_uid] = number
+
+    def _before_saving(self, *_) -> None:
+        """A file would have an empty image in place of a map in memory."""
+        datablocks.pack_unpacked()
 
     def forget(self) -> None:
         """Hold nothing."""
@@ -275,42 +280,20 @@ def _in_memory() -> list[bpy.types.Image]:
 held = HeldMaps()
 
 
-@persistent  # these stay for the next file
-def before_saving(*_) -> None:
-    """Called by Blender before it saves a file, which would have an empty image in place of a map in memory."""
-    datablocks.pack_unpacked()
-
-
-@persistent
-def after_undo(*_) -> None:
-    """Called by Blender after Undo and Redo."""
-    held.put_back()
-
-
 AFTER = 60.0
 """Seconds without a bake."""
 EVERY = 15.0
 """Seconds between two checks."""
 
 
-class IdleMemory:
-    """Frees cached GPU memory after `after` seconds without a bake."""
-
-    def __init__(self, after: float = AFTER):
-        self.after = after
-        self.timer = Timer(self.check)
-
-    def check(self) -> float:
-        """Free the memory if it is time. Returns the seconds until the next check."""
-        if display.current is None and not live.is_on:
-            gpu_memory.free_if_idle(self.after)
-        return EVERY
+def free_if_idle() -> float:
+    """Free cached GPU memory after AFTER seconds without a bake. Returns the seconds until the next check."""
+    if display.current is None and not live.is_on:
+        gpu_memory.free_if_idle(AFTER)
+    return EVERY
 
 
-idle_memory = IdleMemory()
-
-
-_handlers = Handlers(("save_pre", before_saving), ("undo_post", after_undo), ("redo_post", after_undo))
+idle_timer = Timer(free_if_idle)
 
 
 # A modal operator gets the keys of its own window only; this one gets Esc in the others.
@@ -322,14 +305,11 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 def register() -> None:
     _register()
     _stop_key.add()
-    _handlers.add()
     if not bpy.app.background:  # there the next bake of a batch starts soon
-        idle_memory.timer.start(EVERY, persistent=True)
+        idle_timer.start(EVERY, persistent=True)
 
 
 def unregister() -> None:
-    idle_memory.timer.stop()
-    _handlers.remove()
-    held.forget()
+    idle_timer.stop()
     _stop_key.remove()
     _unregister()

@@ -30,6 +30,7 @@ from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
 from ..scene import object_checks
 from ..scene.object_checks import GONE, ObjectRef, is_deleted
+from .callbacks import events
 from .declared_properties import declared
 from .texts import labeled
 
@@ -291,7 +292,7 @@ def _touch_reference(low: bpy.types.Object) -> None:
         low.override_library.reference.imprint  # noqa: B018 - reading it makes it
 
 
-def settle() -> None:
+def settle(*_) -> None:
     """Keep no deleted object in the file: replace pointers to such objects by their names, and those names by objects that
     have come back."""
     for scene in bpy.data.scenes:
@@ -322,11 +323,7 @@ def free(obj: bpy.types.Object | None) -> None:
         bpy.data.objects.remove(obj)
 
 
-@bpy.app.handlers.persistent
-def _before_saving(*_) -> None:
-    settle()
-
-
+events.hear(save_pre=settle)
 CLASSES = (ImprintHigh, ImprintMap, ImprintPair)
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
@@ -336,11 +333,9 @@ def register() -> None:
     bpy.types.Object.imprint = PointerProperty(type=ImprintPair, override=_OVERRIDABLE)
     for name, make in OF_BATCHES.items():
         setattr(bpy.types.Object, name, make())
-    bpy.app.handlers.save_pre.append(_before_saving)
 
 
 def unregister() -> None:
-    bpy.app.handlers.save_pre.remove(_before_saving)
     for name in OF_BATCHES:
         delattr(bpy.types.Object, name)
     del bpy.types.Object.imprint

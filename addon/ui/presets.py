@@ -14,14 +14,13 @@ from typing import Any
 import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
-from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, StringProperty
 
 from ..core import naming
 from ..core.declarations.all_settings import DECLARED
 from ..core.errors import BakeError
 from ..core.settings import PART_OF
-from .callbacks import Handlers, Timer
+from .callbacks import Timer, events
 from .engine_choice import describe
 from .modal import QuickOperator
 from .texts import LABEL, label, labeled
@@ -200,20 +199,13 @@ _SWITCHES = [name for name, setting in DECLARED.items() if getattr(setting, "emp
 """The settings that make others None."""
 
 
-@persistent
-def _after_loading(*_) -> None:
-    """Called by Blender when it has opened a file."""
-    if not bpy.data.filepath:
-        _use_in_new_file()
-
-
-def _use_in_new_file() -> None:
+def _use_in_new_file(*_) -> None:
     if not bpy.data.filepath:
         for scene in bpy.data.scenes:
             use_defaults(scene, has_window=not bpy.app.background)
 
 
-_handlers = Handlers(("load_post", _after_loading))
+events.hear(load_post=_use_in_new_file)
 _at_start = Timer(_use_in_new_file)
 CLASSES = (IMPRINT_OT_preset_use, IMPRINT_OT_preset_load, IMPRINT_OT_preset_add, IMPRINT_PT_presets)
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
@@ -221,12 +213,10 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
 def register() -> None:
     _register()
-    _handlers.add()
     if not bpy.app.background:  # Blender opens its first file before it enables extensions
         _at_start.start(0.1)
 
 
 def unregister() -> None:
     _at_start.stop()
-    _handlers.remove()
     _unregister()

@@ -18,7 +18,7 @@ from ..jobs.job import Job
 from ..scene import evaluation, object_checks
 from . import bake_results, engine_choice, object_pairs
 from .bake_results import results
-from .callbacks import Handlers
+from .callbacks import events
 from .declared_properties import MapList, Options, declared, passed_on, take_former_values
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
 from .texts import labeled
@@ -268,11 +268,10 @@ class ImprintFound(bpy.types.PropertyGroup):
     )
 
 
-_handlers = Handlers(("load_post", take_former_values))
+events.hear(load_post=take_former_values)
 
 
 def register() -> None:
-    _handlers.add()
     object_pairs.register()
     bpy.utils.register_class(ImprintSettings)
     bpy.utils.register_class(ImprintFound)
@@ -293,7 +292,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    _handlers.remove()
     del bpy.types.WindowManager.imprint_batch
     del bpy.types.WindowManager.imprint_warnings
     del bpy.types.WindowManager.imprint_summary

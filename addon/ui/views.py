@@ -22,7 +22,7 @@ from ..jobs.job import PastBake
 from ..scene.object_checks import ObjectRef
 from ..scene.updates import Shapes
 from . import object_pairs, progress_display, stored_maps, view_labels, view_shading
-from .callbacks import DrawCallbacks, Handlers, Timer, redraw
+from .callbacks import DrawCallbacks, Timer, events, redraw
 from .live import live
 from .local_view import hiding
 from .progress_display import display
@@ -80,18 +80,20 @@ class ViewMode:
         self._draw_callbacks = DrawCallbacks(
             (bpy.types.SpaceView3D, self.draw, "POST_VIEW"), (bpy.types.SpaceView3D, self._draw_labels, "POST_PIXEL")
         )
-        self._handlers = Handlers(
-            ("depsgraph_update_post", self._after_update),
-            ("undo_post", self._after_undo),
-            ("redo_post", self._after_undo),
+        events.hear(
+            depsgraph_update_post=self._after_update,
+            undo_post=self._after_undo,
+            redo_post=self._after_undo,
+            end=self.off,
+            free=self.free,
         )
 
     @property
     def is_idle(self) -> bool:
-        """Whether the view is off, and no map, draw callback, handler or timer remains."""
+        """Whether the view is off, and no map, draw callback or timer remains."""
         is_waiting = self.timer.is_running or self.sharpening.is_running
         is_used = self.own or self.shading or self.stored or self._draw_callbacks.are_added or is_waiting
-        return self.mode is Mode.OFF and not is_used and not self._handlers.are_added
+        return self.mode is Mode.OFF and not is_used
 
     @property
     def session(self) -> live_session.Session | None:
@@ -181,7 +183,6 @@ class ViewMode:
             self.off()
             raise
         self._draw_callbacks.add()
-        self._handlers.add()
 
     def choose(self, wanted: Mode) -> None:
         """Show a mode, in slices if there is a window. Problems are in `message`. A running bake finishes first."""
@@ -207,10 +208,9 @@ class ViewMode:
         redraw()
 
     def off(self) -> None:
-        """Turn the view off. No draw callback, handler, timer or map remains."""
+        """Turn the view off. No draw callback, timer or map remains."""
         self.mode, self.low = Mode.OFF, None
         self._draw_callbacks.remove()
-        self._handlers.remove()
         self.timer.stop()
         self.sharpening.stop()
         hiding.stop()
@@ -314,8 +314,7 @@ class ViewMode:
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """Forget the meshes that have changed."""
-        changed = self._shapes.changed(depsgraph)
-        if changed:
+        if self.mode is not Mode.OFF and (changed := self._shapes.changed(depsgraph)):
             self._forget(
                 uid for uid, one in self.stored.items() if not changed.isdisjoint(r.uid for r in one.bake.job.refs)
             )
