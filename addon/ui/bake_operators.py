@@ -29,7 +29,7 @@ from ..scene import object_checks, reading
 from ..scene.object_checks import object_by_name
 from . import bake_results, modal, object_pairs
 from .bake_results import Batch, results
-from .checks import draw_fixable
+from .fixes import draw_fixable
 from .live import live
 from .modal import QuickOperator
 from .preferences import flamenco_address

@@ -21,7 +21,8 @@ from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
 from . import object_pairs
 from .bake_results import results
-from .checks import draw_button, draw_fixable, findings
+from .findings import findings
+from .fixes import draw_button, draw_fixable
 from .live import live
 from .modal import QuickOperator
 from .progress_display import MAIN, display
@@ -400,7 +401,7 @@ def _draw_plan(
     problem: str,
     found: Sequence[Finding],
 ) -> None:
-    """What the button will do, or why it cannot, with buttons for what cures it."""
+    """What the button will do, or why it cannot, with buttons for what fixes it."""
     if live.is_on:
         draw_fixable(box, context, live.description, "INFO")
     elif problem:

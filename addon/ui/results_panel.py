@@ -11,7 +11,7 @@ from ..output import materials
 from ..scene import reading
 from . import bake_results, object_pairs
 from .bake_results import high_objects, results
-from .checks import draw_fixable
+from .fixes import draw_fixable
 from .texts import SidebarPanel, draw_paragraphs, message
 
 MOST = 24

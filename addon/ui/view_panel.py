@@ -15,7 +15,7 @@ from ..passes import data_texture
 from ..scene.textures import SINGLE
 from . import object_pairs
 from .callbacks import Key
-from .checks import CHECKS
+from .check_panel import CHECKS
 from .declared_properties import passed_on
 from .live import live
 from .modal import QuickOperator, SlicedOperator

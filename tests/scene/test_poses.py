@@ -11,7 +11,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.jobs import Job, checks
 from addon.scene import poses, render_view
-from addon.ui.checks import findings
+from addon.ui.findings import findings
 from tests.support import maps, panel_layout, scenes, zoo
 from tests.support.panel import select, use
 from tests.support.snapshot import difference, snapshot
@@ -407,7 +407,7 @@ def test_the_button_bakes_in_rest_pose():
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     wrong = maps.pixels(bpy.data.images["hero_low_normal"])
     assert np.abs(wrong - truth).max() > 0.05
-    assert bpy.ops.imprint.cure(kind="REST_POSE") == {"FINISHED"}
+    assert bpy.ops.imprint.fix(kind="REST_POSE") == {"FINISHED"}
     assert bpy.context.scene.imprint.rest_pose
     assert np.array_equal(maps.pixels(bpy.data.images["hero_low_normal"]), truth)
     assert bpy.data.armatures["rig"].pose_position == "POSE"
@@ -433,7 +433,7 @@ def test_the_panel_says_it_before_the_bake():
     assert findings.pose_notes(*shown) == expected
     drawn = panel_layout.draw(width=2000)
     assert "'hero_low' is posed by 'rig', 'hero_high' is not" in drawn.text
-    assert "imprint.cure" in [name for name, _ in drawn.buttons]
+    assert "imprint.fix" in [name for name, _ in drawn.buttons]
     panel.rest_pose = True
     assert not findings.pose_notes(*shown[:-1], panel.to_settings())
     findings.forget()

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 
 import addon
-from addon.ui import bake_panel, checks
+from addon.ui import bake_panel, check_panel
 from addon.ui.texts import SidebarPanel
 
 
@@ -147,7 +147,7 @@ PANELS = [
     cls
     for module in addon.modules()
     for cls in getattr(module, "CLASSES", ())
-    if issubclass(cls, SidebarPanel) and cls is not checks.IMPRINT_PT_checks
+    if issubclass(cls, SidebarPanel) and cls is not check_panel.IMPRINT_PT_checks
 ]
 """The panels in the order in which they are registered, without that of the checks."""
 

@@ -13,7 +13,8 @@ from addon.core.settings import Settings
 from addon.jobs import bake_jobs, checks
 from addon.ui import bake_panel
 from addon.ui.bake_results import results
-from addon.ui.checks import FIXES, findings
+from addon.ui.findings import findings
+from addon.ui.fixes import FIXES
 from addon.ui.properties import Chosen
 from tests.support import panel_layout, zoo
 from tests.support.panel import use
@@ -34,7 +35,7 @@ def found(low, **settings):
 
 
 def fix(kind):
-    assert bpy.ops.imprint.cure(kind=kind) == {"FINISHED"}
+    assert bpy.ops.imprint.fix(kind=kind) == {"FINISHED"}
 
 
 def with_second_layer(low):
@@ -127,12 +128,12 @@ def test_the_panel_says_what_is_found_with_a_button_each():
     drawn = panel_layout.draw(width=2000)
     assert "'lo' has 16 quads" in drawn.text
     assert "'lo' has 24 hard edges" in drawn.text
-    assert [name for name, _ in drawn.buttons].count("imprint.cure") == 2
+    assert [name for name, _ in drawn.buttons].count("imprint.fix") == 2
 
 
 def test_the_panel_says_nothing_where_blender_reads_the_map():
     settings = set_up(faceted(), green="+Y")
-    assert "imprint.cure" not in [name for name, _ in panel_layout.draw().buttons]
+    assert "imprint.fix" not in [name for name, _ in panel_layout.draw().buttons]
     settings.export = "//out.glb"  # Imprint's file has the triangles and tangents of the bake
     drawn = panel_layout.draw(width=2000)
     assert "hard edges" in drawn.text
@@ -241,7 +242,7 @@ def test_undo_takes_a_fix_back(make, kind):
     set_up(low)
     bpy.ops.ed.undo_push(message="before")
     assert kind in found(low)
-    bpy.ops.imprint.cure("EXEC_DEFAULT", True, kind=kind)
+    bpy.ops.imprint.fix("EXEC_DEFAULT", True, kind=kind)
     assert kind not in found(bpy.data.objects[name])
     bpy.ops.ed.undo()
     assert kind in found(bpy.data.objects[name])
@@ -252,7 +253,7 @@ def test_the_panel_follows_undo():
     bpy.ops.ed.undo_push(message="before")
     panel_layout.draw()
     before = findings.looks
-    bpy.ops.imprint.cure("EXEC_DEFAULT", True, kind="POLYGONS")
+    bpy.ops.imprint.fix("EXEC_DEFAULT", True, kind="POLYGONS")
     assert "quads" not in panel_layout.draw(width=2000).text
     bpy.ops.ed.undo()
     assert "quads" in panel_layout.draw(width=2000).text
@@ -320,7 +321,7 @@ def flipped(obj):
 def drawn_fixes():
     """The text of the main panel, and the kinds of its buttons."""
     drawn = panel_layout.draw(width=3000)
-    return drawn.text, [given.kind for name, given in drawn.given if name == "imprint.cure"]
+    return drawn.text, [given.kind for name, given in drawn.given if name == "imprint.fix"]
 
 
 def test_a_low_object_without_uvs_has_a_button_that_unwraps_it():
@@ -372,7 +373,7 @@ def test_a_button_sets_its_setting(kind):
     }
     settings = set_up_fixes(zoo.plane("lo"), zoo.terrain("hi", 8))
     setattr(settings, fix.setting, others.get(fix.setting, False))
-    assert bpy.ops.imprint.cure(kind=kind) == {"FINISHED"}
+    assert bpy.ops.imprint.fix(kind=kind) == {"FINISHED"}
     assert getattr(settings, fix.setting) == fix.new_value
 
 
@@ -386,7 +387,7 @@ def test_a_warning_of_a_bake_is_a_sentence_and_a_button(gpu_context):
     assert "hit nothing within the extrusion" in text
     assert "--" not in text
     assert kinds == [Fix.MEASURE.name]
-    bpy.ops.imprint.cure(kind=kinds[0])
+    bpy.ops.imprint.fix(kind=kinds[0])
     assert settings.chosen(bpy.context, low).rays.measure
     assert not settings.measure  # that of other low objects
     bpy.ops.imprint.bake()
@@ -410,7 +411,7 @@ def test_a_linked_low_object_is_named_before_the_bake_with_a_button(tmp_path, gp
     assert kinds == [Fix.NO_MATERIAL.name]
     with pytest.raises(RuntimeError, match=r"make it local first\.\n?$"):
         bpy.ops.imprint.bake()
-    bpy.ops.imprint.cure(kind=Fix.NO_MATERIAL.name)
+    bpy.ops.imprint.fix(kind=Fix.NO_MATERIAL.name)
     assert not settings.material
     assert bake_panel.bake_problem(bpy.context, Chosen(settings, low, [high])) == ""
     settings.connect_maps = True  # the same is checked for other maps
@@ -459,7 +460,7 @@ def test_a_flipped_low_object_is_found_before_the_bake_and_fixed_by_a_button(nam
     assert kinds == ["FLIPPED"]
     normals = np.array([polygon.normal[:] for polygon in low.data.polygons])
     corners = np.array([corner.vector[:] for corner in low.data.corner_normals])
-    assert bpy.ops.imprint.cure(kind="FLIPPED") == {"FINISHED"}
+    assert bpy.ops.imprint.fix(kind="FLIPPED") == {"FINISHED"}
     np.testing.assert_allclose([polygon.normal[:] for polygon in low.data.polygons], -normals, atol=1e-6)
     after = np.array([corner.vector[:] for corner in low.data.corner_normals])
     assert np.sort(after, axis=0) + np.sort(corners, axis=0)[::-1] == pytest.approx(0.0, abs=1e-5)
@@ -474,12 +475,12 @@ def test_a_flipped_closed_high_object_is_the_one_that_is_flipped():
     bpy.context.scene.imprint.keep_faces = True
     assert "The faces of 'hi' point to the other side than those of 'lo'" in drawn_fixes()[0]
     before = [polygon.normal[:] for polygon in low.data.polygons]
-    bpy.ops.imprint.cure(kind="FLIPPED")
+    bpy.ops.imprint.fix(kind="FLIPPED")
     assert [polygon.normal[:] for polygon in low.data.polygons] == before
     bpy.context.view_layer.update()
     assert drawn_fixes()[1] == []
     with pytest.raises(RuntimeError, match="point to the same sides"):
-        bpy.ops.imprint.cure(kind="FLIPPED")
+        bpy.ops.imprint.fix(kind="FLIPPED")
 
 
 def test_the_panel_looks_again_when_an_object_turns():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.jobs.checks import KINDS, ON_TEXELS
-from addon.ui import bake_results, checks
+from addon.ui import bake_results, check_panel
 from addon.ui.bake_results import results
 from tests.support import maps, panel_layout, zoo
 from tests.support.panel import area, image_editor, refusal, window
@@ -272,7 +272,7 @@ def test_a_modifier_is_added_once(baked):
 
 def draw(active, width=1000):
     bpy.context.view_layer.objects.active = active
-    return panel_layout.draw(width, panels=[checks.IMPRINT_PT_checks])
+    return panel_layout.draw(width, panels=[check_panel.IMPRINT_PT_checks])
 
 
 def enabled(drawn):
@@ -283,7 +283,7 @@ def enabled(drawn):
 
 def test_the_panel_is_hidden_before_a_bake():
     low = zoo.plane("lo")
-    assert not checks.IMPRINT_PT_checks.poll(SimpleNamespace(scene=bpy.context.scene, active_object=low))
+    assert not check_panel.IMPRINT_PT_checks.poll(SimpleNamespace(scene=bpy.context.scene, active_object=low))
 
 
 def test_the_panel_shows_an_icon_and_a_number_for_each_check(baked):
@@ -360,7 +360,7 @@ def test_the_checks_of_the_active_low_object_are_shown():
         assert drawn.labels[drawn.labels.index("Quads, n-gons") + 1] == str(count)
         assert {given.low for _, given in drawn.given} == {name}
     other = SimpleNamespace(scene=bpy.context.scene, active_object=bpy.data.objects["a_high"])
-    assert not checks.IMPRINT_PT_checks.poll(other)
+    assert not check_panel.IMPRINT_PT_checks.poll(other)
     select("POLYGONS", low="b_low")
     assert second.mode == "EDIT"
     assert "Nothing was baked onto 'c'" in refusal(bpy.ops.imprint.select_flaws, kind="POLYGONS", low="c")

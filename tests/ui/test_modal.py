@@ -14,7 +14,7 @@ from addon.passes import target
 from addon.ui import bake_operators, modal, view_panel
 from addon.ui.bake_results import results
 from addon.ui.live import live
-from addon.ui.modal import EVERY, idle_memory
+from addon.ui.modal import EVERY, free_if_idle
 from addon.ui.progress_display import display
 from addon.ui.view_shading import Mode
 from addon.ui.views import viewer
@@ -289,12 +289,12 @@ def test_cached_memory_is_freed_when_idle(pair, monkeypatch):
     gpu_memory.free_if_idle(60.0)
     assert len(tree_cache.trees)
     assert len(target.common)
-    monkeypatch.setattr(idle_memory, "after", 0.0)
+    monkeypatch.setattr(modal, "AFTER", 0.0)
     monkeypatch.setattr(display, "current", progress.Progress("Baking", 0.5))
-    idle_memory.check()
+    free_if_idle()
     assert len(tree_cache.trees)
     monkeypatch.setattr(display, "current", None)
-    assert idle_memory.check() == EVERY
+    assert free_if_idle() == EVERY
     assert not len(tree_cache.trees)
     assert not len(target.common)
 

@@ -12,7 +12,7 @@ from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
 from addon.ui import bake_operators, modal, preferences, presets, properties, settings_panels, view_gizmos, view_panel
-from addon.ui.callbacks import DrawCallbacks, Handlers, Key, Timer
+from addon.ui.callbacks import DrawCallbacks, Events, Key, Timer
 from addon.ui.texts import SidebarPanel
 from tests.support import maps, panel_layout, zoo
 
@@ -162,19 +162,32 @@ def test_a_timer_of_a_method_is_found_after_another_look_up():
     assert not timer.is_running
 
 
-def test_handlers_are_added_once_and_removed():
-    listener = Listener()
+def test_events_are_heard_between_registering_and_unregistering():
+    heard, events = [], Events()
+    events.hear(undo_post=lambda *_: heard.append("first"), end=lambda: heard.append("end"))
+    events.hear(undo_post=lambda *_: heard.append("last"))
     before = list(bpy.app.handlers.undo_post)
-    handlers = Handlers(("undo_post", listener.on_update), ("save_pre", listener.on_update))
-    for _ in range(2):
-        handlers.add()
-        assert bpy.app.handlers.undo_post == [*before, listener.on_update]
-    assert handlers.are_added
-    bpy.app.handlers.save_pre.remove(listener.on_update)  # Blender does this when it opens another file
-    for _ in range(2):
-        handlers.remove()
-        assert bpy.app.handlers.undo_post == before
-    assert not handlers.are_added
+    events.register()
+    (ours,) = (each for each in bpy.app.handlers.undo_post if each not in before)
+    ours(bpy.context.scene)
+    assert heard == ["last", "first"]
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert ours in bpy.app.handlers.undo_post
+    events.unregister()
+    assert bpy.app.handlers.undo_post == before
+
+
+def test_an_error_keeps_no_event_from_others():
+    heard, events = [], Events()
+
+    def fail():
+        raise ValueError("a mistake")
+
+    events.hear(end=lambda: heard.append("end"))
+    events.hear(end=fail)
+    with pytest.raises(ValueError, match="a mistake"):
+        events.tell("end")
+    assert heard == ["end"]
 
 
 def test_draw_callbacks_are_added_once_and_removed(monkeypatch):

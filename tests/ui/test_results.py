@@ -258,8 +258,8 @@ def test_a_fix_in_the_list_is_for_its_own_low_object(batch):
         ]
         object_pairs.keep_reports(low, reports)
     pair = bpy.data.objects["b_low"].imprint
-    (given,) = [given for name, given in listed()[1].given if name == "imprint.cure" and given.low == "b_low"]
-    assert bpy.ops.imprint.cure(kind=given.kind, low=given.low) == {"FINISHED"}
+    (given,) = [given for name, given in listed()[1].given if name == "imprint.fix" and given.low == "b_low"]
+    assert bpy.ops.imprint.fix(kind=given.kind, low=given.low) == {"FINISHED"}
     assert pair.measure
     assert not bpy.data.objects["a_low"].imprint.measure
 

@@ -505,7 +505,7 @@ def part_checks() -> Steps:
     def method() -> str:  # an Undo makes other settings
         return bpy.context.scene.imprint.chosen(bpy.context).rays.method
 
-    yield from press("imprint.cure(kind='AUTO'")
+    yield from press("imprint.fix(kind='AUTO'")
     picture("report")
     check("the report's button", method() == "AUTO")
     yield from keys("ctrl+z")

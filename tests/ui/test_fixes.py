@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Each cure with a button makes the map better, by what it should show, or it is not offered."""
+"""Each fix with a button makes the map better, by what it should show, or it is not offered."""
 
 import bpy
 import numpy as np
@@ -20,11 +20,11 @@ SIDE = 24
 def offered():
     """The kinds of the buttons in the main panel."""
     bpy.context.view_layer.update()
-    return {given.kind for name, given in panel_layout.draw(width=3000).given if name == "imprint.cure"}
+    return {given.kind for name, given in panel_layout.draw(width=3000).given if name == "imprint.fix"}
 
 
 def press(kind):
-    assert bpy.ops.imprint.cure(kind=kind) == {"FINISHED"}
+    assert bpy.ops.imprint.fix(kind=kind) == {"FINISHED"}
 
 
 def normals():
@@ -140,7 +140,7 @@ def test_a_right_low_mesh_is_not_called_flipped(name):
     use(low, *highs, size=SIDE, method="CAST", material=False, keep_faces=name == "bowls")
     assert "FLIPPED" not in offered()
     with pytest.raises(RuntimeError, match="point to the same sides"):
-        bpy.ops.imprint.cure(kind="FLIPPED")
+        bpy.ops.imprint.fix(kind="FLIPPED")
     bpy.ops.imprint.bake()
     assert not any("point to the other side" in text for text in results.of(bpy.context).warnings)
 
