@@ -8,7 +8,8 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
@@ -84,42 +85,31 @@ def _work(pace: Pace | None) -> Task[GpuReport]:
     )
     for number, (name, measure) in enumerate(MEASURES.items()):
         done = _SHARES[1] + (1.0 - _SHARES[1]) * number / len(MEASURES)
-        with _Attempt(f"Times: {name.lower()}", found.driver_checks):
+        with _noted(f"Times: {name.lower()}", found.driver_checks):
             found.times += yield from progress.part(measure(), done, done)
     return found
 
 
-class _Attempt:
-    """Notes in `tests` what a driver raises in this block, as the error of a test with a name."""
+OF_DRIVERS = CheckFailed, BakeError, RuntimeError, SystemError, ValueError, TypeError, MemoryError
+"""What a driver makes Blender raise. Where a program does not compile, it raises Exception itself."""
 
-    # Blender raises Exception itself where a program does not compile.
-    ERRORS = CheckFailed, BakeError, RuntimeError, SystemError, ValueError, TypeError, MemoryError
 
-    def __init__(self, name: str, tests: list[Outcome]):
-        self._name, self._tests = name, tests
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind, error, _trace) -> bool:
-        if error is None or not (isinstance(error, self.ERRORS) or kind is Exception):
-            return False
-        self._tests.append(Outcome(self._name, Verdict.WRONG, " ".join(str(error).split()) or kind.__name__))
-        return True
+@contextmanager
+def _noted(name: str, tests: list[Outcome]) -> Iterator[None]:
+    """Note in `tests` what a driver raises in this block, as the error of a test with a name."""
+    try:
+        yield
+    except Exception as error:
+        if not isinstance(error, OF_DRIVERS) and type(error) is not Exception:
+            raise
+        tests.append(Outcome(name, Verdict.WRONG, " ".join(str(error).split()) or type(error).__name__))
 
 
 def _checked(driver_check: DriverCheck) -> Task[list[Outcome]]:
     tests: list[Outcome] = []
-    with _Attempt(driver_check.name, tests):
-        check = driver_check.check()
-        try:
-            while True:
-                next(check)
-                yield STEP
-        except StopIteration as end:
-            tests.append(Outcome(driver_check.name, Verdict.RIGHT, end.value))
-        finally:
-            check.close()
+    with _noted(driver_check.name, tests):
+        measured = yield from progress.relay(driver_check.check(), lambda _: STEP)
+        tests.append(Outcome(driver_check.name, Verdict.RIGHT, measured))
     return tests
 
 
@@ -127,7 +117,7 @@ def _baked(pair: Pair, pace: Pace | None) -> Task[tuple[list[Outcome], float]]:
     """Also returns by how many seconds the first bake took longer than the second one."""
     tests: list[Outcome] = []
     seconds = []
-    with _Attempt(pair.name, tests):
+    with _noted(pair.name, tests):
         bakes = []
         for _ in range(2):
             start = time.perf_counter()
