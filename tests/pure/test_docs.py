@@ -149,10 +149,8 @@ def check_command(words):
     """Raise or fail for a command that is not valid."""
     given = bake_arguments(words)
     if given is not None:
-        if given in ([], ["--help"]):
-            return
-        named, more = (COMMANDS[given[0]], given[1:]) if given[0] in COMMANDS else (BAKE, given)
-        if more == ["--help"]:
+        named, more = (COMMANDS[given[0]], given[1:]) if given and given[0] in COMMANDS else (BAKE, given)
+        if more in ([], ["--help"]):
             return
         if named in (FARM, REPORT, GPU):
             named.parser("imprint").parse_intermixed_args(more)
