@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, fields
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypedDict
 
 from ..core import versions
 from ..core.errors import BakeError, NoGpu, NoGpuMemory, WrongPlace, reason, sentence
@@ -62,6 +62,15 @@ class Cause(StrEnum):
         return cls.GPU if isinstance(error, NoGpu) else cls.INPUT
 
 
+class FileNote(TypedDict):
+    """A file that a bake read or wrote."""
+
+    path: str
+    bytes: int | None
+    sha256: str | None
+    what: str
+
+
 @dataclass
 class Entry:
     """A bake in the report."""
@@ -82,9 +91,9 @@ class Entry:
     """The metrics over their limits, in sentences."""
     seconds: float = 0.0
     """What it took, with opening its files."""
-    inputs: list[dict[str, Any]] = field(default_factory=list)
+    inputs: list[FileNote] = field(default_factory=list)
     """The files that it read: path, bytes, sha256, and what they are."""
-    files: list[dict[str, Any]] = field(default_factory=list)
+    files: list[FileNote] = field(default_factory=list)
     """The files that it wrote: path, bytes, sha256, and what they are."""
     are: str = ""
     """What several reports are of: "pairs", "frames" or "levels"."""

@@ -13,7 +13,8 @@ import re
 from collections import Counter
 from dataclasses import dataclass, field, is_dataclass
 from enum import StrEnum
-from typing import Any, get_args, get_origin, get_type_hints
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints, is_typeddict
 
 from . import interruption, run_report, sheet, terminal
 from .options import RunOptions
@@ -188,6 +189,10 @@ def _made(value: Any, hint: Any) -> Any:
     kind, given = get_origin(hint) or hint, get_args(hint)
     if kind is Any:
         return value
+    if kind is UnionType:
+        return _made(value, next(each for each in given if isinstance(value, each)))
+    if is_typeddict(kind):
+        return {name: _made(value[name], each) for name, each in _hints(kind).items()}
     if is_dataclass(kind):
         return kind(**{name: _made(value[name], each) for name, each in _hints(kind).items()})
     if issubclass(kind, StrEnum):
@@ -228,11 +233,8 @@ def _check(message: Any, values: dict[str, Any]) -> None:
 
 def _check_entry(entry: Entry) -> None:
     """Raise LookupError, TypeError, ValueError and others if an entry cannot be shown as those of bakes are."""
-    for each in (*entry.files, *entry.inputs):
-        if not all(isinstance(each[name], str) for name in ("path", "what")):
-            raise TypeError("a file without a path")
-        if not os.path.isabs(each["path"]):
-            raise ValueError("a file in no folder")
+    if not all(os.path.isabs(each["path"]) for each in (*entry.files, *entry.inputs)):
+        raise ValueError("a file in no folder")
     written = (paths for each in entry.reports for paths in run_report.written_paths(each).values())
     if not all(isinstance(path, str) for paths in written for path in paths):
         raise TypeError("a path that is no text")

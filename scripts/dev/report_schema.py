@@ -10,64 +10,35 @@ import inspect
 import json
 import sys
 import types
-from dataclasses import fields
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints, is_typeddict
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from addon.cli import run_report  # noqa: E402
-from addon.cli.run_report import Entry, ThisCall  # noqa: E402
+from addon.cli.run_report import Entry, FileNote, ThisCall  # noqa: E402
 from addon.core.conversion import ConversionReport  # noqa: E402
-from addon.core.levels import Level  # noqa: E402
+from addon.core.levels import ChainReport, Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402
 
 PATH = ROOT / "docs" / "report.schema.json"
-LEFT_OUT = {Report: {"refs", "picture"}, Entry: run_report.NOT_REPORTED}
+LEFT_OUT = {
+    Report: {"refs", "picture"},
+    Entry: run_report.NOT_REPORTED,
+    ChainReport: {"seconds", "warnings"},
+    Level: {"bake"},
+}
 """Fields that are not in the report."""
-FILE = {
-    "type": "object",
-    "properties": {
-        "path": {"type": "string"},
-        "bytes": {"type": ["integer", "null"]},
-        "sha256": {"type": ["string", "null"], "pattern": "^[0-9a-f]{64}$"},
-        "what": {"type": "string"},
-    },
-    "required": ["path", "bytes", "sha256", "what"],
+SPECIAL = {
+    FileNote: {"sha256": {"type": ["string", "null"], "pattern": "^[0-9a-f]{64}$"}},
+    Level: {"limit": {"type": "object", "additionalProperties": {"type": "number"}}},
+    ThisCall: {"call": {"type": "array", "items": {"type": "string"}}},
 }
-LEVEL = {
-    "type": "object",
-    "properties": {
-        "name": {"type": "string"},
-        "limit": {
-            "type": "object",
-            "properties": {"degrees": {"type": "number"}, "distance": {"type": "number"}},
-            "additionalProperties": {"type": "number"},
-        },
-        **dict.fromkeys(("triangles", "beyond"), {"type": "integer"}),
-        **dict.fromkeys(
-            ("degrees", "bare_degrees", "distance", "beyond_degrees", "beyond_distance"), {"type": "number"}
-        ),
-    },
-    "required": [each.name for each in fields(Level) if each.name != "bake"],
-}
-CHAIN = {
-    "type": "object",
-    "properties": {
-        **dict.fromkeys(("original", "collection"), {"type": "string"}),
-        **dict.fromkeys(("triangles", "measured"), {"type": "integer"}),
-        "levels": {"type": "array", "items": LEVEL},
-    },
-}
-OF_ENTRIES = {
-    "chain": CHAIN,
-    "reports": {"type": "array", "items": {"anyOf": [{"$ref": "#/$defs/bake"}, {"$ref": "#/$defs/conversion"}]}},
-    "inputs": {"type": "array", "items": FILE},
-    "files": {"type": "array", "items": FILE},
-}
-"""What the annotations of an entry's fields do not say."""
+"""What the annotations do not say."""
 
 
 def of_type(kind: Any) -> dict[str, Any]:
@@ -77,22 +48,25 @@ def of_type(kind: Any) -> dict[str, Any]:
         return {"anyOf": [of_type(each) for each in given]}
     if isinstance(kind, type) and issubclass(kind, StrEnum):
         return {"type": "string", "enum": list(map(str, kind))}
-    if origin is list or kind is list:
+    if is_typeddict(kind) or is_dataclass(kind):
+        return of_class(kind)
+    if origin in (list, Sequence) or kind is list:
         return {"type": "array", "items": of_type(given[0])} if given else {"type": "array"}
     if origin is tuple:
         items = [of_type(each) for each in given]
         return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
     if origin is dict or kind is dict:
         return {"type": "object", "additionalProperties": of_type(given[1])} if given else {"type": "object"}
-    names = {str: "string", bool: "boolean", int: "integer", float: "number"}
+    names = {str: "string", bool: "boolean", int: "integer", float: "number", types.NoneType: "null"}
     return {"type": names[kind]} if kind in names else {}
 
 
-def of_class(kind: type, special: dict[str, Any] | None = None) -> dict[str, Any]:
-    """The schema of a dataclass, with the texts behind its fields. Keys that are not in it are allowed."""
-    texts = {name: text for each in reversed(kind.mro()[:-1]) for name, text in _texts(each).items()}
-    hints, special = get_type_hints(kind), special or {}
-    named = getattr(kind, "KEYS", [each.name for each in fields(kind)])
+def of_class(kind: type) -> dict[str, Any]:
+    """The schema of a class with annotations, with the texts behind its fields. Keys that are not in it are allowed."""
+    classes = kind.mro()[:-1] if is_dataclass(kind) else [kind]
+    texts = {name: text for each in reversed(classes) for name, text in _texts(each).items()}
+    hints, special = get_type_hints(kind), SPECIAL.get(kind, {})
+    named = getattr(kind, "KEYS", [each.name for each in fields(kind)] if is_dataclass(kind) else hints)
     names = [name for name in named if name not in LEFT_OUT.get(kind, ())]
     properties = {name: {**_described(texts.get(name)), **special.get(name, of_type(hints[name]))} for name in names}
     return {"type": "object", "properties": properties, "required": names}
@@ -113,6 +87,12 @@ def _texts(kind: type) -> dict[str, str]:
     }
 
 
+SPECIAL[Entry] = {
+    "chain": {"anyOf": [of_class(ChainReport), {"type": "object", "maxProperties": 0}]},
+    "reports": {"type": "array", "items": {"anyOf": [{"$ref": "#/$defs/bake"}, {"$ref": "#/$defs/conversion"}]}},
+}
+
+
 def schema() -> dict[str, Any]:
     """The schema of the report."""
     head = {
@@ -127,7 +107,7 @@ def schema() -> dict[str, Any]:
             "description": "A hash of the code, which changes where the version does not; empty if it is not known.",
             "pattern": "^([0-9a-f]{64})?$",
         },
-        **of_class(ThisCall, {"call": {"type": "array", "items": {"type": "string"}}})["properties"],
+        **of_class(ThisCall)["properties"],
         "planned": {
             "type": "integer",
             "minimum": 0,
@@ -169,7 +149,7 @@ def schema() -> dict[str, Any]:
         "properties": head,
         "required": list(head),
         "$defs": {
-            "entry": of_class(Entry, OF_ENTRIES),
+            "entry": of_class(Entry),
             "bake": of_class(Report),
             "conversion": of_class(ConversionReport),
         },

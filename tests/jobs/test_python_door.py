@@ -84,7 +84,7 @@ def test_numbers_of_numpy_are_those_of_python():
 
 WRONG = {
     "size": [None, "64", 64.0, True, HUGE, (16,), (16, 16, 16), (16, "x"), {}, np.array([[16, 16]]), 0],
-    "maps": [None, 3, [3], [None], {"normal": 1}, b"normal", "nromal", ["normal", np.int64(1)], ()],
+    "maps": [None, 3, [3], [None], {"normal": 1}, np.array(2), b"normal", "nromal", ["normal", np.int64(1)], ()],
     "output": [None, 3, b"a.png", ["a.png"], "a\0.png", "a.xyz"],
     "on_progress": [3, "x"],
     **dict.fromkeys(("image", "storage", "width", "normal", "material", "texture_sets", "smaples"), [1]),

@@ -88,5 +88,6 @@ _KEYWORDS = {
     "pattern": _check(lambda value, given: not isinstance(value, str) or re.search(given, value)),
     "minimum": _check(lambda value, given: not IS["number"](value) or value >= given),
     "minItems": _check(lambda value, given: not isinstance(value, list) or len(value) >= given),
+    "maxProperties": _check(lambda value, given: not isinstance(value, dict) or len(value) <= given),
     "maxItems": _check(lambda value, given: not isinstance(value, list) or len(value) <= given),
 }

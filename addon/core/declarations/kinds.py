@@ -24,6 +24,7 @@ def plain(value: Any) -> Any:
 
 def listed(value: Any) -> list | None:
     """The items of a list, an array, a generator and the like; None for a single value, a text and a dictionary."""
+    value = plain(value)  # an array of numpy without dimensions has no items
     is_list = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
     return [plain(item) for item in value] if is_list else None
 
