@@ -14,6 +14,7 @@ from ..core.settings import MapSettings, SamplingSettings, Settings
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.local_space import gap_of_boxes
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import face_normals, transformed
 from . import severity
 
 LOW_FACES, HIGH_FACES = 256, 2048
@@ -50,9 +51,8 @@ def faces_of_mesh(mesh: Mesh, most: int, turned: np.ndarray | None = None, *, le
     they count as they were before. least: triangles of a mesh with fewer are divided, so that there are about as many."""
     step = max(1, -(-len(mesh.triangles) // most))
     kept = mesh.front_triangles[::step]
-    corners = mesh.positions[mesh.vertices[kept]].astype(np.float64) @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    normals = np.cross(b - a, c - a)
+    corners = transformed(mesh.positions[mesh.vertices[kept]], mesh.to_world)
+    normals = face_normals(corners)
     if turned is not None:
         normals = np.where(turned[::step, None], -normals, normals)
     weights = _middles(int(np.ceil((least / max(1, len(kept))) ** 0.5)))

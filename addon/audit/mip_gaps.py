@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.settings import SamplingSettings
-from ..mesh import uv_islands
+from ..mesh import topology, uv_islands
 from ..mesh.triangle_mesh import Mesh
 from ..passes import audit
 from .tally import Sparse, at_most
@@ -78,7 +78,7 @@ def _stacked(above: np.ndarray, below: np.ndarray, count: int) -> np.ndarray:
     """The numbers of islands (height, width); overlapping islands share one."""
     differ = above != below
     pairs = np.unique(np.stack([above[differ], below[differ]], axis=1), axis=0)
-    return uv_islands.connected_components(pairs, count + 1)[above] if len(pairs) else above
+    return topology.connected(count + 1, *pairs.T)[above]
 
 
 def _near_others(ids: np.ndarray, reach: Sequence[int]) -> np.ndarray:

@@ -12,6 +12,7 @@ from ..core.settings import Settings
 from ..engine import normal_space
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import face_normals
 from ..passes import data_texture, lit, mesh_upload, target, viewport
 
 SIDE = 192
@@ -214,9 +215,8 @@ def _towards_viewer(points: np.ndarray) -> np.ndarray:
 
     points: (3 T, 3), the corners of the triangles.
     """
-    first, second, third = np.moveaxis(points.reshape(-1, 3, 3).astype(np.float64), 1, 0)
-    areas = np.cross(second - first, third - first)
-    lean = areas.sum(axis=0) / max(np.linalg.norm(areas, axis=1).sum(), 1e-30)
+    normals = face_normals(points.reshape(-1, 3, 3), dtype=np.float64)
+    lean = normals.sum(axis=0) / max(np.linalg.norm(normals, axis=1).sum(), 1e-30)
     towards = TOWARDS_VIEWER / np.linalg.norm(TOWARDS_VIEWER) + 2.0 * lean
     return towards / max(np.linalg.norm(towards), 1e-30)
 

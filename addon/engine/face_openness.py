@@ -8,6 +8,7 @@ import numpy as np
 from ..core import udim
 from ..core.progress import STEP, Pace
 from ..mesh import bvh
+from ..mesh.triangles import face_normals
 from ..passes import cast, hemisphere, high_in_uv, target
 from .ray_casting import TEXEL
 
@@ -21,11 +22,10 @@ def openness(tables: cast.Tables, corners: np.ndarray, rays: int) -> np.ndarray:
         rays: of each triangle, from its middle.
     """
     count = len(corners)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     nowhere = bvh.Tree(np.arange(count), np.zeros((1, 3, 4), np.float32), 0, np.zeros(3), np.ones(3))
     vertices = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
     own = 1 + 2 * np.arange(count, dtype=np.int32)  # one normal for all three corners
-    surface = cast.upload(nowhere, corners.reshape(-1, 3), vertices, normals.astype(np.float32), own)
+    surface = cast.upload(nowhere, corners.reshape(-1, 3), vertices, face_normals(corners).astype(np.float32), own)
     side = max(8, 1 << math.isqrt(max(0, count - 1)).bit_length())
     centers = np.stack(np.divmod(np.arange(count), side)[::-1], axis=1) + 0.5
     uv = ((centers[:, None] + TEXEL) / side).reshape(-1, 2).astype(np.float32)

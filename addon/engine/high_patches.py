@@ -5,12 +5,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..mesh import orientation
+from ..mesh import orientation, topology
 from ..mesh.closest import Surface
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.orientation import Patches
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import unit_normals
 from .method_choice import FAR_APART
 
 FEW, MANY = 64, 4096
@@ -77,9 +78,7 @@ class HighPatches:
         self.space = local_space_of([self.low])
         self.low_points = self.space.points(self.low)
         self.low_triangles = self.low.vertices[self.low.front_triangles]
-        normals = orientation.face_normals(self.low_points, self.low_triangles)
-        self.low_areas = np.linalg.norm(normals, axis=1)
-        self.low_normals = normals / np.maximum(self.low_areas, 1e-300)[:, None]
+        self.low_normals, self.low_areas = unit_normals(self.low_points, self.low_triangles, np.float64)
         self._surface = Surface(self.low_points, self.low_triangles)
         self._is_two_sided = orientation.copies(self.low_points, self.low_triangles)[1]
         apart = gap(self.low, self.meshes.highs)
@@ -126,11 +125,10 @@ class HighPatches:
     def _samples(self, high: Mesh, patches: Patches, count: int) -> Samples:
         chosen = _spread(patches.labels, patches.count, count)
         corners = _corners(high, chosen, self.space) + self._aside
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        areas = np.linalg.norm(normals, axis=1)
+        normals, areas = unit_normals(corners)
         places = corners.mean(axis=1).astype(np.float32)
         closest, on_low, _ = self._surface.closest(places)
-        cosines = (normals * self.low_normals[closest]).sum(axis=1) / np.maximum(areas, 1e-300)
+        cosines = (normals * self.low_normals[closest]).sum(axis=1)
         cosines *= np.where(patches.is_against[chosen], -1.0, 1.0)
         two_sided = self._is_two_sided[closest]
         cosines[two_sided] = np.abs(cosines[two_sided])
@@ -146,7 +144,7 @@ def places_of(mesh: Mesh) -> np.ndarray:
     """As Patches has them."""
     columns = orientation.columns_of(np.take(mesh.vertices, mesh.triangles, mode="clip"))
     is_open = orientation.open_vertices(columns, len(mesh.positions))
-    return orientation.welded(mesh.positions, is_open, _diagonal(mesh))
+    return topology.places(mesh.positions, orientation.WELD * _diagonal(mesh), is_open)
 
 
 def _diagonal(mesh: Mesh) -> float:

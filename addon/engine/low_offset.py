@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..mesh import topology
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of
-from ..mesh.orientation import vertex_normals, welded
+from ..mesh.orientation import WELD
 from ..mesh.triangle_mesh import Mesh, normal_matrix
+from ..mesh.triangles import vertex_normals
 
 LEAST, ALIKE = 0.0045, 0.6
 """A low mesh is off if the median of its distances is at least this share of its diagonal, and this share of them is within
@@ -88,7 +90,7 @@ class _Move:
         matrix, place = low.to_world[:3, :3], low.to_world[:3, 3]
         start = low.positions @ matrix.T + place
         # Vertices that are at one place, but not joined, stay together.
-        same = welded(start, np.ones(len(start), bool), float(np.linalg.norm(np.ptp(start, axis=0))))
+        same = topology.places(start, WELD * float(np.linalg.norm(np.ptp(start, axis=0))))
         triangles, places = same[triangles], start[same]
         after = before = vertex_normals(places, triangles)[same]
         for _ in range(STEPS):

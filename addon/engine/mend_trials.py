@@ -9,6 +9,7 @@ import numpy as np
 from ..core.progress import Timings
 from ..mesh import corner_normals
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import barycentric
 from . import tree_cache
 from .high_patches import HighPatches
 from .own_hits import PLACES, LowPlaces, own_hits, place_aside
@@ -176,18 +177,6 @@ def _places(patches: HighPatches, near: Sequence[np.ndarray], count: int) -> tup
     weights = [places.weights]
     for some in asked:
         corners = patches.low_points[patches.low.vertices[patches.low.triangles[some.closest]]]
-        weights.append(_weights(corners.astype(np.float64), some.on_low.astype(np.float64)))
+        # A little moved to the middle: a point on an edge belongs to several triangles.
+        weights.append(0.98 * barycentric(some.on_low.astype(np.float64), corners.astype(np.float64)) + 0.02 / 3.0)
     return replace(places, triangles=triangles, weights=np.concatenate(weights)), spread
-
-
-def _weights(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """The weights (N, 3) of the corners (N, 3, 3) of triangles at points (N, 3) on them, a little moved to the middle: a point
-    on an edge belongs to several triangles."""
-    a, b, c = corners.transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a)
-    squares = np.maximum((normals * normals).sum(axis=1), 1e-300)
-    first, second = ((np.cross(end - start, points - start) * normals).sum(axis=1) for start, end in ((b, c), (c, a)))
-    weights = np.clip(np.stack([first, second], axis=1) / squares[:, None], 0.0, 1.0)
-    weights = np.column_stack([weights, np.clip(1.0 - weights.sum(axis=1), 0.0, 1.0)])
-    weights = 0.98 * weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300) + 0.02 / 3.0
-    return weights / weights.sum(axis=1, keepdims=True)

@@ -13,6 +13,7 @@ from ..core.settings import Settings
 from ..mesh import corner_normals, orientation
 from ..mesh.inputs import Mended, Meshes
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import face_areas
 from . import sides, stacked_uvs, tree_cache, uv_agreement
 from .high_patches import HighPatches, patches_of, places_of
 from .mend_trials import Trials
@@ -300,7 +301,7 @@ def _with_turned(patches: HighPatches, found: Sides, trials: Trials | None = Non
         return _joined(patches)
     highs, parts, unknown, area = [], 0, 0.0, 0.0
     for high, one, mask, unclear in zip(meshes.highs, patches.of, masks, undecided, strict=True):
-        areas = np.linalg.norm(orientation.face_normals(high.positions, high.vertices[high.triangles]), axis=1)
+        areas = face_areas(high.positions, high.vertices[high.triangles], np.float64)
         area += float(areas.sum())
         unknown += float(areas[unclear[one.labels]].sum())
         parts += len(np.unique(one.labels[mask]))

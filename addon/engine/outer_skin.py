@@ -11,6 +11,7 @@ from ..core.progress import Timings
 from ..mesh import orientation
 from ..mesh.inputs import Mended, Meshes
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import transformed
 from . import tree_cache
 from .face_openness import openness
 from .high_patches import SURE, HighPatches, corners_in
@@ -188,8 +189,7 @@ def sees_outside(mesh: Mesh, places: np.ndarray, triangles: np.ndarray, timings:
         space = scene.local_space
         corners = corners_in(mesh, triangles, space)
         corners -= corners.mean(axis=1, keepdims=True)  # rays start in the middle
-        world = places @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
-        corners += ((world - space.origin) / space.size)[:, None].astype(np.float32)
+        corners += ((transformed(places, mesh.to_world) - space.origin) / space.size)[:, None].astype(np.float32)
         found[:] = False
         for count in (FIRST_RAYS, ALL_RAYS):
             found[~found] = _is_open(scene, corners[~found], count, ~found[~found])

@@ -8,10 +8,11 @@ import numpy as np
 
 from ..core.declarations.choices import Hit
 from ..core.progress import Pace, Timings
-from ..mesh import orientation, uv_layout
+from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import FARTHEST, LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import face_areas, unit
 from ..passes import cast, rays, target
 from . import ray_distances, tree_cache
 from .method_choice import FAR_APART
@@ -42,7 +43,7 @@ class LowPlaces:
         them over its UV map."""
         mesh = meshes.whole_low
         corners = mesh.vertices[mesh.front_triangles]
-        areas = _finite(np.linalg.norm(orientation.face_normals(local_space_of([mesh]).points(mesh), corners), axis=1))
+        areas = _finite(2.0 * face_areas(local_space_of([mesh]).points(mesh), corners, np.float64))
         if mesh.uv is not None:
             of_uv = _finite(np.abs(uv_layout.areas(mesh)))
             areas = areas / max(areas.sum(), 1e-300) + of_uv / max(of_uv.sum(), 1e-300)
@@ -69,8 +70,7 @@ class LowPlaces:
     def directions(self) -> np.ndarray:
         """The unit directions (N, 3) of their rays, away from the surface: smooth normals."""
         normals = self.mesh.to_world_normals(self.normals)[self.mesh.triangles[self.triangles]]
-        sums = (normals.astype(np.float64) * self.weights[:, :, None]).sum(axis=1)
-        return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-30)
+        return unit((normals.astype(np.float64) * self.weights[:, :, None]).sum(axis=1))
 
 
 @dataclass(frozen=True)

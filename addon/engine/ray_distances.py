@@ -13,6 +13,7 @@ from ..core.progress import Pace, Progress, Task, Timings
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import FARTHEST, local_space_of
+from ..mesh.triangles import unit
 from ..passes import cast, rays, target
 from ..passes.cast import Owners
 from . import low_offset, ray_casting, tree_cache
@@ -356,8 +357,7 @@ def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: cast.Tables) -> flo
     by_vertex = np.zeros((len(low.positions), 3), np.float32)
     by_vertex[low.vertices] = low.to_world_normals(meshes.smooth_normals)
     chosen = slice(None, None, -(-len(sharp.places) // MOST_POINTS))
-    ends = by_vertex[sharp.vertices[chosen]]
-    ends /= np.maximum(np.linalg.norm(ends, axis=2, keepdims=True), np.finfo(np.float32).tiny)
+    ends = unit(by_vertex[sharp.vertices[chosen]])
     heights, has_hit = _heights_along(sharp.places[chosen], ends.sum(axis=1), tables)
     if not has_hit.any():
         return 0.0

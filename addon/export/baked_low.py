@@ -15,6 +15,7 @@ from ..core.errors import BakeError
 from ..core.report import Report
 from ..mesh import triangle_mesh
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import transformed
 from ..scene import evaluation, mesh_reader
 from ..scene.high_materials import materials_of
 from . import deformation
@@ -197,7 +198,7 @@ def _in_scene(mesh: Mesh, deformed: Deformation) -> tuple[Mesh, Deformation]:
     tangents = np.concatenate([mesh.tangents[:, :3] @ turn.T, mesh.tangents[:, 3:]], axis=1)
     moved = replace(
         mesh,
-        positions=(mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32),
+        positions=transformed(mesh.positions, matrix).astype(np.float32),
         normals=(mesh.normals @ turn.T).astype(np.float32),
         tangents=tangents.astype(np.float32),
         to_world=np.eye(4),

@@ -11,6 +11,7 @@ from ..core.declarations import bases
 from ..core.declarations.bases import Basis
 from ..core.declarations.targets import TargetEngine
 from ..core.errors import BakeError
+from ..mesh.triangles import degrees_between, unit
 from . import map_pictures
 from .baked_low import FileMesh
 
@@ -29,26 +30,14 @@ def decoded(
     if basis.bitangent_of_vertices:
         bitangent = _mixed(signs[..., None] * np.cross(normals, tangents[..., :3]), weights)
     if basis.normalizes_normal:
-        normal = unit_vectors(normal)
+        normal = unit(normal)
     if basis.normalizes_tangent:
-        tangent = unit_vectors(tangent)
+        tangent = unit(tangent)
     if not basis.bitangent_of_vertices:
         bitangent = np.sign((signs * weights).sum(axis=1))[:, None] * np.cross(normal, tangent)
     if basis.normalizes_bitangent:
-        bitangent = unit_vectors(bitangent)
-    return unit_vectors(values[:, :1] * tangent + values[:, 1:2] * bitangent + values[:, 2:] * normal)
-
-
-def unit_vectors(vectors: np.ndarray) -> np.ndarray:
-    """`vectors` (..., 3) at length one; those without length stay."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(lengths > 0.0, lengths, 1.0)
-
-
-def degrees_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The angles (N,) between vectors (N, 3) of length one. From the chord, which is exact for small angles."""
-    chord = np.linalg.norm(a - b, axis=-1)
-    return np.degrees(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)))
+        bitangent = unit(bitangent)
+    return unit(values[:, :1] * tangent + values[:, 1:2] * bitangent + values[:, 2:] * normal)
 
 
 def _mixed(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..mesh import triangle_mesh
+from ..mesh.triangles import transformed, unit
 from ..scene import evaluation, mesh_reader
 
 STILL = 1e-5
@@ -54,8 +54,8 @@ class Deformation:
             shapes=[
                 replace(
                     shape,
-                    points=(shape.points @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32),
-                    normals=triangle_mesh.unit(shape.normals[:, ::order] @ inverse).astype(np.float32),
+                    points=transformed(shape.points, matrix).astype(np.float32),
+                    normals=unit(shape.normals[:, ::order] @ inverse).astype(np.float32),
                 )
                 for shape in self.shapes
             ],
@@ -156,7 +156,7 @@ def _shapes(
             relative = seen[key.relative_key.name]
             offset = shown - relative[0]
             turned = normals - relative[1] + seen[blocks[0].name][1]
-            shapes.append(ShapeKey(key.name, points + offset, triangle_mesh.unit(turned[corners]).astype(np.float32)))
+            shapes.append(ShapeKey(key.name, points + offset, unit(turned[corners]).astype(np.float32)))
     notes = []
     if left_out:
         notes.append(

@@ -13,6 +13,7 @@ import numpy as np
 from ..audit import mip_gaps
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
+from ..mesh.triangles import face_areas
 from ..scene import mesh_reader
 from . import temporary
 from .unwrapping import editing, pack_boxes
@@ -151,8 +152,7 @@ def _areas(lows: Sequence[bpy.types.Object]) -> tuple[float, float]:
     for low in lows:
         mesh = mesh_reader.surface(low.data, _layer(low), low.name, np.array(low.matrix_world, np.float64))
         corners = mesh.positions[mesh.vertices[mesh.triangles]] @ np.array(low.matrix_world, np.float64)[:3, :3].T
-        edges = corners[:, 1:] - corners[:, :1]
-        surface += 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum()
+        surface += face_areas(corners).sum()
         edges = (mesh.uv[mesh.triangles][:, 1:] - mesh.uv[mesh.triangles][:, :1]).astype(np.float64)
         used += 0.5 * np.abs(np.linalg.det(edges)).sum()
     return float(surface), float(used)

@@ -30,10 +30,11 @@ from ..engine.method_choice import Plan, choose_method
 from ..engine.sampling import maps_of_bake
 from ..engine.sources import Source, normal_source
 from ..engine.unsure_texels import Explorer
-from ..mesh import edges, face_shapes, uv_islands, uv_layout, uv_seams
+from ..mesh import edges, face_shapes, topology, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import transformed, unit, unit_normals
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
 from ..scene import evaluation, mesh_elements, mesh_reader, poses, traced_sides
@@ -273,7 +274,7 @@ def _some_faces(obj: bpy.types.Object, most: int) -> Faces:
             turned = abs(np.linalg.det(matrix[:3, :3])) * np.linalg.inv(matrix[:3, :3]).T
         except np.linalg.LinAlgError:
             turned = np.zeros((3, 3))
-    return Faces(centers @ matrix[:3, :3].T + matrix[:3, 3], normals @ turned.T)
+    return Faces(transformed(centers, matrix), normals @ turned.T)
 
 
 def finding_warnings(findings: Sequence[Finding]) -> list[Warned]:
@@ -318,12 +319,10 @@ def _merged(data: bpy.types.Mesh, is_sharp: np.ndarray) -> np.ndarray:
     first, second = order[:-1][same], order[1:][same]
     is_same_way = vertex[first] == vertex[second]
     other, after = np.where(is_same_way, second, following[second]), np.where(is_same_way, following[second], second)
-    groups = np.concatenate([np.stack([first, other], axis=1), np.stack([following[first], after], axis=1)])
-    root = uv_islands.connected_components(groups, corners) if len(groups) else np.arange(corners)
+    root = topology.connected(corners, np.concatenate([first, following[first]]), np.concatenate([other, after]))
     normals = np.empty((corners, 3), np.float32)
     data.corner_normals.foreach_get("vector", normals.reshape(-1))
-    sums = np.stack([np.bincount(root, axis, corners) for axis in normals.T], axis=1)[root]
-    return (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)).astype(np.float32)
+    return unit(topology.sums_of(root, normals, corners)[root]).astype(np.float32)
 
 
 def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.types.Modifier, int]:
@@ -693,8 +692,7 @@ def _skewed(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
     """The texels whose rays lean, as `_masks` has them; none without rays."""
     ray_cast, low = view.source().ray_cast, view.meshes.whole_low
     corners = local_space_of([low]).points(low)[low.vertices[low.front_triangles]]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    normals, _ = unit_normals(corners)
     for band in bands:
         skewed = np.zeros((band.height, band.width), bool)
         if ray_cast:

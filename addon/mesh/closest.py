@@ -7,6 +7,7 @@ import numpy as np
 
 from ..core import threads
 from . import bvh
+from .triangles import closest_points
 
 ROUND = 2**12
 """Points that are searched for together, so that what is left of the tree for them stays small."""
@@ -68,7 +69,7 @@ class Surface:
             which, nodes = which[exists], nodes[exists]
             near = _to_boxes(here[which], lows[nodes], highs[nodes]) <= best[which]
             which, nodes = which[near], nodes[near]
-        found = closest_on_triangles(here[which], self._corners[nodes])
+        found = closest_points(here[which], self._corners[nodes])
         far = _squares(found - here[which])
         # Each place has at least the triangle that it came to first, and the places are still in their order.
         starts = np.flatnonzero(np.diff(which, prepend=-1))
@@ -89,7 +90,7 @@ class Surface:
             nodes = children
         width = nodes.shape[1]
         every, nodes = np.repeat(places, width, axis=0), nodes.reshape(-1)
-        squares = _squares(closest_on_triangles(every, self._corners[nodes]) - every).reshape(-1, width).min(axis=1)
+        squares = _squares(closest_points(every, self._corners[nodes]) - every).reshape(-1, width).min(axis=1)
         # Boxes and triangles round differently.
         return squares * np.float32(1.0001) + np.float32(1e-30)
 
@@ -100,49 +101,6 @@ def _order(boxes: np.ndarray) -> np.ndarray:
     scale = GRID / max(float((boxes[1] - origin).max()), 1e-30)
     centers = ((boxes[0] + boxes[1]) * 0.5 - origin) * scale
     return bvh.kd_order(np.ascontiguousarray(centers.astype(np.uint16)))
-
-
-def closest_on_triangles(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """The point of each triangle, also one without an area, that is closest to its place.
-
-    Args:
-        places: (N, 3).
-        corners: (N, 3, 3), of a triangle for each place.
-
-    Returns:
-        (N, 3).
-    """
-    best, far, outside = None, None, np.zeros(len(places), bool)
-    ends = np.ascontiguousarray(corners.transpose(1, 2, 0))
-    a = ends[0]
-    normal = _cross(ends[1] - a, ends[2] - a)
-    area = _dot(normal, normal)
-    place = np.ascontiguousarray(places.T)
-    for number in range(3):
-        start, along = ends[number], ends[(number + 1) % 3] - ends[number]
-        away = place - start
-        outside |= _dot(_cross(normal, along), away) < 0.0
-        length = _dot(along, along)
-        share = np.clip(_dot(away, along) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
-        found = start + along * share
-        squares = _dot(found - place, found - place)
-        if best is None:
-            best, far = found, squares
-        else:
-            nearer = squares < far
-            best, far = np.where(nearer, found, best), np.where(nearer, squares, far)
-    height = _dot(normal, place - a) / np.where(area > 0.0, area, 1.0)
-    inside = ~outside & (area > 0.0)
-    return np.where(inside, place - normal * height, best).T
-
-
-def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Of (3, N) each. numpy's own takes several times as long."""
-    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
-
-
-def _dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 def _to_boxes(places: np.ndarray, lows: np.ndarray, highs: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .topology import EdgeTable
 from .uv_seams import CONNECTED
 
 
@@ -21,17 +22,15 @@ def kept_vertices(
     is_turned = vertices[start] > vertices[stop]
     first, last = np.where(is_turned, stop, start), np.where(is_turned, start, stop)
     count = int(vertices.max(initial=-1)) + 1
-    keys = vertices[first].astype(np.int64) * count + vertices[last]
-    order = np.argsort(keys, kind="stable")
-    at = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    pairs = at[np.diff(at, append=len(keys)) == 2]  # one triangle, or three and more, is a border
-    left, right = order[pairs], order[pairs + 1]
+    left, right = EdgeTable.of_sides(
+        vertices[first], vertices[last]
+    ).pairs  # one triangle, or three and more, is a border
     goes_on = label[left] == label[right]
     for values in by_corner:
         for corner in (first, last):
             between = np.abs(values[corner[left]] - values[corner[right]])
             goes_on &= (between <= CONNECTED).all(axis=1)
-    is_border = np.ones(len(keys), bool)
+    is_border = np.ones(len(first), bool)
     is_border[left[goes_on]] = is_border[right[goes_on]] = False
     result = np.zeros(count, bool)
     result[vertices[first[is_border]]] = result[vertices[last[is_border]]] = True

@@ -8,6 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import topology
+from .topology import EdgeTable
+from .triangles import face_normals, unit, unit_normals
+
 BORDER = 10.0
 """How much the planes along open edges count, as a factor on the square of an edge's length."""
 STIFF = 1e-4
@@ -63,28 +67,13 @@ def collapsed(
     if start is not None:
         state.go_on(start)
     state.run(wanted)
-    used, numbers = np.unique(state.triangles, return_inverse=True)
-    return state.points[used] * size + center, numbers.reshape(-1, 3)
+    used, numbers = topology.numbered(state.triangles)
+    return state.points[used] * size + center, numbers
 
 
 def _box(points: np.ndarray) -> tuple[np.ndarray, float]:
     """The mean of points, and the longest side of the box around them."""
     return points.mean(axis=0, dtype=np.float64), max(float(np.ptp(points, axis=0).max(initial=0.0)), 1e-30)
-
-
-@dataclass
-class _Edges:
-    """ends (E, 2) int. keys (E,) int. counts (E,): of triangles."""
-
-    ends: np.ndarray
-    keys: np.ndarray
-    counts: np.ndarray
-
-    @classmethod
-    def of(cls, triangles: np.ndarray, count: int) -> "_Edges":
-        ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-        keys, counts = np.unique(ends[:, 0] * count + ends[:, 1], return_counts=True)
-        return cls(np.stack(np.divmod(keys, count), axis=1), keys, counts)
 
 
 class _State:
@@ -124,7 +113,7 @@ class _State:
     def step(self, wanted: int) -> bool:
         """Collapse some edges. Returns whether any did."""
         self._round += 1
-        edges = _Edges.of(self.triangles, len(self.points))
+        edges = EdgeTable.of(self.triangles, len(self.points))
         is_border = np.zeros(len(self.points), bool)
         is_border[edges.ends[edges.counts != 2]] = True
         # An edge between two borders would join them, and at one of more than two triangles, faces have no order.
@@ -186,7 +175,7 @@ class _State:
         lengths = ((self.points[a] - self.points[b]) ** 2).sum(axis=1)
         return places, np.maximum(costs, 0.0) + 1e-10 * lengths
 
-    def _apart(self, edges: _Edges, ranks: np.ndarray) -> np.ndarray:
+    def _apart(self, edges: EdgeTable, ranks: np.ndarray) -> np.ndarray:
         """Edges (N,) int, of which no two touch or have neighbors in common that touch. ranks (E,): of those that may collapse,
         from 0; E of the others."""
         a, b = edges.ends.T
@@ -205,7 +194,7 @@ class _State:
             left = left[~is_taken[edges.ends[left]].any(axis=1)]
         return np.concatenate(chosen)
 
-    def _is_good(self, edges: _Edges, which: np.ndarray, places: np.ndarray) -> np.ndarray:
+    def _is_good(self, edges: EdgeTable, which: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Which collapses (N,) bool keep the surface a surface, and turn no triangle. places: (N, 3)."""
         owner = np.full(len(self.points), -1)
         owner[edges.ends[which]] = np.arange(len(which))[:, None]
@@ -225,15 +214,15 @@ class _State:
         number = owners[kept].max(axis=1)
         before = self.points[self.triangles[kept]]
         after = np.where((owners[kept] >= 0)[..., None], places[number][:, None], before)
-        old, new = _normals(before), _normals(after)
+        old, new = face_normals(before), face_normals(after)
         old_area, new_area = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
         is_bad = (old * new).sum(axis=1) < TURNED * old_area * new_area
         is_bad |= _quality(after, new_area) < np.minimum(THIN, 0.5 * _quality(before, old_area))
         is_good[number[is_bad]] = False
         # Nor may two triangles come to one place, as those of a tetrahedron.
         others = np.sort(self.triangles[kept][owners[kept] < 0].reshape(-1, 2), axis=1)
-        _, first, counts = np.unique(np.column_stack([number, others]), axis=0, return_index=True, return_counts=True)
-        is_good[number[first[counts > 1]]] = False
+        is_again = topology.first_rows(np.column_stack([number, others])) != np.arange(len(number))
+        is_good[number[is_again]] = False
         return is_good
 
     def _collapse(self, ends: np.ndarray, places: np.ndarray) -> None:
@@ -250,12 +239,7 @@ class _State:
         new[b] = a
         self.of_vertex = new[self.of_vertex]
         triangles = new[self.triangles]
-        self.triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
-
-
-def _normals(corners: np.ndarray) -> np.ndarray:
-    """Normals (N, 3), twice as long as the areas, of triangles (N, 3, 3)."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self.triangles = triangles[topology.has_corners(triangles)]
 
 
 def _quality(corners: np.ndarray, twice_areas: np.ndarray) -> np.ndarray:
@@ -272,19 +256,13 @@ def _quadrics(
     of_faces: (T,), the weights of triangles.
     """
     corners = points[triangles]
-    normals = _normals(corners)
-    lengths = np.linalg.norm(normals, axis=1)
-    unit = normals / np.maximum(lengths, 1e-300)[:, None]
-    vertices, planes, through, weights = [triangles], [unit], [corners[:, 0]], [of_faces * lengths / 6.0]
-    edges = _Edges.of(triangles, len(points))
-    sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1)
-    keys = np.sort(sides, axis=-1) @ np.array([len(points), 1])
-    is_open = edges.counts[np.searchsorted(edges.keys, keys)] == 1
-    face, side = np.nonzero(is_open)
-    ends = sides[face, side]
+    normals, lengths = unit_normals(corners)
+    vertices, planes, through, weights = [triangles], [normals], [corners[:, 0]], [of_faces * lengths / 6.0]
+    edges = EdgeTable.of(triangles)
+    side = np.sort(edges.alone)
+    face, ends = side // 3, np.stack([edges.first[side], edges.last[side]], axis=1)
     along = points[ends[:, 1]] - points[ends[:, 0]]
-    across = np.cross(along, unit[face])
-    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
+    across = unit(np.cross(along, normals[face]))
     vertices.append(ends)
     planes.append(across)
     through.append(points[ends[:, 0]])

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import orientation
+from . import topology
 from .edges import differ
-from .orientation import edge_pairs, face_normals
+from .orientation import edge_pairs
 from .triangle_mesh import TANGENTS, Mesh
+from .triangles import degrees_between, dot, face_normals, unit, unit_normals
 
 FLAT = float(np.cos(np.radians(30.0)))
 """The cosine of the angle between two faces up to which the surface is smooth where the mesh itself cannot tell."""
@@ -58,7 +59,7 @@ def _mirrored(tangents: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def _negated(mesh: Mesh, is_turned: np.ndarray) -> np.ndarray:
     """The normals of `mesh`; those of the turned triangles point to their new sides. The triangles are not turned yet."""
     normals, some = mesh.normals.copy(), mesh.triangles[is_turned]
-    faces = face_normals(mesh.positions, mesh.vertices[some]).astype(np.float32)
+    faces = face_normals(mesh.positions, mesh.vertices[some], np.float64).astype(np.float32)
     # A mesh may have normals of its own that were right where its faces were not.
     against = (normals[some] * faces[:, None]).sum(axis=2) >= 0.0
     is_negated = np.zeros(len(normals), bool)
@@ -86,12 +87,11 @@ def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.n
     corners = mesh.triangles[some]
     of_corners = mesh.vertices[corners]
     vertices = places[of_corners]
-    faces = face_normals(mesh.positions, of_corners)
-    units = faces / np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-300)
-    whole = np.flatnonzero(orientation.has_corners(vertices))
+    units, _ = unit_normals(mesh.positions, of_corners, np.float64)
+    whole = np.flatnonzero(topology.has_corners(vertices))
     pairs, cosines = edge_pairs(vertices[whole], units[whole])
     # Corners of one vertex have one normal, unless the mesh says otherwise.
-    nodes, numbers = _numbered(of_corners if mesh.normals_domain == "POINT" else corners)
+    nodes, numbers = topology.numbered(of_corners if mesh.normals_domain == "POINT" else corners)
     # Both sides of an edge: the corner at its start and at its end; the other side runs the other way.
     starts, ends = numbers.reshape(-1), np.roll(numbers, -1, axis=1).reshape(-1)
     one, other = (3 * whole[side // 3] + side % 3 for side in (pairs.first, pairs.second))
@@ -107,11 +107,9 @@ def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.n
         is_known = np.tile(~is_mixed, 2) & (mesh.vertices[corner] == mesh.vertices[across])
         differs = differ(mesh.normals[corner], mesh.normals[across]).reshape(2, -1).any(axis=0)
         is_soft = np.where(is_known, ~np.tile(differs, 2), is_soft)
-    groups = orientation.connected(len(nodes), first[is_soft], next_to[is_soft])[numbers]
+    groups = topology.connected(len(nodes), first[is_soft], next_to[is_soft])[numbers]
     weighted = _angles(mesh, corners)[:, :, None] * units[:, None]
-    sums = np.stack(
-        [np.bincount(groups.reshape(-1), weighted[..., axis].reshape(-1), len(nodes)) for axis in range(3)], axis=1
-    )
+    sums = topology.sums_of(groups.reshape(-1), weighted.reshape(-1, 3), len(nodes))
     is_used = is_bad[vertices]
     used, found = corners[is_used], sums[groups[is_used]]
     lengths = np.linalg.norm(found, axis=1)
@@ -127,24 +125,12 @@ def _touching(mesh: Mesh, chosen: np.ndarray) -> np.ndarray:
     return np.flatnonzero(a | b | c)
 
 
-def _numbered(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The different ones of some small numbers, ascending, and which of them each one is, without sorting."""
-    is_there = np.zeros(int(values.max(initial=-1)) + 1, bool)
-    is_there[values] = True
-    return np.flatnonzero(is_there), (np.cumsum(is_there) - 1)[values]
-
-
 def _angles(mesh: Mesh, corners: np.ndarray) -> np.ndarray:
     """The angles (T, 3) of triangles (T, 3), indices of corners."""
     points = mesh.positions[mesh.vertices[corners.T]].astype(np.float64)
     along = np.moveaxis(np.roll(points, -1, axis=0) - points, 2, 0)
-    along = along / np.maximum(np.sqrt(_dot(along, along)), 1e-300)
-    return np.arccos(np.clip(-_dot(along, np.roll(along, 1, axis=1)), -1.0, 1.0)).T
-
-
-def _dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """The products of vectors, whose axes come first: sums along a short last axis take long."""
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+    along = along / np.maximum(np.sqrt(dot(along, along)), 1e-300)
+    return np.arccos(np.clip(-dot(along, np.roll(along, 1, axis=1)), -1.0, 1.0)).T
 
 
 def smoothed(mesh: Mesh, rounds: int) -> tuple[Mesh, np.ndarray]:
@@ -156,22 +142,16 @@ def smoothed(mesh: Mesh, rounds: int) -> tuple[Mesh, np.ndarray]:
     used = mesh.triangles.reshape(-1)
     normals = mesh.normals[used].astype(np.float64)
     # Corners of one vertex with the same normal are one.
-    keys = orientation.hashes(
+    group = topology.first_rows(
         np.column_stack([mesh.vertices[used].view(np.uint32), mesh.normals[used].view(np.uint32)])
     )
-    group = np.unique(keys, return_inverse=True)[1].reshape(-1)
     angles, before = _angles(mesh, mesh.triangles).reshape(-1), normals
     for _ in range(rounds):
-        of_triangle = np.repeat(_unit(normals.reshape(-1, 3, 3).sum(axis=1)), 3, axis=0)
-        sums = np.stack([np.bincount(group, angles * of_triangle[:, axis]) for axis in range(3)], axis=1)[group]
-        normals = np.where(np.linalg.norm(sums, axis=1, keepdims=True) > 1e-9, _unit(sums), normals)
-    turned = np.degrees(2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(_unit(before) - normals, axis=1), 0.0, 1.0)))
+        of_triangle = np.repeat(unit(normals.reshape(-1, 3, 3).sum(axis=1)), 3, axis=0)
+        sums = topology.sums_of(group, angles[:, None] * of_triangle, len(group))[group]
+        normals = np.where(np.linalg.norm(sums, axis=1, keepdims=True) > 1e-9, unit(sums), normals)
+    turned = degrees_between(unit(before), normals)
     changed = mesh.normals.copy()
     changed[used] = normals.astype(np.float32)
     domain = "" if mesh.normals_domain == "FACE" else mesh.normals_domain
     return replace(mesh, normals=changed, normals_domain=domain), turned
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(lengths > 0.0, lengths, 1.0)

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import topology
+from .topology import EdgeTable
 from .triangle_mesh import Mesh
-from .uv_islands import hashes
+from .triangles import face_areas, face_normals, unit
 
 FIRST = 1000
 """Triangles that are looked at before all."""
@@ -59,16 +61,14 @@ def hard_edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     found = sides(mesh)
     is_hard = found.is_hard & (found.partner >= 0)
     first, second, third = (mesh.vertices[corner] for corner in (found.start, found.stop, found.across))
-    a, b, c = (mesh.positions[vertex] for vertex in (first, second, third))
-    faces = mesh.to_world_normals(np.cross(b - a, c - a))
-    faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), np.finfo(np.float32).tiny)
+    faces = unit(mesh.to_world_normals(face_normals(mesh.positions, np.stack([first, second, third], axis=1))))
     cosines = np.where(found.is_same_way, -1.0, 1.0) * (faces * faces[found.partner]).sum(axis=1)
     return np.stack([first, second], axis=1)[is_hard], cosines[is_hard]
 
 
 def is_split(mesh: Mesh) -> np.ndarray:
     """Which vertices (V,) bool have several normals, together with other vertices in the same place."""
-    places = np.unique(hashes(mesh.positions + np.float32(0.0)), return_inverse=True)[1]
+    places = topology.places(mesh.positions)
     corners = mesh.triangles.reshape(-1)
     place = places[mesh.vertices[corners]]
     any_corner = np.zeros(len(mesh.positions), corners.dtype)
@@ -86,29 +86,13 @@ def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def partners(positions: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """The other edge (E,) int with the same two vertices as each edge in ends (E, 2), -1 if there is none or several."""
-    partner, is_alone = _paired(ends)
-    alone = np.flatnonzero(is_alone)
+    edges = EdgeTable.of_sides(*ends.T)
+    partner, alone = edges.partners, edges.alone
     # Exporters split vertices at seams: an edge without a partner may have one in the same place.
-    used, ends = np.unique(ends[alone], return_inverse=True)
-    places = np.unique(positions[used], axis=0, return_inverse=True)[1]
-    met, _ = _paired(places.reshape(-1)[ends.reshape(-1, 2)])
+    used, numbers = topology.numbered(ends[alone])
+    met = EdgeTable.of_sides(*topology.places(positions[used])[numbers].T).partners
     partner[alone] = np.where(met >= 0, alone[met], -1) if len(alone) else -1
     return partner
-
-
-def _paired(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The only other edge with the same ends, (E,) int64 or -1, and which edges have none, (E,) bool."""
-    low, high = ends.min(axis=1), ends.max(axis=1)
-    keys = low.astype(np.int64) * (high.max(initial=0) + 1) + high
-    order = np.argsort(keys, kind="stable")
-    first = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    count = np.diff(first, append=len(keys))
-    pairs = first[(count == 2) & (low != high)[order[first]]]
-    left, right = order[pairs], order[pairs + 1]
-    partner, is_alone = np.full(len(keys), -1), np.zeros(len(keys), bool)
-    partner[left], partner[right] = right, left
-    is_alone[order[first[count == 1]]] = True
-    return partner, is_alone
 
 
 NO_AREA = 1e-5
@@ -121,27 +105,15 @@ def neighbors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     points (P, 3) float32; triangles (T, 3) int, indices into them. Points in the same place are the same, as exporters split
     vertices at seams. Where more than two triangles meet, each has the next one around, so that all are reached.
     """
-    places = np.unique(hashes(points + np.float32(0.0)), return_inverse=True)[1].reshape(-1)[triangles]
-    first, last = places.reshape(-1), np.roll(places, -1, axis=1).reshape(-1)
-    keys = np.minimum(first, last) * np.int64(len(points)) + np.maximum(first, last)
-    order = np.argsort(keys, kind="stable")
-    begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    counts = np.diff(begins, append=len(keys))
-    following = np.arange(1, len(keys) + 1)
-    following[begins + counts - 1] = begins  # the last one of a run is followed by the first
-    result = np.empty(len(keys), np.int64)
-    result[order] = order[following] // 3
-    result[order[begins[counts == 1]]] = -1
-    result[first == last] = -1
-    return result.reshape(-1, 3)
+    return EdgeTable.of(topology.places(points)[triangles]).neighbors
 
 
 def has_area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Which triangles (T, 3), indices into points (P, 3) float32, have an area, (T,) bool."""
     corners = points[triangles]
-    edges = np.roll(corners, -1, axis=1) - corners
-    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    return areas > NO_AREA * (edges * edges).sum(axis=2).max(axis=1)
+    ahead = np.roll(corners, -1, axis=1)
+    along = ahead - corners
+    return 2.0 * face_areas(ahead) > NO_AREA * (along * along).sum(axis=2).max(axis=1)
 
 
 def is_without_area(mesh: Mesh) -> bool:

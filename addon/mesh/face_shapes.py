@@ -5,6 +5,7 @@ import numpy as np
 
 from ..core import threads
 from .triangle_mesh import Mesh
+from .triangles import cross
 
 FLAT = 1.0
 """Degrees between the triangles of a face, above which the choice of its diagonals changes the surface."""
@@ -38,7 +39,7 @@ def non_planar(mesh: Mesh) -> np.ndarray:
     # The corners of a face are consecutive in every triangulation.
     a, b, c, d = (positions[:, mesh.vertices[triangles.min(axis=1) + corner]] for corner in range(4))
     b, c, d = b - a, c - a, d - a
-    abc, acd, abd = _cross(b, c), _cross(c, d), _cross(b, d)
+    abc, acd, abd = (np.stack(cross(one, other)) for one, other in ((b, c), (c, d), (b, d)))
     bcd = abc + acd - abd  # areas add up, as vectors
     leans = np.logical_or.reduce([_lean(first, second) for first in (abc, acd) for second in (abd, bcd)])
     result[mesh.faces[count == 2][::2][leans]] = True
@@ -46,7 +47,7 @@ def non_planar(mesh: Mesh) -> np.ndarray:
     many = count > 2
     faces = mesh.faces[many]
     a, b, c = (positions[:, mesh.vertices[corner]] for corner in mesh.triangles[many].T)
-    normals = _cross(b - a, c - a)
+    normals = np.stack(cross(b - a, c - a))
     whole = np.stack([np.bincount(faces, axis, len(cuts)) for axis in normals])
     result[faces[_lean(normals, whole[:, faces])]] = True
     return result
@@ -104,18 +105,13 @@ def normals_behind(mesh: Mesh) -> np.ndarray:
         corners = mesh.triangles[part].T
         a, b, c = (np.take(positions, mesh.vertices[corner], axis=1) for corner in corners)
         across, along = b - a, c - a
-        face = _cross(across, along)
+        face = np.stack(cross(across, along))
         area, largest = (face * face).sum(axis=0), (across * across).sum(axis=0) * (along * along).sum(axis=0)
         least = np.minimum.reduce([(np.take(normals, corner, axis=1) * face).sum(axis=0) for corner in corners])
         result[part] = (least <= 0.0) & (area > SLIVER * SLIVER * largest)
 
     threads.for_blocks(len(result), check)
     return result
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The cross products (3, N) of a and b (3, N); np.cross takes three times as long."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _lean(a: np.ndarray, b: np.ndarray) -> np.ndarray:

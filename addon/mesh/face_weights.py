@@ -4,6 +4,7 @@
 import numpy as np
 
 from . import edges
+from .triangles import unit_normals
 
 FLAT = 0.1
 """The weight of triangles without a bend, where the mean bend has about 1: the map hides how far away they are, but outlines
@@ -27,10 +28,9 @@ def by_bending(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         triangles: (T, 3) int, with areas above 0.
     """
     corners = points[triangles].astype(np.float64)
-    along = np.roll(corners, -1, axis=1) - corners
-    normals = np.cross(along[:, 0], along[:, 1])
-    twice_areas = np.linalg.norm(normals, axis=1)
-    normals /= np.maximum(twice_areas, 1e-300)[:, None]
+    ahead = np.roll(corners, -1, axis=1)
+    along = ahead - corners
+    normals, twice_areas = unit_normals(ahead)
     across = edges.neighbors(points, triangles)
     others = normals[across]
     own = normals[:, None]

@@ -5,7 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .closest import Surface, closest_on_triangles
+from . import topology
+from .closest import Surface
+from .topology import EdgeTable, sums_of
+from .triangles import barycentric, closest_points, face_normals, unit_normals
 
 ROUNDS = 4
 """How often the closest points are looked for: they change as vertices move."""
@@ -51,8 +54,7 @@ def samples(
         seed: of the places.
     """
     dice = np.random.default_rng(seed)
-    first, second, third = (points[triangles[:, i]] for i in range(3))
-    normals = np.cross(second - first, third - first)
+    normals = face_normals(points, triangles)
     areas = np.linalg.norm(normals, axis=1)
     weights = np.ones(len(triangles)) if weights is None else weights
     sums = np.cumsum(areas * weights)
@@ -85,19 +87,19 @@ def fitted(points: np.ndarray, triangles: np.ndarray, around: Samples) -> tuple[
     start = points.astype(np.float64)
     is_free = np.zeros(len(start), bool)
     is_free[triangles] = True
-    edges = np.unique(np.sort(np.concatenate([triangles[:, [i, i - 1]] for i in range(3)]), axis=1), axis=0)
+    edges = EdgeTable.of(triangles).ends
     now, places, beside = start, around.points.astype(np.float32), _Beside.of(triangles)
     found, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
     for done in range(ROUNDS):
         if done:
             found, where = beside.closest(places, found, now.astype(np.float32))
         corners = triangles[found]
-        normals, _ = _normals(now, corners)
+        normals, _ = unit_normals(now, corners)
         is_same_side = (normals * around.normals).sum(axis=1) > WITHIN
         corners = corners[is_same_side]
         if not len(corners):
             break
-        weights = _weights(where[is_same_side].astype(np.float64), now[corners])
+        weights = barycentric(where[is_same_side].astype(np.float64), now[corners])
         system = _System(found[is_same_side], weights, triangles, edges, len(start))
         missing = around.points[is_same_side] - (start[corners] * weights[..., None]).sum(axis=1)
         now = _without_turns(start, start + system.solved(missing, now - start), triangles, is_free)
@@ -117,7 +119,8 @@ class _Beside:
     def of(cls, triangles: np.ndarray) -> "_Beside":
         vertices = triangles.reshape(-1)
         at_vertex, counts = np.argsort(vertices, kind="stable") // 3, np.bincount(vertices)
-        within, which = _runs((np.cumsum(counts) - counts)[vertices], counts[vertices])
+        within = topology.ranges((np.cumsum(counts) - counts)[vertices], counts[vertices])
+        which = np.repeat(np.arange(len(vertices)), counts[vertices])
         keys = np.unique(which // 3 * len(triangles) + at_vertex[within])
         own, beside = np.divmod(keys, len(triangles))
         return cls(triangles, beside, np.searchsorted(own, np.arange(len(triangles) + 1)))
@@ -132,30 +135,24 @@ class _Beside:
         corners = points[self.triangles]
         middles = corners.mean(axis=1)
         radii = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
-        found = closest_on_triangles(places, corners[known])
+        found = closest_points(places, corners[known])
         far = ((found - places) ** 2).sum(axis=1)
-        within, which = _runs(self.firsts[known], self.firsts[known + 1] - self.firsts[known])
-        others = self.beside[within]
+        counts = self.firsts[known + 1] - self.firsts[known]
+        others = self.beside[topology.ranges(self.firsts[known], counts)]
+        which = np.repeat(np.arange(len(known)), counts)
         # No triangle is nearer than the sphere around it.
         away = places[which] - middles[others]
         is_near = (away * away).sum(axis=1) <= (np.sqrt(far[which]) * ROUNDING + radii[others]) ** 2
         is_near &= others != known[which]
         which, others = which[is_near], others[is_near]
         here = places[which]
-        ways = closest_on_triangles(here, corners[others])
+        ways = closest_points(here, corners[others])
         squares = ((ways - here) ** 2).sum(axis=1)
         order = np.argsort(-squares, kind="stable")  # so that the nearest one of each place comes last
         order = order[squares[order] < far[which[order]]]
         triangles = known.copy()
         triangles[which[order]], found[which[order]] = others[order], ways[order]
         return triangles, found
-
-
-def _runs(firsts: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The numbers from each of `firsts` on, as many as `counts` has, one after the other, and whose they are."""
-    ends = np.cumsum(counts)
-    which = np.repeat(np.arange(len(counts)), counts)
-    return np.arange(len(which)) + (firsts - ends + counts)[which], which
 
 
 class _System:
@@ -170,12 +167,12 @@ class _System:
         self._triangles = triangles
         # The samples of a triangle move with its vertices alone, so that their products are summed once.
         products = (weights[:, :, None] * weights[:, None, :]).reshape(-1, 9)
-        self._products = _sums(found, products, len(triangles)).reshape(-1, 3, 3)
+        self._products = sums_of(found, products, len(triangles)).reshape(-1, 3, 3)
 
     def solved(self, missing: np.ndarray, moves: np.ndarray) -> np.ndarray:
         """The moves (V, 3), by conjugate gradients from `moves`. missing: (N, 3), the way from each sample's place."""
         ways = (self._weights[:, :, None] * missing[:, None, :]).reshape(-1, 9)
-        rest = self._gathered(_sums(self._found, ways, len(self._triangles)).reshape(-1, 3, 3)) - self._applied(moves)
+        rest = self._gathered(sums_of(self._found, ways, len(self._triangles)).reshape(-1, 3, 3)) - self._applied(moves)
         along, power = rest, (rest * rest).sum(axis=0)
         enough = 1e-12 * np.maximum(power, 1e-300)
         for _ in range(STEPS):
@@ -192,44 +189,21 @@ class _System:
         result = self._gathered(self._products @ moves[self._triangles])
         first, last = self._edges.T
         differences = moves[first] - moves[last]
-        along = _sums(first, differences, self._count) - _sums(last, differences, self._count)
+        along = sums_of(first, differences, self._count) - sums_of(last, differences, self._count)
         return result + self._scale * (SMOOTH * along + PULL * moves)
 
     def _gathered(self, values: np.ndarray) -> np.ndarray:
         """The sums (V, 3) of values (T, 3, 3) at the corners of triangles."""
-        return _sums(self._triangles.reshape(-1), values.reshape(-1, 3), self._count)
-
-
-def _sums(places: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    return np.stack([np.bincount(places, column, count) for column in values.T], axis=1)
-
-
-def _weights(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """The barycentric coordinates (N, 3) of places (N, 3) on triangles (N, 3, 3)."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    normals = np.cross(b - a, c - a)
-    area = np.maximum((normals * normals).sum(axis=1), 1e-300)
-    parts = [(np.cross(q - places, r - places) * normals).sum(axis=1) / area for q, r in ((b, c), (c, a), (a, b))]
-    found = np.clip(np.stack(parts, axis=1), 0.0, 1.0)
-    sums = found.sum(axis=1, keepdims=True)
-    return np.where(sums > 0.0, found / np.maximum(sums, 1e-300), 1.0 / 3.0)
-
-
-def _normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals (T, 3), zero without an area, and twice the areas (T,)."""
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    areas = np.linalg.norm(normals, axis=1)
-    return normals / np.maximum(areas, 1e-300)[:, None], areas
+        return sums_of(self._triangles.reshape(-1), values.reshape(-1, 3), self._count)
 
 
 def _without_turns(start: np.ndarray, moved: np.ndarray, triangles: np.ndarray, is_free: np.ndarray) -> np.ndarray:
     """`moved`, where vertices of triangles that would turn over or become thin lie where they did at first."""
-    normals, areas = _normals(start, triangles)
+    normals, areas = unit_normals(start, triangles)
     is_moved = is_free.copy()
     while True:
         now = np.where(is_moved[:, None], moved, start)
-        new_normals, new_areas = _normals(now, triangles)
+        new_normals, new_areas = unit_normals(now, triangles)
         is_bad = ((normals * new_normals).sum(axis=1) < TURNED) | (new_areas < THIN * areas)
         is_bad &= is_moved[triangles].any(axis=1) & (areas > 0.0)
         if not is_bad.any():

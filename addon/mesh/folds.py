@@ -3,9 +3,10 @@
 
 import numpy as np
 
-from . import orientation
+from . import orientation, topology
 from .closest import Surface
 from .fitting import Samples
+from .triangles import face_areas, unit_normals
 
 OPPOSED = -0.1
 """The cosine between normals below which they point to opposite sides."""
@@ -45,8 +46,7 @@ def _surface(points: np.ndarray) -> Surface:
 
 def _is_folded(points: np.ndarray, triangles: np.ndarray, places: Surface, around: Samples) -> np.ndarray:
     """Which triangles (T,) bool are. places: the surface of the samples around."""
-    own = orientation.face_normals(points, triangles)
-    own /= np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-300)
+    own, _ = unit_normals(points, triangles)
     nearest, _, _ = places.closest(points[triangles].mean(axis=1).astype(np.float32))
     is_opposed = (own * around.normals[nearest]).sum(axis=1) < OPPOSED
     if not is_opposed.any():
@@ -60,7 +60,7 @@ def _is_folded(points: np.ndarray, triangles: np.ndarray, places: Surface, aroun
     corners = points[triangles[chosen]]
     sides = corners - np.roll(corners, 1, axis=1)
     longest = np.linalg.norm(sides, axis=2).max(axis=1, initial=0.0)
-    height = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / np.maximum(longest, 1e-300)
+    height = 2.0 * face_areas(corners) / np.maximum(longest, 1e-300)
     reach = 0.5 * np.where(counts[chosen] > 1, height, longest)  # what is at a rim opposes the other side of it alone
     found = np.zeros(len(triangles), bool)
     found[chosen] = ~_is_of_surface(corners, own[chosen], around, reach)
@@ -94,8 +94,7 @@ def _collapsed(points: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) ->
     points[edges[:, 0]] = points[edges].mean(axis=1)
     new[edges[:, 1]] = edges[:, 0]
     triangles = new[triangles]
-    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
-    _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
-    triangles = triangles[np.sort(first)]
-    used, numbers = np.unique(triangles, return_inverse=True)
-    return points[used], numbers.reshape(-1, 3)
+    triangles = triangles[topology.has_corners(triangles)]
+    triangles = triangles[topology.first_rows(np.sort(triangles, axis=1)) == np.arange(len(triangles))]
+    used, numbers = topology.numbered(triangles)
+    return points[used], numbers

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core import threads
 from .triangle_mesh import Mesh
+from .triangles import transformed
 
 FARTHEST = 1e8
 """In units of a local space: single precision rounds anything farther by more than the space's size."""
@@ -58,7 +59,7 @@ def world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
     for mesh in meshes:
         # The transformed corners of the box enclose the transformed mesh.
         box = np.array(np.meshgrid(*mesh.box.T)).reshape(3, -1).T
-        corners = box @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
+        corners = transformed(box, mesh.to_world)
         low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
     return low, high
 

@@ -7,7 +7,9 @@ from typing import TypeAlias
 import numpy as np
 
 from ..core import threads
-from .uv_islands import hashes
+from . import topology
+from .topology import EdgeTable, has_corners, numbered
+from .triangles import unit_normals
 
 WELD = 1e-6
 """Vertices closer than this share of the mesh's diagonal are at one place."""
@@ -71,11 +73,11 @@ def patches(points: np.ndarray, triangles: np.ndarray, size: float) -> Patches:
     """
     columns = columns_of(triangles)
     is_open = open_vertices(columns, len(points))
-    places = welded(points, is_open, size)
+    places = topology.places(points, WELD * size, is_open)
     if not has_conflict(columns, is_open, places):
         if (places != np.arange(len(places))).any():
-            columns, is_open = _welded(columns, is_open, places)
-        labels, count = _components(columns, len(points))
+            columns, is_open = _at_places(columns, is_open, places)
+        labels, count = topology.components(columns, len(points))
         is_closed = np.full(count, count > 1 or not is_open.any())
         for column in columns if count > 1 else ():
             is_closed[labels[np.take(is_open, column)]] = False
@@ -103,40 +105,7 @@ def open_vertices(columns: Columns, count: int) -> np.ndarray:
     return sums[0] + sums[1] + sums[2] != 0.0
 
 
-def welded(points: np.ndarray, chosen: np.ndarray, size: float) -> np.ndarray:
-    """A vertex (V,) int at the place of each vertex: the first of those `chosen` (V,) bool that are closer than WELD; others
-    stay. size: the diagonal of the box around the mesh."""
-    places = np.arange(len(points))
-    some = np.flatnonzero(chosen)
-    if len(some) < 2:
-        return places
-    cells = (points[some] - points[some].min(axis=0).astype(np.float64)) / max(WELD * size, 1e-300)
-    first = np.arange(len(some))
-    # Two grids, shifted by half a step: places on the border of two cells are in one cell of the other grid.
-    for shift in (0.0, 0.5):
-        keys = hashes(np.floor(cells + shift).astype(np.int64))
-        first = first[_firsts(keys[first])]
-    places[some] = some[first]
-    return places
-
-
-def _firsts(keys: np.ndarray) -> np.ndarray:
-    """The first index (N,) int that has the same key as each of keys (N,) uint64, which are hashes."""
-    bits = np.uint64(len(keys).bit_length())
-    numbers = np.arange(len(keys), dtype=np.uint64)
-    packed = np.sort((keys << bits) | numbers)  # values sort faster than indices of them
-    order = (packed & ((np.uint64(1) << bits) - np.uint64(1))).astype(np.intp)
-    is_new = np.diff(packed >> bits, prepend=~packed[:1]) != 0
-    ordered = keys[order]
-    if (ordered[1:] != ordered[:-1])[~is_new[1:]].any():  # hashes that differ in the bits alone that were shifted out
-        _, lowest, which = np.unique(keys, return_index=True, return_inverse=True)
-        return lowest[which.reshape(-1)]
-    found = np.empty(len(keys), np.intp)
-    found[order] = order[np.flatnonzero(is_new)][np.cumsum(is_new) - 1]
-    return found
-
-
-def _welded(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> tuple[Columns, np.ndarray]:
+def _at_places(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> tuple[Columns, np.ndarray]:
     """`columns` and `is_open` for vertices at their places. Closed vertices stay closed, and most triangles have no other."""
     a, b, c = (np.take(is_open, column) for column in columns)
     some = np.flatnonzero(a | b | c)
@@ -156,11 +125,9 @@ def copies(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     order = np.lexsort((some, is_even, keys))
     is_same = (np.diff(keys[order]) == 0) & (np.diff(is_even[order].view(np.int8)) == 0)
     same[some[order[1:][is_same]]] = True
-    _, which = np.unique(keys, return_inverse=True)
-    both = np.bincount(which.reshape(-1), is_even, len(some)) % np.maximum(
-        np.bincount(which.reshape(-1), minlength=len(some)), 1
-    )
-    other[some] = both[which.reshape(-1)] > 0
+    which = topology.firsts(keys)
+    both = np.bincount(which, is_even, len(some)) % np.maximum(np.bincount(which, minlength=len(some)), 1)
+    other[some] = both[which] > 0
     return same, other
 
 
@@ -178,11 +145,9 @@ def _in_places(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, n
     """Those triangles (N,) int that may be in the place of others, a key (N,) of the place of each, and (N,) bool for the side
     to which it points."""
     nothing = np.zeros(0, np.intp), np.zeros(0, np.uint64), np.zeros(0, bool)
-    keys = hashes(points + np.float32(0.0))
-    ordered = np.sort(keys)
-    if not (ordered[1:] == ordered[:-1]).any():  # no two vertices are in one place
+    places = topology.places(points)
+    if (places == np.arange(len(places))).all():  # no two vertices are in one place
         return nothing
-    places = _firsts(keys)
     is_shared = (np.bincount(places) > 1)[places]
     # Copies can share their vertices, too: then all of them are of one patch, and one edge has more than two triangles.
     some = np.flatnonzero(is_shared[triangles].all(axis=1))
@@ -192,7 +157,7 @@ def _in_places(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, n
     turned = np.take_along_axis(vertices, (first[:, None] + np.arange(3)) % 3, axis=1)
     is_even = turned[:, 1] < turned[:, 2]
     turned[:, 1:].sort(axis=1)
-    return some, hashes(turned.astype(np.int64)), is_even
+    return some, topology.hashes(turned.astype(np.int64)), is_even
 
 
 def has_conflict(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> bool:
@@ -209,96 +174,8 @@ def _in_conflict(columns: Columns, places: np.ndarray, some: np.ndarray) -> bool
     """As `has_conflict`, between some triangles (N,) int."""
     corners = np.stack([places[column[some]] for column in columns], axis=1)
     corners = corners[has_corners(corners)]
-    first, last = corners.reshape(-1), np.roll(corners, -1, axis=1).reshape(-1)
-    _, order, begins, counts = _runs(np.minimum(first, last), np.maximum(first, last), len(places))
-    pairs = begins[counts == 2]
-    one, other = order[pairs], order[pairs + 1]
-    return bool((counts > 2).any() or (first[one] == first[other]).any())
-
-
-def has_corners(vertices: np.ndarray) -> np.ndarray:
-    """Which triangles (T,) bool have three vertices."""
-    a, b, c = vertices.T
-    return (a != b) & (b != c) & (c != a)
-
-
-def _runs(low: np.ndarray, high: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Edges sorted by their ends: the sorted keys, the order, and where runs of the same begin, and their lengths."""
-    keys = low.astype(np.int64) * count + high
-    bits = len(keys).bit_length()
-    if (count * count).bit_length() + bits < 63:  # values sort faster than indices of them
-        packed = np.sort((keys << bits) | np.arange(len(keys)))
-        keys, order = packed >> bits, packed & ((1 << bits) - 1)
-    else:
-        order = np.argsort(keys, kind="stable")
-        keys = keys[order]
-    begins = np.flatnonzero(np.diff(keys, prepend=-1))
-    return keys, order, begins, np.diff(begins, append=len(keys))
-
-
-def _components(columns: Columns, count: int) -> tuple[np.ndarray, int]:
-    """The number (T,) int from 0 of the connected component of each triangle, and how many there are.
-
-    count: of the vertices.
-    """
-    a, b, c = columns
-    if not len(a):
-        return np.zeros(0, np.int32), 0
-    roots = np.arange(count)
-    # The vertices along one edge of each triangle, along another, and along the third of some: in meshes that are grids, one
-    # edge alone joins rows, and two join other rows.
-    for first, last in ((a, b), (b, c), (a[::3], c[::3])):
-        roots[np.maximum(first, last)] = np.minimum(first, last)
-    roots = _flat(roots)
-    # What is left to join are few parts, whose tables are small.
-    parts, count = _numbered(roots)
-    if count > 1:
-        here, *others = (np.take(parts, column) for column in columns)
-        apart = [np.flatnonzero(here != other) for other in others]
-        first = np.concatenate([here[some] for some in apart])
-        last = np.concatenate([other[some] for other, some in zip(others, apart, strict=True)])
-        roots = connected(count, first, last)
-        if roots.any():  # vertices without a triangle are parts as well, but not of the mesh
-            return _numbered(np.take(roots, here))
-    return np.zeros(len(a), np.int32), 1
-
-
-def _numbered(roots: np.ndarray) -> tuple[np.ndarray, int]:
-    is_root = np.zeros(int(roots.max(initial=-1)) + 1, bool)
-    is_root[roots] = True
-    numbers = np.cumsum(is_root) - 1
-    return numbers[roots], int(numbers[-1]) + 1 if len(numbers) else 0
-
-
-def _joined(roots: np.ndarray, first: np.ndarray, last: np.ndarray, *, is_new: bool = False) -> np.ndarray:
-    """The roots (N,) of nodes after those in first (E,) and last (E,) were connected, too. is_new: whether none was before."""
-    while True:
-        if not is_new:
-            first, last = np.take(roots, first), np.take(roots, last)
-            differ = np.flatnonzero(first != last)
-            if not len(differ):
-                return roots
-            first, last = first[differ], last[differ]
-        is_new = False
-        # Each root that is the higher end of an edge hangs on one of the lower ends, whichever is written last. Links lead
-        # down, so that there is no circle.
-        roots[np.maximum(first, last)] = np.minimum(first, last)
-        roots = _flat(roots)
-
-
-def _flat(parents: np.ndarray) -> np.ndarray:
-    """`parents` so that each node hangs on its root."""
-    while True:
-        above = np.take(parents, parents)
-        if np.array_equal(above, parents):
-            return parents
-        parents = above
-
-
-def connected(count: int, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """A node (count,) int for each of `count` nodes that stands for its connected component. first, last (E,) int: nodes that
-    are connected."""
-    return _joined(np.arange(count), first, last, is_new=True)
+    edges = EdgeTable.of(corners)
+    return bool(edges.is_crowded.any() or edges.is_against.any())
 
 
 def _flooded(points: np.ndarray, triangles: np.ndarray, places: np.ndarray) -> Patches:
@@ -313,9 +190,8 @@ def _flooded(points: np.ndarray, triangles: np.ndarray, places: np.ndarray) -> P
         if not found.count:
             return replace(found, labels=labels, is_against=is_against, count=1, is_closed=np.zeros(1, bool))
         return replace(found, labels=labels, is_against=is_against)
-    normals = face_normals(points, triangles)
-    lengths = np.sqrt((normals * normals).sum(axis=1))
-    pairs, cosines, is_single, is_rim = _pairs(vertices, normals / np.maximum(lengths, 1e-30)[:, None])
+    normals, lengths = unit_normals(points, triangles, np.float64)
+    pairs, cosines, is_single, is_rim = _pairs(vertices, normals)
     labels, signs, is_cut = _signs(len(triangles), pairs, cosines)
     contradicting = 0
     if is_cut.any():
@@ -326,7 +202,8 @@ def _flooded(points: np.ndarray, triangles: np.ndarray, places: np.ndarray) -> P
         pairs_left, cosines_left = pairs.at(keep), cosines[keep]
         labels, signs, is_cut = _signs(len(triangles), pairs_left, cosines_left)
         pairs = pairs_left.at(~is_cut)
-    numbers, count = _numbered(labels)
+    used, numbers = numbered(labels)
+    count = len(used)
     areas = np.bincount(numbers, lengths, count)
     turned = np.bincount(numbers[signs], lengths[signs], count)
     signs = signs ^ (turned > 0.5 * areas)[numbers]
@@ -341,35 +218,12 @@ def _follow(triangles: np.ndarray, is_known: np.ndarray, labels: np.ndarray, is_
     near = np.zeros(int(triangles.max(initial=-1)) + 1, bool)
     near[triangles[~is_known]] = True
     some = np.flatnonzero(near[triangles].sum(axis=1) > 1)
-    first, last = triangles[some].reshape(-1), np.roll(triangles[some], -1, axis=1).reshape(-1)
-    _, order, begins, counts = _runs(np.minimum(first, last), np.maximum(first, last), len(near))
-    two = begins[counts == 2]
-    for one, other in ((order[two], order[two + 1]), (order[two + 1], order[two])):
+    edges = EdgeTable.of(triangles[some])
+    for one, other in (edges.pairs, edges.pairs[::-1]):
         flat, whole = some[one // 3], some[other // 3]
         chosen = ~is_known[flat] & is_known[whole]
-        flat, whole, is_same = flat[chosen], whole[chosen], (first[one] == first[other])[chosen]
+        flat, whole, is_same = flat[chosen], whole[chosen], edges.is_against[chosen]
         labels[flat], is_against[flat] = labels[whole], is_against[whole] ^ is_same
-
-
-def face_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The normals (T, 3) float64 of triangles (T, 3), as long as twice their areas."""
-    a, b, c = (points[triangles[:, corner]].astype(np.float64).T for corner in range(3))
-    u, v = b - a, c - a
-    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]], axis=1)
-
-
-def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The unit normals (V, 3) of vertices: the mean of the faces around, by their angles there."""
-    faces = face_normals(points, triangles)
-    faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-300)
-    sums = np.zeros((len(points), 3))
-    for corner in range(3):
-        here, ahead, behind = (points[triangles[:, (corner + turn) % 3]] for turn in range(3))
-        u, v = ahead - here, behind - here
-        angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(axis=1))
-        for axis in range(3):
-            sums[:, axis] += np.bincount(triangles[:, corner], angles * faces[:, axis], len(points))
-    return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
 
 
 def edge_pairs(vertices: np.ndarray, normals: np.ndarray) -> tuple[Pairs, np.ndarray]:
@@ -385,27 +239,25 @@ def edge_pairs(vertices: np.ndarray, normals: np.ndarray) -> tuple[Pairs, np.nda
 def _pairs(vertices: np.ndarray, normals: np.ndarray) -> tuple[Pairs, np.ndarray, np.ndarray, np.ndarray]:
     """The pairs of triangles that share edges, the cosines (E,) between their normals once they agree, whether no third one
     shares the edge (E,) bool, and which triangles (T,) bool have an edge that is open."""
-    first, last = vertices.reshape(-1), np.roll(vertices, -1, axis=1).reshape(-1)
-    _, order, begins, counts = _runs(np.minimum(first, last), np.maximum(first, last), int(vertices.max(initial=0)) + 1)
+    edges = EdgeTable.of(vertices)
 
     def made(one: np.ndarray, other: np.ndarray) -> tuple[Pairs, np.ndarray]:
-        is_against = first[one] == first[other]
+        is_against = edges.first[one] == edges.first[other]
         cosines = (normals[one // 3] * normals[other // 3]).sum(axis=1)
         return Pairs(one, other, is_against), np.where(is_against, -cosines, cosines)
 
-    two = begins[counts == 2]
-    pairs, cosines = made(order[two], order[two + 1])
+    pairs, cosines = made(*edges.pairs)
     parts, values, single = [pairs], [cosines], [np.ones(len(cosines), bool)]
     for size in range(3, MOST_AT_EDGE + 1):
-        of_size = begins[counts == size]
+        of_size = edges.begins[edges.counts == size]
         if len(of_size):
-            one, other = _best_pairs(order[of_size[:, None] + np.arange(size)], made)
+            one, other = _best_pairs(edges.sides[of_size[:, None] + np.arange(size)], made)
             more, found = made(one, other)
             parts.append(more)
             values.append(found)
             single.append(np.zeros(len(found), bool))
     is_rim = np.zeros(len(vertices), bool)
-    is_rim[order[begins[counts == 1]] // 3] = True
+    is_rim[edges.alone // 3] = True
     joined = Pairs(
         np.concatenate([part.first for part in parts]),
         np.concatenate([part.second for part in parts]),
@@ -442,19 +294,19 @@ def _signs(count: int, pairs: Pairs, cosines: np.ndarray) -> tuple[np.ndarray, n
     # Most triangles beside each other point to the same side. If nothing contradicts itself, the way along which a patch is
     # joined makes no difference.
     is_same = ~pairs.is_against
-    parts, part_count = _numbered(connected(count, one[is_same], other[is_same]))
+    used, parts = numbered(topology.connected(count, one[is_same], other[is_same]))
     differ = pairs.at(pairs.is_against)
     ends = parts[differ.first // 3], parts[differ.second // 3]
-    labels, is_against = _joined_by_rank(part_count, *ends, differ.is_against, cosines[pairs.is_against])
+    labels, is_against = _joined_by_rank(len(used), *ends, differ.is_against, cosines[pairs.is_against])
     labels, is_against = labels[parts], is_against[parts]
     is_cut = (is_against[one] ^ is_against[other]) != pairs.is_against
     if not is_cut.any():
         return labels, is_against, is_cut
-    is_bad = np.zeros(part_count, bool)
+    is_bad = np.zeros(len(used), bool)
     is_bad[labels[one[is_cut]]] = True
     some, in_bad = is_bad[labels[one]], is_bad[labels]
     roots, turns = _joined_by_rank(count, one[some], other[some], pairs.is_against[some], cosines[some])
-    labels, is_against = np.where(in_bad, part_count + roots, labels), np.where(in_bad, turns, is_against)
+    labels, is_against = np.where(in_bad, len(used) + roots, labels), np.where(in_bad, turns, is_against)
     return labels, is_against, (is_against[one] ^ is_against[other]) != pairs.is_against
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import orientation
+from . import topology
 
 
 @dataclass(frozen=True)
@@ -34,16 +34,17 @@ def welded(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     Returns:
         Points (P, 3), those that triangles use, and triangles (N, 3) int64.
     """
-    whole = np.ascontiguousarray(points, np.float32) + np.float32(0.0)  # no -0
-    places = whole.view(np.dtype((np.void, 12))).reshape(-1)
-    _, first, numbers = np.unique(places, return_index=True, return_inverse=True)
-    joined = numbers.reshape(-1)[triangles]
-    is_line = (joined == np.roll(joined, 1, axis=1)).any(axis=1)
-    joined = joined[~is_line]
-    _, kept = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
-    joined = joined[np.sort(kept)]
-    used, numbers = np.unique(joined, return_inverse=True)
-    return points[first[used]], numbers.reshape(-1, 3)
+    whole = np.ascontiguousarray(points, np.float32)
+    joined = topology.places(whole)[triangles]
+    joined = joined[topology.has_corners(joined)]
+    joined = joined[topology.first_rows(np.sort(joined, axis=1)) == np.arange(len(joined))]
+    used, numbers = topology.numbered(joined)
+    # In the order of their bits: what takes triangles or edges in the order of vertices then takes them all over the surface.
+    bits = (whole[used] + np.float32(0.0)).view(np.dtype((np.void, 12))).reshape(-1)
+    order = np.argsort(bits, kind="stable")
+    ranks = np.empty(len(order), np.int64)
+    ranks[order] = np.arange(len(order))
+    return points[used[order]], ranks[numbers]
 
 
 def clustered(
@@ -68,16 +69,16 @@ def clustered(
         of_corners, ends = cells[triangles], []
         for first, last in ((0, 1), (1, 2), (2, 0)):
             ends.append(triangles[of_corners[:, first] == of_corners[:, last]][:, [first, last]])
-        cells = orientation.connected(len(points), *np.concatenate(ends).T)
+        cells = topology.connected(len(points), *np.concatenate(ends).T)
     _, numbers = np.unique(cells, return_inverse=True)
     counts = np.bincount(numbers)
-    middles = np.stack([np.bincount(numbers, column) / counts for column in points.T], axis=1)
+    middles = topology.sums_of(numbers, points, len(counts)) / counts[:, None]
     joined = numbers[triangles]
-    joined = joined[(joined != np.roll(joined, 1, axis=1)).all(axis=1)]
-    _, places = np.unique(np.sort(joined, axis=1), axis=0, return_inverse=True)
+    joined = joined[topology.has_corners(joined)]
+    places = topology.first_rows(np.sort(joined, axis=1))
     rises = np.count_nonzero(joined < np.roll(joined, -1, axis=1), axis=1)
     sides = np.where(rises == 2, 1, -1)  # two rises: turned until the least comes first, the corners are in order
-    sums = np.bincount(places.reshape(-1), sides)[places.reshape(-1)]
+    sums = np.bincount(places, sides)[places]
     return middles, joined[sums * sides > 0.0]
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from ..core.declarations import bases
 from ..core.declarations.bases import Basis
+from .topology import ranges
+from .triangles import unit, unit_normals
 
 CORNER_BLOCK = 512
 """Corners that are left out together if they have no vertex that is looked for: those close in a mesh have close numbers."""
@@ -39,11 +41,11 @@ class FaceCorners:
 
     def corners_of(self, faces: np.ndarray) -> np.ndarray:
         """The corners of some faces, face after face."""
-        return _ranges(self.starts[faces], self.sizes(faces))
+        return ranges(self.starts[faces], self.sizes(faces))
 
     def triangles_of(self, faces: np.ndarray) -> np.ndarray:
         """The numbers of the triangles of some faces, if each face is divided into triangles without more corners."""
-        return _ranges(self.starts[faces] - 2 * faces, self.sizes(faces) - 2)
+        return ranges(self.starts[faces] - 2 * faces, self.sizes(faces) - 2)
 
     def sizes(self, faces: np.ndarray) -> np.ndarray:
         """The number of corners of each of some faces."""
@@ -54,12 +56,6 @@ class FaceCorners:
         """The lowest and the highest vertex of each block of corners."""
         starts = np.arange(0, len(self.vertices), CORNER_BLOCK)
         return np.minimum.reduceat(self.vertices, starts), np.maximum.reduceat(self.vertices, starts)
-
-
-def _ranges(starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """The numbers from each start on, as many as its size, one after the other."""
-    before = np.cumsum(sizes) - sizes
-    return np.arange(sizes.sum()) + np.repeat(starts - before, sizes)
 
 
 MaybeArray: TypeAlias = Any
@@ -119,9 +115,7 @@ class Mesh:
         """
         vertices = np.ascontiguousarray(triangles, np.int32).ravel()
         points = np.ascontiguousarray(positions, np.float32)
-        a, b, c = (points[vertices[corner::3]].astype(np.float64) for corner in range(3))
-        normals = np.cross(b - a, c - a)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        normals, _ = unit_normals(points, vertices.reshape(-1, 3), np.float64)
         return cls(
             name,
             points,
@@ -262,9 +256,3 @@ def stretched(
     along = unit(tangents[..., :3] @ (of_normals if basis.tangents_as_normals else matrix.T))
     signs = tangents[..., 3:] * np.sign(np.linalg.det(matrix))
     return turned.astype(np.float32), np.concatenate([along, signs], axis=-1).astype(np.float32)
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """`vectors` (..., 3) at length one; those without length stay."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(lengths > 0.0, lengths, 1.0)

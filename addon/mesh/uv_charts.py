@@ -5,6 +5,9 @@ import heapq
 
 import numpy as np
 
+from .topology import EdgeTable, edge_keys, sums_of
+from .triangles import face_normals
+
 FLATTEST = 0.4
 """The least length of the mean of a chart's normals: a half sphere has 0.5, half a cylinder without its ends 0.64."""
 SWEEPS = 8
@@ -38,10 +41,9 @@ class Charts:
         """
         count = int(faces.max(initial=-1)) + 1
         points = points.astype(np.float64)
-        u, v = points[corners[:, 1]] - points[corners[:, 0]], points[corners[:, 2]] - points[corners[:, 0]]
-        normals = 0.5 * np.cross(u, v)
+        normals = 0.5 * face_normals(points, corners)
         areas = np.linalg.norm(normals, axis=1)
-        sums = np.stack([np.bincount(faces, normals[:, axis], count) for axis in range(3)], axis=1)
+        sums = sums_of(faces, normals, count)
         self._border = 2.0 * margin * float(areas.sum()) ** 0.5
         # Of each chart; those that were joined stay in the lists, without neighbors.
         self._is_left: list[bool] = [True] * count
@@ -53,17 +55,15 @@ class Charts:
         self._read_edges(points, corners, faces, np.zeros((0, 2), int) if hard is None else hard)
 
     def _read_edges(self, points: np.ndarray, corners: np.ndarray, faces: np.ndarray, hard: np.ndarray) -> None:
-        ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
-        self.edges, number, uses = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
-        number = number.reshape(-1)
-        order = np.argsort(number, kind="stable")
-        place = np.cumsum(uses) - uses
-        first, second = order[place], order[np.minimum(place + 1, len(order) - 1)]
+        edges = EdgeTable.of(corners, len(points))
+        self.edges = edges.ends
+        first, second = edges.sides[edges.begins], edges.sides[np.minimum(edges.begins + 1, len(edges.sides) - 1)]
         sides = np.stack([faces[first // 3], faces[second // 3]], axis=1)
         # Faces on both sides of an edge run along it in opposite directions, unless one of them shows its back.
-        joins = (uses == 2) & (ends[first, 0] == ends[second, 1]) & (ends[first, 0] != ends[first, 1])
-        keys, of_hard = (np.sort(each, axis=1).astype(np.int64) @ [len(points), 1] for each in (self.edges, hard))
-        joins &= ~np.isin(keys, of_hard)
+        joins = (
+            (edges.counts == 2) & (edges.first[first] == edges.last[second]) & (edges.first[first] != edges.last[first])
+        )
+        joins &= ~np.isin(edges.keys, edge_keys(*hard.T, len(points)))
         self._seams = [~(joins & (sides[:, 0] == sides[:, 1]))]
         self._is_seam: list[bool] = self._seams[0].tolist()
         self._lengths = np.linalg.norm(points[self.edges[:, 0]] - points[self.edges[:, 1]], axis=1).tolist()
@@ -83,7 +83,7 @@ class Charts:
                 self._around[other].append(edge)
             else:  # nothing joins it
                 self._sides[edge] = [-1, -1]
-        for edge, one in zip(number.tolist(), np.repeat(faces, 3).tolist(), strict=True):
+        for edge, one in zip(edges.numbers.tolist(), np.repeat(faces, 3).tolist(), strict=True):
             if self._sides[edge][0] < 0:
                 self._around[one].append(edge)
 

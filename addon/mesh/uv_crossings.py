@@ -3,8 +3,9 @@
 
 import numpy as np
 
+from . import topology
+from .topology import EdgeTable, hashes
 from .triangle_mesh import Mesh
-from .uv_islands import hashes
 
 BLOCK = 2**20
 """Pairs of borders' sides that are looked at together."""
@@ -21,10 +22,8 @@ def crossing(mesh: Mesh, islands: np.ndarray) -> np.ndarray:
     corners = mesh.triangles.reshape(-1)
     uv = mesh.uv[corners]
     keys = np.stack([hashes(uv), mesh.vertices[corners].astype(np.uint64)], axis=1)
-    nodes = np.unique(hashes(keys), return_inverse=True)[1].reshape(-1, 3)
-    ends = np.sort(np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    _, first, uses = np.unique(ends, axis=0, return_index=True, return_counts=True)
-    border = first[uses == 1]
+    nodes = topology.first_rows(keys).reshape(-1, 3)
+    border = EdgeTable.of(nodes).alone
     border = border[np.argsort(islands[border // 3], kind="stable")]
     stop = border - border % 3 + (border + 1) % 3
     points = np.stack([uv[border], uv[stop]], axis=1).astype(np.float64)

@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import uv_layout
+from . import topology, uv_layout
+from .topology import hashes
 from .triangle_mesh import MaybeArray, Mesh
 
 FEW_STEPS, NEAR = 2.5e-7, 1e-5
 """UVs that differ by less than this are the same. The limit is the first number, a few steps of single precision, on dense
 meshes and rises to the second on coarse ones."""
-_ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
-_SHIFT = np.uint64(29)
 
 
 def islands(mesh: Mesh) -> np.ndarray:
@@ -30,10 +29,7 @@ def islands(mesh: Mesh) -> np.ndarray:
     node, has_other_uv = vertices.astype(np.int64), uv[corners] != uv[first[vertices]]
     keys = np.stack([vertices[has_other_uv].astype(np.uint64), uv[corners[has_other_uv]]], axis=1)
     node[has_other_uv] = len(mesh.positions) + np.unique(hashes(keys), return_inverse=True)[1]
-    roots = connected_components(node.reshape(-1, 3), int(node.max()) + 1)[node[::3]]
-    is_root = np.zeros(int(roots.max()) + 1, bool)
-    is_root[roots] = True
-    return (np.cumsum(is_root) - 1)[roots]
+    return topology.components(tuple(node.reshape(-1, 3).T), int(node.max()) + 1)[0]
 
 
 def parts(mesh: Mesh) -> np.ndarray:
@@ -51,21 +47,6 @@ def parts(mesh: Mesh) -> np.ndarray:
     return np.argsort(np.argsort(first))[numbers]
 
 
-def connected_components(groups: np.ndarray, count: int) -> np.ndarray:
-    """The lowest node (count,) int in the connected component of each of `count` nodes. The nodes in a row of groups (R, n)
-    int are connected."""
-    columns = groups.T.copy()
-    # Each group gets the lowest number among its nodes. Looking up that number's own component makes long chains short.
-    least, before = np.arange(count), None
-    while before is None or (least != before).any():
-        before = least.copy()
-        lowest = np.minimum.reduce([least[column] for column in columns])
-        for column in columns:
-            np.minimum.at(least, before[column], lowest)
-        least = least[least]
-    return least
-
-
 def count_islands(mesh: Mesh, chosen: np.ndarray) -> int:
     """The number of islands that the `chosen` triangles (T,) bool form."""
     return int(islands(replace(mesh, triangles=mesh.triangles[chosen])).max(initial=-1)) + 1
@@ -73,8 +54,7 @@ def count_islands(mesh: Mesh, chosen: np.ndarray) -> int:
 
 def welded(mesh: Mesh) -> Mesh:
     """`mesh` with vertices in the same place merged: many file formats split vertices at hard edges and seams."""
-    _, first, places = np.unique(hashes(mesh.positions + np.float32(0.0)), return_index=True, return_inverse=True)
-    return replace(mesh, vertices=first[places][mesh.vertices])
+    return replace(mesh, vertices=topology.places(mesh.positions)[mesh.vertices])
 
 
 def stacks(mesh: Mesh, uv: MaybeArray = None) -> np.ndarray:
@@ -160,15 +140,3 @@ def _near(values: np.ndarray) -> np.ndarray:
     groups = np.empty(len(values), np.uint64)
     groups[order] = np.cumsum(np.diff(values[order], prepend=values[order[:1]]) > near)
     return groups
-
-
-def hashes(rows: np.ndarray) -> np.ndarray:
-    """A hash (N,) uint64 of the bits of each row (N, n): rows that differ share one with a chance of 1 in 2^64."""
-    columns = np.ascontiguousarray(rows).view(f"u{rows.itemsize}").T
-    result = np.zeros(len(rows), np.uint64)
-    for column in columns:
-        result = (result ^ column) * _ODD[0]
-        result ^= result >> _SHIFT
-        result *= _ODD[1]
-        result ^= result >> _SHIFT
-    return result

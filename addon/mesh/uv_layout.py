@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core import threads, udim
+from . import topology
 from .triangle_mesh import Mesh
 
 ON_THE_RIM = 1e-5
@@ -259,8 +260,8 @@ def _boxes(
 
 def runs(chosen: np.ndarray, most: int) -> list[tuple[int, int]]:
     """At most so many ranges, each its start and its length, that hold all True of `chosen` (N,) bool, and few others."""
-    steps = np.diff(chosen.astype(np.int8), prepend=0, append=0)
-    starts, stops = np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)
+    starts, lengths = topology.runs(chosen)
+    stops = starts + lengths
     if len(starts) > most:
         gaps = starts[1:] - stops[:-1]
         kept = np.sort(np.argsort(gaps)[len(gaps) - (most - 1) :])

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import topology
+
 QUICK_CELLS, CELLS = 256, 512
 """Cells a side, about: up to twice as many, so that the margin is a whole number of them. Fewer in a quick search."""
 TURNS = 2
@@ -316,7 +318,7 @@ def _touched(corners: np.ndarray, islands: np.ndarray, size: np.ndarray, reach: 
     bottom, top = np.floor(corners[:, :, 1].min(axis=1)), np.floor(corners[:, :, 1].max(axis=1))
     count = np.minimum(top - bottom + 1, size[islands, 1] - 2 * reach).astype(np.int64)
     triangle = np.repeat(np.arange(len(corners)), count)
-    row = np.arange(len(triangle)) - np.repeat(np.cumsum(count) - count - bottom.astype(np.int64), count)
+    row = topology.ranges(bottom.astype(np.int64), count)
     first, last = np.full(len(row), np.inf), np.full(len(row), -np.inf)
     for a, b in ((0, 1), (1, 2), (2, 0)):
         (x, y), (dx, dy) = corners[:, a].T, (corners[:, b] - corners[:, a]).T
@@ -347,6 +349,5 @@ def _touched(corners: np.ndarray, islands: np.ndarray, size: np.ndarray, reach: 
 
 def _runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The row, the first column and the length of each run in the rows of a mask whose last column is empty."""
-    steps = np.diff(mask.reshape(-1).view(np.int8), prepend=np.int8(0))
-    starts, stops = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
-    return *np.divmod(starts, mask.shape[1]), stops - starts
+    starts, lengths = topology.runs(mask.reshape(-1))
+    return *np.divmod(starts, mask.shape[1]), lengths

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .triangles import face_areas
+
 WORST = 100.0
 """The most that a triangle counts for, as a factor on the mean distance between its texels: slivers without area in UV space
 would decide alone."""
@@ -75,8 +77,7 @@ class _Triangles:
 
     def __init__(self, points: np.ndarray, uv: np.ndarray):
         points, uv = points.astype(np.float64), uv.astype(np.float64)
-        u, v = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
-        surface = 0.5 * np.linalg.norm(np.cross(u, v), axis=1)
+        u, v, surface = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0], face_areas(points)
         self.counts = surface > 1e-12 * surface.max(initial=0.0)
         u, v, uv, self.surface = u[self.counts], v[self.counts], uv[self.counts], surface[self.counts]
         # The triangle in its own plane, so that a 2 x 2 matrix leads from there to UV space.

@@ -14,8 +14,8 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..mesh.orientation import vertex_normals
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
+from ..mesh.triangles import vertex_normals
 from . import steady_tangents
 
 SHORTEST = 1e-18

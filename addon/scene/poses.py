@@ -15,6 +15,7 @@ from mathutils.bvhtree import BVHTree
 
 from .. import older_blender
 from ..core.errors import Fix, shorten_list
+from ..mesh.triangles import transformed, unit
 from . import evaluation, render_view
 
 TARGETS = {
@@ -307,15 +308,14 @@ class _Copies:
         data, matrix = self._shown(obj)
         found = np.empty((len(data.vertices), 3), np.float32)
         data.vertices.foreach_get("co", found.reshape(-1))
-        return found @ matrix[:3, :3].T + matrix[:3, 3]
+        return transformed(found, matrix)
 
     def normals(self, obj: bpy.types.Object) -> np.ndarray:
         """The unit normals (V, 3) float64 of the vertices of an object, in the world."""
         data, matrix = self._shown(obj)
         found = np.empty((len(data.vertices), 3), np.float32)
         data.vertex_normals.foreach_get("vector", found.reshape(-1))
-        turned = found @ np.linalg.pinv(matrix[:3, :3])
-        return turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30)
+        return unit(found @ np.linalg.pinv(matrix[:3, :3]))
 
     def _shown(self, obj: bpy.types.Object) -> tuple[bpy.types.Mesh, np.ndarray]:
         """The mesh of an object with its deformers, and its matrix (4, 4) float64."""

@@ -8,6 +8,8 @@ again in one order, in double precision.
 
 import numpy as np
 
+from ..mesh import topology
+
 PARALLEL = 10_000
 """Faces up to which Blender uses one thread, whose sums are always the same."""
 TOLERANCE = 1e-4
@@ -30,7 +32,9 @@ def steady(
 
     By corner, (C, n) float32: positions, normals, uv, tangents. By face: starts, its first corner, and sizes, 3 or 4.
     """
-    groups, count = _groups(positions, normals, uv, tangents)
+    # Corners whose values are all the same: MikkTSpace adds their faces up, and gives them one tangent.
+    values = np.concatenate([positions, normals, uv, tangents], axis=1) + np.float32(0.0)  # no -0
+    groups, count = topology.first_rows(values), len(values)
     triangles = _triangles(positions, uv, starts, sizes)
     added_to, blocks = groups[triangles].reshape(-1), range(0, len(triangles), _BLOCK)
     with np.errstate(invalid="ignore", over="ignore"):  # corners with NaN or infinite values stay as they are
@@ -41,20 +45,6 @@ def steady(
     result = tangents.copy()
     result[is_near, :3] = found[is_near]
     return result
-
-
-def _groups(*values: np.ndarray) -> tuple[np.ndarray, int]:
-    """Numbers (C,) of the corners whose values are all the same, and how many there are.
-
-    These are the corners whose faces MikkTSpace adds up: it gives them all the same tangent.
-    """
-    hashes = np.zeros(len(values[0]), np.uint64)
-    for column in np.concatenate(values, axis=1).T + np.float32(0.0):  # -0.0 becomes 0.0
-        hashes ^= np.ascontiguousarray(column).view(np.uint32)
-        hashes *= np.uint64(0x9E3779B97F4A7C15)  # of Fibonacci hashing
-        hashes ^= hashes >> np.uint64(29)
-    unique, groups = np.unique(hashes, return_inverse=True)
-    return groups, len(unique)
 
 
 def _triangles(positions: np.ndarray, uv: np.ndarray, starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:

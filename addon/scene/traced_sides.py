@@ -9,6 +9,8 @@ import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
+from ..mesh.triangles import transformed, unit
+
 REACH = 0.12
 """How far outside and inside of the low object rays look, of its diagonal, as a bake that looks for parts that stand off."""
 MOST_HITS = 16
@@ -68,8 +70,7 @@ def shares(
         size: The diagonal of the low object.
         is_high: Whether the high ones are flipped, rather than the low one.
     """
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    away = normals / np.where(lengths > 0.0, lengths, 1.0)
+    away = unit(normals)
     places, reach = [_Tree(surface) for surface in surfaces], REACH * size
     free = np.maximum(reach, _ways_in_world(low, centers, away, FAR * size))
     hits = np.zeros((len(centers), 2), bool)
@@ -86,9 +87,7 @@ def _ways_in_world(low: Surface, centers: np.ndarray, away: np.ndarray, far: flo
     to_own = np.linalg.pinv(low.matrix)
     ways = away @ to_own[:3, :3].T
     lengths = np.maximum(np.linalg.norm(ways, axis=1), 1e-30)
-    own = clear_ways(
-        low.tree, centers @ to_own[:3, :3].T + to_own[:3, 3], ways / lengths[:, None], far * lengths.max(initial=0.0)
-    )
+    own = clear_ways(low.tree, transformed(centers, to_own), ways / lengths[:, None], far * lengths.max(initial=0.0))
     return np.minimum(own / lengths, far)
 
 

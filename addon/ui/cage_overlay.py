@@ -17,6 +17,7 @@ from ..jobs import bake
 from ..mesh import subdividing
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of
+from ..mesh.triangles import unit
 from ..passes import mesh_upload, rays
 from ..passes.viewport import draw_cage_shell
 from ..scene import reading
@@ -283,7 +284,7 @@ def upload_shells(
 def parts(meshes: Meshes, local_space: LocalSpace, blend_width: float) -> np.ndarray:
     """Into how many parts (T,) int the edges of each low triangle are divided: more where directions bend within it."""
     low, corners = meshes.low, meshes.low.triangles
-    smooth, straight = _unit(meshes.smooth_normals), _unit(low.normals)
+    smooth, straight = unit(meshes.smooth_normals), unit(low.normals)
     is_turned = (((smooth - straight) ** 2).sum(axis=1) > SAME)[corners].any(axis=1)
     # Directions have length one between corners as well, so the shell bulges where they differ much.
     is_bent = is_turned & (blend_width > 0.0)
@@ -299,10 +300,6 @@ def parts(meshes: Meshes, local_space: LocalSpace, blend_width: float) -> np.nda
     parts = np.where(is_bent, parts, 1)
     pieces = int((parts[is_bent] ** 2).sum())
     return np.maximum(1, parts * MOST_PIECES**0.5 / pieces**0.5).astype(np.int64) if pieces > MOST_PIECES else parts
-
-
-def _unit(normals: np.ndarray) -> np.ndarray:
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
 
 
 class IMPRINT_OT_show_cage(bpy.types.Operator):

@@ -16,6 +16,7 @@ from addon.export.baked_low import FileMesh
 from addon.export.comparison import Baked
 from addon.jobs import bake_jobs, bake_pair
 from addon.jobs.job import Job
+from addon.mesh.triangles import degrees_between, unit
 from tests.support import angles, cycles, decoders, glb, lanes, maps, scenes, snapshot, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -593,8 +594,8 @@ def test_a_missing_normal_map_is_refused():
 @pytest.mark.parametrize("basis", bases.BASES, ids=lambda basis: basis.name)
 def test_each_basis_decodes_as_its_readers_do(basis):
     random = np.random.default_rng(7)
-    normals = comparison.unit_vectors(random.normal(size=(500, 3, 3)) * 0.4 + [0.0, 0.0, 1.0])
-    along = comparison.unit_vectors(np.cross(normals, random.normal(size=3)))
+    normals = unit(random.normal(size=(500, 3, 3)) * 0.4 + [0.0, 0.0, 1.0])
+    along = unit(np.cross(normals, random.normal(size=3)))
     signs = np.where(random.random(500) < 0.5, -1.0, 1.0)
     tangents = np.concatenate([along, np.broadcast_to(signs[:, None, None], (500, 3, 1))], axis=-1)
     weights = random.dirichlet(np.ones(3), 500)
@@ -608,4 +609,4 @@ def test_each_basis_decodes_as_its_readers_do(basis):
 def test_angles_are_exact_when_they_are_small():
     a = np.array([[0.0, 0.0, 1.0]])
     b = np.array([[np.sin(1e-6), 0.0, np.cos(1e-6)]])
-    np.testing.assert_allclose(comparison.degrees_between(a, b), np.degrees(1e-6), rtol=1e-6)
+    np.testing.assert_allclose(degrees_between(a, b), np.degrees(1e-6), rtol=1e-6)

@@ -8,7 +8,8 @@ from addon.core.asset import SIZES, Wanted, size_for
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes, low_name_of
 from addon.mesh import fitting, soup
-from addon.mesh.closest import Surface, closest_on_triangles
+from addon.mesh.closest import Surface
+from addon.mesh.triangles import closest_points
 
 
 def sphere(rings):
@@ -54,7 +55,7 @@ def test_the_triangles_of_samples_are_the_nearest_ones():
     coarse, triangles = sphere(8)
     around = fitting.samples(*sphere(40), 5_000)
     moved, found = fitting.fitted(coarse, triangles, around)
-    far = ((closest_on_triangles(around.points, moved[triangles[found]]) - around.points) ** 2).sum(axis=1)
+    far = ((closest_points(around.points, moved[triangles[found]]) - around.points) ** 2).sum(axis=1)
     # The last move comes after the last search.
     assert np.sqrt(far).mean() == pytest.approx(distances(moved, triangles, around).mean(), rel=0.01)
 
@@ -68,7 +69,7 @@ def test_the_nearest_triangle_beside_a_known_one_seed_5():
     known = triangles_beside(triangles, known, dice)
     found, where = fitting._Beside.of(triangles).closest(places, known, points)
     touches = (triangles[known][:, None, :, None] == triangles[None, :, None, :]).any(axis=(2, 3))
-    every = closest_on_triangles(np.repeat(places, len(triangles), axis=0), np.tile(points[triangles], (500, 1, 1)))
+    every = closest_points(np.repeat(places, len(triangles), axis=0), np.tile(points[triangles], (500, 1, 1)))
     far = ((every.reshape(500, -1, 3) - places[:, None]) ** 2).sum(axis=2)
     best = np.where(touches, far, np.inf).min(axis=1)
     assert touches[np.arange(500), found].all()

@@ -182,16 +182,6 @@ def test_copies_are_told_from_their_other_sides():
     assert np.array_equal(other, expected)
 
 
-@pytest.mark.parametrize("high_bits", [0, 7])
-def test_the_first_of_equal_hashes_is_found_seed_8(high_bits):
-    """Also of hashes that differ in their highest bits alone."""
-    rng = np.random.default_rng(8)
-    keys = rng.choice(rng.integers(0, 2**56, 40, np.uint64), 100)
-    keys |= rng.integers(0, 2**high_bits, len(keys), np.uint64) << np.uint64(57)
-    assert orientation._firsts(keys).tolist() == [keys.tolist().index(key) for key in keys.tolist()]
-    assert orientation._firsts(keys[:0]).tolist() == []
-
-
 @pytest.mark.parametrize("has_order", [False, True])
 @pytest.mark.parametrize(("triangles", "places"), [(1, 5), (7, 200), (500, 500)])
 def test_closest_points_are_those_of_a_search_through_all_seed_6(triangles, places, has_order):
