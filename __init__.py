@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The extension, and the package `imprint` for other programs: `imprint.bake(low, high, maps=..., size=...)`.
 
+What works on meshes alone, as `imprint.weld(points, triangles)`, needs no Blender.
+
 Nothing is imported until Blender or a program asks for it: the repository's root is this package, and pytest, which
 imports it on its way to the tests, must not load the add-on with it.
 """
@@ -28,6 +30,10 @@ def unregister() -> None:
 
 
 def __getattr__(name: str) -> Any:
+    from .addon.mesh import verbs
+
+    if name in verbs.__all__:
+        return getattr(verbs, name)
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

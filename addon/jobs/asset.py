@@ -30,6 +30,7 @@ from ..core.settings import Run, Settings
 from ..engine import normal_space
 from ..mesh import uv_stretch
 from ..mesh.fitting import Samples
+from ..mesh.triangles import face_areas, transformed
 from ..output.atomic_file import all_or_none
 from ..output.outputs import kept
 from ..scene import mesh_reader
@@ -277,7 +278,7 @@ class _Maker:
         """As High.distance has it."""
         to_world = mesh_reader.matrix(low)
         mesh = mesh_reader.surface(low.data, "", low.name, to_world)
-        points = mesh.positions.astype(np.float64) @ to_world[:3, :3].T + to_world[:3, 3] - self.high.origin
+        points = transformed(mesh.positions, to_world) - self.high.origin
         return self.high.distance(points, mesh.vertices[mesh.triangles])
 
     def _keep(self, low: bpy.types.Object, name: str, home: bpy.types.Collection | None) -> None:
@@ -491,5 +492,5 @@ def _size(low: bpy.types.Object, edge: float) -> int:
     mesh = mesh_reader.surface(low.data, layer, low.name, mesh_reader.matrix(low))
     points = mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T
     used = uv_stretch.measure(points[mesh.vertices[mesh.triangles]], mesh.uv[mesh.triangles]).used
-    area = float(asset_highs.areas(points, mesh.vertices[mesh.triangles]).sum())
+    area = float(face_areas(points, mesh.vertices[mesh.triangles]).sum())
     return asset.size_for(edge, area, min(used, 1.0))

@@ -18,10 +18,14 @@ from ..core.errors import BakeError
 from ..core.progress import Timings
 from ..core.settings import Settings
 from ..engine import outer_skin
-from ..mesh import collapse, face_weights, fitting, folds, orientation, soup
+from ..mesh import face_weights, fitting, folds, orientation, topology
 from ..mesh.closest import Surface
+from ..mesh.collapse import CollapseOptions, PartialCollapse, collapse, partial_collapse
 from ..mesh.edges import is_without_area
-from ..mesh.fitting import Samples
+from ..mesh.fitting import Samples, surface_samples
+from ..mesh.topology import EdgeTable
+from ..mesh.triangles import enclosed_volumes, face_areas, transformed
+from ..mesh.welding import ClusterOptions, cluster, weld
 from ..scene import evaluation, mesh_reader
 from ..scene.high_reader import Reader
 from . import temporary
@@ -81,7 +85,7 @@ class Base:
     places: Samples
     is_remeshed: bool = False
     weights: np.ndarray | None = None
-    begun: list[collapse.Begun] = field(default_factory=list)
+    begun: list[PartialCollapse] = field(default_factory=list)
 
     @property
     def triangles(self) -> int:
@@ -113,7 +117,8 @@ class Base:
         is_enough = FINER * triangles <= len(self.dense.polygons) or self.dense == self.data
         if not self.is_collapsed or not is_enough:
             return decimated(self.dense if is_enough else self.data, triangles)
-        coarse = _mesh(*collapse.collapsed(*_arrays(self.dense), triangles, self.weights, self._begun(triangles)))
+        options = CollapseOptions(triangles, self.weights, self._begun(triangles))
+        coarse = _mesh(*collapse(*_arrays(self.dense), options))
         if len(coarse.polygons) <= triangles:
             return coarse
         try:  # its borders are in the way
@@ -121,20 +126,20 @@ class Base:
         finally:
             bpy.data.meshes.remove(coarse)
 
-    def _begun(self, triangles: int) -> collapse.Begun | None:
+    def _begun(self, triangles: int) -> PartialCollapse | None:
         """Where edges go on to collapse to this many triangles; None for the dense mesh."""
         least = FINER * triangles
         if least >= MOST_BEGUN * len(self.dense.polygons):
             return None
         found = [each for each in self.begun if len(each.triangles) >= least]
         if not found:
-            found = [collapse.begun(*_arrays(self.dense), least, self.weights)]
+            found = [partial_collapse(*_arrays(self.dense), CollapseOptions(least, self.weights))]
             self.begun.extend(found)
         return min(found, key=lambda each: len(each.triangles))
 
     def fitted(self, low: bpy.types.Mesh) -> np.ndarray:
         """Move the vertices of a low mesh to where this surface is nearest. Returns its triangle at each place, (N,) int."""
-        points, nearest = fitting.fitted(*_arrays(low), self.places)
+        points, nearest = fitting.fit(*_arrays(low), self.places)
         low.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
         return nearest
 
@@ -144,8 +149,9 @@ class High:
     """The surface that low meshes are made of.
 
     points (V, 3) float32, relative to `origin`; triangles (T, 3) int. bases: what low meshes are made of, and in which ways.
-    around: places on the surface that see the outside. inside: the share of the area that does not. faults: as soup.Edges has
-    them. edge: the side of a triangle of middle size. count: the triangles of the high objects, before any are thinned.
+    around: places on the surface that see the outside. inside: the share of the area that does not. faults: as
+    EdgeTable.bad_edge_share has it. edge: the side of a triangle of middle size. count: the triangles of the high objects,
+    before any are thinned.
     """
 
     points: np.ndarray
@@ -167,7 +173,7 @@ class High:
             triangles: (N, 3) int.
         """
         own = self.around.points[:: max(1, len(self.around.points) // PLACES)]
-        of_low = fitting.samples(points, triangles, PLACES).points
+        of_low = surface_samples(points, triangles, PLACES).points
         squares = [Surface(points.astype(np.float32), triangles).closest(own.astype(np.float32))[2]]
         squares.append(self._surface.closest(of_low.astype(np.float32))[2])
         longest = float(np.ptp(self.points, axis=0).max())
@@ -184,7 +190,7 @@ class High:
     def _unfolded(self, data: bpy.types.Mesh) -> tuple[bpy.types.Mesh, int]:
         """A mesh without the folds of `data`, which is `data` itself or takes its place, and the triangles that it lost."""
         corners = mesh_reader.corner_vertices(data).reshape(-1, 3)
-        points, unfolded = folds.removed(mesh_reader.points(data), corners, self.around)
+        points, unfolded = folds.unfold(mesh_reader.points(data), corners, self.around)
         if unfolded is corners:
             return data, 0
         bpy.data.meshes.remove(data)
@@ -199,17 +205,17 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
     """Read the high objects of a job with their modifiers and instances. Raises BakeError. meshes: owns those of the bases."""
     points, triangles = _triangles(context, job, settings)
     origin, count = np.array(job.highs[0].matrix_world.translation, np.float64), len(triangles)
-    edge = _edge(areas(points, triangles))
-    points, triangles = soup.welded((points - origin).astype(np.float32), triangles)
+    edge = _edge(face_areas(points, triangles))
+    points, triangles = weld((points - origin).astype(np.float32), triangles)
     if len(triangles) > MOST_READ:
-        area = float(areas(points, triangles).sum())
+        area = float(face_areas(points, triangles).sum())
         cell = max(
             math.sqrt(2.0 * area / MOST_READ), float(np.ptp(points, axis=0).max()) / 2**20
         )  # two triangles a cell
-        thinned = soup.clustered(points, triangles, cell)
-        if areas(*thinned).sum() < LEAST_LEFT * area:
-            thinned = soup.clustered(points, triangles, cell, is_torn=True)
-        points, triangles = soup.welded(thinned[0].astype(np.float32), thinned[1])
+        thinned = cluster(points, triangles, ClusterOptions(cell))
+        if face_areas(*thinned).sum() < LEAST_LEFT * area:
+            thinned = cluster(points, triangles, ClusterOptions(cell, is_torn=True))
+        points, triangles = weld(thinned[0].astype(np.float32), thinned[1])
     if not len(triangles):
         raise BakeError(f"{job.highs[0].name!r} has no faces with an area: choose a mesh that has some.")
     farthest = float(np.abs(points).max())
@@ -217,35 +223,36 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, meshes: Tempo
         raise BakeError(
             f"{job.highs[0].name!r} has a vertex {farthest:.3g} units away: remove what is far from the rest."
         )
-    found = soup.edges(triangles)
-    if found.against:
+    edges = EdgeTable.of(triangles)
+    if edges.is_against.any():
         triangles = _to_one_side(points, triangles)
-        found = soup.edges(triangles)
+        edges = EdgeTable.of(triangles)
+    faults = edges.bad_edge_share
     data = meshes.own(_mesh(points, triangles))
-    around = fitting.samples(points, triangles, AROUND)
+    around = surface_samples(points, triangles, AROUND)
     if not len(around.points):
         raise BakeError(f"{job.highs[0].name!r} is too small for its normals: scale the mesh itself up.")
     is_seen = _seen(data, points, triangles, around)
     inside = 1.0 - float(is_seen[around.triangles].mean())
     outer = around.chosen(is_seen[around.triangles])
-    of_each, outside = areas(points, triangles), data
+    of_each, outside = face_areas(points, triangles), data
     if inside > MOST_INSIDE:
         outside = meshes.own(_mesh(points, triangles[is_seen]))
     bases = []
-    if found.faults > MOST_FAULTS or inside > MOST_INSIDE:
+    if faults > MOST_FAULTS or inside > MOST_INSIDE:
         remeshed = _remeshed(data, float(of_each.sum()) * (1.0 - inside), outer, meshes)
         if remeshed is not None:
             bases.append(_base(remeshed, meshes, outer, is_remeshed=True))
     # The faces of a soup can point to any side, so that only the remeshed one has an outside.
-    if not bases or soup.edges(triangles[is_seen]).faults <= MOST_FAULTS:
+    if not bases or EdgeTable.of(triangles[is_seen]).bad_edge_share <= MOST_FAULTS:
         bases.append(_base(outside, meshes, outer))
     bases = [way for each in bases for way in (each, each.weighted())]
-    return High(points, triangles, origin, bases, outer, inside, found.faults, edge, count)
+    return High(points, triangles, origin, bases, outer, inside, faults, edge, count)
 
 
 def edge_of(context: bpy.types.Context, job: Job, settings: Settings) -> float:
     """The side of a triangle of middle size of the high objects, in scene units."""
-    return _edge(areas(*_triangles(context, job, settings)))
+    return _edge(face_areas(*_triangles(context, job, settings)))
 
 
 def decimated(data: bpy.types.Mesh, triangles: int) -> bpy.types.Mesh:
@@ -264,7 +271,7 @@ def _base(data: bpy.types.Mesh, meshes: TemporaryMeshes, around: Samples, *, is_
         points, triangles = _arrays(data)
         weights = face_weights.by_bending(points, triangles) ** 2
         count = int(np.clip(2 * len(triangles), *FITTED))
-        return Base(data, data, fitting.samples(points, triangles, count, weights))
+        return Base(data, data, surface_samples(points, triangles, count, weights))
     dense = data if len(data.polygons) <= DENSE else meshes.own(decimated(data, DENSE))
     places = around.chosen(slice(None, None, max(1, len(around.points) // FITTED[1])))
     nearest, _, _ = Surface(*_arrays(dense)).closest(places.points.astype(np.float32))
@@ -311,7 +318,7 @@ def _triangles(context: bpy.types.Context, job: Job, settings: Settings) -> tupl
         raise BakeError(f"{highs[0].name!r} has no faces with an area: choose a mesh that has some.")
     points, triangles, first = [], [], 0
     for mesh in read:
-        points.append(mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3])
+        points.append(transformed(mesh.positions, mesh.to_world))
         triangles.append(mesh.vertices[mesh.front_triangles] + first)
         first += len(mesh.positions)
     return np.concatenate(points), np.concatenate(triangles)
@@ -334,12 +341,12 @@ def _to_one_side(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     side to which most of its area points."""
     patches = orientation.patches(points, triangles, float(np.linalg.norm(np.ptp(points, axis=0))))
     turned = np.where(patches.is_against[:, None], triangles[:, ::-1], triangles)
-    of_each, middles = areas(points, triangles), points[triangles].mean(axis=1, dtype=np.float64)
+    of_each, middles = face_areas(points, triangles), points[triangles].mean(axis=1, dtype=np.float64)
     area = np.bincount(patches.labels, of_each, patches.count)
     weights = of_each / np.maximum(area, 1e-300)[patches.labels]
-    centers = np.stack([np.bincount(patches.labels, weights * each, patches.count) for each in middles.T], axis=1)
-    a, b, c = (points[turned[:, i]] - centers[patches.labels] for i in range(3))
-    volumes = np.bincount(patches.labels, (a * np.cross(b, c)).sum(axis=1) / 6.0, patches.count)
+    centers = topology.sums_of(patches.labels, weights[:, None] * middles, patches.count)
+    corners = points[turned] - centers[patches.labels][:, None]
+    volumes = np.bincount(patches.labels, enclosed_volumes(corners) / 6.0, patches.count)
     points_inwards = volumes < -FLAT * area**1.5
     return np.where(points_inwards[patches.labels, None], turned[:, ::-1], turned)
 
@@ -365,12 +372,6 @@ def _remeshed(data: bpy.types.Mesh, area: float, around: Samples, meshes: Tempor
     places = around.points[:: max(1, len(around.points) // PLACES)].astype(np.float32)
     _, _, squares = Surface(mesh_reader.points(result), corners).closest(places)
     return result if np.mean(squares > (FAR * voxel) ** 2) < MOST_FAR else None
-
-
-def areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The areas (T,) of triangles (T, 3) int, of points (V, 3)."""
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def _edge(areas: np.ndarray) -> float:

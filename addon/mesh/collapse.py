@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makes triangle meshes coarser by collapsing edges, many at once, by the quadrics of Garland and Heckbert.
+"""Makes triangle meshes coarser by collapsing edges, many at once.
 
 Each edge becomes the point with the least squares of distances, by area, from the planes of all faces that it stands for.
+
+Source: Garland and Heckbert, "Surface simplification using quadric error metrics", 1997. There, the cheapest edge collapses,
+then the next; here, in each round, the cheapest tenth of those that do not touch, so that numpy works on whole arrays.
+Tried, from 58,320 triangles to 3,000: 51 rounds, 0.66 s; with one pass a round 106 rounds, 0.96 s, and the farthest place 12 %
+farther; without the memory of edges whose ends stayed 1.10 s.
 """
 
 from dataclasses import dataclass
@@ -10,7 +15,7 @@ import numpy as np
 
 from . import topology
 from .topology import EdgeTable
-from .triangles import face_normals, unit, unit_normals
+from .triangles import checked, face_normals, unit, unit_normals
 
 BORDER = 10.0
 """How much the planes along open edges count, as a factor on the square of an edge's length."""
@@ -27,48 +32,73 @@ IDLE = 60
 """Rounds without a collapse after which it ends. Each of them refuses some edges, and the next one tries others."""
 
 
-@dataclass(frozen=True)
-class Begun:
-    """A mesh on its way to coarser ones. points (V, 3) float64, scaled and moved. triangles (T, 3) int64: those that are left.
-    of_vertex (V,) int: what each vertex has become."""
+@dataclass(frozen=True, eq=False)
+class PartialCollapse:
+    """A mesh on its way to coarser ones.
+
+    Attributes:
+        points: (V, 3) float64, scaled and moved.
+        triangles: (T, 3) int64, those that are left.
+        of_vertex: (V,) int, what each vertex has become.
+    """
 
     points: np.ndarray
     triangles: np.ndarray
     of_vertex: np.ndarray
 
 
-def begun(points: np.ndarray, triangles: np.ndarray, wanted: int, weights: np.ndarray) -> Begun:
-    """A mesh with about `wanted` triangles, from which others go on, also with other weights. Takes what `collapsed` takes."""
-    state = _State.of(points, triangles, weights)
-    state.run(wanted)
-    return Begun(state.points, state.triangles, state.of_vertex)
+@dataclass(frozen=True, eq=False)
+class CollapseOptions:
+    """What `collapse` makes.
+
+    Attributes:
+        triangles: about how many are left, or more where no edge can collapse.
+        weights: (T,), how much the distances from each triangle count; None for all alike.
+        start: what `partial_collapse` made of the same mesh, from which this one goes on; None to start with all triangles.
+    """
+
+    triangles: int
+    weights: np.ndarray | None = None
+    start: PartialCollapse | None = None
 
 
-def collapsed(
-    points: np.ndarray,
-    triangles: np.ndarray,
-    wanted: int,
-    weights: np.ndarray | None = None,
-    start: Begun | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """A mesh with about `wanted` triangles, or more where no edge can collapse.
+def collapse(points: np.ndarray, triangles: np.ndarray, options: CollapseOptions) -> tuple[np.ndarray, np.ndarray]:
+    """A coarser mesh of the same surface.
+
+    >>> coarse, left = collapse(points, triangles, CollapseOptions(triangles=100))
+    >>> len(left)
+    100
 
     Args:
         points: (V, 3) float.
-        triangles: (T, 3) int, with shared vertices and areas above 0.
-        weights: (T,), how much the distances from each triangle count; None for all alike.
-        start: of the same points and triangles: where to go on.
+        triangles: (T, 3) int, with shared vertices, see `weld`, and areas above 0.
+        options: how coarse it becomes.
 
     Returns:
         Points (P, 3) float64 and triangles (N, 3) int64.
     """
+    points, triangles = checked(points, triangles)
+    if not len(triangles):
+        return np.zeros((0, 3)), triangles.astype(np.int64)
     center, size = _box(points)
-    state = _State.of(points, triangles, np.ones(len(triangles)) if weights is None else weights)
-    if start is not None:
-        state.go_on(start)
-    state.run(wanted)
+    state = _run(points, triangles, options)
     used, numbers = topology.numbered(state.triangles)
     return state.points[used] * size + center, numbers
+
+
+def partial_collapse(points: np.ndarray, triangles: np.ndarray, options: CollapseOptions) -> PartialCollapse:
+    """As `collapse`, for others that go on from there, also with other weights."""
+    state = _run(points, triangles, options)
+    return PartialCollapse(state.points, state.triangles, state.of_vertex)
+
+
+def _run(points: np.ndarray, triangles: np.ndarray, options: CollapseOptions) -> "_State":
+    weights = np.ones(len(triangles)) if options.weights is None else options.weights
+    state = _State.of(points, triangles, weights)
+    if options.start is not None:
+        state.resume(options.start)
+    state.run(options.triangles)
+    return state
 
 
 def _box(points: np.ndarray) -> tuple[np.ndarray, float]:
@@ -77,7 +107,7 @@ def _box(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 class _State:
-    """A mesh on its way, as Begun has it."""
+    """A mesh on its way, as PartialCollapse has it."""
 
     def __init__(self, points: np.ndarray, triangles: np.ndarray, weights: np.ndarray):
         self.points, self.triangles, self._round = points, triangles, 0
@@ -88,7 +118,7 @@ class _State:
         """The rounds in which the vertices, or those beside them, were last moved."""
         self._planes, self._offsets, self._constants = _quadrics(points, triangles, weights)
         self._known = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
-        """The keys of edges, in order, and what `_best` found for them when both of their ends were as they are now."""
+        """The keys of edges, in order, and their optimal placements when both of their ends were as they are now."""
 
     @classmethod
     def of(cls, points: np.ndarray, triangles: np.ndarray, weights: np.ndarray) -> "_State":
@@ -96,7 +126,7 @@ class _State:
         center, size = _box(points)
         return cls((points.astype(np.float64) - center) / size, triangles.astype(np.int64), weights)
 
-    def go_on(self, start: Begun) -> None:
+    def resume(self, start: PartialCollapse) -> None:
         """Take the mesh from there, with the quadrics of all faces that its vertices stand for."""
         self.points, self.triangles, self.of_vertex = start.points.copy(), start.triangles, start.of_vertex
         for values in (self._planes, self._offsets, self._constants):
@@ -124,13 +154,13 @@ class _State:
         chosen = np.flatnonzero(is_allowed)
         if not len(chosen):
             return False
-        places, costs = self._best(edges.keys[chosen], edges.ends[chosen])
+        places, costs = self._optimal_placements(edges.keys[chosen], edges.ends[chosen])
         most = max(1, int(AT_ONCE * len(costs)))
         cheapest = np.flatnonzero(costs <= np.partition(costs, most - 1)[most - 1])
         order = cheapest[np.argsort(costs[cheapest], kind="stable")][:most]
         ranks = np.full(len(edges.ends), len(edges.ends), np.int64)
         ranks[chosen[order]] = np.arange(most)
-        which = self._apart(edges, ranks)
+        which = self._independent_edges(edges, ranks)
         which = which[np.argsort(ranks[which])]
         removed = np.cumsum(edges.counts[which])
         which = which[: 1 + np.searchsorted(removed, len(self.triangles) - wanted)]
@@ -147,7 +177,7 @@ class _State:
         self._collapse(edges.ends[which[is_good]], places[is_good])
         return bool(is_good.any())
 
-    def _best(self, keys: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _optimal_placements(self, keys: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where edges (E, 2) collapse to (E, 3), and what that costs (E,). keys: (E,), of the edges, in order."""
         known, *values = self._known
         places, costs = np.empty((len(keys), 3)), np.empty(len(keys))
@@ -159,12 +189,12 @@ class _State:
             left = np.flatnonzero(~is_known)
         else:
             left = np.arange(len(keys))
-        places[left], costs[left] = self._cheapest(ends[left])
+        places[left], costs[left] = self._new_placements(ends[left])
         self._known = keys, places, costs
         return places, costs
 
-    def _cheapest(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `_best`, of edges that are not known."""
+    def _new_placements(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `_optimal_placements`, of edges that are not known."""
         a, b = ends.T
         planes, offsets = self._planes[a] + self._planes[b], self._offsets[a] + self._offsets[b]
         constants, middles = self._constants[a] + self._constants[b], 0.5 * (self.points[a] + self.points[b])
@@ -175,7 +205,7 @@ class _State:
         lengths = ((self.points[a] - self.points[b]) ** 2).sum(axis=1)
         return places, np.maximum(costs, 0.0) + 1e-10 * lengths
 
-    def _apart(self, edges: EdgeTable, ranks: np.ndarray) -> np.ndarray:
+    def _independent_edges(self, edges: EdgeTable, ranks: np.ndarray) -> np.ndarray:
         """Edges (N,) int, of which no two touch or have neighbors in common that touch. ranks (E,): of those that may collapse,
         from 0; E of the others."""
         a, b = edges.ends.T

@@ -9,6 +9,26 @@ the points, unless another one is asked for.
 import numpy as np
 from numpy.typing import DTypeLike
 
+from ..core.errors import BakeError
+
+
+def checked(points: np.ndarray, triangles: np.ndarray, width: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """Points (V, width) of floats and triangles (T, 3) of whole numbers, as arrays. Raises BakeError for what is no mesh."""
+    try:
+        points, triangles = np.asarray(points), np.asarray(triangles)
+        points = points if points.dtype.kind == "f" else points.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise BakeError(f"The points must be numbers, (V, {width}): {error}.") from None
+    if points.ndim != 2 or points.shape[1] != width or not np.isfinite(points).all():
+        raise BakeError(f"The points must be finite numbers, (V, {width}), but they are {points.shape}.")
+    if triangles.dtype.kind not in "iu" or triangles.ndim != 2 or triangles.shape[1] != 3:
+        raise BakeError(
+            f"The triangles must be whole numbers, (T, 3), but they are {triangles.dtype}, {triangles.shape}."
+        )
+    if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
+        raise BakeError(f"The triangles name points from {triangles.min()} to {triangles.max()}, of {len(points)}.")
+    return points, triangles
+
 
 def face_normals(points: np.ndarray, triangles: np.ndarray | None = None, dtype: DTypeLike = None) -> np.ndarray:
     """The normals (T, 3), as long as twice the areas; they point to where corners are seen counter-clockwise."""

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures how well UVs use a map: how much of it, and how evenly."""
+"""Measures how well UVs use a map: how much of it, and how evenly.
+
+Source: the mean square of the distance of texels is the stretch of Sander, Snyder, Gortler and Hoppe, "Texture mapping
+progressive meshes", 2001.
+"""
 
 from dataclasses import dataclass
 

@@ -15,7 +15,7 @@ from addon.core.settings import Settings
 from addon.jobs import asset, asset_highs
 from addon.jobs.job import Job
 from addon.jobs.temporary import TemporaryMeshes
-from addon.mesh import folds, soup
+from addon.mesh import folds
 from addon.mesh.closest import Surface
 from addon.scene import mesh_reader
 from tests.support import quick_assets, spoiled, zoo
@@ -201,14 +201,14 @@ def test_a_triangle_of_which_a_corner_is_seen_stays():
 
 def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch):
     """A rough one stays one surface."""
-    thinned, clustered = [], soup.clustered
+    thinned, cluster = [], asset_highs.cluster
 
     def counted(*arguments):
-        thinned.append(clustered(*arguments))
+        thinned.append(cluster(*arguments))
         return thinned[-1]
 
     monkeypatch.setattr(asset_highs, "MOST_READ", 10_000)
-    monkeypatch.setattr(soup, "clustered", counted)
+    monkeypatch.setattr(asset_highs, "cluster", counted)
     ball = zoo.ball("Ball", 96)
     points = mesh_reader.points(ball.data)
     points *= np.random.default_rng(5).normal(1.0, 0.002, (len(points), 1))
@@ -236,7 +236,7 @@ def test_triangles_that_folds_take_are_made_up_for(monkeypatch):
     def removed(points, triangles, around):
         return points, triangles[: -len(triangles) // 20]
 
-    monkeypatch.setattr(folds, "removed", removed)
+    monkeypatch.setattr(folds, "unfold", removed)
     report, low = made([zoo.ball("Ball", 24)])
     assert abs(len(low.data.polygons) - 400) <= 8
 

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 
 from addon.mesh import collapse
+from addon.mesh.collapse import CollapseOptions
+from addon.mesh.topology import EdgeTable
+from addon.mesh.triangles import face_normals
 from tests.pure.test_fitting import sphere
 
 
@@ -21,22 +24,12 @@ def grid(n, *, hole=False):
     return points, np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
-def counts_of_edges(triangles):
-    ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    return np.unique(ends, axis=0, return_counts=True)[1]
-
-
-def normals(points, triangles):
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    return np.cross(b - a, c - a)
-
-
 def test_a_sphere_stays_closed_and_near():
     """A chord of a sphere's mesh of 400 triangles, with edges e = 0.27, lies up to e^2 / 3 deep; a part of it is outside."""
-    points, triangles = collapse.collapsed(*sphere(24), 400)
-    assert len(triangles) == 400 and (counts_of_edges(triangles) == 2).all()
+    points, triangles = collapse.collapse(*sphere(24), CollapseOptions(400))
+    assert len(triangles) == 400 and (EdgeTable.of(triangles).counts == 2).all()
     assert len(points) == 400 // 2 + 2  # Euler
-    found = normals(points, triangles)
+    found = face_normals(points, triangles)
     middles = points[triangles].mean(axis=1)
     assert ((found * middles).sum(axis=1) > 0.0).all()
     far = np.abs(np.linalg.norm(np.concatenate([points, middles]), axis=1) - 1.0)
@@ -45,8 +38,8 @@ def test_a_sphere_stays_closed_and_near():
 
 @pytest.mark.parametrize(("hole", "area"), [(False, 4.0), (True, 3.0)])
 def test_a_plane_keeps_its_borders(hole, area):
-    points, triangles = collapse.collapsed(*grid(16, hole=hole), 40)
-    found = normals(points, triangles)
+    points, triangles = collapse.collapse(*grid(16, hole=hole), CollapseOptions(40))
+    found = face_normals(points, triangles)
     assert len(triangles) <= 40 and (found[:, 2] > 0.0).all()
     assert 0.5 * found[:, 2].sum() == pytest.approx(area, rel=1e-3)
     assert points.min(axis=0) == pytest.approx([-1, -1, 0], abs=1e-3)
@@ -56,7 +49,7 @@ def test_a_plane_keeps_its_borders(hole, area):
 def test_it_ends_where_no_edge_can_collapse():
     """A tetrahedron would become two triangles in one place."""
     points, triangles = np.eye(4)[:, :3], np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
-    kept, same = collapse.collapsed(points, triangles, 2)
+    kept, same = collapse.collapse(points, triangles, CollapseOptions(2))
     assert len(same) == 4 and np.abs(kept - points).max() < 1e-12
 
 
@@ -67,7 +60,7 @@ def test_triangles_of_three_on_an_edge_stay():
     fin = len(points) + np.arange(len(on_line))
     strips = np.stack([on_line[:-1], on_line[1:], fin[1:]], axis=1), np.stack([on_line[:-1], fin[1:], fin[:-1]], axis=1)
     whole = np.concatenate([points, points[on_line] + [0.0, 0.0, 1.0]])
-    kept, coarse = collapse.collapsed(whole, np.concatenate([triangles, *strips]), 20)
+    kept, coarse = collapse.collapse(whole, np.concatenate([triangles, *strips]), CollapseOptions(20))
     assert len(coarse) < len(triangles)
     assert {tuple(each) for each in points[on_line]} <= {tuple(np.round(each, 9)) for each in kept}
 
@@ -77,7 +70,9 @@ def test_what_is_known_of_edges_stays_true():
     state.run(500)
     keys, *known = state._known
     assert len(keys) > 300
-    for before, now in zip(known, state._cheapest(np.stack(np.divmod(keys, len(state.points)), axis=1)), strict=True):
+    for before, now in zip(
+        known, state._new_placements(np.stack(np.divmod(keys, len(state.points)), axis=1)), strict=True
+    ):
         assert before == pytest.approx(now, abs=1e-12)
 
 
@@ -86,7 +81,7 @@ def test_a_mesh_on_its_way_stands_for_all_faces():
     weights = 1.0 + (points[triangles].mean(axis=1)[:, 2] > 0.0)
     whole, again = (collapse._State.of(points, triangles, weights) for _ in range(2))
     whole.run(900)
-    again.go_on(collapse.begun(points, triangles, 900, weights))
+    again.resume(collapse.partial_collapse(points, triangles, CollapseOptions(900, weights)))
     used = np.unique(whole.triangles)
     for name in ("points", "_planes", "_offsets", "_constants"):
         assert getattr(again, name)[used] == pytest.approx(getattr(whole, name)[used], abs=1e-12)
@@ -96,12 +91,12 @@ def test_a_mesh_on_its_way_stands_for_all_faces():
 
 def test_other_weights_go_on_from_a_mesh_on_its_way():
     points, triangles = sphere(24)
-    begun = collapse.begun(points, triangles, 1200, np.ones(len(triangles)))
+    start = collapse.partial_collapse(points, triangles, CollapseOptions(1200))
     of_top = np.where(points[triangles].mean(axis=1)[:, 2] > 0.0, 30.0, 1.0)
     shares = []
     for weights in (np.ones(len(triangles)), of_top):
-        places, coarse = collapse.collapsed(points, triangles, 300, weights, begun)
-        assert len(coarse) == 300 and (counts_of_edges(coarse) == 2).all()
+        places, coarse = collapse.collapse(points, triangles, CollapseOptions(300, weights, start))
+        assert len(coarse) == 300 and (EdgeTable.of(coarse).counts == 2).all()
         assert np.abs(np.linalg.norm(places, axis=1) - 1.0).max() < 0.1
         shares.append((places[coarse].mean(axis=1)[:, 2] > 0.0).mean())
     assert shares[0] == pytest.approx(0.5, abs=0.05) and shares[1] > 0.6

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from addon.mesh import collapse, face_weights, fitting
+from addon.mesh.collapse import CollapseOptions
 from tests.pure.test_collapse import grid
 from tests.pure.test_fitting import distances, sphere
 
@@ -53,8 +54,8 @@ def test_weights_rise_where_errors_are_larger_than_the_mean():
 def test_a_coarse_mesh_is_nearer_where_weights_are_higher():
     points, triangles = sphere(40)
     is_upper = points[triangles][..., 2].mean(axis=1) > 0.0
-    coarse = collapse.collapsed(points, triangles, 400, np.where(is_upper, 100.0, 1.0))
-    around = fitting.samples(points, triangles, 20_000)
+    coarse = collapse.collapse(points, triangles, CollapseOptions(400, np.where(is_upper, 100.0, 1.0)))
+    around = fitting.surface_samples(points, triangles, 20_000)
     far = distances(*coarse, around)
     above = around.points[:, 2]
     assert far[above > 0.2].mean() < 0.5 * far[above < -0.2].mean()
@@ -63,7 +64,7 @@ def test_a_coarse_mesh_is_nearer_where_weights_are_higher():
 def test_samples_by_weight_say_what_area_they_stand_for():
     points, triangles = grid(8)
     is_right = points[triangles][..., 0].mean(axis=1) > 0.0
-    found = fitting.samples(points, triangles, 4000, np.where(is_right, 3.0, 1.0))
+    found = fitting.surface_samples(points, triangles, 4000, np.where(is_right, 3.0, 1.0))
     right = found.points[:, 0] > 0.0
     assert np.count_nonzero(right) == pytest.approx(3000, abs=1)
     assert found.shares[right].sum() == pytest.approx(found.shares[~right].sum(), rel=0.01)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vertices that move to where a surface is nearest, samples of a surface, and soups of triangles: closed forms of a sphere."""
+"""Vertices that move to where a surface is nearest, samples of a surface, and welds: closed forms of a sphere."""
 
 import numpy as np
 import pytest
@@ -7,9 +7,12 @@ import pytest
 from addon.core.asset import SIZES, Wanted, size_for
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes, low_name_of
-from addon.mesh import fitting, soup
+from addon.mesh import fitting, welding
 from addon.mesh.closest import Surface
+from addon.mesh.fitting import FitOptions
+from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import closest_points
+from addon.mesh.welding import ClusterOptions, WeldOptions
 
 
 def sphere(rings):
@@ -20,7 +23,7 @@ def sphere(rings):
     a, b = row * 2 * rings + column, row * 2 * rings + (column + 1) % (2 * rings)
     below = 2 * rings
     triangles = np.concatenate([np.stack([a, a + below, b], 1), np.stack([b, a + below, b + below], 1)])
-    return soup.welded(np.round(points.reshape(-1, 3), 6).astype(np.float32), triangles)
+    return welding.weld(np.round(points.reshape(-1, 3), 6).astype(np.float32), triangles)
 
 
 def distances(points, triangles, around):
@@ -36,8 +39,8 @@ def outwards(points, triangles):
 
 def test_a_coarse_sphere_comes_three_times_as_close_and_no_face_turns():
     coarse, triangles = sphere(8)
-    around = fitting.samples(*sphere(40), 20_000)
-    moved, _ = fitting.fitted(coarse, triangles, around)
+    around = fitting.surface_samples(*sphere(40), 20_000)
+    moved, _ = fitting.fit(coarse, triangles, around)
     before, after = (np.sqrt((distances(points, triangles, around) ** 2).mean()) for points in (coarse, moved))
     assert after < before / 3.0
     assert outwards(moved, triangles).all()
@@ -47,14 +50,14 @@ def test_a_coarse_sphere_comes_three_times_as_close_and_no_face_turns():
 
 def test_a_mesh_on_its_surface_stays():
     points, triangles = sphere(12)
-    moved, _ = fitting.fitted(points, triangles, fitting.samples(points, triangles, 20_000))
+    moved, _ = fitting.fit(points, triangles, fitting.surface_samples(points, triangles, 20_000))
     assert np.abs(moved - points).max() < 1e-4
 
 
 def test_the_triangles_of_samples_are_the_nearest_ones():
     coarse, triangles = sphere(8)
-    around = fitting.samples(*sphere(40), 5_000)
-    moved, found = fitting.fitted(coarse, triangles, around)
+    around = fitting.surface_samples(*sphere(40), 5_000)
+    moved, found = fitting.fit(coarse, triangles, around)
     far = ((closest_points(around.points, moved[triangles[found]]) - around.points) ** 2).sum(axis=1)
     # The last move comes after the last search.
     assert np.sqrt(far).mean() == pytest.approx(distances(moved, triangles, around).mean(), rel=0.01)
@@ -64,7 +67,7 @@ def test_the_nearest_triangle_beside_a_known_one_seed_5():
     dice = np.random.default_rng(5)
     points, triangles = sphere(8)
     points = (points + dice.normal(0.0, 0.02, points.shape)).astype(np.float32)
-    places = fitting.samples(*sphere(40), 500).points.astype(np.float32)
+    places = fitting.surface_samples(*sphere(40), 500).points.astype(np.float32)
     known = Surface(points, triangles).closest(places)[0]
     known = triangles_beside(triangles, known, dice)
     found, where = fitting._Beside.of(triangles).closest(places, known, points)
@@ -89,13 +92,14 @@ def test_moves_are_least_squares_seed_6():
     edges = np.unique(np.sort(np.concatenate([triangles[:, [i, i - 1]] for i in range(3)]), axis=1), axis=0)
     found, weights = dice.integers(0, len(triangles), samples), dice.dirichlet(np.ones(3), samples)
     missing = dice.normal(size=(samples, 3))
-    moves = fitting._System(found, weights, triangles, edges, count).solved(missing, np.zeros((count, 3)))
+    moves = fitting._System(found, weights, triangles, edges, count, options=FitOptions())
+    moves = moves.solved(missing, np.zeros((count, 3)))
     rows = np.zeros((samples, count))
     np.add.at(rows, (np.arange(samples)[:, None], triangles[found]), weights)
     steps = np.zeros((len(edges), count))
     steps[np.arange(len(edges)), edges[:, 0]], steps[np.arange(len(edges)), edges[:, 1]] = 1.0, -1.0
     scale = samples / count
-    parts = rows, np.sqrt(fitting.SMOOTH * scale) * steps, np.sqrt(fitting.PULL * scale) * np.eye(count)
+    parts = rows, np.sqrt(FitOptions.smooth * scale) * steps, np.sqrt(FitOptions.pull * scale) * np.eye(count)
     wanted = np.concatenate([missing, np.zeros((len(edges) + count, 3))])
     assert moves == pytest.approx(np.linalg.lstsq(np.concatenate(parts), wanted)[0], abs=1e-4)
 
@@ -112,7 +116,7 @@ def test_faces_that_would_turn_over_keep_their_vertices():
 
 def test_samples_spread_by_area():
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 0, 0], [8, 0, 0], [5, 1, 0], [9, 9, 9]], np.float32)
-    found = fitting.samples(points, np.array([[0, 1, 2], [6, 6, 6], [3, 4, 5]]), 4000)
+    found = fitting.surface_samples(points, np.array([[0, 1, 2], [6, 6, 6], [3, 4, 5]]), 4000)
     assert len(found.points) == 4000
     assert np.count_nonzero(found.points[:, 0] >= 5.0) == pytest.approx(3000, abs=1)
     assert found.normals == pytest.approx(np.tile([0.0, 0.0, 1.0], (4000, 1)))
@@ -123,23 +127,22 @@ def test_samples_spread_by_area():
 def test_a_sphere_of_single_triangles_is_welded_and_closed():
     points, triangles = sphere(6)
     alone = points[triangles.reshape(-1)]
-    welded, joined = soup.welded(alone, np.arange(len(alone)).reshape(-1, 3))
+    welded, joined = welding.weld(alone, np.arange(len(alone)).reshape(-1, 3))
     assert (len(welded), len(joined)) == (len(points), len(triangles))
-    found = soup.edges(joined)
-    assert (found.open, found.against, found.crowded, found.faults) == (0, 0, 0, 0.0)
-    assert found.count == 3 * len(triangles) // 2
+    assert EdgeTable.of(joined).counts.tolist() == [2] * (3 * len(triangles) // 2)
 
 
-def test_faults_of_edges_are_counted():
-    square = np.array([[0, 1, 2], [0, 2, 3]])
-    assert soup.edges(square) == soup.Edges(5, 4, 0, 0)
-    assert soup.edges(np.array([[0, 1, 2], [0, 3, 2]])) == soup.Edges(5, 4, 1, 0)
-    assert soup.edges(np.array([[0, 1, 2], [0, 2, 3], [2, 0, 4]])) == soup.Edges(7, 6, 0, 1)
+def test_vertices_within_a_distance_become_one():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1.0001, 0, 0], [1, 1, 0], [0, 1.0001, 0]], np.float32)
+    triangles = np.array([[0, 1, 2], [3, 4, 5]])
+    for within, count in ((0.0, 6), (0.001, 4)):
+        welded, joined = welding.weld(points, triangles, WeldOptions(within))
+        assert len(welded) == count and len(joined) == 2
 
 
 def test_lines_and_copies_are_left_out():
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, -0.0], [7, 7, 7]], np.float32)
-    welded, triangles = soup.welded(points, np.array([[0, 1, 2], [2, 3, 1], [0, 3, 1]]))
+    welded, triangles = welding.weld(points, np.array([[0, 1, 2], [2, 3, 1], [0, 3, 1]]))
     assert len(welded) == 3 and len(triangles) == 1
 
 
@@ -198,6 +201,10 @@ def test_names_of_low_objects(high, low):
     assert low_name_of(high, Suffixes()) == low
 
 
+def cluster(points, triangles, cell=1.0):
+    return welding.cluster(points, triangles, ClusterOptions(cell))
+
+
 def test_thin_parts_pressed_flat_are_gone():
     """Layers of a triangle in the same cells, which edges connect: of one that points up over one that points down, nothing is
     left, however their corners are turned; of a third, the one that has no other."""
@@ -206,19 +213,19 @@ def test_thin_parts_pressed_flat_are_gone():
     across = [(0, 3, 6), (1, 4, 7), (2, 5, 8)]
     for turn in range(3):
         up, down, over = (0, 1, 2), np.roll((3, 5, 4), turn), (6, 7, 8)
-        left = [soup.clustered(points, np.array([*across, *some]), 1.0)[1] for some in ([up, down], [up, down, over])]
+        left = [cluster(points, np.array([*across, *some]))[1] for some in ([up, down], [up, down, over])]
         assert [found.tolist() for found in left] == [[], [[0, 1, 2]] * 2]
 
 
 def test_parts_in_a_cell_that_no_edge_connects_stay_apart():
     corners = np.array([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 0.0)])
     points = np.concatenate([corners, corners + (0.0, 0.0, 0.1)])
-    found, left = soup.clustered(points, np.array([(0, 1, 2), (3, 5, 4)]), 1.0)
+    found, left = cluster(points, np.array([(0, 1, 2), (3, 5, 4)]))
     assert len(found) == 6 and len(left) == 2
     points = np.concatenate(
         [points, points + (0.2, 0.0, 0.0)]
     )  # and those that only the last edge of a triangle connects
-    found, left = soup.clustered(points, np.array([(0, 1, 2), (3, 5, 4), (0, 1, 6), (6, 1, 2), (3, 4, 9)]), 1.0)
+    found, left = cluster(points, np.array([(0, 1, 2), (3, 5, 4), (0, 1, 6), (6, 1, 2), (3, 4, 9)]))
     assert len(np.unique(left)) == 6
 
 
@@ -231,7 +238,7 @@ def test_vertices_in_a_cell_become_one_in_their_middle():
     triangles = np.concatenate(
         [np.stack(each, axis=1) for each in ((first, first + 1, first + 41), (first, first + 41, first + 40))]
     )
-    found, left = soup.clustered(points, triangles, 0.1 - 1e-9)
+    found, left = cluster(points, triangles, 0.1 - 1e-9)
     expected = (4.0 * np.arange(10) + 1.5) / 40.0
     assert np.allclose(np.unique(found[:, 0].round(6)), expected, atol=1e-6)
     assert np.allclose(np.unique(found[:, 1].round(6)), expected, atol=1e-6)

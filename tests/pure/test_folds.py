@@ -29,7 +29,7 @@ def test_a_vertex_beyond_its_neighbor_is_collapsed():
     points, triangles = grid(6, 24, (0.72, 0.5, 0.0))  # from 0.5, beyond 0.67
     count = np.count_nonzero(up(points, triangles) < 0.0)
     assert 0 < count <= 4
-    found, left = folds.removed(points, triangles, fitting.samples(*grid(6), 2000))
+    found, left = folds.unfold(points, triangles, fitting.surface_samples(*grid(6), 2000))
     assert (up(found, left) > 0.0).all()
     assert len(triangles) - 8 <= len(left) < len(triangles)
     assert abs(up(found, left).sum() / 2.0 - 1.0) < 1e-12  # of the area, nothing is lost
@@ -37,7 +37,7 @@ def test_a_vertex_beyond_its_neighbor_is_collapsed():
 
 def test_a_mesh_without_folds_stays_as_it_is():
     points, triangles = grid(6)
-    found = folds.removed(points, triangles, fitting.samples(points, triangles, 2000))
+    found = folds.unfold(points, triangles, fitting.surface_samples(points, triangles, 2000))
     assert found[0] is points and found[1] is triangles
 
 
@@ -46,14 +46,14 @@ def test_the_back_of_a_thin_plate_is_no_fold():
     points, triangles = grid(6)
     both = np.concatenate([points, points - (0.0, 0.0, 0.01)])
     plate = np.concatenate([triangles, triangles[:, ::-1] + len(points)])
-    around = fitting.samples(both, plate, 2000)
+    around = fitting.surface_samples(both, plate, 2000)
     shifted = replace(around, points=around.points + (0.0, 0.0, 0.008))
-    assert folds.removed(both, plate, shifted)[1] is plate
+    assert folds.unfold(both, plate, shifted)[1] is plate
 
 
 def test_a_mesh_that_opposes_the_surface_everywhere_keeps_its_triangles():
     points, triangles = grid(2)
-    assert folds.removed(points, triangles, fitting.samples(points, triangles[:, ::-1], 500))[1] is triangles
+    assert folds.unfold(points, triangles, fitting.surface_samples(points, triangles[:, ::-1], 500))[1] is triangles
 
 
 def test_the_rim_of_a_thin_plate_is_no_fold():
@@ -63,9 +63,9 @@ def test_the_rim_of_a_thin_plate_is_no_fold():
     lower = np.where(is_inside, len(points) + np.cumsum(is_inside) - 1, np.arange(len(points)))
     both = np.concatenate([points, points[is_inside] - (0.0, 0.0, 0.01)])
     plate = np.concatenate([triangles, lower[triangles[:, ::-1]]])
-    around = fitting.samples(both, plate, 4000)
+    around = fitting.surface_samples(both, plate, 4000)
     shifted = replace(around, points=around.points + (0.0, 0.0, 0.008))
-    assert folds.removed(both, plate, shifted)[1] is plate
+    assert folds.unfold(both, plate, shifted)[1] is plate
 
 
 def test_a_triangle_that_opposes_two_neighbors_is_a_fold_though_another_side_is_near():
@@ -75,6 +75,6 @@ def test_a_triangle_that_opposes_two_neighbors_is_a_fold_though_another_side_is_
     triangles = np.concatenate([upper, len(sheet) + np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)])])
     assert np.flatnonzero(up(points, triangles) < 0.0).tolist() == [len(upper)]
     both = np.concatenate([sheet, sheet - (0.0, 0.0, 0.2)]) * (1.0, 2.0, 1.0)
-    around = fitting.samples(both, np.concatenate([upper, upper[:, ::-1] + len(sheet)]), 4000)
-    found, left = folds.removed(points, triangles, around)
+    around = fitting.surface_samples(both, np.concatenate([upper, upper[:, ::-1] + len(sheet)]), 4000)
+    found, left = folds.unfold(points, triangles, around)
     assert len(left) == len(triangles) - 2 and (up(found, left) > 0.0).all()

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Joins vertices: those in one place, so that single triangles become a surface, or all in a cell of a grid.
+
+A *triangle soup* is a list of triangles that share no vertices, as STL files and many scans have them.
+
+Source of `cluster`: Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993. There, all
+vertices in a cell become one; here, only those that edges in the cell connect.
+Tried, for the 603,456 corners of single triangles: numpy.unique over rows of bytes 0.10 s, hashes of rows 0.03 s.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import topology
+from .triangles import checked
+
+
+@dataclass(frozen=True)
+class WeldOptions:
+    """What `weld` joins.
+
+    Attributes:
+        within: vertices that are closer become one, in the place of the first of them; 0 for those in exactly one place.
+    """
+
+    within: float = 0.0
+
+
+def weld(
+    points: np.ndarray, triangles: np.ndarray, options: WeldOptions = WeldOptions()
+) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh with one vertex in each place, and without triangles that are a line, or in the place of another.
+
+    >>> corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 0, 0), (1, 1, 0), (0, 1, 0)]
+    >>> points, triangles = weld(np.array(corners, float), np.arange(6).reshape(2, 3))
+    >>> points.shape, triangles.shape
+    ((4, 3), (2, 3))
+
+    Args:
+        points: (V, 3) float; those that are the same in single precision are in one place.
+        triangles: (T, 3) int.
+        options: how far apart vertices may be.
+
+    Returns:
+        Points (P, 3), those that triangles use, and triangles (N, 3) int64.
+    """
+    points, triangles = checked(points, triangles)
+    single = points.astype(np.float32)
+    joined = topology.places(single, options.within)[triangles]
+    joined = joined[topology.has_corners(joined)]
+    joined = joined[topology.first_rows(np.sort(joined, axis=1)) == np.arange(len(joined))]
+    used, numbers = topology.numbered(joined)
+    # In the order of their bits: what takes triangles or edges in the order of vertices then takes them all over the surface.
+    bits = (single[used] + np.float32(0.0)).view(np.dtype((np.void, 12))).reshape(-1)
+    order = np.argsort(bits, kind="stable")
+    ranks = np.empty(len(order), np.int64)
+    ranks[order] = np.arange(len(order))
+    return points[used[order]], ranks[numbers]
+
+
+@dataclass(frozen=True)
+class ClusterOptions:
+    """How `cluster` thins a mesh.
+
+    Attributes:
+        cell: the side of a cell of the grid.
+        is_torn: whether all vertices in a cell become one, since hardly any edges connect the triangles.
+    """
+
+    cell: float
+    is_torn: bool = False
+
+
+def cluster(points: np.ndarray, triangles: np.ndarray, options: ClusterOptions) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh with one vertex, in the middle of them, for all vertices in each cell of a grid that edges in it connect: where
+    two parts of the surface share a cell they stay apart. Triangles that are a line are left out, and thin parts pressed
+    flat: as many in one place that point to one side as to the other.
+
+    >>> thin, left = cluster(points, triangles, ClusterOptions(cell=0.3))
+    >>> 0 < len(left) < len(triangles) / 2
+    True
+
+    Args:
+        points: (V, 3) float.
+        triangles: (T, 3) int.
+        options: the grid.
+
+    Returns:
+        Points (P, 3) float64 and triangles (N, 3) int64.
+    """
+    points, triangles = checked(points, triangles)
+    cells = np.floor((points - points.min(axis=0, initial=np.inf)) / options.cell).astype(np.int64)
+    cells = cells @ [1, 2**21, 2**42]
+    if not options.is_torn:
+        of_corners, ends = cells[triangles], []
+        for first, last in ((0, 1), (1, 2), (2, 0)):
+            ends.append(triangles[of_corners[:, first] == of_corners[:, last]][:, [first, last]])
+        cells = topology.connected(len(points), *np.concatenate(ends).T)
+    _, numbers = np.unique(cells, return_inverse=True)
+    counts = np.bincount(numbers)
+    middles = topology.sums_of(numbers, points, len(counts)) / counts[:, None]
+    joined = numbers[triangles]
+    joined = joined[topology.has_corners(joined)]
+    places = topology.first_rows(np.sort(joined, axis=1))
+    rises = np.count_nonzero(joined < np.roll(joined, -1, axis=1), axis=1)
+    sides = np.where(rises == 2, 1, -1)  # two rises: turned until the least comes first, the corners are in order
+    sums = np.bincount(places, sides)[places]
+    return middles, joined[sums * sides > 0.0]
