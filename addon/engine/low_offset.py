@@ -13,10 +13,10 @@ from ..mesh.orientation import WELD
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..mesh.triangles import vertex_normals
 
-LEAST, ALIKE = 0.0045, 0.6
+LEAST_OFFSET, ALIKE_SHARE = 0.0045, 0.6
 """A low mesh is off if the median of its distances is at least this share of its diagonal, and this share of them is within
 half of the median."""
-LESS, MORE = 0.25, 1.5
+LEAST_APART, MOST_APART = 0.25, 1.5
 """The share of that distance by which the meshes end apart on each side: points move along their normals, which are askew."""
 BETTER, BEYOND = 0.7, 0.3
 """A mesh is moved if at most the first share of what lies elsewhere does so then, and at least the second share of it lay on
@@ -31,7 +31,7 @@ def offset(heights: np.ndarray, diagonal: float) -> float:
     heights (N,): of points of the high surface. diagonal: of the low mesh.
     """
     median = float(np.median(heights)) if heights.size else 0.0
-    if abs(median) < LEAST * diagonal or np.mean(np.abs(heights - median) < 0.5 * abs(median)) < ALIKE:
+    if abs(median) < LEAST_OFFSET * diagonal or np.mean(np.abs(heights - median) < 0.5 * abs(median)) < ALIKE_SHARE:
         return 0.0
     return median
 
@@ -41,7 +41,7 @@ def is_around(meshes: Meshes, distance: float) -> bool:
     do not, they are not larger or smaller: parts of them are deep, as panels are."""
     space = local_space_of(meshes.highs)
     shares = (_ends(meshes.highs, space) - _ends([meshes.whole_low], space)) * space.size / distance
-    return bool(((shares > LESS) & (shares < MORE)).all())
+    return bool(((shares > LEAST_APART) & (shares < MOST_APART)).all())
 
 
 def fits_better(before: np.ndarray, after: np.ndarray, distance: float) -> bool:

@@ -23,7 +23,7 @@ RAYS = 32
 FRESH, ALL_FRESH = 0.15, 0.5
 """A patch is what the low mesh lacks if at least this share of the places that gain it had no hit of their own, or one on its
 other side; the second one if the patch agrees with the low mesh near it."""
-PART, MOST = 0.1, 0.6
+PART, SOLID_PART = 0.1, 0.6
 """The least share of a patch without a conflict that must be shown once it is turned over; of one that is closed and lies in
 others, as a copy inside or the inner side of a hollow body, the second one."""
 OPEN_BACK = 0.4
@@ -169,7 +169,7 @@ def _compared(before: _State, after: _State, asked: Sequence[np.ndarray]) -> tup
         hidden = inward & ~dirty
         if hidden.any():
             hidden &= ~sees_outside_of(patches, number, high, hidden, trials.scene)
-        parts = np.where(dirty, 0.0, np.where(hidden, MOST, PART)) * trials.expected(number)
+        parts = np.where(dirty, 0.0, np.where(hidden, SOLID_PART, PART)) * trials.expected(number)
         enough = places >= np.maximum(np.where(dirty, LEAST, LEAST + 1), parts)
         is_better = enough & (gained > MORE * lost)
         is_lacking = fresh >= np.where(ratio <= SURE, FRESH, ALL_FRESH) * places

@@ -19,13 +19,13 @@ from ..core import threads
 GRID = 256, 32767
 """The first and the last step, along each axis, of the grid to which boxes are rounded outwards."""
 
-FLAT = 1e-5
+LEAST_EXTENT = 1e-5
 """The least extent of the grid along an axis, as a share of the largest one."""
-ROUNDING = 1e-7
+ROUNDING_EXTENT = 1e-7
 """The least extent of the grid, as a share of the coordinates: about what single precision rounds."""
 SMALLEST = 1e-20
 """The least extent of the grid, so that its scale fits single precision."""
-BLOCK = 2**14
+TRIANGLES_AT_ONCE = 2**14
 """Triangles that a thread takes at once, so that its arrays fit in a processor's cache."""
 
 
@@ -54,7 +54,7 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
         rounded[:, :, part] = grid.rounded(boxes[:, :, part])
         centers[:, part] = grid.centers(rounded[:, :, part])
 
-    threads.for_blocks(len(triangles), round_outwards, BLOCK)
+    threads.for_blocks(len(triangles), round_outwards, TRIANGLES_AT_ONCE)
     order = kd_order(centers)
     nodes, first_leaf = stack(rounded, order)
     return Tree(order, nodes, first_leaf, grid.origin, grid.scale)
@@ -75,7 +75,7 @@ class Grid:
         extent = high - origin
         # A flat mesh has no extent along one axis, and a single point none at all: use a small one. Two free steps on either
         # side leave room to round outwards by more than single precision loses.
-        extent = np.maximum(extent, max(extent.max() * FLAT, np.abs(origin).max() * ROUNDING, SMALLEST))
+        extent = np.maximum(extent, max(extent.max() * LEAST_EXTENT, np.abs(origin).max() * ROUNDING_EXTENT, SMALLEST))
         scale = (GRID[1] - GRID[0] - 4) / extent
         return cls(origin - (GRID[0] + 2.0) / scale, scale, extent)
 
@@ -104,7 +104,7 @@ def boxes_of(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
             np.minimum(np.minimum(a, b), c, out=boxes[0, axis, part])
             np.maximum(np.maximum(a, b), c, out=boxes[1, axis, part])
 
-    threads.for_blocks(len(triangles), enclose, BLOCK)
+    threads.for_blocks(len(triangles), enclose, TRIANGLES_AT_ONCE)
     return boxes
 
 
@@ -134,7 +134,7 @@ def _grouped(boxes: np.ndarray, order: np.ndarray, nodes: np.ndarray) -> np.ndar
             nodes[part, axis] = pack(*children[:, axis]).reshape(-1, 4)
         around[0, :, part], around[1, :, part] = _reduce(np.minimum, children[0]), _reduce(np.maximum, children[1])
 
-    threads.for_blocks(len(nodes), group, BLOCK // 4)
+    threads.for_blocks(len(nodes), group, TRIANGLES_AT_ONCE // 4)
     return around
 
 

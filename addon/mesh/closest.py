@@ -22,7 +22,7 @@ BEAM = 4
 GRID = 32767.0
 """Steps of the grid along the longest axis on which triangles are sorted."""
 
-FAR = np.float32(1e9)
+FARTHEST = np.float32(1e9)
 """Coordinates beyond this are taken to be here, so that products of four of them stay finite."""
 
 
@@ -36,7 +36,7 @@ class Surface:
     """
 
     def __init__(self, points: np.ndarray, triangles: np.ndarray, order: np.ndarray | None = None):
-        points = np.clip(points, -FAR, FAR)
+        points = np.clip(points, -FARTHEST, FARTHEST)
         boxes = bvh.boxes_of(points, triangles)
         self._order = _order(boxes) if order is None else order
         self._corners = points[np.take(triangles, self._order, axis=0)]
@@ -57,7 +57,7 @@ class Surface:
         """
         triangles, points = np.empty(len(places), np.int64), np.empty((len(places), 3), np.float32)
         squares = np.empty(len(places), np.float32)
-        places = np.clip(places, -FAR, FAR)
+        places = np.clip(places, -FARTHEST, FARTHEST)
         threads.for_blocks(len(places), partial(self._search, places, triangles, points, squares), ROUND)
         return triangles, points, squares
 

@@ -37,9 +37,9 @@ def kept_vertices(
     return result
 
 
-REACH = 0.5
+FARTHEST_MOVE = 0.5
 """The farthest move, as a share of the longest edge at the vertex in UV space. What is farther belongs to another island."""
-FLAT = 0.1
+LEAST_UV_AREA = 0.1
 """The smallest share of its area in UV space that a triangle keeps."""
 
 
@@ -62,12 +62,12 @@ def moved_uvs(
     first, second, third = (_length(before[triangles[:, i]] - before[triangles[:, i - 2]]) for i in range(3))
     at_corners = np.maximum([first, second, third], [third, first, second]).T
     longest = _Largest(vertices[triangles.reshape(-1)], len(fixed)).of(at_corners.reshape(-1))
-    is_free &= farthest <= REACH * longest
+    is_free &= farthest <= FARTHEST_MOVE * longest
     areas = _areas(before.astype(np.float64), triangles)
     while True:
         moved = before + np.where(is_free[vertices][:, None], moves, 0.0)
         now = _areas(moved, triangles)
-        is_bad = (now * np.sign(areas) < FLAT * np.abs(areas)) & (now != areas)
+        is_bad = (now * np.sign(areas) < LEAST_UV_AREA * np.abs(areas)) & (now != areas)
         back = np.zeros(len(fixed), bool)
         back[vertices[triangles[is_bad]]] = True
         if not (back & is_free).any():

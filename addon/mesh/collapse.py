@@ -25,7 +25,7 @@ AT_ONCE = 0.1
 """The share of the edges, from the cheapest, of which a round collapses those that do not touch."""
 PASSES = 2
 """How often a round looks for edges that touch none that it has: after a single time, many are left."""
-TURNED, THIN = 0.3, 0.06
+LEAST_COSINE, LEAST_QUALITY = 0.3, 0.06
 """The least cosine between a triangle's normals before and after, and the least quality of a triangle, which is 1 for an
 equilateral one: collapses that make worse triangles are refused."""
 IDLE = 60
@@ -246,8 +246,8 @@ class _State:
         after = np.where((owners[kept] >= 0)[..., None], places[number][:, None], before)
         old, new = face_normals(before), face_normals(after)
         old_area, new_area = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
-        is_bad = (old * new).sum(axis=1) < TURNED * old_area * new_area
-        is_bad |= _quality(after, new_area) < np.minimum(THIN, 0.5 * _quality(before, old_area))
+        is_bad = (old * new).sum(axis=1) < LEAST_COSINE * old_area * new_area
+        is_bad |= _quality(after, new_area) < np.minimum(LEAST_QUALITY, 0.5 * _quality(before, old_area))
         is_good[number[is_bad]] = False
         # Nor may two triangles come to one place, as those of a tetrahedron.
         others = np.sort(self.triangles[kept][owners[kept] < 0].reshape(-1, 2), axis=1)

@@ -11,7 +11,7 @@ from .orientation import edge_pairs
 from .triangle_mesh import TANGENTS, Mesh
 from .triangles import degrees_between, dot, face_normals, unit, unit_normals
 
-FLAT = float(np.cos(np.radians(30.0)))
+SMOOTH_COSINE = float(np.cos(np.radians(30.0)))
 """The cosine of the angle between two faces up to which the surface is smooth where the mesh itself cannot tell."""
 
 
@@ -79,7 +79,7 @@ def _is_split(mesh: Mesh, places: np.ndarray) -> np.ndarray:
 def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.ndarray) -> Mesh:
     """`mesh` with new normals at some places (V,) bool: means of the faces around, by their angles, between hard edges.
 
-    Without a normal of its own, an edge is hard where its faces meet at more than FLAT.
+    Without a normal of its own, an edge is hard where its faces meet at more than SMOOTH_COSINE.
     """
     if not is_bad.any():
         return mesh
@@ -100,7 +100,7 @@ def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.n
         np.where(pairs.is_against, ends[other], starts[other]),
     )
     first, next_to = np.concatenate([starts[one], ends[one]]), np.concatenate(beside)
-    is_soft = np.tile(cosines >= FLAT, 2)
+    is_soft = np.tile(cosines >= SMOOTH_COSINE, 2)
     if mesh.normals_domain != "POINT":
         is_mixed = is_turned[some[one // 3]] != is_turned[some[other // 3]]
         corner, across = nodes[first], nodes[next_to]

@@ -10,9 +10,9 @@ from .topology import EdgeTable
 from .triangle_mesh import Mesh
 from .triangles import face_areas, face_normals, unit
 
-FIRST = 1000
+LOOKED_AT_FIRST = 1000
 """Triangles that are looked at before all."""
-HARD = 1.0
+HARD_DEGREES = 1.0
 """An edge is hard from this many degrees between the normals of its sides: files round normals by less."""
 
 
@@ -79,9 +79,9 @@ def is_split(mesh: Mesh) -> np.ndarray:
 
 
 def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Which rows (N,) bool of two arrays of unit normals (N, 3) differ by more than HARD."""
+    """Which rows (N,) bool of two arrays of unit normals (N, 3) differ by more than HARD_DEGREES."""
     between = a - b
-    return (between * between).sum(axis=1) > (2.0 * np.sin(np.radians(HARD) / 2.0)) ** 2
+    return (between * between).sum(axis=1) > (2.0 * np.sin(np.radians(HARD_DEGREES) / 2.0)) ** 2
 
 
 def partners(positions: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -120,7 +120,7 @@ def is_without_area(mesh: Mesh) -> bool:
     """Whether all triangles of a mesh are points or lines."""
     triangles = mesh.vertices[mesh.triangles]
     with np.errstate(over="ignore", invalid="ignore"):
-        if has_area(mesh.positions, triangles[:FIRST]).any():  # as nearly always
+        if has_area(mesh.positions, triangles[:LOOKED_AT_FIRST]).any():  # as nearly always
             return False
     # Squares of tiny lengths are 0 in single precision, and those of large ones are infinite.
     return not has_area(mesh.positions.astype(np.float64), triangles).any()

@@ -7,11 +7,11 @@ from ..core import threads
 from .triangle_mesh import Mesh
 from .triangles import cross
 
-FLAT = 1.0
+PLANAR_DEGREES = 1.0
 """Degrees between the triangles of a face, above which the choice of its diagonals changes the surface."""
-UNEVEN = 1e-3
+OFF_PARALLELOGRAM = 1e-3
 """Share of a quad's diagonal by which a corner may be off a parallelogram, before it matters along which diagonal it is cut."""
-SLIVER = 1e-4
+SLIVER_SINE = 1e-4
 """Sine of the angle at a triangle's first corner, below which single precision cannot tell front from back."""
 
 
@@ -24,8 +24,8 @@ def non_planar(mesh: Mesh) -> np.ndarray:
     """Which faces (F,) bool are not planar, so that their surface depends on how they are triangulated.
 
     `mesh` must have faces. A quad has two triangulations: it is not planar if a triangle of one leans away from a triangle
-    of the other by more than FLAT. An n-gon has too many: it is not planar if a triangle of the one that Blender draws
-    leans away from the mean normal of the face by more than FLAT.
+    of the other by more than PLANAR_DEGREES. An n-gon has too many: it is not planar if a triangle of the one that Blender
+    draws leans away from the mean normal of the face by more than that.
     """
     cuts = np.bincount(mesh.faces)
     result = np.zeros(len(cuts), bool)
@@ -83,11 +83,11 @@ def ambiguous_quads(mesh: Mesh) -> np.ndarray:
     for values, least in (
         (mesh.positions[mesh.vertices[corners]], None),
         (mesh.uv[corners], None),
-        (mesh.normals[corners], 2.0 * np.sin(np.radians(FLAT) / 2.0)),
+        (mesh.normals[corners], 2.0 * np.sin(np.radians(PLANAR_DEGREES) / 2.0)),
     ):
         a, b, c, d = np.moveaxis(values.astype(np.float64), 1, 0)
         sizes = np.maximum(np.linalg.norm(c - a, axis=1), np.linalg.norm(d - b, axis=1))
-        matters |= np.linalg.norm(a - b + c - d, axis=1) > (UNEVEN * sizes if least is None else least)
+        matters |= np.linalg.norm(a - b + c - d, axis=1) > (OFF_PARALLELOGRAM * sizes if least is None else least)
     result = np.zeros(len(cuts), bool)
     result[mesh.faces[is_of_quad][::2][matters]] = True
     return result
@@ -108,13 +108,13 @@ def normals_behind(mesh: Mesh) -> np.ndarray:
         face = np.stack(cross(across, along))
         area, largest = (face * face).sum(axis=0), (across * across).sum(axis=0) * (along * along).sum(axis=0)
         least = np.minimum.reduce([(np.take(normals, corner, axis=1) * face).sum(axis=0) for corner in corners])
-        result[part] = (least <= 0.0) & (area > SLIVER * SLIVER * largest)
+        result[part] = (least <= 0.0) & (area > SLIVER_SINE * SLIVER_SINE * largest)
 
     threads.for_blocks(len(result), check)
     return result
 
 
 def _lean(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Which pairs (N,) bool of vectors (3, N) lean away from each other by more than FLAT; zero vectors never do."""
+    """Which pairs (N,) bool of vectors (3, N) lean away from each other by more than PLANAR_DEGREES; zero vectors never do."""
     dot, lengths = (a * b).sum(axis=0), (a * a).sum(axis=0) * (b * b).sum(axis=0)
-    return dot < np.cos(np.radians(FLAT)) * np.sqrt(lengths)
+    return dot < np.cos(np.radians(PLANAR_DEGREES)) * np.sqrt(lengths)

@@ -6,15 +6,15 @@ import numpy as np
 from . import edges
 from .triangles import unit_normals
 
-FLAT = 0.1
+UNBENT_WEIGHT = 0.1
 """The weight of triangles without a bend, where the mean bend has about 1: the map hides how far away they are, but outlines
 show it."""
-BENT = 0.5
+BEND_POWER = 0.5
 """The power of the bend. For 1, coarse triangles would have equal errors where surfaces bend in both directions alike; lower
 ones allow for outlines, and measured errors correct the rest."""
-CORRECTED = 0.6
+ERROR_POWER = 0.6
 """The power of the measured errors: with 1, weights swing from one round to the next."""
-LEAST, MOST = 0.05, 20.0
+LEAST_EXCESS, MOST_EXCESS = 0.05, 20.0
 """The measured errors, as factors on their mean, beyond which they count as these."""
 SPREADS, SHARE = 3, 0.1
 """How often values are spread to neighbors, and which share of its neighbors' sum a vertex gets each time."""
@@ -40,7 +40,7 @@ def by_bending(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     around = np.bincount(vertices, np.repeat(bends, 3), count)
     around /= np.maximum(np.bincount(vertices, np.repeat(twice_areas, 3), count), 1e-300)
     mean = max(float(bends.sum() / max(twice_areas.sum(), 1e-300)), 1e-300)
-    return FLAT + (around[triangles].mean(axis=1) / mean) ** BENT
+    return UNBENT_WEIGHT + (around[triangles].mean(axis=1) / mean) ** BEND_POWER
 
 
 def by_error(weights: np.ndarray, triangles: np.ndarray, places: np.ndarray, excess: np.ndarray) -> np.ndarray:
@@ -52,7 +52,7 @@ def by_error(weights: np.ndarray, triangles: np.ndarray, places: np.ndarray, exc
         places: (N,) int, the triangles of places that were looked at.
         excess: (N,), the error of the whole triangle of the coarse mesh that is nearest to each place, over the mean of all.
     """
-    logarithms = np.log(np.clip(excess, LEAST, MOST))
+    logarithms = np.log(np.clip(excess, LEAST_EXCESS, MOST_EXCESS))
     of_faces = np.stack(
         [np.bincount(places, logarithms, len(triangles)), np.bincount(places, minlength=len(triangles))]
     )
@@ -65,4 +65,4 @@ def by_error(weights: np.ndarray, triangles: np.ndarray, places: np.ndarray, exc
     for _ in range(SPREADS):
         of_vertices += SHARE * gathered(of_vertices[:, triangles].sum(axis=2))
     sums, counts = of_vertices[:, triangles].sum(axis=2)
-    return weights * np.exp(CORRECTED * np.divide(sums, counts, out=np.zeros_like(sums), where=counts > 0.0))
+    return weights * np.exp(ERROR_POWER * np.divide(sums, counts, out=np.zeros_like(sums), where=counts > 0.0))

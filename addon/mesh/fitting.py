@@ -17,13 +17,13 @@ from .closest import Surface
 from .topology import EdgeTable, sums_of
 from .triangles import barycentric, checked, closest_points, face_normals, unit_normals
 
-STEPS = 60
+GRADIENT_STEPS = 60
 """Of conjugate gradients in a round, at most."""
-WITHIN = float(np.cos(np.radians(70.0)))
+SAME_SIDE_COSINE = float(np.cos(np.radians(70.0)))
 """The cosine up to which the normals of a sample and of the closest triangle differ, or they lie on different sides."""
-TURNED = 0.2
+LEAST_COSINE = 0.2
 """The cosine between the normals of a triangle before and after, below which its vertices stay where they were."""
-ROUNDING = 1.0001
+ROUNDING_FACTOR = 1.0001
 """The factor on distances by which single precision may be off."""
 LEAST_AREA = 0.05
 """The share of its area that a triangle keeps at least."""
@@ -137,7 +137,7 @@ def fit(
             found, where = beside.closest(places, found, now.astype(np.float32))
         corners = triangles[found]
         normals, _ = unit_normals(now, corners)
-        is_same_side = (normals * surface.normals).sum(axis=1) > WITHIN
+        is_same_side = (normals * surface.normals).sum(axis=1) > SAME_SIDE_COSINE
         corners = corners[is_same_side]
         if not len(corners):
             break
@@ -184,7 +184,7 @@ class _Beside:
         which = np.repeat(np.arange(len(known)), counts)
         # No triangle is nearer than the sphere around it.
         away = places[which] - middles[others]
-        is_near = (away * away).sum(axis=1) <= (np.sqrt(far[which]) * ROUNDING + radii[others]) ** 2
+        is_near = (away * away).sum(axis=1) <= (np.sqrt(far[which]) * ROUNDING_FACTOR + radii[others]) ** 2
         is_near &= others != known[which]
         which, others = which[is_near], others[is_near]
         here = places[which]
@@ -227,7 +227,7 @@ class _System:
         rest = self._gathered(sums_of(self._found, ways, len(self._triangles)).reshape(-1, 3, 3)) - self._applied(moves)
         along, power = rest, (rest * rest).sum(axis=0)
         enough = 1e-12 * np.maximum(power, 1e-300)
-        for _ in range(STEPS):
+        for _ in range(GRADIENT_STEPS):
             if (power <= enough).all():
                 break
             image = self._applied(along)
@@ -256,7 +256,7 @@ def _without_turns(start: np.ndarray, moved: np.ndarray, triangles: np.ndarray, 
     while True:
         now = np.where(is_moved[:, None], moved, start)
         new_normals, new_areas = unit_normals(now, triangles)
-        is_bad = ((normals * new_normals).sum(axis=1) < TURNED) | (new_areas < LEAST_AREA * areas)
+        is_bad = ((normals * new_normals).sum(axis=1) < LEAST_COSINE) | (new_areas < LEAST_AREA * areas)
         is_bad &= is_moved[triangles].any(axis=1) & (areas > 0.0)
         if not is_bad.any():
             return now

@@ -14,9 +14,9 @@ from .closest import Surface
 from .fitting import Samples
 from .triangles import checked, face_areas, unit_normals
 
-OPPOSED = -0.1
+OPPOSED_COSINE = -0.1
 """The cosine between normals below which they point to opposite sides."""
-TOWARDS = 0.3
+AXIS_COSINE = 0.3
 """The cosine from which a normal points to the side of an axis."""
 
 
@@ -74,13 +74,13 @@ def _is_folded(points: np.ndarray, triangles: np.ndarray, places: Surface, surfa
     """Which triangles (T,) bool are. places: the surface of the samples surface."""
     own, _ = unit_normals(points, triangles)
     nearest, _, _ = places.closest(points[triangles].mean(axis=1).astype(np.float32))
-    is_opposed = (own * surface.normals[nearest]).sum(axis=1) < OPPOSED
+    is_opposed = (own * surface.normals[nearest]).sum(axis=1) < OPPOSED_COSINE
     if not is_opposed.any():
         return is_opposed
     # Near a thin part, the other side of the surface can be nearest: then neighbors point to the same side.
     pairs, _ = orientation.edge_pairs(triangles, own)
     one, other = pairs.first // 3, pairs.second // 3
-    against = (own[one] * own[other]).sum(axis=1) < OPPOSED
+    against = (own[one] * own[other]).sum(axis=1) < OPPOSED_COSINE
     counts = np.bincount(np.concatenate([one[against], other[against]]), minlength=len(triangles))
     chosen = np.flatnonzero(is_opposed & (counts > 0))
     corners = points[triangles[chosen]]
@@ -101,7 +101,7 @@ def _is_of_surface(corners: np.ndarray, normals: np.ndarray, surface: Samples, r
     for axis in range(3):
         for sign in (-1.0, 1.0):
             some = np.flatnonzero((axes == axis) & (sign * normals[:, axis] > 0.0))
-            towards = surface.points[sign * surface.normals[:, axis] > TOWARDS]
+            towards = surface.points[sign * surface.normals[:, axis] > AXIS_COSINE]
             if len(some) and len(towards):
                 _, _, squares = _tree_of(towards).closest(corners[some].mean(axis=1).astype(np.float32))
                 result[some] = squares < reach[some] ** 2

@@ -12,7 +12,7 @@ from .triangles import transformed
 
 FARTHEST = 1e8
 """In units of a local space: single precision rounds anything farther by more than the space's size."""
-BLOCK = 2**14
+POINTS_AT_ONCE = 2**14
 """Points that a thread moves at once, so that they fit in a processor's cache."""
 
 
@@ -43,7 +43,7 @@ class LocalSpace:
                 values += offset[axis]
                 points[part, axis] = np.clip(values, -FARTHEST, FARTHEST, out=values)
 
-        threads.for_blocks(len(points), transform, BLOCK)
+        threads.for_blocks(len(points), transform, POINTS_AT_ONCE)
         return points
 
 

@@ -18,13 +18,13 @@ from .triangles import unit_normals
 
 WELD = 1e-6
 """Vertices closer than this share of the mesh's diagonal are at one place."""
-SMOOTH = 0.9
+SMOOTH_COSINE = 0.9
 """The cosine from which two of more than two triangles at an edge belong together."""
-FIRST = 4096
+LOOKED_AT_FIRST = 4096
 """Triangles that are looked at first for a conflict."""
 MOST_AT_EDGE = 8
 """With more triangles at an edge, none of them belong together."""
-FOLDED = 0.5
+FOLDED_COSINE = 0.5
 """The cosine below which two triangles of a patch that contradicts itself do not belong together."""
 Columns: TypeAlias = "tuple[np.ndarray, ...]"
 """The three vertices of triangles, (T,) intp each: rows of three are slow to work on, and indices of another type, too."""
@@ -172,7 +172,7 @@ def has_conflict(columns: Columns, is_open: np.ndarray, places: np.ndarray) -> b
     a, b, c = (np.take(is_open, column) for column in columns)
     near = np.flatnonzero((a & b) | (b & c) | (c & a))
     # Where many triangles are in conflict, some of the first ones are.
-    return any(_in_conflict(columns, places, some) for some in (near[:FIRST], near) if len(some))
+    return any(_in_conflict(columns, places, some) for some in (near[:LOOKED_AT_FIRST], near) if len(some))
 
 
 def _in_conflict(columns: Columns, places: np.ndarray, some: np.ndarray) -> bool:
@@ -203,7 +203,7 @@ def _flooded(points: np.ndarray, triangles: np.ndarray, places: np.ndarray) -> P
         bad = np.unique(labels[pairs.first[is_cut] // 3])
         contradicting = len(bad)
         in_bad = np.isin(labels[pairs.first // 3], bad)
-        keep = ~in_bad | (is_single & (cosines > FOLDED))
+        keep = ~in_bad | (is_single & (cosines > FOLDED_COSINE))
         pairs_left, cosines_left = pairs.at(keep), cosines[keep]
         labels, signs, is_cut = _signs(len(triangles), pairs_left, cosines_left)
         pairs = pairs_left.at(~is_cut)
@@ -279,7 +279,7 @@ def _best_pairs(sides: np.ndarray, made) -> tuple[np.ndarray, np.ndarray]:
     found = []
     for _ in range(sides.shape[1] // 2):
         best = cosines.argmax(axis=1)
-        rows = np.flatnonzero(cosines[np.arange(len(best)), best] > SMOOTH)
+        rows = np.flatnonzero(cosines[np.arange(len(best)), best] > SMOOTH_COSINE)
         if not len(rows):
             break
         best = best[rows]

@@ -64,7 +64,7 @@ UV_LAYER, ATTRIBUTE, TANGENTS, GENERATED = "UV map", "attribute", "tangents", "g
 """The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), tangents (C, 4) of a UV map, w the sign of the bitangent, and
 generated texture coordinates (C, 3)."""
 
-BLOCK = 2**20
+TRIANGLES_AT_ONCE = 2**20
 """Triangles that Mesh.box looks at together."""
 
 
@@ -164,8 +164,10 @@ class Mesh:
         """The minimum and maximum coordinates (2, 3) float64, in the mesh's space, of the vertices that triangles use."""
         # Loose vertices do not count: they can be anywhere.
         is_used = np.zeros(len(self.positions), bool)
-        for first in range(0, len(self.triangles), BLOCK):  # numbers of all triangles at once take much memory
-            is_used[np.take(self.vertices, self.triangles[first : first + BLOCK], mode="clip")] = True
+        for first in range(
+            0, len(self.triangles), TRIANGLES_AT_ONCE
+        ):  # numbers of all triangles at once take much memory
+            is_used[np.take(self.vertices, self.triangles[first : first + TRIANGLES_AT_ONCE], mode="clip")] = True
         used = self.positions if is_used.all() else self.positions[is_used]
         # One axis after another: reducing along a short last axis is ten times slower.
         return np.array([[pick(axis) for axis in used.T] for pick in (np.min, np.max)], np.float64)
@@ -218,7 +220,7 @@ def normal_matrix(mesh_to_world: np.ndarray, space_to_world: np.ndarray | None =
     return matrix / np.abs(matrix).max()
 
 
-UNEVEN = 1e-4
+UNEVEN_SCALE = 1e-4
 """How much the scales of an object along its axes may differ, as a share, to count as the same."""
 
 
@@ -231,7 +233,7 @@ def scale_of(to_world: np.ndarray) -> np.ndarray:
 def is_uneven(to_world: np.ndarray) -> bool:
     """Whether a matrix (4, 4) scales more in one direction than in another."""
     scales = np.linalg.svd(to_world[:3, :3], compute_uv=False)
-    return bool(scales[-1] < scales[0] * (1.0 - UNEVEN))
+    return bool(scales[-1] < scales[0] * (1.0 - UNEVEN_SCALE))
 
 
 def with_stretch(low: Mesh, basis: str) -> Mesh:

@@ -7,7 +7,7 @@ from . import topology
 from .topology import EdgeTable, hashes
 from .triangle_mesh import Mesh
 
-BLOCK = 2**20
+PAIRS_AT_ONCE = 2**20
 """Pairs of borders' sides that are looked at together."""
 
 
@@ -30,7 +30,7 @@ def crossing(mesh: Mesh, islands: np.ndarray) -> np.ndarray:
     ids = nodes.reshape(-1)[np.stack([border, stop], axis=1)]
     cuts = np.flatnonzero(np.diff(islands[border // 3], prepend=-1, append=-1)).tolist()
     for a, b in zip(cuts[:-1], cuts[1:], strict=True):
-        rows = max(1, BLOCK // (b - a))
+        rows = max(1, PAIRS_AT_ONCE // (b - a))
         for k in range(a, b, rows):
             block = slice(k, min(k + rows, b))
             result[border[block][_cross(points[block], ids[block], points[a:b], ids[a:b])] // 3] = True

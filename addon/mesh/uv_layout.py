@@ -22,7 +22,7 @@ _SPREAD = np.array(
 """Weights (N, 3) of corners for points that are spread evenly over a triangle."""
 _SPREAD_BLOCK = 2**12
 """Triangles whose points are computed at once: those of a mesh of millions do not fit in memory."""
-ROUNDING = 2.0**-21
+ROUNDING_SHARE = 2.0**-21
 """Share of the distance from the origin of UV space: how far single precision moves a corner, with room."""
 
 
@@ -87,7 +87,7 @@ def over_centers(
     for axis in range(2):
         half = size[axis] / 2.0
         scale, shift = uv_to_clip[axis] * half, (uv_to_clip[axis + 2] + 1.0) * half - 0.5
-        room = snap + ROUNDING * (abs(shift) + 2.0 * half)
+        room = snap + ROUNDING_SHARE * (abs(shift) + 2.0 * half)
         axes.append([np.float32(value) for value in (scale, shift - room, shift + room, size[axis] - 1)])
     is_over = np.empty(max(0, last - first), bool)
 
@@ -141,7 +141,7 @@ MOST_PIECES = 2**18
 """The most pieces into which `covered` splits the triangles of a block."""
 PIECE = 2
 """The widest piece, in squares, that is not split."""
-FAR = 4.0
+SPLIT_EXTENT = 4.0
 """Triangles of this extent in UV space are not split: single precision is too coarse for the middles of larger ones."""
 
 
@@ -183,7 +183,7 @@ def covered_squares(meshes: Sequence[Mesh], uv_to_clip: udim.UvToClip, size: tup
                 for y in (y0, y1 - 1):
                     result[y, x] = True
             pieces = pieces[:, is_large]
-            if pieces.shape[1] > MOST_PIECES or np.ptp(pieces, axis=2).max(initial=0.0) >= FAR:
+            if pieces.shape[1] > MOST_PIECES or np.ptp(pieces, axis=2).max(initial=0.0) >= SPLIT_EXTENT:
                 result[:] = True
                 return
             pieces = _halves(pieces)
@@ -249,7 +249,7 @@ def _boxes(
         for axis, (a, b, c) in enumerate(corners.transpose(0, 2, 1)):
             half, most = size[axis] / 2.0, np.float32(shape[1 - axis])
             scale, shift = uv_to_clip[axis] * half, (uv_to_clip[axis + 2] + 1.0) * half
-            room = SNAP + ROUNDING * (abs(shift) + 2.0 * half)
+            room = SNAP + ROUNDING_SHARE * (abs(shift) + 2.0 * half)
             lowest, highest = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
             first = np.floor((lowest * np.float32(scale) + np.float32(shift - room)) / side)
             last = np.floor((highest * np.float32(scale) + np.float32(shift + room)) / side) + 1.0

@@ -34,7 +34,7 @@ FULL = 0.72
 """The share of the cells that are taken at the size that is tried first."""
 COARSE, FINE = 1.03, 1.01
 """The factors on the area by which the size is searched: of one order, and of all."""
-LEAST = 0.02
+LEAST_SHARE = 0.02
 """Islands that do not fit at this share of the map are not packed."""
 
 
@@ -133,9 +133,9 @@ class _Packing:
         for _ in range(3):
             taken = int(self._shapes(0.0, share)[0].cells.sum())
             share *= min(2.0, FULL * self.side**2 / taken)
-        share = max(share, LEAST)
+        share = max(share, LEAST_SHARE)
         found = self._try(share, None, 1)
-        while found is None and share > LEAST:
+        while found is None and share > LEAST_SHARE:
             share /= COARSE
             found = self._try(share, None, 1)
         return None if found is None else self._grow(found, COARSE, 1)

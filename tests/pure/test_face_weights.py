@@ -21,7 +21,7 @@ def test_only_triangles_near_a_fold_bend():
     points, triangles = folded(16)
     weights = face_weights.by_bending(points, triangles)
     far = np.abs(points[triangles][..., 0]).min(axis=1)
-    assert weights[far > 0.2] == pytest.approx(face_weights.FLAT)
+    assert weights[far > 0.2] == pytest.approx(face_weights.UNBENT_WEIGHT)
     assert weights[far == 0.0].min() > 1.0
 
 
@@ -30,7 +30,7 @@ def test_spheres_of_any_size_weigh_the_same_everywhere():
     middle = np.abs(points[triangles][..., 2]).max(axis=1) < 0.5
     for size in (1.0, 1e-3):
         weights = face_weights.by_bending((size * points).astype(np.float32), triangles)
-        assert weights[middle] == pytest.approx(1.0 + face_weights.FLAT, abs=0.1)
+        assert weights[middle] == pytest.approx(1.0 + face_weights.UNBENT_WEIGHT, abs=0.1)
 
 
 def test_equal_errors_leave_the_weights():
@@ -46,7 +46,7 @@ def test_weights_rise_where_errors_are_larger_than_the_mean():
     places = np.flatnonzero((np.abs(x) > 0.2) & (np.arange(len(x)) % 2 == 0))  # others learn from their neighbors
     excess = np.where(x[places] > 0.0, 2.0, 0.5)
     found = face_weights.by_error(np.ones(len(triangles)), triangles, places, excess)
-    factor = 2.0**face_weights.CORRECTED
+    factor = 2.0**face_weights.ERROR_POWER
     assert found[x > 0.7] == pytest.approx(factor)
     assert found[x < -0.7] == pytest.approx(1.0 / factor)
 
