@@ -30,7 +30,7 @@ from .pictures import low_by_tile, square_means
 
 SQUARES = 256
 """Squares along a side of the map, at most, whose angles are kept: enough pixels fall on each."""
-PART = 2**20
+TRIANGLES_AT_ONCE = 2**20
 """The most triangles of a high mesh that are drawn at once: between the parts of larger ones, a bake can be canceled."""
 WRONG = 20.0
 """Degrees of the mean error on a square of the map above which it is taken for wrong: the shape of a low mesh alone costs less,
@@ -250,8 +250,8 @@ class SeenHighs:
         done, is_first = 0, True
         for high in self.highs:
             points = self.space.points(high)
-            for first in range(0, len(high.triangles), PART):
-                triangles = high.front_triangles[first : first + PART]
+            for first in range(0, len(high.triangles), TRIANGLES_AT_ONCE):
+                triangles = high.front_triangles[first : first + TRIANGLES_AT_ONCE]
                 mesh = [(_uploaded(high, points, triangles), normal_matrix(high.to_world))]
                 for into, view in zip(pictures, self._views, strict=True):
                     appearance.draw_high(into, mesh, view, clear=is_first)
@@ -278,8 +278,8 @@ class SeenHighs:
             if self.places is not None:
                 of_places += self._places[number - 1].errors(texels, len(of_places))
             yield Progress("Looking at the low mesh", number / len(self._views))
-        found = seen.result()
-        return replace(found, places=of_places) if found is not None and self.places is not None else found
+        result = seen.result()
+        return replace(result, places=of_places) if result is not None and self.places is not None else result
 
     def _parts(self, low: Mesh, shown: ShownMap | None, squares: "_Squares") -> Iterator[tuple]:
         """The low mesh as appearance.compare takes it."""
@@ -449,13 +449,13 @@ class _Seen:
         """Add a picture (side, side, 4), as appearance.compare writes it."""
         known = texels[..., 0]
         self._alone += int(np.count_nonzero((known == appearance.LOW_ALONE) | (known == appearance.HIGH_ALONE)))
-        found = texels[known > 0.0]
-        angles = found[:, 0] - np.float32(1.0)
+        compared = texels[known > 0.0]
+        angles = compared[:, 0] - np.float32(1.0)
         self._angles.add(angles)
-        self._distances.append(found[:, 1])
+        self._distances.append(compared[:, 1])
         self._sums.append(float(angles.sum(dtype=np.float64)))
         self._pixels.append(len(angles))
-        numbers, facing = found[:, 2].astype(np.int64) - 1, found[:, 3].astype(np.float64)
+        numbers, facing = compared[:, 2].astype(np.int64) - 1, compared[:, 3].astype(np.float64)
         self._by_square += np.bincount(numbers, facing * angles, len(self._weights))
         self._weights += np.bincount(numbers, facing, len(self._weights))
 
@@ -464,16 +464,16 @@ class _Seen:
         pixels = sum(self._pixels)
         if not pixels:
             return None
-        found = self._angles.results()
+        angles = self._angles.results()
         means = np.array(self._sums) / np.maximum(self._pixels, 1)
         worst = int(means.argmax())
         distance = self._frame.distance(float(np.percentile(np.concatenate(self._distances), 99)))
         return Appearance(
             mean=sum(self._sums) / pixels,
-            median=found["median"],
-            percentile_95=found["percentile_95"],
-            percentile_99=found["percentile_99"],
-            maximum=found["maximum"],
+            median=angles["median"],
+            percentile_95=angles["percentile_95"],
+            percentile_99=angles["percentile_99"],
+            maximum=angles["maximum"],
             silhouette=self._alone / (self._alone + pixels),
             distance=distance,
             pixels=pixels,

@@ -19,12 +19,12 @@ from . import severity
 
 LOW_FACES, HIGH_FACES = 256, 2048
 """The most faces of the low mesh, and of all high ones, that are compared."""
-BLOCK = 64
+COMPARED_FACES = 64
 """The low faces that are compared at once: larger products of matrices start threads of their own, which take longer."""
 AGAINST, MAYBE = 0.8, 0.2
 """The share of the low faces that point against the high ones near them, above which one of the two meshes is probably flipped,
 or may be: the nearest face can be the other side of a thin part, or of one that is sunk into the surface. Rays decide."""
-FEW = 64
+LEAST_FACES = 64
 """Fewer low faces say nothing."""
 INWARD = -0.3
 """How much of a closed mesh's surface points inward: -1 for a flipped sphere, 0 for a plane."""
@@ -88,7 +88,7 @@ def share_against(low: Faces, high: Faces) -> float:
     def find(part: slice) -> None:
         nearest[part] = (squares - 2.0 * below[part] @ above.T).argmin(axis=1)
 
-    threads.for_blocks(len(below), find, BLOCK)
+    threads.for_blocks(len(below), find, COMPARED_FACES)
     return float(((low.normals * high.normals[nearest]).sum(axis=1) < 0.0).mean())
 
 
@@ -171,7 +171,7 @@ class Finding:
 
 def suspicion(low_faces: int) -> float:
     """The share of the faces of a low object, of so many, from which rays are asked where there is time for it."""
-    return MAYBE if low_faces >= FEW else -1.0
+    return MAYBE if low_faces >= LEAST_FACES else -1.0
 
 
 def find_flipped(
@@ -209,18 +209,18 @@ def is_in_tangent_space(map_settings: MapSettings) -> bool:
 def find(low: Mesh, uv_layer: str, active_layer: str, sampling: SamplingSettings) -> list[Finding]:
     """Look at a low mesh, which must have UVs and faces. uv_layer: of the map. active_layer: of the object."""
     name = repr(low.name)
-    found = [_polygons(low, name)]
+    findings = [_polygons(low, name)]
     if active_layer and uv_layer != active_layer:
         values = {"low": name, "layer": repr(uv_layer), "active": repr(active_layer)}
-        found.append(Finding(LAYER, OTHER_LAYER, values))
+        findings.append(Finding(LAYER, OTHER_LAYER, values))
     hard = len(uv_seams.hard_edges(low))
     if hard:
-        found.append(Finding(HARD_EDGES, severity.HARD_EDGES, {"low": name, "count": hard}))
+        findings.append(Finding(HARD_EDGES, severity.HARD_EDGES, {"low": name, "count": hard}))
     if not sampling.udim:
         stacked = int(np.count_nonzero(mirrored_copies(low)))
         if stacked:
-            found.append(Finding(MIRRORED, STACKED, {"low": name, "count": stacked}, harms=False))
-    return [finding for finding in found if finding is not None]
+            findings.append(Finding(MIRRORED, STACKED, {"low": name, "count": stacked}, harms=False))
+    return [finding for finding in findings if finding is not None]
 
 
 def _polygons(low: Mesh, name: str) -> Finding | None:

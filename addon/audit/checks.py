@@ -204,10 +204,10 @@ def _overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int], covered: in
 
 def _gaps(low: Mesh, tiles: Sequence[int], sampling: SamplingSettings, *, overlaps: bool) -> Check:
     close = covered = border = 0
-    for found in mip_gaps.find(low, tiles, sampling, mip_gaps.grid(sampling), overlaps=overlaps):
-        covered += int(np.count_nonzero(found.covered))
-        close += int(np.count_nonzero(found.close | found.border))
-        border += int(np.count_nonzero(found.border))
+    for gaps in mip_gaps.find(low, tiles, sampling, mip_gaps.grid(sampling), overlaps=overlaps):
+        covered += int(np.count_nonzero(gaps.covered))
+        close += int(np.count_nonzero(gaps.close | gaps.border))
+        border += int(np.count_nonzero(gaps.border))
     return _share(close, covered) | {"border": border, "needed": mip_gaps.needed(sampling)}
 
 
@@ -225,26 +225,28 @@ class _Placement:
     usual: float
 
 
-def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tuple[Checks, _Placement]:
-    """found: the distances (N,) of the hits of rays, in scene units, or None without rays."""
+def _distances(plan: Plan, settings: Settings, distances: np.ndarray | None) -> tuple[Checks, _Placement]:
+    """distances: (N,) of the hits of rays, in scene units, or None without rays."""
     meshes, offset = plan.meshes, np.zeros(3, np.float32)
-    if found is None:
+    if distances is None:
         texels = plan.separation
         if texels is None:
             texels = separation.sample(separation.quick_probe(meshes), settings.sampling.size, plan.tiles)
         offset = separation.offset(texels, plan.method)
-        found = separation.distances(texels, offset)
-        found = found[found >= 0.0]
+        distances = separation.distances(texels, offset)
+        distances = distances[distances >= 0.0]
     limit, usual = (separation.limit(meshes.low, each.tracing) for each in (settings, replace(settings, limit=None)))
     usual = max(usual, limit)  # a larger one allows for more
-    maximum, percentile_99 = (float(found.max()), float(np.quantile(found, 0.99))) if found.size else (0.0, 0.0)
-    check = _share(int(np.count_nonzero(found > limit)), found.size) | {
+    maximum, percentile_99 = (
+        (float(distances.max()), float(np.quantile(distances, 0.99))) if distances.size else (0.0, 0.0)
+    )
+    check = _share(int(np.count_nonzero(distances > limit)), distances.size) | {
         "maximum": maximum,
         "percentile_99": percentile_99,
         "limit": limit,
         "offset": math.hypot(*offset.tolist()),
     }
-    return {"far": check}, _Placement(offset, np.count_nonzero(found > usual) / max(1, found.size), usual)
+    return {"far": check}, _Placement(offset, np.count_nonzero(distances > usual) / max(1, distances.size), usual)
 
 
 def _placement_warnings(
@@ -274,16 +276,16 @@ def _placement_warnings(
     if not plan.casts_rays:
         return  # what UVs put together may have any place and size
     if placement.beyond > severity.NEARLY_ALL:
-        found = f"on {placement.beyond:.2%} of the texels, they are more than {length(placement.usual)} apart"
+        what = f"on {placement.beyond:.2%} of the texels, they are more than {length(placement.usual)} apart"
     elif missed["share"] > MUCH_MISSED and not separation.boxes_fit(meshes):
-        found = f"{missed['share']:.2%} of the rays hit nothing"
+        what = f"{missed['share']:.2%} of the rays hit nothing"
     # A low mesh may stand for a part of a larger high one, with deep detail.
     elif placement.beyond > severity.MANY_FAR and not separation.boxes_fit(meshes, may_be_part=True):
-        found = "the surfaces are far apart"
+        what = "the surfaces are far apart"
     else:
         return
     advice = "Put them in the same place, or set an extrusion from which rays start outside of them."
-    yield Warned(f"{highs} and {low} differ in place or size: {found}. {advice}", severity.ELSEWHERE)
+    yield Warned(f"{highs} and {low} differ in place or size: {what}. {advice}", severity.ELSEWHERE)
 
 
 def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[Warned]:
@@ -339,8 +341,8 @@ def _share(count: int, of: int) -> dict[str, float]:
     return {"count": count, "of": of, "share": count / max(1, of)}
 
 
-def _count(found: np.ndarray, of: int) -> dict[str, float]:
-    return {"count": int(np.count_nonzero(found)), "of": of}
+def _count(is_counted: np.ndarray, of: int) -> dict[str, float]:
+    return {"count": int(np.count_nonzero(is_counted)), "of": of}
 
 
 def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRST,)) -> Iterator[np.ndarray]:
@@ -372,8 +374,8 @@ def check_unsure(plan: Plan, sampling: SamplingSettings, ray_cast: RayCast | Non
         sparse = at_most(sampling.size, UNSURE_SIDE)
         for tile in plan.tiles:
             doubts, far = explorer.sample(sparse.small, sparse.uv_to_clip(tile), sparse.uv_to_clip(tile, shift=1))
-            found = doubts.unsure, doubts.on_low, doubts.not_owned, *(getattr(doubts, reason) for reason in REASONS)
-            for name, texels in zip(names, found, strict=True):
+            masks = doubts.unsure, doubts.on_low, doubts.not_owned, *(getattr(doubts, reason) for reason in REASONS)
+            for name, texels in zip(names, masks, strict=True):
                 counts[name] += int(np.count_nonzero(texels))
             distances.append(far)
     return counts | {"share": counts["count"] / max(1, counts["of"])}, np.concatenate(distances)
@@ -390,13 +392,13 @@ def check_stacked(
 ) -> Check:
     """What Report.checks has of hidden parts, for the check "overlap". drawn: the maps of the bake. materials (T,) int: the
     number of each low triangle's material; None to leave them out."""
-    found = {"hidden": hidden.triangles, "under_others": 0, "differing": 0.0}
+    counts = {"hidden": hidden.triangles, "under_others": 0, "differing": 0.0}
     if hidden.share <= MUCH_OVERLAP:  # decimation leaves slivers on other triangles
-        return found | {"hidden": 0}
+        return counts | {"hidden": 0}
     if settings.map.space != Space.TANGENT or not settings.map.normal:  # each part has other normals in other spaces
-        return found
+        return counts
     if materials is not None:
-        found["under_others"] = hidden.under_others(materials)
+        counts["under_others"] = hidden.under_others(materials)
     compared = differing = 0
     size = min(settings.sampling.width, STACKED_SIDE), min(settings.sampling.height, STACKED_SIDE)
     with target.using(target.TargetPool()):
@@ -409,7 +411,7 @@ def check_stacked(
                 cosines = (shown[both] * own[both]).sum(axis=1)
                 compared += len(cosines)
                 differing += int(np.count_nonzero(cosines < np.cos(np.radians(DIFFERENT))))
-    return found | {"differing": differing / max(1, compared)}
+    return counts | {"differing": differing / max(1, compared)}
 
 
 def _detail(maps: SampledMaps, band: Band) -> tuple[np.ndarray, np.ndarray]:

@@ -177,11 +177,11 @@ class BetweenTexels:
 
     def results(self) -> dict[str, float | int]:
         """As Report.between has it; empty if nothing was measured."""
-        found = self._counts.with_wrong()
-        if found:
-            with_map, without = self._sums / found["texels"]
-            found["left"] = float(with_map / max(without, LEAST_DETAIL))
-        return found
+        counts = self._counts.with_wrong()
+        if counts:
+            with_map, without = self._sums / counts["texels"]
+            counts["left"] = float(with_map / max(without, LEAST_DETAIL))
+        return counts
 
 
 def _between(texels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -307,11 +307,11 @@ class AngleCounts:
 
     def with_wrong(self) -> dict[str, float | int]:
         """The results, and the share of the texels that are more than WRONG degrees off (wrong); empty without texels."""
-        found = self.results()
-        if not found["texels"]:
+        results = self.results()
+        if not results["texels"]:
             return {}
         first = int(np.float32(WRONG).view(np.int32)) >> DROPPED
-        return {**found, "wrong": float(self._counts[first:].sum()) / found["texels"]}
+        return {**results, "wrong": float(self._counts[first:].sum()) / results["texels"]}
 
     def _of_bin(self, number: int) -> float:
         """The middle of a bin, at most the largest angle."""

@@ -14,7 +14,7 @@ from .tally import Sparse, at_most
 
 QUICK = 256
 """Texels a side, at most, of a quick check, unless gaps are too narrow for it."""
-MOST = 4096
+FULL_SIDE = 4096
 """Texels a side, at most, of a full check; a larger map is checked in steps."""
 
 
@@ -46,7 +46,7 @@ def grid(sampling: SamplingSettings, most: int = QUICK) -> Sparse:
     finest = max(1, needed(sampling) // 2)
     if most == QUICK:
         sparse = replace(sparse, steps=(min(sparse.steps[0], finest), min(sparse.steps[1], finest)))
-    return sparse if max(sparse.small) <= MOST else at_most(sparse.size, MOST)
+    return sparse if max(sparse.small) <= FULL_SIDE else at_most(sparse.size, FULL_SIDE)
 
 
 def find(

@@ -15,11 +15,11 @@ from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import face_normals
 from ..passes import data_texture, lit, mesh_upload, target, viewport
 
-SIDE = 192
+PICTURE_SIDE = 192
 """Pixels along a side of each picture."""
 LIT_TEXELS = 512
 """Texels along a side of the map with which the low mesh is drawn, at most."""
-LIMIT = 5.0
+MOST_DEGREES = 5.0
 """Degrees at which the colors of deviations end, as in the viewport."""
 BACKGROUND, UNKNOWN = 24, 90
 """Gray where nothing is, and where the map has texels but no deviation is known, as bytes."""
@@ -69,21 +69,23 @@ class BakePictures:
             add_greatest(into, values, start, self._board.factor)
 
     def result(self) -> np.ndarray | None:
-        """The three pictures side by side, (SIDE, 3 SIDE, 3) uint8, row 0 on top. Those that there are not stay gray.
+        """The three pictures side by side, PICTURE_SIDE rows of RGB in uint8, row 0 on top. Those that there are not stay gray.
 
-        Deviations are the greatest of the texels that share a pixel, from dark blue for 0 to red for LIMIT degrees and more.
+        Deviations are the greatest of the texels that share a pixel, from dark blue for 0 to red for MOST_DEGREES and more.
         """
         if not self._maps:
             return None
-        result = np.full((SIDE, 3 * SIDE, 3), BACKGROUND, np.uint8)
-        result[:, :SIDE] = self._board.laid_out({tile: _bytes(*found) for tile, found in self._maps.items()})
+        result = np.full((PICTURE_SIDE, 3 * PICTURE_SIDE, 3), BACKGROUND, np.uint8)
+        result[:, :PICTURE_SIDE] = self._board.laid_out({tile: _bytes(*found) for tile, found in self._maps.items()})
         if self._textures:
-            drawn = _draw_low(self._low, self._textures, self._settings, SIDE)[::-1]
+            drawn = _draw_low(self._low, self._textures, self._settings, PICTURE_SIDE)[::-1]
             share = drawn[..., 3:]
-            result[:, SIDE : 2 * SIDE] = np.rint(_display(drawn[..., :3]) * 255.0 + (1.0 - share) * BACKGROUND)
+            result[:, PICTURE_SIDE : 2 * PICTURE_SIDE] = np.rint(
+                _display(drawn[..., :3]) * 255.0 + (1.0 - share) * BACKGROUND
+            )
         if self._degrees:
             colors = _ramp()
-            result[:, 2 * SIDE :] = self._board.laid_out(
+            result[:, 2 * PICTURE_SIDE :] = self._board.laid_out(
                 {tile: _colored(degrees, colors) for tile, degrees in self._degrees.items()}
             )
         return result
@@ -104,7 +106,7 @@ class _Board:
         self.factor = next(
             factor
             for factor in range(1, max(size) + 1)
-            if all(count * -(-length // factor) <= SIDE for count, length in along)
+            if all(count * -(-length // factor) <= PICTURE_SIDE for count, length in along)
         )
         self.shape = -(-size[1] // self.factor), -(-size[0] // self.factor)
 
@@ -115,10 +117,10 @@ class _Board:
         for tile, pixels in tiles.items():
             column, row = (at - first for at, first in zip(self._places[tile], self._first, strict=True))
             whole[row * rows : (row + 1) * rows, column * columns : (column + 1) * columns] = pixels
-        larger = max(1, SIDE // max(whole.shape))
+        larger = max(1, PICTURE_SIDE // max(whole.shape))
         whole = whole.repeat(larger, axis=0).repeat(larger, axis=1)[::-1]
-        result = np.full((SIDE, SIDE, 3), BACKGROUND, np.uint8)
-        top, left = ((SIDE - length) // 2 for length in whole.shape[:2])
+        result = np.full((PICTURE_SIDE, PICTURE_SIDE, 3), BACKGROUND, np.uint8)
+        top, left = ((PICTURE_SIDE - length) // 2 for length in whole.shape[:2])
         result[top : top + whole.shape[0], left : left + whole.shape[1]] = whole
         return result
 
@@ -135,7 +137,7 @@ def _bytes(values: np.ndarray, is_known: np.ndarray) -> np.ndarray:
 def _colored(degrees: np.ndarray, colors: np.ndarray) -> np.ndarray:
     """Degrees (rows, columns) as pixels. colors: as `_ramp` returns them."""
     places = np.clip(
-        degrees / LIMIT * len(colors) - 0.5, 0, len(colors) - 1
+        degrees / MOST_DEGREES * len(colors) - 0.5, 0, len(colors) - 1
     )  # each color is that of the middle of its share
     pixels = np.rint(colors[np.rint(places).astype(np.int32)] * 255.0)
     pixels[degrees == _NOT_MEASURED] = UNKNOWN
@@ -144,7 +146,7 @@ def _colored(degrees: np.ndarray, colors: np.ndarray) -> np.ndarray:
 
 
 def _ramp() -> np.ndarray:
-    """The colors of deviations from 0 to LIMIT degrees, (256, 3) float32, as the viewport's legend has them."""
+    """The colors of deviations from 0 to MOST_DEGREES degrees, (256, 3) float32, as the viewport's legend has them."""
     into = target.get("colors of deviations", 256, 1, "RGBA32F")
     corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], np.float32)
     square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)

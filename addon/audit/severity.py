@@ -211,8 +211,8 @@ class Warned:
     kind: str = ""
 
 
-def remaining(found: Iterable[Warned]) -> list[str]:
+def remaining(warnings: Iterable[Warned]) -> list[str]:
     """The sentences of what does not follow from another warning, each of them once."""
-    found = list(found)
-    hidden = frozenset().union(*(_HIDES.get(each.kind, frozenset()) for each in found))
-    return list(dict.fromkeys(each.text for each in found if each.kind not in hidden))
+    warnings = list(warnings)
+    hidden = frozenset().union(*(_HIDES.get(each.kind, frozenset()) for each in warnings))
+    return list(dict.fromkeys(each.text for each in warnings if each.kind not in hidden))

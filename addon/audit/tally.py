@@ -40,7 +40,7 @@ def at_most(size: tuple[int, int], most: int) -> Sparse:
 
 SAMPLES_A_SIDE = 1024
 """Texels a side, at most, on which overlaps are counted."""
-FLAT = 0.5 * np.cos(np.radians(0.1))
+LEANING_Z = 0.5 * np.cos(np.radians(0.1))
 """Half the z of a normal that differs by 0.1 degrees from the low mesh's. Smaller differences are invisible."""
 COMPARED = np.s_[::4, ::4]
 """The texels whose normals are compared with the low mesh's."""
@@ -97,12 +97,12 @@ class Tally:
     def _add_upwards(self, state: np.ndarray, upwards: Callable[[tuple[slice, ...]], np.ndarray]) -> None:
         """upwards: half the component along the low mesh's normals of the normals of some texels, such as COMPARED."""
         is_written = state[COMPARED] == WRITTEN
-        found = upwards(COMPARED)[is_written]
+        upward = upwards(COMPARED)[is_written]
         self.compared += int(np.count_nonzero(is_written))
-        self.turned_away += int(np.count_nonzero(found < 0.0))
-        self.leaning += int(np.count_nonzero(found < FLAT))
+        self.turned_away += int(np.count_nonzero(upward < 0.0))
+        self.leaning += int(np.count_nonzero(upward < LEANING_Z))
         if not self.leaning:  # a few bolts can lie between the compared texels
-            self.leaning += int(np.count_nonzero(upwards(np.s_[:, :])[state == WRITTEN] < FLAT))
+            self.leaning += int(np.count_nonzero(upwards(np.s_[:, :])[state == WRITTEN] < LEANING_Z))
 
 
 def sampled(size: tuple[int, int]) -> Sparse:

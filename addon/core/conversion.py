@@ -58,7 +58,7 @@ def in_words(space: str, basis: str, axes: tuple[str, str, str]) -> str:
     return f"{space.lower()} space" + (f" ({'; '.join(details)})" if details else "")
 
 
-STEP = 1.0 / 255.0
+STEP_OF_8_BITS = 1.0 / 255.0
 """Of 8 bits. Compression and rounding move values by about one."""
 MOST_BETWEEN = 0.25
 """The share of texels with some alpha whose alpha may be less than 1 in a map of coverage: the smooth borders of islands."""
@@ -68,8 +68,8 @@ LEAST_Z = 0.5
 
 def is_coverage(texels: np.ndarray) -> bool:
     """Whether alpha says where the map is. Otherwise it holds other data, as gloss or height. texels: (N, 4) of the map."""
-    has_some = texels[:, 3] > 0.5 * STEP
-    between = np.count_nonzero(has_some & (texels[:, 3] < 1.0 - 0.5 * STEP))
+    has_some = texels[:, 3] > 0.5 * STEP_OF_8_BITS
+    between = np.count_nonzero(has_some & (texels[:, 3] < 1.0 - 0.5 * STEP_OF_8_BITS))
     return bool(between <= MOST_BETWEEN * np.count_nonzero(has_some))
 
 
@@ -77,11 +77,11 @@ def lacks_z(texels: np.ndarray, stored: StoredNormals) -> bool:
     """Whether a tangent-space map has x and y alone: the third channel is the same everywhere. texels: (N, 4) of the map."""
     channel, _ = _z_channel(stored)
     known = texels[texels[:, 3] > 0.0]
-    if stored.from_space != Space.TANGENT or not len(known) or np.ptp(known[:, channel]) > 1.5 * STEP:
+    if stored.from_space != Space.TANGENT or not len(known) or np.ptp(known[:, channel]) > 1.5 * STEP_OF_8_BITS:
         return False
     z = _z(known, channel)
     off = np.abs(_as_stored(z, stored) - known[:, channel])
-    return bool(np.median(z) > LEAST_Z and off.max() > 2.5 * STEP)
+    return bool(np.median(z) > LEAST_Z and off.max() > 2.5 * STEP_OF_8_BITS)
 
 
 def rebuild_z(values: np.ndarray, stored: StoredNormals) -> None:

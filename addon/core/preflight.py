@@ -201,9 +201,9 @@ UNITS = (10.0, 100.0, 1000.0, 0.3048, 0.0254)
 """Ratios between units that programs mix up: meters to deci-, centi- and millimeters, feet and inches."""
 ALIKE = 0.05
 """How much the sides of a low and a high mesh may differ. A simplified mesh is a little smaller."""
-FLAT = 0.01
+FLAT_SIDE = 0.01
 """A side this much shorter than the longest one is not compared: the meshes may be flat."""
-FAR = 10.0
+FAR_DIAGONALS = 10.0
 """A distance in diagonals at which meshes belong to different coordinate systems."""
 COARSE = 1e-5
 """The steps of single precision as a share of a mesh's size, above which its details suffer."""
@@ -228,7 +228,7 @@ def placement_hint(low: np.ndarray, high: np.ndarray) -> str:
             "Export both with the same axis up."
         )
     distance = float(np.linalg.norm(np.maximum(np.maximum(low[0] - high[1], high[0] - low[1]), 0.0)))
-    if distance > FAR * max(diagonal, float(np.linalg.norm(low_sides))):
+    if distance > FAR_DIAGONALS * max(diagonal, float(np.linalg.norm(low_sides))):
         centers = (_place(low.mean(axis=0)), _place(high.mean(axis=0)))
         return (
             f"The low mesh lies around {centers[0]} and the high one around {centers[1]}: "
@@ -260,7 +260,7 @@ def rounding_hint(box: np.ndarray, location: np.ndarray) -> str:
 def _are_alike(first: np.ndarray, second: np.ndarray) -> bool:
     """Whether two boxes have the same sides (3,), nearly."""
     longest = max(first.max(), second.max())
-    matters = np.maximum(first, second) > FLAT * longest
+    matters = np.maximum(first, second) > FLAT_SIDE * longest
     return bool((np.abs(first - second) <= ALIKE * np.maximum(first, second))[matters].all())
 
 

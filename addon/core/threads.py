@@ -15,7 +15,7 @@ import numpy as np
 Part = TypeVar("Part")
 Result = TypeVar("Result")
 
-BLOCK = 2**16
+ELEMENTS_AT_ONCE = 2**16
 """Elements per block, so that intermediate values fit in a processor's cache."""
 
 
@@ -61,8 +61,8 @@ def map_parallel(work: Callable[[Part], Result], parts: Sequence[Part]) -> list[
 
 
 def for_blocks(count: int, work: Callable[[slice], None], block: int | None = None) -> None:
-    """Call `work` with slices of `block`, or else BLOCK, that together cover `count` elements, each once and in no order."""
-    map_parallel(work, blocks(count, block or BLOCK))
+    """Call `work` with slices of `block`, or else ELEMENTS_AT_ONCE, that cover all `count` elements once and in no order."""
+    map_parallel(work, blocks(count, block or ELEMENTS_AT_ONCE))
 
 
 def for_shares(count: int, block: int, work: Callable[[Iterator[slice]], None]) -> None:

@@ -371,7 +371,7 @@ class NearTriangles:
 def _near(mesh: Mesh, band: Band, some: Active) -> np.ndarray:
     """Which triangles (T,) bool may cover a sample of these texels."""
     size = band.width, band.height
-    return uv_layout.touching(mesh, replace(band, offset=(0.0, 0.0)).uv_to_clip, size, some.blocks, samples.BLOCK)
+    return uv_layout.touching(mesh, replace(band, offset=(0.0, 0.0)).uv_to_clip, size, some.blocks, samples.GROUP_SIDE)
 
 
 def _role(name: str, slot: int) -> str:

@@ -87,25 +87,25 @@ class Measured:
     has_tangents: bool
 
 
-def check_surface(baked: Baked, found: FileMesh, name: str) -> None:
+def check_surface(baked: Baked, mesh: FileMesh, name: str) -> None:
     """Raise BakeError unless the file has the triangles, corners and UVs that were baked."""
-    if found.positions.shape != baked.positions.shape:
+    if mesh.positions.shape != baked.positions.shape:
         raise BakeError(
-            f"The file has {len(found.positions):,} triangles of {name!r} where {len(baked.positions):,} were baked: it was "
+            f"The file has {len(mesh.positions):,} triangles of {name!r} where {len(baked.positions):,} were baked: it was "
             "not written."
         )
     size = float(np.ptp(baked.positions.reshape(-1, 3), axis=0).max()) or 1.0
-    if np.abs(found.positions - baked.positions).max() > POSITION_LIMIT * size:
+    if np.abs(mesh.positions - baked.positions).max() > POSITION_LIMIT * size:
         raise BakeError(f"The file has other triangles of {name!r} than were baked: it was not written.")
-    if not np.array_equal(found.materials, baked.textures):
+    if not np.array_equal(mesh.materials, baked.textures):
         raise BakeError(f"The file has other materials of {name!r} than were baked: it was not written.")
-    if np.abs(found.uv - baked.uv).max() > UV_LIMIT:
+    if np.abs(mesh.uv - baked.uv).max() > UV_LIMIT:
         raise BakeError(f"The file has other UVs of {name!r} than were baked: it was not written.")
 
 
 def measure(
     baked: Baked,
-    found: FileMesh,
+    mesh: FileMesh,
     texels_in: Callable[[int], np.ndarray | None],
     targets: Sequence[TargetEngine] = (),
     channels: Sequence[str] = (),
@@ -116,7 +116,7 @@ def measure(
 
     Engines make tangents of their own for files without: then those of the bake are taken.
     """
-    tangents = baked.tangents if found.tangents is None else found.tangents
+    tangents = baked.tangents if mesh.tangents is None else mesh.tangents
     ways = {basis.name: (basis, None) for basis in bases.BASES}
     ways |= {target.name: (target.basis, target) for target in targets}
     angles: dict[str, list[np.ndarray]] = {name: [] for name in ways}
@@ -133,10 +133,10 @@ def measure(
         truth = decoded(
             baked.basis, _looked_up(texels, uv), weights, baked.normals[triangles], baked.tangents[triangles]
         )
-        values = _looked_up(stored, np.einsum("nc,nck->nk", weights, found.uv[triangles]))
+        values = _looked_up(stored, np.einsum("nc,nck->nk", weights, mesh.uv[triangles]))
         for name, (basis, target) in ways.items():
             read = values if target is None else _read_by(target, values, channels)
-            shown = decoded(basis, read, weights, found.normals[triangles], tangents[triangles])
+            shown = decoded(basis, read, weights, mesh.normals[triangles], tangents[triangles])
             angles[name].append(degrees_between(truth, shown))
     if not any(angles.values()):
         return None
@@ -145,7 +145,7 @@ def measure(
         {basis.name: metrics[basis.name] for basis in bases.BASES},
         {target.name: metrics[target.name] for target in targets},
         sum(map(len, angles[bases.BASES[0].name])),
-        found.has_tangents and found.tangents is not None,
+        mesh.has_tangents and mesh.tangents is not None,
     )
 
 

@@ -96,13 +96,13 @@ def at_rest(look: Look, low: bpy.types.Object, *, only_base: bool) -> Iterator[l
 def armature_of(low: bpy.types.Object, *, for_render: bool) -> bpy.types.Object | None:
     """The armature that deforms `low` by its vertex groups, or None. for_render: whether it does in renders."""
     armatures = (modifier for modifier in low.modifiers if modifier.type == "ARMATURE")
-    found = (
+    modifiers = (
         modifier.object
         for modifier in armatures
         if (modifier.show_render if for_render else modifier.show_viewport)
         if modifier.use_vertex_groups and modifier.object
     )
-    return next(found, None)
+    return next(modifiers, None)
 
 
 def read(

@@ -51,9 +51,9 @@ class Exported:
 
     def to_dict(self) -> dict:
         """Plain data, as Report.export has it."""
-        found = asdict(self.measured) if self.measured else {}
+        measured = asdict(self.measured) if self.measured else {}
         written = {"files": self.paths, "triangles": self.triangles, "basis": self.basis}
-        return {**written, "has_applied_scale": self.has_applied_scale, **found}
+        return {**written, "has_applied_scale": self.has_applied_scale, **measured}
 
 
 def check_export(path: str) -> None:
@@ -113,10 +113,10 @@ def work(
 
 
 def _format(path: Path) -> MeshFormat:
-    found = FORMATS.get(path.suffix.lower())
-    if found is None:
+    file_format = FORMATS.get(path.suffix.lower())
+    if file_format is None:
         raise BakeError(f"{str(path)!r} is no file for an engine: {', '.join(file_formats.MESHES)} are.")
-    return found
+    return file_format
 
 
 def _written(
@@ -186,7 +186,7 @@ def _move(files: Sequence[Path], destinations: Sequence[Path]) -> None:
 def _exported(file_format: MeshFormat, one: Staged, path: Path) -> Exported:
     """Read one object back, and measure it. Raises BakeError if the file has something else than was baked."""
     low = one.baked
-    found = file_format.read(path, one)
+    mesh = file_format.read(path, one)
     baked = Baked(
         low.positions[one.order],
         low.normals[one.order],
@@ -196,14 +196,14 @@ def _exported(file_format: MeshFormat, one: Staged, path: Path) -> Exported:
         low.basis,
         _kept(lambda texture: _baked_texels(one, texture, path.parent)),
     )
-    comparison.check_surface(baked, found, low.name)
+    comparison.check_surface(baked, mesh, low.name)
     measured = None
     if low.has_normal_map:
         measured = comparison.measure(
             baked,
-            found,
+            mesh,
             _kept(
-                lambda texture: _texels_in(found, texture, file_format.channels or one.channels(texture), path.parent)
+                lambda texture: _texels_in(mesh, texture, file_format.channels or one.channels(texture), path.parent)
             ),
             [targets.BY_NAME[name] for name in low.reports[0].settings["targets"]],
             () if file_format.channels else one.channels(0),
@@ -214,13 +214,13 @@ def _exported(file_format: MeshFormat, one: Staged, path: Path) -> Exported:
 
 def _kept(load: Callable[[int], np.ndarray | None]) -> Callable[[int], np.ndarray | None]:
     """`load`, called once for each texture after the other."""
-    found: dict[int, np.ndarray | None] = {}
+    latest: dict[int, np.ndarray | None] = {}
 
     def kept(texture: int) -> np.ndarray | None:
-        if texture not in found:
-            found.clear()
-            found[texture] = load(texture)
-        return found[texture]
+        if texture not in latest:
+            latest.clear()
+            latest[texture] = load(texture)
+        return latest[texture]
 
     return kept
 
@@ -235,8 +235,8 @@ def _baked_texels(one: Staged, texture: int, folder: Path) -> np.ndarray | None:
         return map_pictures.turned(map_pictures.pixels(part), one.channels(texture))
 
 
-def _texels_in(found: FileMesh, texture: int, channels: Sequence[str], folder: Path) -> np.ndarray | None:
-    picture = found.pictures[texture]
+def _texels_in(mesh: FileMesh, texture: int, channels: Sequence[str], folder: Path) -> np.ndarray | None:
+    picture = mesh.pictures[texture]
     if picture is None:
         return None
     path = folder / f"read back{file_formats.PNG.endings[0]}"

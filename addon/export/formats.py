@@ -177,10 +177,10 @@ def _link_levels(tree: dict[str, Any], names: Sequence[str]) -> None:
 
 
 def _node(tree: dict[str, Any], name: str) -> int:
-    found = [number for number, node in enumerate(tree["nodes"]) if node.get("name") == name and "mesh" in node]
-    if not found:
+    numbers = [number for number, node in enumerate(tree["nodes"]) if node.get("name") == name and "mesh" in node]
+    if not numbers:
         raise BakeError(f"Blender's exporter left out {name!r}.")
-    return found[0]
+    return numbers[0]
 
 
 def _read_glb(path: Path, one: Staged) -> FileMesh:
@@ -199,16 +199,16 @@ def _read_glb(path: Path, one: Staged) -> FileMesh:
             key = "uv" if name == layer else name.lower()
             parts.setdefault(key, []).append(glb.accessor(accessor)[indices])
         parts.setdefault("material", []).append(np.full(len(indices), number))
-    found = {name: np.concatenate(values) for name, values in parts.items()}
-    uv = found["uv"].copy()
+    arrays = {name: np.concatenate(values) for name, values in parts.items()}
+    uv = arrays["uv"].copy()
     uv[..., 1] = 1.0 - uv[..., 1]
-    has_tangents = len(found.get("tangent", ())) == len(found["position"])
+    has_tangents = len(arrays.get("tangent", ())) == len(arrays["position"])
     return FileMesh(
-        _z_up(found["position"]),
-        _z_up(found["normal"]),
+        _z_up(arrays["position"]),
+        _z_up(arrays["normal"]),
         uv,
-        _z_up(found["tangent"]) if has_tangents else None,
-        found["material"],
+        _z_up(arrays["tangent"]) if has_tangents else None,
+        arrays["material"],
         pictures,
     )
 
@@ -257,12 +257,12 @@ def _objects(path: Path, importer: Callable[[], object]) -> Iterator[list[bpy.ty
 def _found(objects: list[bpy.types.Object], name: str) -> bpy.types.Object:
     """The object that was written with this name: formats replace signs in names, and Blender adds numbers."""
     plain = re.sub(r"\W", "_", name)
-    found = [obj for obj in objects if re.sub(r"\W", "_", re.sub(r"\.\d{3,}$", "", obj.name)) == plain]
-    if not found and len(objects) == 1:
-        found = objects
-    if len(found) != 1:
+    candidates = [obj for obj in objects if re.sub(r"\W", "_", re.sub(r"\.\d{3,}$", "", obj.name)) == plain]
+    if not candidates and len(objects) == 1:
+        candidates = objects
+    if len(candidates) != 1:
         raise BakeError(f"Blender's exporter left out {name!r}, or changed its name.")
-    return found[0]
+    return candidates[0]
 
 
 def _file_mesh(obj: bpy.types.Object, one: Staged) -> FileMesh:

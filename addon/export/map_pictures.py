@@ -28,9 +28,9 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
     width, height = image.size
     if not width or not height:
         raise BakeError(f"The image {image.name!r} has no pixels: its file is missing, or was not read.")
-    found = np.empty(height * width * 4, np.float32)
-    image.pixels.foreach_get(found)
-    return found.reshape(height, width, 4)
+    pixels = np.empty(height * width * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(height, width, 4)
 
 
 @contextmanager
@@ -42,14 +42,14 @@ def one_tile(image: bpy.types.Image, tile: int, folder: Path) -> Iterator[bpy.ty
     if image.source != "TILED":
         yield image
         return
-    found = next((content for number, content in datablocks.tile_contents(image) if number == tile), None)
-    if found is None:
+    source = next((content for number, content in datablocks.tile_contents(image) if number == tile), None)
+    if source is None:
         raise BakeError(f"The image {image.name!r} has no tile {tile}: bake it as well.")
-    if not isinstance(found, Path):
+    if not isinstance(source, Path):
         path = folder / f"one tile{Path(image.filepath).suffix}"
-        path.write_bytes(found)
-        found = path
-    with loaded(found) as part:
+        path.write_bytes(source)
+        source = path
+    with loaded(source) as part:
         part.colorspace_settings.name = image.colorspace_settings.name
         datablocks.keep_values(part, "" if image.colorspace_settings.is_data else image.colorspace_settings.name)
         yield part
@@ -159,9 +159,9 @@ class PictureFiles:
         """A path for a new file. Names that differ in case alone count as equal: some file systems do so."""
         stem = file_name(self._before_names + name)
         names = (f"{stem}{number}{ending}" for number in chain([""], (f"_{other}" for other in count(2))))
-        found = next(one for one in names if one.casefold() not in self._names)
-        self._names.add(found.casefold())
-        return self._folder / found
+        free = next(one for one in names if one.casefold() not in self._names)
+        self._names.add(free.casefold())
+        return self._folder / free
 
     def _shown(self, path: Path) -> bpy.types.Image:
         image = bpy.data.images.load(str(path), check_existing=False)

@@ -275,11 +275,11 @@ def _with_maps(one: Staged, pictures: PictureFiles, channels: Sequence[str] | No
             notes += materials.hook_up(
                 one.object, image, space=report.space, uv_layer=layer, channels=shown, slots=[number]
             )
-        found, warnings = materials.images_of_report(report.maps, report.space)
+        images, warnings = materials.images_of_report(report.maps, report.space)
         notes += warnings
-        if found:
+        if images:
             own = {}
-            for name, one_map in found.items():
+            for name, one_map in images.items():
                 image = pictures.other_map(one_map.image, tile, has_alpha=_has_alpha(report, one_map))
                 own[name] = replace(one_map, image=image)
             notes += materials.connect_maps(one.object, own, uv_layer=layer, slots=[number])

@@ -123,7 +123,7 @@ def flipped_findings(meshes: Meshes, timings: Timings, *, has_rays: bool) -> lis
     """
     if meshes.is_own_base or not len(meshes.low.triangles):
         return []
-    low = before_bake.faces_of_mesh(meshes.low, before_bake.LOW_FACES, least=before_bake.FEW)
+    low = before_bake.faces_of_mesh(meshes.low, before_bake.LOW_FACES, least=before_bake.LEAST_FACES)
     each = max(1, before_bake.HIGH_FACES // len(meshes.highs))
     turned = meshes.mended.turned_of_kept if meshes.mended is not None else [None] * len(meshes.highs)
     faces = (before_bake.faces_of_mesh(high, each, mask) for high, mask in zip(meshes.highs, turned, strict=True))
@@ -707,7 +707,7 @@ def _skewed(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
 
 def _close(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool that are too close to another island or to the border."""
-    sparse = mip_gaps.grid(view.settings.sampling, mip_gaps.MOST)
+    sparse = mip_gaps.grid(view.settings.sampling, mip_gaps.FULL_SIDE)
     columns, rows = sparse.steps
     for found in mip_gaps.find(view.meshes.low, view.plan.tiles, view.settings.sampling, sparse, overlaps=True):
         close = np.repeat(np.repeat(found.close | found.border, rows, axis=0), columns, axis=1)

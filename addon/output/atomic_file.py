@@ -232,11 +232,11 @@ class Partial:
         except OSError as error:
             raise BakeError(f"{str(self.path)!r} could not be written: {reason(error)}.") from error
         except RuntimeError as error:  # of Blender's writers
-            found = reason(error)
+            why = reason(error)
             # If it cannot write all of a file, Blender reports the last error of the system, which may be of an earlier call.
-            if found == _SAVE_FAILED or found.removeprefix(f"{_SAVE_FAILED}: ") in _SYSTEM_MESSAGES:
-                found = "Blender could not write all of it, as on a full disk"
-            raise BakeError(f"{str(self.path)!r} could not be written: {found}.") from error
+            if why == _SAVE_FAILED or why.removeprefix(f"{_SAVE_FAILED}: ") in _SYSTEM_MESSAGES:
+                why = "Blender could not write all of it, as on a full disk"
+            raise BakeError(f"{str(self.path)!r} could not be written: {why}.") from error
 
     def commit(self) -> None:
         """Replace the file, in one step of the file system. Raises BakeError if that fails."""
@@ -365,13 +365,13 @@ def leave() -> None:
 def _copy_rights(path: Path, other: Path) -> None:
     """Give a file the mode and the group of the one at `path`, as far as the system allows it. Raises OSError."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except FileNotFoundError:
         return
-    mode = found.st_mode & 0o777
-    if hasattr(os, "chown") and os.stat(other).st_gid != found.st_gid:
+    mode = status.st_mode & 0o777
+    if hasattr(os, "chown") and os.stat(other).st_gid != status.st_gid:
         try:
-            os.chown(other, -1, found.st_gid)
+            os.chown(other, -1, status.st_gid)
         except OSError:  # this user is not in the group: another one may do no more than all users
             mode &= 0o707 | (mode & 0o007) << 3
     with suppress(OSError):  # a file system without modes

@@ -167,11 +167,11 @@ def sources() -> Iterator[tuple[str, str]]:
     """The files that the open scene uses, except images in materials: absolute paths, and descriptions for messages."""
     if bpy.data.filepath:
         yield bpy.data.filepath, "the open file"
-    found = [(library, "a linked library") for library in bpy.data.libraries]
-    found += [(cache, "a cache of the scene") for cache in bpy.data.cache_files]
+    users = [(library, "a linked library") for library in bpy.data.libraries]
+    users += [(cache, "a cache of the scene") for cache in bpy.data.cache_files]
     images = (texture.image for texture in bpy.data.textures if texture.type == "IMAGE")
-    found += [(image, f"the image {image.name!r} of a texture") for image in filter(None, images)]
-    for owner, title in found:
+    users += [(image, f"the image {image.name!r} of a texture") for image in filter(None, images)]
+    for owner, title in users:
         if owner.filepath:  # relative to the file that the owner is linked from
             yield bpy.path.abspath(owner.filepath, library=owner.library), title
 

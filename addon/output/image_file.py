@@ -135,25 +135,25 @@ def note_of(path: str | Path) -> str:
 
 def format_of(path: str | Path) -> Format:
     """How a file stores its texels. Raises BakeError."""
-    with _opened(path) as (_, found):
-        return found
+    with _opened(path) as (_, stored_as):
+        return stored_as
 
 
 def read(path: str | Path) -> np.ndarray:
     """The texels (height, width, 4) float32 of a file, row 0 at v = 0, that `content` would store as they are there. Raises
     BakeError."""
-    with _opened(path) as (picture, found):
-        numbers = picture.read_image(0, 0, 0, picture.spec().nchannels, _number_type(found))
+    with _opened(path) as (picture, stored_as):
+        numbers = picture.read_image(0, 0, 0, picture.spec().nchannels, _number_type(stored_as))
         if numbers is None:
             raise BakeError(f"{str(path)!r} could not be read: {picture.geterror()}.")
     height, width, channels = numbers.shape
     texels = np.ones((height, width, 4), np.float32)
     colors = channels - (channels in (2, 4))
     texels[..., :3] = numbers[..., :colors]
-    if found.has_alpha:
+    if stored_as.has_alpha:
         texels[..., 3] = numbers[..., -1]
-    if not found.is_float:
-        texels[..., : 3 + found.has_alpha] /= np.float32(2**found.depth - 1)
+    if not stored_as.is_float:
+        texels[..., : 3 + stored_as.has_alpha] /= np.float32(2**stored_as.depth - 1)
     return np.ascontiguousarray(texels[::-1])
 
 

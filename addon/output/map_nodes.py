@@ -49,9 +49,9 @@ def _is_exporters(group: ShaderNodeTree) -> bool:
 
 def _gltf_group() -> ShaderNodeTree:
     """The group, made if the file has none with an input for occlusion."""
-    found = bpy.data.node_groups.get(GLTF_GROUP)
-    if found is not None and OCCLUSION in found.interface.items_tree:
-        return found
+    existing = bpy.data.node_groups.get(GLTF_GROUP)
+    if existing is not None and OCCLUSION in existing.interface.items_tree:
+        return existing
     group = bpy.data.node_groups.new(GLTF_GROUP, "ShaderNodeTree")
     for name, value in SOCKETS.items():
         group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat").default_value = value

@@ -32,7 +32,7 @@ def images_of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, Ma
     A map that is packed as well comes from the packed image: the material then needs one image less. Maps that no input of a
     material takes, and those without a value, are left out. space: as in Settings.
     """
-    found: dict[str, MapImage] = {}
+    images: dict[str, MapImage] = {}
     gone, empty = [], []
     for name, how in sorted(maps.items(), key=lambda item: "channels" in item[1]):
         parts = _parts(name, how)
@@ -45,7 +45,7 @@ def images_of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, Ma
             if part.get("empty"):  # an input that it fed would be black
                 empty.append(map_type.label)
                 continue
-            found[map_type.name] = MapImage(
+            images[map_type.name] = MapImage(
                 image,
                 role=name,
                 label=map_type.label if not channel else "Packed",
@@ -62,7 +62,7 @@ def images_of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, Ma
         )
     if empty:
         warnings.append(f"Maps without a value are not connected: {shorten_list(dict.fromkeys(empty))}.")
-    return found, warnings
+    return images, warnings
 
 
 def _parts(name: str, how: dict) -> dict[str, dict]:
@@ -262,9 +262,9 @@ def _is_local(datablock: Material | Mesh) -> bool:
 
 def of(low: Object, slots: Sequence[int] | None = None, *, is_own_base: bool) -> list[Material]:
     """The materials that `low` shows, each once, also those that its modifiers set. slots, is_own_base: as in `hook_up`."""
-    found = [slot.material for slot in _shown(low, is_own_base=is_own_base).material_slots]
+    in_slots = [slot.material for slot in _shown(low, is_own_base=is_own_base).material_slots]
     # Slots may have been removed since the bake.
-    chosen = [material for number, material in enumerate(found) if slots is None or number in slots]
+    chosen = [material for number, material in enumerate(in_slots) if slots is None or number in slots]
     return list(dict.fromkeys(material.original for material in chosen if material))
 
 

@@ -74,8 +74,8 @@ class _Table:
 
 def identity(path: str) -> Hashable:
     """What is the same for all paths and hard links of a file. Raises OSError or ValueError if there is none."""
-    found = os.stat(path)
-    return found.st_dev, found.st_ino
+    status = os.stat(path)
+    return status.st_dev, status.st_ino
 
 
 class _Keys(NamedTuple):
@@ -158,33 +158,33 @@ class Places:
         if _UNFINISHED.match(name):
             raise WrongPlace(f"{path!r} has a name that Imprint uses for its temporary files: rename it.")
         folder = self._folder(parent)
-        found = None
+        on_disk = None
         if TOKEN not in path:
             with suppress(OSError, ValueError):  # it is missing, or no valid path
-                found = identity(path)
+                on_disk = identity(path)
         folded = _folded(name)
         own = folder.key(folded)
-        exact = (own,) if found is None else (own, found)
+        exact = (own,) if on_disk is None else (own, on_disk)
         tiles = tuple([folder.key(other) for other in _without_numbers(folded)])
         return _Keys(exact, tiles, folder.missing)
 
     def _folder(self, path: str) -> _Folder:
         if path not in self._folders:
-            missing, found = [], os.path.realpath(path)
-            while found not in self._folders:
+            missing, ancestor = [], os.path.realpath(path)
+            while ancestor not in self._folders:
                 try:
-                    self._folders[found] = _Folder(identity(found))
+                    self._folders[ancestor] = _Folder(identity(ancestor))
                 except (OSError, ValueError) as error:
-                    parent, name = os.path.split(found)
+                    parent, name = os.path.split(ancestor)
                     if not name or getattr(error, "errno", None) == errno.ENAMETOOLONG:
-                        self._folders[found] = _Folder(found)
+                        self._folders[ancestor] = _Folder(ancestor)
                         break
-                    missing.append((found, _folded(name)))
-                    found = parent
-            folder = self._folders[found]
-            for found, name in reversed(missing):
+                    missing.append((ancestor, _folded(name)))
+                    ancestor = parent
+            folder = self._folders[ancestor]
+            for ancestor, name in reversed(missing):
                 folder = _Folder(folder.there, f"{folder.below}{name}/", (*folder.missing, folder.key(name)))
-                self._folders[found] = folder
+                self._folders[ancestor] = folder
             self._folders[path] = folder
         return self._folders[path]
 

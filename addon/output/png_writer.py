@@ -116,8 +116,8 @@ def content(
 
     def part(where: slice) -> _Piece:
         rows = filtered[where]
-        found = deflate(rows, choose(rows, SEARCHES[depth]), is_last=where.stop == height)
-        return _Piece(found, zlib.crc32(found.data, zlib.crc32(b"IDAT")))
+        deflated = deflate(rows, choose(rows, SEARCHES[depth]), is_last=where.stop == height)
+        return _Piece(deflated, zlib.crc32(deflated.data, zlib.crc32(b"IDAT")))
 
     def write(path: Path, results: Iterator[_Piece]) -> None:
         with path.open("wb") as file:
@@ -126,9 +126,9 @@ def content(
             for name, data in ((b"IHDR", head), *(COLOR_SPACE if is_color else ()), *notes, (b"IDAT", HEADER)):
                 _write_chunk(file, name, data)
             adler = 1
-            for found in results:
-                _write_chunk(file, b"IDAT", found.deflated.data, found.checksum)
-                adler = joined(adler, found.deflated)
+            for piece in results:
+                _write_chunk(file, b"IDAT", piece.deflated.data, piece.checksum)
+                adler = joined(adler, piece.deflated)
             _write_chunk(file, b"IDAT", struct.pack(">I", adler))
             _write_chunk(file, b"IEND", b"")
 
@@ -137,18 +137,18 @@ def content(
 
 def texts(path: str | Path) -> dict[str, str]:
     """The texts before the texels of a PNG file, by their keywords; none if it is no PNG file."""
-    found = {}
+    texts = {}
     with open(path, "rb") as file:
         if file.read(len(SIGNATURE)) != SIGNATURE:
-            return found
+            return texts
         while len(head := file.read(8)) == 8 and head[4:] != b"IDAT":
             length = int.from_bytes(head[:4], "big")
             if head[4:] == b"tEXt":
                 key, _, text = file.read(length).partition(b"\0")
-                found[key.decode("latin-1")] = text.decode("latin-1")
+                texts[key.decode("latin-1")] = text.decode("latin-1")
                 length = 0
             file.seek(length + 4, io.SEEK_CUR)
-    return found
+    return texts
 
 
 def small(pixels: np.ndarray) -> bytes:

@@ -61,11 +61,11 @@ class Part:
 
 def joined(parts: Iterable[Part], more: Iterable[Part]) -> list[Part]:
     """`parts`, and those of `more` that are not among them."""
-    found = list(parts)
+    unique = list(parts)
     for part in more:
-        if not any(part.is_same(known) for known in found):
-            found.append(part)
-    return found
+        if not any(part.is_same(known) for known in unique):
+            unique.append(part)
+    return unique
 
 
 def listed(parts: Sequence[Part]) -> str:
@@ -94,10 +94,10 @@ def check_room(path: str | Path, count: int) -> None:
 def _from_text(text: str) -> list[Part]:
     """The parts of a record; none if it is not one: files hold anything."""
     try:
-        found = json.loads(text) if text else []
+        items = json.loads(text) if text else []
     except (ValueError, RecursionError):
         return []
-    return [part for item in (found if isinstance(found, list) else []) if (part := _part(item)) is not None]
+    return [part for item in (items if isinstance(items, list) else []) if (part := _part(item)) is not None]
 
 
 def _part(item: object) -> Part | None:
@@ -128,8 +128,8 @@ def parts_of_files(settings: Settings) -> list[Part]:
     path = bpy.path.abspath(output_for(settings))
     if not path:
         return []
-    found = udim.files(path).values() if udim.TOKEN in path else [path] if os.path.isfile(path) else []
-    return joined([], (part for each in found for part in _from_text(image_file.note_of(each))))
+    paths = udim.files(path).values() if udim.TOKEN in path else [path] if os.path.isfile(path) else []
+    return joined([], (part for each in paths for part in _from_text(image_file.note_of(each))))
 
 
 @dataclass(frozen=True)
@@ -156,8 +156,8 @@ def stored(settings: Settings, tile: int) -> Stored | None:
         return None
     where = f"The image {image.name!r}"
     if settings.sampling.udim:
-        found = dict(datablocks.tile_contents(image)).get(tile) if image.source == "TILED" else None
-        return None if found is None else _in_tile(found, where)
+        content = dict(datablocks.tile_contents(image)).get(tile) if image.source == "TILED" else None
+        return None if content is None else _in_tile(content, where)
     if not image.size[0]:
         return None
     # What is written here shows in its pixels: in which depth it was packed does not matter.
@@ -175,12 +175,12 @@ def is_elsewhere(settings: Settings, tile: int) -> bool:
         return not settings.sampling.udim and not image.size[0]  # its file is gone
     path = _path(settings, tile)
     if settings.sampling.udim:
-        found = dict(datablocks.tile_contents(image)).get(tile)
-        return found is not None and not _is_in_file(found, path)
+        content = dict(datablocks.tile_contents(image)).get(tile)
+        return content is not None and not _is_in_file(content, path)
     # A packed image has the source FILE as well, and may still have the path of a file.
     packed = image.packed_file
-    found = Path(bpy.path.abspath(image.filepath)) if packed is None else packed.data
-    return image.source != "FILE" or not _is_in_file(found, path)
+    content = Path(bpy.path.abspath(image.filepath)) if packed is None else packed.data
+    return image.source != "FILE" or not _is_in_file(content, path)
 
 
 def is_other_kind(settings: Settings) -> bool:
@@ -221,13 +221,13 @@ def _in_tile(content: bytes | Path, where: str) -> Stored:
     with tempfile.TemporaryDirectory(prefix="imprint-") as folder:
         path = Path(folder, f"tile{file_formats.PACKED[is_float].endings[0]}")
         path.write_bytes(content)
-        found = _in_file(path)
-        texels = found.read()
-    return Stored(where, found.format, lambda: texels)
+        stored = _in_file(path)
+        texels = stored.read()
+    return Stored(where, stored.format, lambda: texels)
 
 
 def _pixels(name: str) -> np.ndarray:
     image = datablocks.get(name)
-    found = np.empty(image.size[0] * image.size[1] * 4, np.float32)
-    image.pixels.foreach_get(found)
-    return found.reshape(image.size[1], image.size[0], 4)
+    pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(image.size[1], image.size[0], 4)

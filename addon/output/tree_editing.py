@@ -58,8 +58,8 @@ class TreeEditor:
 
     def outputs(self) -> list[Node]:
         """The Material Outputs of all render engines. Adds one if there is none."""
-        found = [output for output in map(self.tree.get_output_node, ("ALL", "EEVEE", "CYCLES")) if output]
-        return list(dict.fromkeys(found)) or [self._new_output()]
+        outputs = [output for output in map(self.tree.get_output_node, ("ALL", "EEVEE", "CYCLES")) if output]
+        return list(dict.fromkeys(outputs)) or [self._new_output()]
 
     def shaders(self) -> list[Node]:
         """The shader nodes that reach the surface of the Material Output of any render engine."""

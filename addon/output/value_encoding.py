@@ -93,7 +93,7 @@ def _lengths(columns: np.ndarray) -> np.ndarray:
 
 GOLDEN = 0.6180339887498949
 """A step around the circle of hues that keeps any number of hues distinct."""
-ROWS = 16
+ENCODED_ROWS = 16
 """The number of rows that are encoded as sRGB at a time."""
 TOE = 0.0031308
 """The linear value up to which the curve of sRGB is a line."""
@@ -161,8 +161,8 @@ def encode(texels: np.ndarray, how: dict) -> None:
             texels[..., :3] /= np.float32(how["scale"])
             texels[..., :3] += np.float32(how["midlevel"])
         if how.get("color_space") == SRGB:
-            for start in range(0, len(texels), ROWS):  # a few rows at a time, which stay in the cache
-                rows = texels[start : start + ROWS, :, :3]
+            for start in range(0, len(texels), ENCODED_ROWS):  # a few rows at a time, which stay in the cache
+                rows = texels[start : start + ENCODED_ROWS, :, :3]
                 rows[...] = to_srgb(rows)
         np.copyto(texels[..., :3], np.float32(how["midlevel"]), where=~known)
 
@@ -187,14 +187,14 @@ def packed(packing: Packing, maps: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def channels(packing: Packing, encodings: Mapping[str, dict]) -> dict[str, dict]:
     """How to decode each channel of a packed image: the map, whether it is inverted, and its encoding; or the constant."""
-    found = {}
+    channels = {}
     for name, channel in packing.by_name().items():
         if not channel.map:
-            found[name] = {"constant": channel.constant}
+            channels[name] = {"constant": channel.constant}
             continue
         inverted = {"inverted": True} if channel.is_inverted else {}
-        found[name] = {"map": channel.map.lower()} | inverted | encodings[channel.map]
-    return found
+        channels[name] = {"map": channel.map.lower()} | inverted | encodings[channel.map]
+    return channels
 
 
 def to_srgb(values: np.ndarray) -> np.ndarray:

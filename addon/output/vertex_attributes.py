@@ -107,11 +107,11 @@ class VertexMaps:
         corners = np.flatnonzero((self._tiles == tile) & self._is_baked)
         for name in self._names:
             texels, _ = maps[name]
-            rows, columns, found = _nearest(self._uv[corners], texels[..., 3] > 0.0)
+            rows, columns, has_texel = _nearest(self._uv[corners], texels[..., 3] > 0.0)
             count = len(self._vertices)
             samples = self._samples.setdefault(name, _Samples(np.zeros((count, 3), np.float32), np.zeros(count, bool)))
-            samples.known[corners] = found
-            samples.values[corners] = np.where(found[:, None], texels[rows, columns, :3], np.float32(0.0))
+            samples.known[corners] = has_texel
+            samples.values[corners] = np.where(has_texel[:, None], texels[rows, columns, :3], np.float32(0.0))
 
     def store(self, low: bpy.types.Object) -> tuple[dict[str, str], list[str]]:
         """Store the attributes in the mesh of `low`. Returns their names by map, in lower case, and warnings."""
@@ -203,11 +203,11 @@ def _nearest(uv: np.ndarray, is_known: np.ndarray) -> tuple[np.ndarray, np.ndarr
     height, width = is_known.shape
     places = uv * (width, height)
     columns, rows = np.clip(np.floor(places).astype(np.int64), 0, (width - 1, height - 1)).T
-    found = is_known[rows, columns]
+    has_texel = is_known[rows, columns]
     nearest_rows, nearest_columns = rows.copy(), columns.copy()
-    left = np.flatnonzero(~found)
+    left = np.flatnonzero(~has_texel)
     if not len(left):
-        return nearest_rows, nearest_columns, found
+        return nearest_rows, nearest_columns, has_texel
     steps = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].reshape(2, -1).T
     around = np.stack([rows[left], columns[left]], axis=-1)[:, None] + steps
     around = np.clip(around, 0, (height - 1, width - 1))
@@ -216,8 +216,8 @@ def _nearest(uv: np.ndarray, is_known: np.ndarray) -> tuple[np.ndarray, np.ndarr
     best = np.where(is_there, distances, np.inf).argmin(axis=1)
     chosen = around[np.arange(len(left)), best]
     nearest_rows[left], nearest_columns[left] = chosen.T
-    found[left] = is_there.any(axis=1)
-    return nearest_rows, nearest_columns, found
+    has_texel[left] = is_there.any(axis=1)
+    return nearest_rows, nearest_columns, has_texel
 
 
 def _type_of(map_type: MapType) -> str:
@@ -231,11 +231,11 @@ def _attribute(low: bpy.types.Object, map_type: MapType, kind: str, domain: str)
     """The attribute of a map. One of the same name that has another type or domain is replaced."""
     mesh = low.data
     name = map_type.suffix or NORMAL.name.lower()
-    found = mesh.attributes.get(name)
-    if name in BUILT_IN or name in low.vertex_groups or (found is not None and found.data_type == UV_TYPE):
+    attribute = mesh.attributes.get(name)
+    if name in BUILT_IN or name in low.vertex_groups or (attribute is not None and attribute.data_type == UV_TYPE):
         name = PREFIX + name
-        found = mesh.attributes.get(name)
-    if found is not None and (found.data_type, found.domain) != (kind, domain):
-        mesh.attributes.remove(found)
-        found = None
-    return found or mesh.attributes.new(name, kind, domain)
+        attribute = mesh.attributes.get(name)
+    if attribute is not None and (attribute.data_type, attribute.domain) != (kind, domain):
+        mesh.attributes.remove(attribute)
+        attribute = None
+    return attribute or mesh.attributes.new(name, kind, domain)

@@ -15,7 +15,7 @@ from .atomic_file import Partial
 
 MOST_UNFINISHED = 2
 """The files that may be in memory at once, packed or not."""
-BLOCK = 1 << 18
+PREPARED_BYTES = 1 << 18
 """Bytes of the rows that are prepared at a time: few enough for the cache, and enough that threads seldom wait for
 each other."""
 
@@ -83,7 +83,7 @@ def _results(parts: deque[Future]) -> Iterator[Any]:
 
 def for_rows(height: int, row_bytes: int, work: Callable[[Iterator[slice]], None]) -> None:
     """Call `work` with iterators of slices of rows that cover `height`, as threads.for_shares does."""
-    threads.for_shares(height, max(1, BLOCK // row_bytes), work)
+    threads.for_shares(height, max(1, PREPARED_BYTES // row_bytes), work)
 
 
 def top_first(texels: np.ndarray, has_alpha: bool, *, is_gray: bool = False) -> np.ndarray:

@@ -28,7 +28,7 @@ BUDGET = 1536 * 2**20
 """Bytes that the targets of a bake may take: Blender does not say how much memory a GPU has, and few have less than 4 GiB."""
 VARIABLE = "IMPRINT_GPU_MEMORY"
 """The environment variable with another budget, in MiB."""
-LEAST = 64
+LEAST_BUDGET = 64
 """The least budget, in MiB."""
 
 
@@ -44,10 +44,10 @@ preferred: Callable[[], int | None] = no_preference
 def budget() -> int:
     """The bytes on the GPU that the targets of a bake may take. Raises BakeError if the environment has no such number."""
     text = os.environ.get(VARIABLE, "")
-    if text and not (text.isascii() and text.isdigit() and int(text) >= LEAST):
-        raise BakeError(f"{VARIABLE} is {text!r}: set a whole number of MiB, at least {LEAST}.")
+    if text and not (text.isascii() and text.isdigit() and int(text) >= LEAST_BUDGET):
+        raise BakeError(f"{VARIABLE} is {text!r}: set a whole number of MiB, at least {LEAST_BUDGET}.")
     megabytes = int(text) if text else preferred()
-    return BUDGET if megabytes is None else max(megabytes, LEAST) * 2**20
+    return BUDGET if megabytes is None else max(megabytes, LEAST_BUDGET) * 2**20
 
 
 def texture(size: tuple[int, int], texel: str, values: np.ndarray | None = None) -> gpu.types.GPUTexture:

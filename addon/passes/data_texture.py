@@ -15,7 +15,7 @@ from . import blender_gpu as gpu
 
 WIDTH = 4096
 """As in shaders/lib/texture_lib.glsl."""
-BLOCK = 2**14
+COPIED_ROWS = 2**14
 """Rows that a thread writes at once, so that they fit in a processor's cache."""
 FIRST_NUMBER = 2**23
 """As in shaders/lib/triangle_lib.glsl."""
@@ -87,7 +87,7 @@ def upload(values: np.ndarray) -> gpu.types.GPUTexture:
         for axis in range(values.shape[1]):  # faster than all at once, into rows that are longer
             padded[part, axis] = values[part, axis]
 
-    threads.for_blocks(len(values), copy, BLOCK)
+    threads.for_blocks(len(values), copy, COPIED_ROWS)
     return upload_padded(padded, len(values))
 
 
@@ -104,7 +104,7 @@ def upload_numbers(*columns: np.ndarray) -> gpu.types.GPUTexture:
         for axis, values in enumerate(channels):
             np.add(values[part], FIRST_NUMBER, out=bits[part, axis], casting="unsafe")
 
-    threads.for_blocks(len(columns[0]), copy, BLOCK)
+    threads.for_blocks(len(columns[0]), copy, COPIED_ROWS)
     return upload_padded(texels, len(columns[0]))
 
 

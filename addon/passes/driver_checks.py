@@ -81,15 +81,15 @@ READ_VECTORS = _drawn("vectors", _TABLE, ("unit_out", "components_out"))
 READ_CONSTANTS = _drawn("constants", (), ("constant_out",), constants=(("MAT4", "left"), ("MAT4", "right")))
 
 
-def _expect(found: np.ndarray, wanted: np.ndarray, what: str) -> None:
+def _expect(actual: np.ndarray, wanted: np.ndarray, what: str) -> None:
     """Raise CheckFailed unless both arrays (..., channels) are equal to the bit."""
-    wanted = np.ascontiguousarray(np.broadcast_to(wanted, found.shape), found.dtype)
-    differs = (found.view(np.uint32) != wanted.view(np.uint32)).any(axis=-1)
+    wanted = np.ascontiguousarray(np.broadcast_to(wanted, actual.shape), actual.dtype)
+    differs = (actual.view(np.uint32) != wanted.view(np.uint32)).any(axis=-1)
     if differs.any():
         place = np.unravel_index(int(np.argmax(differs)), differs.shape)
         raise CheckFailed(
             f"{what}: {np.count_nonzero(differs):,} of {differs.size:,} are wrong, first {tuple(map(int, place))}: "
-            f"{_numbers(found[place])}, not {_numbers(wanted[place])}."
+            f"{_numbers(actual[place])}, not {_numbers(wanted[place])}."
         )
 
 
@@ -119,7 +119,7 @@ def _read(texture: gpu.types.GPUTexture) -> np.ndarray:
 
 # Waiting
 
-SIDE = 64
+COMPARED_SIDE = 64
 """Texels along each side of what is compared."""
 LONG_SECONDS = 0.06
 """A dispatch of this length stands out from the clock and from other programs. Windows resets a GPU after 2 seconds."""
@@ -136,15 +136,17 @@ ATTEMPTS = 5
 
 
 def _sequence(first: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """What long_comp writes: values (SIDE, SIDE, 4) float32 and numbers (SIDE, SIDE) uint32."""
+    """What long_comp writes: values (N, N, 4) float32 and numbers (N, N) uint32, N = COMPARED_SIDE."""
     factor, added, power, plus = 1, 0, 1664525, 1013904223
     while steps:  # n steps of the sequence at once are one such step with other numbers
         if steps & 1:
             factor, added = factor * power % 2**32, (added * power + plus) % 2**32
         power, plus, steps = power * power % 2**32, (power + 1) * plus % 2**32, steps >> 1
-    numbers = np.arange(first, first + SIDE * SIDE, dtype=np.uint32).reshape(SIDE, SIDE)
+    numbers = np.arange(first, first + COMPARED_SIDE * COMPARED_SIDE, dtype=np.uint32).reshape(
+        COMPARED_SIDE, COMPARED_SIDE
+    )
     numbers = numbers * np.uint32(factor) + np.uint32(added)
-    values = np.ones((SIDE, SIDE, 4), np.float32)
+    values = np.ones((COMPARED_SIDE, COMPARED_SIDE, 4), np.float32)
     values[..., 0], values[..., 1], values[..., 3] = numbers >> np.uint32(8), numbers & np.uint32(255), -1.0
     return values, numbers
 
@@ -152,7 +154,7 @@ def _sequence(first: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
 class _LongDispatch:
     """Textures that a long dispatch writes. turns: of its loop; seconds: what it took."""
 
-    def __init__(self, side: int = SIDE):
+    def __init__(self, side: int = COMPARED_SIDE):
         self.turns, self.seconds, self._first = 2**9, 0.0, 0
         self._resize(side)
 
@@ -188,8 +190,8 @@ class _LongDispatch:
         )
 
     def read(self) -> np.ndarray:
-        """The first texels of the values, (SIDE, SIDE, 4) float32, or all if these are fewer."""
-        side = min(SIDE, self.values.width)
+        """The first texels of the values, (COMPARED_SIDE, COMPARED_SIDE, 4) float32, or all if these are fewer."""
+        side = min(COMPARED_SIDE, self.values.width)
         out = np.empty((side, side, 4), np.float32)
         target.read(self.values.texture, out)
         return out
@@ -292,9 +294,9 @@ def _drawing_sees_computing() -> Check:
         target.fill(first, target.COPY, source=data_texture.image(values))
         _compute(STEP, (40, 24), source=first.texture, into=second.texture)
         target.fill(first, target.COPY, source=second.texture)
-        found = np.empty_like(values)
-        first.read(found)
-        _expect(found, np.roll(values, (-3, 1), axis=(0, 1)) + np.float32(1.0), "Drawing what was computed")
+        actual = np.empty_like(values)
+        first.read(actual)
+        _expect(actual, np.roll(values, (-3, 1), axis=(0, 1)) + np.float32(1.0), "Drawing what was computed")
         yield
     return ""
 
@@ -363,10 +365,10 @@ def _tables_arrive() -> Check:
     except NoGpuMemory as error:  # the upload reads the last texel back
         raise CheckFailed(f"The end of a table of {values.nbytes / 1e6:.0f} MB did not arrive.") from error
     yield
-    found = _read(texture).reshape(-1, 4)
+    texels = _read(texture).reshape(-1, 4)
     yield
-    _expect(found[:count], values, f"The texels of a table of {texture.height} rows")
-    return f"{found.nbytes / 1e6:.0f} MB"
+    _expect(texels[:count], values, f"The texels of a table of {texture.height} rows")
+    return f"{texels.nbytes / 1e6:.0f} MB"
 
 
 def _vectors_without_length() -> Check:
@@ -417,18 +419,18 @@ def _first_row_is_lowest() -> Check:
     for winding, each in (("counter-clockwise", mesh), ("clockwise", flipped)):
         into = target.Target(size, size, ("RGBA32F",))
         high_in_uv.draw_normals(into, [(each, np.eye(3))], udim.uv_to_clip(1001))
-        found = into.texels()
-        wrong = inside & (np.abs(found - wanted) > 1e-6).any(axis=-1)
+        drawn = into.texels()
+        wrong = inside & (np.abs(drawn - wanted) > 1e-6).any(axis=-1)
         if wrong.any():
             where = tuple(map(int, np.argwhere(wrong)[0]))
             raise CheckFailed(
                 f"Triangles that run {winding}: {np.count_nonzero(wrong)} of {wrong.size} texels are wrong, the first in row "
-                f"{where[0]}, column {where[1]}: {_numbers(found[where])}, not {_numbers(wanted[where])}."
+                f"{where[0]}, column {where[1]}: {_numbers(drawn[where])}, not {_numbers(wanted[where])}."
             )
         yield
     part = np.empty((5, 7, 4), np.float32)
     into.read(part, start=(2, 1))
-    _expect(part, found[1:6, 2:9], "A part of a texture")
+    _expect(part, drawn[1:6, 2:9], "A part of a texture")
     return ""
 
 
@@ -450,10 +452,10 @@ def _only_the_last_stays() -> Check:
     mesh = mesh_upload.upload(np.array([[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 1, 2], [0, 2, 3]], np.int32), uv=square)
     counted = target.Target(size, size, ("R16F",))
     audit.draw_overlap(counted, mesh, udim.uv_to_clip(1001))
-    found = counted.texels()
+    counts = counted.texels()
     below = np.add.outer(-np.arange(size), np.arange(size)) > 0  # the triangle at the lower right
-    if not ((found[below] == 3.0).all() and (found[below.T] == 2.0).all()):
-        raise CheckFailed(f"Three and two triangles that are added up are {sorted(set(found.ravel().tolist()))}.")
+    if not ((counts[below] == 3.0).all() and (counts[below.T] == 2.0).all()):
+        raise CheckFailed(f"Three and two triangles that are added up are {sorted(set(counts.ravel().tolist()))}.")
     return ""
 
 

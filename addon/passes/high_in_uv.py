@@ -26,7 +26,7 @@ NORMALS = Program(
 
 TRIANGLE = 0.25
 """The cost of a triangle of a high mesh, in rays."""
-STEP = 2**14
+TRIANGLES_AT_ONCE = 2**14
 """The triangles that software draws at a time. It sorts all of them into tiles before it fills texels: after a few it still
 finds them in the processor's caches, and sorts the next ones meanwhile."""
 
@@ -69,7 +69,7 @@ def draw_normals_in_steps(
 def steps_of(count: int) -> list[range]:
     """The triangles of a mesh that are drawn at a time."""
     if shader.in_software():
-        return [range(first, min(first + STEP, count)) for first in range(0, count, STEP)]
+        return [range(first, min(first + TRIANGLES_AT_ONCE, count)) for first in range(0, count, TRIANGLES_AT_ONCE)]
     return progress.pieces(count, TRIANGLE)
 
 
@@ -111,10 +111,10 @@ def draw_hits(into: target.Target, meshes: gpu.types.GPUBatch, count: int, uv_to
     meshes: of `count` triangles, from upload_for_hits. Where triangles overlap, the later one stays.
     """
     target.fill(into, NO_HITS)  # clearing writes floats
-    found = progress.pieces(count, TRIANGLE)
-    for some in found:
-        target.draw(into, HITS, meshes, clear=False, parts=[(some.start, len(some))], uv_to_clip=uv_to_clip)
-        if len(found) > 1:
+    pieces = progress.pieces(count, TRIANGLE)
+    for piece in pieces:
+        target.draw(into, HITS, meshes, clear=False, parts=[(piece.start, len(piece))], uv_to_clip=uv_to_clip)
+        if len(pieces) > 1:
             into.finish()
 
 

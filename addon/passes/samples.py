@@ -111,7 +111,7 @@ NOTHING = Program(
 ACTIVE_SAMPLERS = (("FLOAT_2D", "active_texels"),)
 ACTIVE_CONSTANTS = (("INT", "active_count"),)
 """What a Program declares that takes its texels with shaders/lib/active_lib.glsl."""
-BLOCK = 8
+GROUP_SIDE = 8
 """The side of a workgroup, as in active_lib.glsl."""
 COVERED = 4
 """The side of the squares in which empty texels can be left out."""
@@ -126,7 +126,7 @@ class Active:
         texels: The list.
         count: Its length.
         rows: Of workgroups as wide as the map, times their side, that work on the list.
-        blocks (rows, columns) bool: Which squares of BLOCK texels have some of them.
+        blocks (rows, columns) bool: Which squares of GROUP_SIDE texels have some of them.
     """
 
     stopped: gpu.types.GPUTexture
@@ -161,12 +161,12 @@ def find_active(
         return None
     pairs = np.zeros((-(-len(listed) // 2) * 2, 2), np.float32)
     pairs[: len(listed)] = listed
-    groups, across = -(-len(listed) // BLOCK**2), -(-width // BLOCK)
+    groups, across = -(-len(listed) // GROUP_SIDE**2), -(-width // GROUP_SIDE)
     bound = {"rounds": rounds, "number": float(number), "covered": covered or rounds, "covered_side": COVERED}
     depth = target.get("stopped texels", width, height, "R8", "DEPTH_COMPONENT32F")
     target.fill(depth, STOPPED, clear=True, writes_depth=True, **bound)
     texels = data_texture.upload(pairs.reshape(-1, 4))
-    return Active(depth.textures[1], texels, len(listed), -(-groups // across) * BLOCK, blocks)
+    return Active(depth.textures[1], texels, len(listed), -(-groups // across) * GROUP_SIDE, blocks)
 
 
 def active_bindings(some: Active | None, unused: gpu.types.GPUTexture) -> dict:
@@ -178,18 +178,18 @@ def in_blocks(is_active: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The places (N, 2) int of the texels, x and y, square by square: texels of a workgroup are close to each other. And which
     squares have some, as Active has them."""
     height, width = is_active.shape
-    across, up = -(-width // BLOCK), -(-height // BLOCK)
+    across, up = -(-width // GROUP_SIDE), -(-height // GROUP_SIDE)
     padded = is_active
-    if (up * BLOCK, across * BLOCK) != (height, width):
-        padded = np.zeros((up * BLOCK, across * BLOCK), bool)
+    if (up * GROUP_SIDE, across * GROUP_SIDE) != (height, width):
+        padded = np.zeros((up * GROUP_SIDE, across * GROUP_SIDE), bool)
         padded[:height, :width] = is_active
-    ordered = padded.reshape(up, BLOCK, across, BLOCK).transpose(0, 2, 1, 3)
+    ordered = padded.reshape(up, GROUP_SIDE, across, GROUP_SIDE).transpose(0, 2, 1, 3)
     lanes = np.flatnonzero(ordered)
     blocks = np.zeros(up * across, bool)
-    block, inner = np.divmod(lanes, BLOCK**2)
+    block, inner = np.divmod(lanes, GROUP_SIDE**2)
     y, x = np.divmod(block, across)
     blocks[block] = True
-    places = np.stack([x * BLOCK + inner % BLOCK, y * BLOCK + inner // BLOCK], axis=1)
+    places = np.stack([x * GROUP_SIDE + inner % GROUP_SIDE, y * GROUP_SIDE + inner // GROUP_SIDE], axis=1)
     return places, blocks.reshape(up, across)
 
 

@@ -228,7 +228,7 @@ FIND_BLOCKS = Program(
     outputs=(("VEC4", "materials_out"),),
     cost=30.0,
 )
-BLOCK = 32
+BLOCK_SIDE = 32
 """Texels. As in shaders/lib/served_lib.glsl; workgroups are 8 x 8."""
 BITS = 24
 """The whole numbers that a float holds exactly have so many bits."""
@@ -254,7 +254,7 @@ class Blocks:
 
 def find_blocks(hits: target.Target, labels: gpu.types.GPUTexture) -> Blocks:
     """The blocks of a map, from its `hits` (RGBA32UI). labels: as in surface_values.add_constants. Waits for the GPU."""
-    rows, columns = -(-hits.height // BLOCK), -(-hits.width // BLOCK)
+    rows, columns = -(-hits.height // BLOCK_SIDE), -(-hits.width // BLOCK_SIDE)
     shown = target.Target(columns, rows, ("RGBA32F",))
     target.fill(
         shown, FIND_BLOCKS, hits=hits.texture, labels=labels
@@ -264,7 +264,7 @@ def find_blocks(hits: target.Target, labels: gpu.types.GPUTexture) -> Blocks:
 
 def every_block(width: int, height: int) -> Blocks:
     """All blocks of a map, whatever they show."""
-    return Blocks(np.full((-(-height // BLOCK), -(-width // BLOCK), 4), 2**BITS - 1))
+    return Blocks(np.full((-(-height // BLOCK_SIDE), -(-width // BLOCK_SIDE), 4), 2**BITS - 1))
 
 
 def dispatch_in_blocks(
@@ -272,17 +272,17 @@ def dispatch_in_blocks(
 ) -> None:
     """Run `program` on the blocks of the map of `hits` that may show a material with the feed of this number, in pieces."""
     served = (blocks or every_block(hits.width, hits.height)).serving(materials, number)
-    found = progress.pieces(len(served), BLOCK**2 * program.cost)
-    for piece in found:
+    pieces = progress.pieces(len(served), BLOCK_SIDE**2 * program.cost)
+    for piece in pieces:
         listed = data_texture.upload(np.pad(served[piece.start : piece.stop], ((0, 0), (0, 1))).astype(np.float32))
         target.dispatch_groups(
             program,
-            ((BLOCK // program.group[0]) ** 2, len(piece)),
+            ((BLOCK_SIDE // program.group[0]) ** 2, len(piece)),
             hits=hits.texture,
             blocks=listed,
             materials=materials.texture,
             feed=number,
             **bindings,
         )
-        if len(found) > 1:
+        if len(pieces) > 1:
             hits.finish()

@@ -357,12 +357,12 @@ def _draw_in_pieces(
 ) -> None:
     """Draw these rows of `into`, or all of them, at once or in pieces as core.progress has them; options as in `drawing`."""
     _, drawn = drawn_part(into.width, into.height)
-    found = [rows] if rows is not None else progress.pieces(into.height, program.cost * into.width, progress.STEP)
-    found = [piece for piece in found if piece.start < drawn.stop and drawn.start < piece.stop]
-    for number, piece in enumerate(found):
-        with drawing(into, piece if len(found) > 1 else rows, clear=clear and not number, **options):
+    pieces = [rows] if rows is not None else progress.pieces(into.height, program.cost * into.width, progress.STEP)
+    pieces = [piece for piece in pieces if piece.start < drawn.stop and drawn.start < piece.stop]
+    for number, piece in enumerate(pieces):
+        with drawing(into, piece if len(pieces) > 1 else rows, clear=clear and not number, **options):
             draw_piece()
-        if len(found) > 1:
+        if len(pieces) > 1:
             into.finish()
 
 

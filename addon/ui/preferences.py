@@ -38,7 +38,7 @@ class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
         "GPU memory for the maps of a bake, in MiB. Bakes that need more are drawn in more parts. Meshes and images need "
         "memory beside it",
         default=allocation.BUDGET // 2**20,
-        min=allocation.LEAST,
+        min=allocation.LEAST_BUDGET,
         max=2**16,
     )
 

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.audit.pictures import BACKGROUND, SIDE, UNKNOWN, BakePictures, add_greatest, square_means
+from addon.audit.pictures import BACKGROUND, PICTURE_SIDE, UNKNOWN, BakePictures, add_greatest, square_means
 from addon.core.map_types import NORMAL
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs
@@ -50,7 +50,7 @@ def pictures(low, tiles=(1001,), **values):
 
 def parts(result):
     """The three pictures."""
-    assert result.shape == (SIDE, 3 * SIDE, 3)
+    assert result.shape == (PICTURE_SIDE, 3 * PICTURE_SIDE, 3)
     return np.hsplit(result, 3)
 
 
@@ -92,8 +92,8 @@ def test_the_map_is_shown_with_v_up():
     shown.add(1001, {NORMAL.name: (texels, state)})
     drawn, _, _ = parts(shown.result())
     assert tuple(drawn[10, 10]) == FLAT
-    assert tuple(drawn[SIDE - 10, 10]) == (255, 0, 0)
-    assert tuple(drawn[10, SIDE - 3]) == (BACKGROUND,) * 3
+    assert tuple(drawn[PICTURE_SIDE - 10, 10]) == (255, 0, 0)
+    assert tuple(drawn[10, PICTURE_SIDE - 3]) == (BACKGROUND,) * 3
 
 
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
@@ -104,7 +104,7 @@ def test_the_low_mesh_is_lit_by_its_map(space):
         shown = pictures(square(), space=space)
         shown.add(1001, {NORMAL.name: stored(encoded(normal))})
         _, lit, _ = parts(shown.result())
-        found.append(lit[SIDE // 2, SIDE // 2])
+        found.append(lit[PICTURE_SIDE // 2, PICTURE_SIDE // 2])
         assert np.ptp(found[-1]) == 0
         assert tuple(lit[1, 1]) == (BACKGROUND,) * 3
     flat, tilted = (int(each[0]) for each in found)
@@ -117,7 +117,7 @@ def test_an_open_mesh_shows_its_front_wherever_it_looks():
         shown = pictures(square(to_world=to_world))
         shown.add(1001, {NORMAL.name: stored(encoded((0, 0, 1)))})
         _, lit, _ = parts(shown.result())
-        assert lit[SIDE // 2, SIDE // 2, 0] > 100
+        assert lit[PICTURE_SIDE // 2, PICTURE_SIDE // 2, 0] > 100
         assert 0.3 < (lit[..., 0] != BACKGROUND).mean() < 0.9
 
 
@@ -127,7 +127,7 @@ def test_a_picture_has_its_top_on_top():
     shown.add(1001, {NORMAL.name: stored(encoded((0, 0, 1)))})
     _, lit, _ = parts(shown.result())
     is_there = lit[..., 0] != BACKGROUND
-    assert is_there[SIDE - 55, 113]
+    assert is_there[PICTURE_SIDE - 55, 113]
     assert not is_there[54, 113]
 
 
@@ -151,7 +151,7 @@ def test_what_is_nearer_hides_what_is_behind(order):
     for mesh in (low, both):
         shown = pictures(mesh)
         shown.add(1001, {NORMAL.name: (texels if mesh is both else stored(encoded((0, 0, 1)))[0], state)})
-        found.append(parts(shown.result())[1][SIDE // 2, SIDE // 2, 0].astype(int))
+        found.append(parts(shown.result())[1][PICTURE_SIDE // 2, PICTURE_SIDE // 2, 0].astype(int))
     assert abs(found[0] - found[1]) < 2
 
 
@@ -171,7 +171,7 @@ def test_tiles_lie_where_they_are_in_uv_space():
     shown.add(1013, {NORMAL.name: stored((1.0, 0.0, 0.0))})
     shown.add(1022, {NORMAL.name: stored((0.0, 1.0, 0.0))})
     drawn, _, _ = parts(shown.result())
-    quarter = SIDE // 4
+    quarter = PICTURE_SIDE // 4
     assert tuple(drawn[3 * quarter, 3 * quarter]) == (255, 0, 0)  # 1013: right, below
     assert tuple(drawn[quarter, quarter]) == (0, 255, 0)
     assert tuple(drawn[quarter, 3 * quarter]) == tuple(drawn[3 * quarter, quarter]) == (BACKGROUND,) * 3
@@ -183,9 +183,9 @@ def test_each_triangle_has_the_map_of_its_tile():
     shown.add(1001, {NORMAL.name: stored((1.0, 0.0, 0.0))})
     shown.add(1002, {NORMAL.name: stored(encoded((0, 0, 1)))})
     drawn, lit, _ = parts(shown.result())
-    assert tuple(drawn[SIDE // 2, SIDE // 4]) == (255, 0, 0)
-    assert tuple(drawn[SIDE // 2, 3 * SIDE // 4]) == FLAT
-    assert tuple(drawn[10, SIDE // 2]) == (BACKGROUND,) * 3
+    assert tuple(drawn[PICTURE_SIDE // 2, PICTURE_SIDE // 4]) == (255, 0, 0)
+    assert tuple(drawn[PICTURE_SIDE // 2, 3 * PICTURE_SIDE // 4]) == FLAT
+    assert tuple(drawn[10, PICTURE_SIDE // 2]) == (BACKGROUND,) * 3
     one = pictures(square())
     one.add(1001, {NORMAL.name: stored(encoded((0, 0, 1)))})
     assert np.array_equal(lit, parts(one.result())[1])
@@ -200,8 +200,8 @@ def test_deviations_have_the_colors_of_the_view():
     shown.add_degrees(1001, 0, degrees[:3], is_known[:3], is_drawn[:3])
     shown.add_degrees(1001, 3, degrees[3:], is_known[3:], is_drawn[3:])
     _, _, colors = parts(shown.result())
-    step = SIDE // 4
-    none, high, over, third = (colors[SIDE - 5, step * column + 5].astype(int) for column in range(4))
+    step = PICTURE_SIDE // 4
+    none, high, over, third = (colors[PICTURE_SIDE - 5, step * column + 5].astype(int) for column in range(4))
     assert none[2] > none[0] + 50 and none[2] > none[1] + 50  # blue
     assert high[0] > 150 and high[1] < 20 and high[2] == 0  # red
     assert np.array_equal(high, over)
@@ -215,7 +215,7 @@ def test_values_that_are_no_shares_are_stretched():
     texels[:32], texels[28:36] = 6.0, 2.0
     shown.add(1001, {NORMAL.name: stored((0.5, 0.5, 1.0)), "HEIGHT": (texels, state)})
     drawn, lit, deviation = parts(shown.result())
-    assert [drawn[row, 10, 0] for row in (10, SIDE // 2, SIDE - 10)] == [0, 128, 255]
+    assert [drawn[row, 10, 0] for row in (10, PICTURE_SIDE // 2, PICTURE_SIDE - 10)] == [0, 128, 255]
     assert (lit == BACKGROUND).all() and (deviation == BACKGROUND).all()
 
 
@@ -241,4 +241,4 @@ def test_a_shared_map_has_a_picture_of_each_low_mesh():
         job.is_pictured = True
     bpy.context.view_layer.update()
     found = bake_jobs.bake_all(bpy.context, jobs, settings(), share_image=True)
-    assert [report.picture.shape for report in found] == [(SIDE, 3 * SIDE, 3)] * 2
+    assert [report.picture.shape for report in found] == [(PICTURE_SIDE, 3 * PICTURE_SIDE, 3)] * 2

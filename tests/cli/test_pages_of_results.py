@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from addon.audit.pictures import SIDE
+from addon.audit.pictures import PICTURE_SIDE
 from addon.cli import command
 from addon.cli.baker import MOST_PICTURES
 from addon.cli.sheet import SheetFile
@@ -57,8 +57,8 @@ def test_each_bake_has_its_picture_also_from_another_process(folder):
     assert list(here) == [f"set {number + 1} (low)" for number in range(COUNT)]
     assert images(folder / "apart.html") == here
     shown = [np.array(Image.open(io.BytesIO(data))) for data in here.values()]
-    assert [each.shape for each in shown] == [(SIDE, 3 * SIDE, 3)] * COUNT
-    middle = [each[SIDE // 2, SIDE // 2].tolist() for each in shown]
+    assert [each.shape for each in shown] == [(PICTURE_SIDE, 3 * PICTURE_SIDE, 3)] * COUNT
+    middle = [each[PICTURE_SIDE // 2, PICTURE_SIDE // 2].tolist() for each in shown]
     assert middle[0][2] == 255 and middle[0][0] == 128
     assert middle[0][0] > middle[1][0] > middle[2][0]  # the highs lean to the left
     assert not list(folder.glob("*.lines")) and sorted(path.suffix for path in folder.glob("m*")) == [".png"] * COUNT
@@ -187,7 +187,7 @@ def test_of_many_pairs_the_first_few_are_shown(folder):
     words = "s.blend", "--pairs", "--output", "{low}.png", "--size", "16", "--limit", "9", "--sheet", "s.html"
     assert run(*words) == 0
     (data,) = images(folder / "s.html").values()
-    assert Image.open(io.BytesIO(data)).size == (3 * SIDE, MOST_PICTURES * SIDE)
+    assert Image.open(io.BytesIO(data)).size == (3 * PICTURE_SIDE, MOST_PICTURES * PICTURE_SIDE)
 
 
 def test_each_texture_set_has_a_picture(folder):
@@ -201,7 +201,7 @@ def test_each_texture_set_has_a_picture(folder):
     assert run(*words, "--texture-sets", "--sheet", "s.html", "--report", "r.json") == 0
     (data,) = images(folder / "s.html").values()
     count = len(reports.bake(folder / "r.json")["reports"])
-    assert Image.open(io.BytesIO(data)).size == (3 * SIDE, count * SIDE)
+    assert Image.open(io.BytesIO(data)).size == (3 * PICTURE_SIDE, count * PICTURE_SIDE)
 
 
 def test_a_page_that_cannot_be_written_at_the_end_costs_no_report(folder, capsys, monkeypatch):

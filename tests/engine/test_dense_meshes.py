@@ -97,7 +97,7 @@ def test_random_triangles_drawn_in_steps_change_no_bit(monkeypatch, seed):
     highs, band = [random_mesh(seed)], BANDS["rows"]
     monkeypatch.setattr(shader, "in_software", lambda: True)
     whole, _ = drawn_whole(monkeypatch, highs, band)
-    monkeypatch.setattr(high_in_uv, "STEP", 777)
+    monkeypatch.setattr(high_in_uv, "TRIANGLES_AT_ONCE", 777)
     assert drawn_whole(monkeypatch, highs, band)[0].tobytes() == whole.tobytes()
 
 
@@ -118,7 +118,7 @@ def test_random_triangles_uploaded_in_pieces_change_no_bit(monkeypatch, seed, or
     monkeypatch.setattr(shader, "in_software", lambda: True)
     whole, _ = drawn_whole(monkeypatch, highs, band)
     monkeypatch.setattr(high_meshes, "PIECE", 50)
-    monkeypatch.setattr(high_in_uv, "STEP", 20)
+    monkeypatch.setattr(high_in_uv, "TRIANGLES_AT_ONCE", 20)
     with_indices, without = counted(monkeypatch, "upload"), counted(monkeypatch)
     assert drawn_whole(monkeypatch, highs, band)[0].tobytes() == whole.tobytes()
     assert (len(with_indices), len(without)) == ((138, 0) if order is side_by_side else (0, 138))

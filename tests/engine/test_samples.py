@@ -456,5 +456,7 @@ def test_random_texels_are_listed_once_each(seed, size):
     assert some.count == len(listed) == np.count_nonzero(needed >= 2)
     assert some.rows // 8 * -(-width // 8) * 64 >= some.count
     assert {tuple(place) for place in listed.tolist()} == {(x, y) for y, x in np.argwhere(needed >= 2).tolist()}
-    assert {tuple(place) for place in (listed // samples.BLOCK).tolist()} == {(x, y) for y, x in np.argwhere(blocks)}
+    assert {tuple(place) for place in (listed // samples.GROUP_SIDE).tolist()} == {
+        (x, y) for y, x in np.argwhere(blocks)
+    }
     assert samples.find_active(texture, needed, 4) is None

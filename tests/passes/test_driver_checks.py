@@ -38,7 +38,7 @@ def test_texels_differ_from_each_other_and_from_seed_to_seed():
 
 @pytest.mark.parametrize("turns", [0, 1, 2, 7, 1000])
 def test_the_sequence_of_the_long_dispatch(turns):
-    expected = np.arange(30, 30 + driver_checks.SIDE**2, dtype=np.uint64)
+    expected = np.arange(30, 30 + driver_checks.COMPARED_SIDE**2, dtype=np.uint64)
     for _ in range(turns):
         expected = (expected * np.uint64(1664525) + np.uint64(1013904223)) % np.uint64(2**32)
     values, numbers = driver_checks._sequence(30, turns)
@@ -66,7 +66,7 @@ def test_a_limit_of_turns_is_found_and_said(most):
 def test_waiting_needs_no_more_turns_than_drivers_in_software_grant(monkeypatch):
     work, taken = driver_checks._LongDispatch(), []
     monkeypatch.setattr(driver_checks, "LONG_SECONDS", 1e9)
-    monkeypatch.setattr(driver_checks, "MOST_SIDE", 4 * driver_checks.SIDE)
+    monkeypatch.setattr(driver_checks, "MOST_SIDE", 4 * driver_checks.COMPARED_SIDE)
     monkeypatch.setattr(work, "run", lambda: taken.append((work.turns, work.values.width)))
     finish(work.grow())
     assert max(turns for turns, _ in taken) == driver_checks.SAFE_TURNS

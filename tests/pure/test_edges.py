@@ -410,7 +410,7 @@ def test_triangle_without_area_has_no_normals_behind(scale):
 
 def test_all_triangles_are_checked_across_blocks():
     """The count is more than one block, and not a multiple of a block."""
-    count = threads.BLOCK + 3
+    count = threads.ELEMENTS_AT_ONCE + 3
     points, normals = np.tile(TRIANGLE, (count, 1)), np.tile((0.0, 0.0, 1.0), (3 * count, 1))
     truth = np.arange(count) % 7 == 0
     normals[::3][truth] *= -1.0

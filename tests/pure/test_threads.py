@@ -12,7 +12,7 @@ from addon.core import threads
 from addon.mesh import bvh, uv_layout
 from addon.mesh.triangle_mesh import Mesh
 
-BLOCK = threads.BLOCK
+BLOCK = threads.ELEMENTS_AT_ONCE
 
 
 @pytest.mark.parametrize("count", [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK, 3 * BLOCK + 7])
@@ -103,7 +103,7 @@ def test_map_parallel_returns_results_in_order():
 
 @pytest.mark.parametrize("shape", [(17,), (17, 3)], ids=str)
 def test_rows_are_taken_by_places_of_any_shape_seed_2(shape, monkeypatch):
-    monkeypatch.setattr(threads, "BLOCK", 5)
+    monkeypatch.setattr(threads, "ELEMENTS_AT_ONCE", 5)
     rng = np.random.default_rng(2)
     rows, places = rng.random((9, 2)), rng.integers(0, 9, shape)
     assert np.array_equal(threads.take(rows, places), rows[places])
@@ -126,10 +126,10 @@ def triangles(seed, count):
 
 
 def test_a_partial_second_block_gives_the_same_areas_and_tree_as_one_block_seed_3(monkeypatch):
-    monkeypatch.setattr(threads, "BLOCK", 64)
+    monkeypatch.setattr(threads, "ELEMENTS_AT_ONCE", 64)
     mesh = triangles(3, 64 + 1)
     areas, tree = uv_layout.areas(mesh), bvh.build(mesh.positions, mesh.triangles)
-    monkeypatch.setattr(threads, "BLOCK", 2**16)
+    monkeypatch.setattr(threads, "ELEMENTS_AT_ONCE", 2**16)
     assert np.array_equal(areas, uv_layout.areas(mesh))
     whole = bvh.build(mesh.positions, mesh.triangles)
     assert np.array_equal(tree.order, whole.order)

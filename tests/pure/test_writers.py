@@ -120,7 +120,7 @@ def test_small_blocks_and_pieces_give_the_same_numbers_seed_6(has_alpha, monkeyp
     texels = texels_of(45, 61, seed=6)
     whole = file_of(png_writer.content(texels, 16, has_alpha=has_alpha))
     assert [name for name, _ in png_chunks(whole)].count(b"IDAT") == 3  # the header, one piece, the checksum
-    monkeypatch.setattr(write_queue, "BLOCK", 3 * 45 * 8)
+    monkeypatch.setattr(write_queue, "PREPARED_BYTES", 3 * 45 * 8)
     monkeypatch.setattr(png_writer, "LEAST_PIECE", 1)
     monkeypatch.setattr(png_writer, "MOST_PIECE", 1000)
     split = file_of(png_writer.content(texels, 16, has_alpha=has_alpha))

@@ -86,9 +86,9 @@ class Setting:
 
         Raises BakeError for a value of a wrong type, and for one that is not valid.
         """
-        found = self._typed(plain(value))
-        self.check(found)
-        return found
+        typed = self._typed(plain(value))
+        self.check(typed)
+        return typed
 
     def _typed(self, value: Any) -> Any:
         """A value of the type that Settings has. Raises BakeError for other types."""
@@ -149,10 +149,10 @@ class Choice(Setting):
     def _typed(self, value: Any) -> Any:
         word = int(value) if isinstance(value, float) and value.is_integer() else value
         known = {spelled(each): each for each in self.values}
-        found = known.get(spelled(word if isinstance(word, str) else shown(word)))
-        if found is None:
+        named = known.get(spelled(word if isinstance(word, str) else shown(word)))
+        if named is None:
             self._refuse(value, f"one of {', '.join(map(str, self.values))}")
-        return found
+        return named
 
 
 @dataclass(frozen=True, kw_only=True)

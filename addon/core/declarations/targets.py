@@ -243,9 +243,9 @@ def _engine(target: TargetEngine) -> Engine:
 
 def _choices() -> dict[str, Engine]:
     """Programs that share a preset need the same."""
-    found = {target.preset: _engine(target) for target in TARGETS}
-    of_scene = found[BY_NAME["eevee"].preset]
-    return {OF_SCENE: Engine({**of_scene.values, "basis": bases.AUTO}), **found}
+    engines = {target.preset: _engine(target) for target in TARGETS}
+    of_scene = engines[BY_NAME["eevee"].preset]
+    return {OF_SCENE: Engine({**of_scene.values, "basis": bases.AUTO}), **engines}
 
 
 CHOICES = MappingProxyType(_choices())

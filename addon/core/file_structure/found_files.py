@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .. import udim
 
-MOST = 1 << 24
+MOST_BYTES_READ = 1 << 24
 """Bytes that are read to plan a bake: an .obj names its libraries before its points, and longer JSON contains its buffers."""
 _DRIVE = re.compile("[A-Za-z]:/")
 

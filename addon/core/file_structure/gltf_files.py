@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
-from .found_files import MOST
+from .found_files import MOST_BYTES_READ
 
 _COMPRESSIONS = {"Draco": "_draco_mesh_compression", "meshopt": "_meshopt_compression"}
 """The names of extensions of glTF, without who made them."""
@@ -39,7 +39,7 @@ def _table_of(path: Path) -> object:
             (length,) = struct.unpack_from("<12xI", file.read(20))  # of the first chunk, which is the JSON
         else:
             length = path.stat().st_size
-        if length > MOST:
+        if length > MOST_BYTES_READ:
             return {}
         return json.loads(file.read(length))
 

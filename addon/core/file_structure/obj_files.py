@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from .found_files import MOST, cleaned, find_file, folders
+from .found_files import MOST_BYTES_READ, cleaned, find_file, folders
 
 _POINT = re.compile(rb"^[ \t]*v[ \t]", re.MULTILINE)
 _LIBRARY = re.compile(rb"mtllib[ \t]+([^\r\n]+)")
@@ -36,13 +36,13 @@ def libraries(path: Path, *, is_whole: bool = True) -> list[str]:
 
     Args:
         is_whole: Whether the whole file is read. Otherwise nothing is, unless a library is named before the first point, and
-            then MOST bytes.
+            then MOST_BYTES_READ bytes.
     """
     with path.open("rb") as file:
         if not os.fstat(file.fileno()).st_size:
             return []
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
-            stop = len(text) if is_whole else min(MOST, len(text))
+            stop = len(text) if is_whole else min(MOST_BYTES_READ, len(text))
             point = None if is_whole else _POINT.search(text, 0, stop)
             if point and not _LIBRARY.search(text, 0, point.start()):
                 return []
@@ -117,7 +117,7 @@ def references(path: Path) -> Iterator[str]:
         for folder in folders(path):
             lines: list[bytes] = []
             with suppress(OSError, ValueError):  # the library itself is named nevertheless
-                if (file := folder / library).is_file() and file.stat().st_size <= MOST:
+                if (file := folder / library).is_file() and file.stat().st_size <= MOST_BYTES_READ:
                     lines = lines_of(file)
             for image in filter(None, map(image_line, lines)):
                 for name in dict.fromkeys(map(cleaned, (image.name, image.whole))):

@@ -169,16 +169,16 @@ def _measured(values: NodeValues, signal: Signal) -> Signal:
     if signal.range != UNKNOWN:
         return signal
     is_measured = isinstance(signal.feed, ImageFeed)
-    found = values.images.measured_range(signal.feed.image, signal.feed.tiles) if is_measured else (0.0, np.inf)
-    return replace(signal, range=found)
+    measured = values.images.measured_range(signal.feed.image, signal.feed.tiles) if is_measured else (0.0, np.inf)
+    return replace(signal, range=measured)
 
 
 def _math(values: NodeValues, output: Place) -> Signal:
     node = output.node
     parts = [values.input(output, name) for name in ("Value", "Value_001", "Value_002")]
-    found = _cut_off(node, parts) or _limit(node.operation, parts) or _product(node, parts[:2])
-    found = found or _operation(MATH, node, parts)
-    return limited(found, 0.0, 1.0) if node.use_clamp else found
+    value = _cut_off(node, parts) or _limit(node.operation, parts) or _product(node, parts[:2])
+    value = value or _operation(MATH, node, parts)
+    return limited(value, 0.0, 1.0) if node.use_clamp else value
 
 
 def _vector_math(values: NodeValues, output: Place) -> Signal:
@@ -205,8 +205,8 @@ def _mix(values: NodeValues, output: Place) -> Signal:
     factor = values.input(output, names[0])
     if clamps_factor:
         factor = limited(factor, 0.0, 1.0)
-    found = _mixed(values, output, factor, names[1:], blending)
-    return limited(found, 0.0, 1.0) if clamps else found
+    mixed = _mixed(values, output, factor, names[1:], blending)
+    return limited(mixed, 0.0, 1.0) if clamps else mixed
 
 
 def _mixed(values: NodeValues, output: Place, factor: Signal, names: Sequence[str], blending: str) -> Signal:
@@ -240,8 +240,8 @@ def _map_range(values: NodeValues, output: Place) -> Signal:
     if from_low == from_high:
         raise NotAffineError("maps an empty range")
     slope = (to_high - to_low) / (from_high - from_low)
-    found = scaled(values.input(output, "Value"), np.full(3, slope), np.full(3, to_low - slope * from_low))
-    return limited(found, min(to_low, to_high), max(to_low, to_high)) if node.clamp else found
+    mapped = scaled(values.input(output, "Value"), np.full(3, slope), np.full(3, to_low - slope * from_low))
+    return limited(mapped, min(to_low, to_high), max(to_low, to_high)) if node.clamp else mapped
 
 
 def _curves(values: NodeValues, output: Place) -> Signal:

@@ -44,23 +44,23 @@ def _value(copied: "_Copied", shader: Shader, socket: str) -> NodeSocket:
     value = shader.values[socket]
     if isinstance(value, Mix):
         sides = [value.side(is_second, socket) for is_second in (False, True)]
-        found = copied.mix(copied.output(value.factor), *(_emitted(copied, side, socket) for side in sides))
+        emitted = copied.mix(copied.output(value.factor), *(_emitted(copied, side, socket) for side in sides))
     else:
-        found = copied.number(value) if isinstance(value, float) else copied.output(value)
+        emitted = copied.number(value) if isinstance(value, float) else copied.output(value)
     for share in shader.opacity if socket == ALPHA else ():
         factor = copied.math("ADD", copied.output(share.factor), 0.0, use_clamp=True)
         if share.is_rest:
             factor = copied.math("SUBTRACT", 1.0, factor)
-        found = copied.math("MULTIPLY", factor, found)
-    return found
+        emitted = copied.math("MULTIPLY", factor, emitted)
+    return emitted
 
 
 def _emitted(copied: "_Copied", shader: Shader, socket: str) -> NodeSocket:
     """As _value, with the strength of an emission."""
-    found = _value(copied, shader, socket)
+    emitted = _value(copied, shader, socket)
     if socket == EMISSION and shader.strength is not None:
-        found = copied.scaled(found, copied.output(shader.strength))
-    return found
+        emitted = copied.scaled(emitted, copied.output(shader.strength))
+    return emitted
 
 
 @dataclass
@@ -77,14 +77,14 @@ class _Copied:
         node = tree.nodes[place.node.name]
         socket = next(one for one in node.inputs if one.identifier == place.socket.identifier)
         kind = _INTERFACE.get(socket.type, "NodeSocketFloat")
-        found = _source(tree, socket, kind)
+        source = _source(tree, socket, kind)
         for depth in range(len(place.groups), 0, -1):
             item = tree.interface.new_socket("Imprint", in_out="OUTPUT", socket_type=kind)
             end = next(n for n in tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output)
-            tree.links.new(found, next(one for one in end.inputs if one.identifier == item.identifier))
+            tree.links.new(source, next(one for one in end.inputs if one.identifier == item.identifier))
             tree, group = self._tree(place.groups[: depth - 1]), place.groups[depth - 1]
-            found = next(one for one in tree.nodes[group.name].outputs if one.identifier == item.identifier)
-        return found
+            source = next(one for one in tree.nodes[group.name].outputs if one.identifier == item.identifier)
+        return source
 
     def number(self, value: float) -> NodeSocket:
         node = self.tree.nodes.new("ShaderNodeValue")

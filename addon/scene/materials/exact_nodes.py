@@ -106,11 +106,11 @@ class _Walk:
         if output.node.image is None:
             raise NotFollowedError(f"the node {title(output.node)} has no image")
         try:
-            found = self.values.images.texture(output.node.image, is_premultiplied=False)
+            texture = self.values.images.texture(output.node.image, is_premultiplied=False)
         except UnreadableError as error:
             raise NotFollowedError(str(error)) from error
-        if found.notes:
-            raise NotFollowedError(found.notes[0])
+        if texture.notes:
+            raise NotFollowedError(texture.notes[0])
 
     def _default(self, output: Place, layer: tuple[str, str]) -> None:
         """Add a layer that a texture reads where nothing feeds its vector."""

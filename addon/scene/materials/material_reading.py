@@ -100,10 +100,10 @@ class _Finder:
             raise NotFollowedError("a mix of shaders lacks one" if self._depth else "it has no shader")
         if output not in self._known:
             self._known[output] = self._shader(output)
-        found = self._known[output]
-        if isinstance(found, NotFollowedError):
-            raise found
-        return found
+        known = self._known[output]
+        if isinstance(known, NotFollowedError):
+            raise known
+        return known
 
     def _shader(self, output: Place) -> Shader | NotFollowedError:
         if self._depth > MOST_SHADERS:
@@ -135,8 +135,8 @@ class _Finder:
             return self.find(second if share else first)
         for place, other, is_rest in ((first, second, True), (second, first, False)):
             if self._is_transparent(other):
-                found = self.find(place)
-                return replace(found, opacity=(*found.opacity, Share(factor, is_rest)))
+                inner = self.find(place)
+                return replace(inner, opacity=(*inner.opacity, Share(factor, is_rest)))
         try:
             sides = self.find(first), self.find(second)
         except NotFollowedError:
@@ -176,15 +176,15 @@ class _Finder:
 
     def _first(self, places: Sequence[Place], what: str) -> Shader:
         """The first of several shaders that can be read, and rather a Principled BSDF than another."""
-        found, reasons = [], []
+        shaders, reasons = [], []
         for place in places:
             try:
-                found.append(self.find(place))
+                shaders.append(self.find(place))
             except NotFollowedError as error:
                 reasons.append(error)
-        if not found:
+        if not shaders:
             raise reasons[0]
-        chosen = next((one for one in found if one.node.bl_idname == PRINCIPLED), found[0])
+        chosen = next((one for one in shaders if one.node.bl_idname == PRINCIPLED), shaders[0])
         return replace(chosen, notes=(*chosen.notes, f"{what}, of which the maps have {named(chosen.node)}"))
 
     def _constant(self, factor: Place) -> float | None:
@@ -326,13 +326,13 @@ def _of_one(values: NodeValues, shader: Shader, socket: str, lacking: tuple[str,
 def _places(shader: Shader, socket: str) -> list[Place]:
     """The inputs on which `_value` depends."""
     value = shader.values[socket]
-    found = [] if isinstance(value, float | Mix) else [value]
+    places = [] if isinstance(value, float | Mix) else [value]
     if isinstance(value, Mix):
         sides = (value.side(is_second, socket) for is_second in (False, True))
-        found = [value.factor, *(place for side in sides for place in _places(side, socket))]
+        places = [value.factor, *(place for side in sides for place in _places(side, socket))]
     if socket == EMISSION and shader.strength is not None:
-        found.append(shader.strength)
-    return found + [share.factor for share in shader.opacity if socket == ALPHA]
+        places.append(shader.strength)
+    return places + [share.factor for share in shader.opacity if socket == ALPHA]
 
 
 def _value(values: NodeValues, shader: Shader, socket: str) -> Signal:
@@ -373,10 +373,10 @@ def _detail(
     values: NodeValues, material: Material, shader: Shader, notes: dict[str, tuple[str, ...]]
 ) -> DetailFeed | None:
     """What moves the normals. Adds to `notes`."""
-    found, clauses = None, ()
+    detail, clauses = None, ()
     if shader.normal is not None:
         try:
-            found, clauses = read_detail(values, shader.normal)
+            detail, clauses = read_detail(values, shader.normal)
         except (NotFollowedError, NotAffineError) as error:
             clauses = (f"the detail is left out, because {_reason(error, shader)}",)
     clauses = (*shader.normal_notes, *clauses)
@@ -384,7 +384,7 @@ def _detail(
         clauses = (*clauses, "the displacement is left out")
     if clauses:
         notes[NORMAL] = tuple(_sentence(material, f"Normal: {clause}") for clause in clauses)
-    return found
+    return detail
 
 
 def _has_displacement(values: NodeValues, material: Material) -> bool:

@@ -151,10 +151,10 @@ class NodeValues:
         """The value of an output socket. Raises NotFollowedError for what no feed can express."""
         if place not in self._known:
             self._known[place] = self._evaluated(place)
-        found = self._known[place]
-        if isinstance(found, NotFollowedError):
-            raise found
-        return found
+        known = self._known[place]
+        if isinstance(known, NotFollowedError):
+            raise known
+        return known
 
     def _evaluated(self, place: Place) -> Signal | NotFollowedError:
         read = self.readings.get(place.node.bl_idname)

@@ -127,8 +127,8 @@ def limited(signal: Signal, low: Sequence[float] | float, high: Sequence[float] 
     first = np.where(is_flat, -np.inf, np.minimum(*ends))
     last = np.where(is_flat, np.inf, np.maximum(*ends))
     limits = replace(old, low=_numbers(np.clip(old.low, first, last)), high=_numbers(np.clip(old.high, first, last)))
-    found = replace(signal, feed=replace(feed, limits=limits))
-    return _with_factors(found, scale, np.where(is_flat, np.clip(offset, low, high), offset))
+    cut = replace(signal, feed=replace(feed, limits=limits))
+    return _with_factors(cut, scale, np.where(is_flat, np.clip(offset, low, high), offset))
 
 
 def component(signal: Signal, index: int) -> Signal:
@@ -183,8 +183,8 @@ def joined(parts: Sequence[Signal]) -> Signal:
     offset = np.array([part.constant[0] if part.constant is not None else part.feed.offset[0] for part in parts])
     each = [NO_LIMITS if part.constant is not None else part.feed.limits for part in parts]
     limits = replace(textures[0].limits, low=tuple(one.low[0] for one in each), high=tuple(one.high[0] for one in each))
-    found = replace(parts[places[0]], feed=replace(textures[0], channel=channel, limits=limits), notes=notes)
-    return _with_factors(found, scale, offset)
+    joined = replace(parts[places[0]], feed=replace(textures[0], channel=channel, limits=limits), notes=notes)
+    return _with_factors(joined, scale, offset)
 
 
 def converted(signal: Signal, source: str, target: str) -> Signal:

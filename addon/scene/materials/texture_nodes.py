@@ -239,7 +239,7 @@ READINGS = {
 """The functions that evaluate an output, by type of node."""
 
 
-FLAT = (0.5, 0.5, 1.0)
+FLAT_COLOR = (0.5, 0.5, 1.0)
 """The color of a normal map without detail."""
 MOST_BUMPS = 20
 """The longest chain of Bump nodes that is followed."""
@@ -272,7 +272,7 @@ def _normal_map(values: NodeValues, output: Place) -> FoundDetail:
         raise NotFollowedError(f"the node {title(node)} is not in tangent space")
     strength = max(0.0, float(values.constant(output, "Strength")[0]))
     signal = values.input(output, "Color")
-    if strength == 0.0 or (signal.constant is not None and np.allclose(signal.constant, FLAT, atol=0.003)):
+    if strength == 0.0 or (signal.constant is not None and np.allclose(signal.constant, FLAT_COLOR, atol=0.003)):
         return None, ()
     image = _normal_image(signal, "the normal map")
     is_down = image.scale[1] < 0.0
