@@ -2,19 +2,17 @@
 """Bakes a map for each basis, shows them in three.js, Babylon.js and the Khronos renderer, and reports how far each is off.
 
     .venv/bin/python scripts/dev/engines.py [--engines three,babylon,khronos] [--out DIR] [--npm DIR] [FILE.blend ...]
-    .venv/bin/python scripts/dev/engines.py --fill out/engines/engines.json
 
 Needs Chromium and npm, and the network for the engines' packages: apt-get install chromium npm. The packages go into a
 temporary folder, or into DIR, which keeps them. Each FILE.blend holds two objects that share UVs, "hi" and "lo"; without files,
 spot, king and helmet of ../shared/assets.
 
 Writes engines.json. Ends with 1 if the map for an engine's own basis is off by more than 1 degree at the 99th percentile, or
-if the map for another basis is as good. --fill puts the table of a run into docs/engines.md, and does nothing else.
+if the map for another basis is as good.
 """
 
 import argparse
 import json
-import re
 import subprocess
 import sys
 import tempfile
@@ -26,7 +24,6 @@ sys.path.insert(0, str(ROOT))
 from addon.core.declarations import bases, targets  # noqa: E402
 from scripts.dev.in_engines import chromium  # noqa: E402
 
-PAGE = ROOT / "docs" / "engines.md"
 PAIRS = ROOT / ".." / "shared" / "assets" / "pairs"
 FILES = "spot_1696_536", "king_40480_4000", "helmet_23358_6117"
 LIMIT = 1.0
@@ -37,7 +34,6 @@ LABELS = {
     "bare": "no map",
 }
 """What an engine shows, in the table's order."""
-PLACE = re.compile(r"^(<!-- engines -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)
 
 
 def measure(files: list[Path], engines: list[str], modules: Path, *, texels: int, pixels: int) -> dict:
@@ -86,17 +82,6 @@ def table(rows: list[dict]) -> list[str]:
     return lines
 
 
-def fill(page: str, run: dict) -> str:
-    """The text of the manual's page with the table of a run between its comments."""
-    versions = ", ".join(f"{name} {version}" for name, version in chromium.PACKAGES.items() if "loaders" not in name)
-    conditions = (
-        f"{run['chromium']} with SwiftShader; {versions}; 8-bit maps of {run['map']} x {run['map']} texels, pictures of "
-        f"{run['view']} x {run['view']} pixels from before and behind."
-    )
-    body = "\n".join([*table(run["rows"]), "", conditions])
-    return PLACE.sub(lambda place: f"{place[1]}\n{body}\n\n{place[2]}", page)
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE.blend")
@@ -105,12 +90,7 @@ def main() -> int:
     parser.add_argument("--view", type=int, default=2048, metavar="PIXELS")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "engines", metavar="DIR")
     parser.add_argument("--npm", type=Path, metavar="DIR")
-    parser.add_argument("--fill", type=Path, metavar="ENGINES.json")
     given = parser.parse_args()
-    if given.fill:
-        run = json.loads(given.fill.read_text(encoding="utf-8"))
-        PAGE.write_text(fill(PAGE.read_text(encoding="utf-8"), run), encoding="utf-8")
-        return 0
     files = given.files or [PAIRS / f"{name}.blend" for name in FILES]
     given.out.mkdir(parents=True, exist_ok=True)
     try:

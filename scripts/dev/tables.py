@@ -22,7 +22,7 @@ from addon.core import file_formats, map_types, udim  # noqa: E402
 from addon.core.declarations import kinds, targets  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
 from addon.core.declarations.choices import Pack  # noqa: E402
-from addon.core.map_types import CUSTOM_SUFFIX, PACKINGS, RGBA, Channel, Family, Packing  # noqa: E402
+from addon.core.map_types import CUSTOM_SUFFIX, PACKINGS, RGBA, Channel, Packing  # noqa: E402
 from addon.core.naming import USUAL  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -93,14 +93,12 @@ def option_of(name: str, setting: kinds.Setting) -> str:
 def panel(shown: PanelSettings) -> str:
     """The settings of a panel, from top to bottom."""
     switches = [one.switch for one in shown.settings.values()]
-    rows = [
-        (f"**{one.label}**", option_of(name, one), default_of(one), MEANINGS.get(name) or meaning_of(one))
+    rows = (
+        (f"**{one.label}** {option_of(name, one)}".rstrip(), default_of(one), MEANINGS.get(name) or meaning_of(one))
         for name, one in shown.settings.items()
         if switches.count(name) != 1  # its number says what holds without it
-    ]
-    if not any(option for _, option, _, _ in rows):
-        return table(("setting", "default", "what it does"), ((name, *rest) for name, _, *rest in rows))
-    return table(("setting", "option", "default", "what it does"), rows)
+    )
+    return table(("setting", "default", "what it does"), rows)
 
 
 MEANINGS = {
@@ -181,23 +179,6 @@ def maps() -> str:
         for one in map_types.OTHERS
     )
     return table(("map", "`--maps`", "ending", "what it holds"), rows)
-
-
-SOURCES = {
-    "Rays from the high surface": (Family.OPENNESS, Family.THICKNESS, Family.CURVATURE),
-    "Materials and attributes of the high meshes": (Family.MATERIAL, Family.SLOPES),
-    "The points of both surfaces": (Family.POINTS,),
-}
-"""Where the values of families of maps come from."""
-
-
-def map_names() -> str:
-    """The labels of all maps, by what they come from."""
-    rows = (
-        (source, ", ".join(one.label for one in map_types.OTHERS if one.family in families))
-        for source, families in SOURCES.items()
-    )
-    return table(("from", "maps"), [("The high surface", map_types.NORMAL.label), *rows])
 
 
 def endings_of(one: map_types.MapType) -> str:
@@ -321,7 +302,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "figures": figures,
     "file-formats": formats,
     "map-types": maps,
-    "map-names": map_names,
     "packing": layouts,
     "udim": tiles,
     "programs": programs,
