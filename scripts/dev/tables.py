@@ -219,55 +219,39 @@ def tiles() -> str:
 # Programs that read maps
 
 
-def programs() -> str:
-    """The programs and what each needs."""
-    rows = (
-        (
-            one.label,
-            "" if one.preset == one.label else one.preset,
-            code(one.name),
-            one.green,
-            one.basis.label,
-            "rebuilt" if one.rebuilds_z else "read",
-            str(one.depth),
-            code(one.names),
-            pack_of(one.pack),
-            code(one.export) if one.export else "",
-            one.settings,
-        )
-        for one in targets.TARGETS
-    )
-    scene = (
-        "The scene's render engine",
-        targets.OF_SCENE,
-        "",
-        targets.UP,
-        DECLARED["basis"].items[0].label,
-        "read",
-        "16",
-        code(USUAL),
-        "",
-        "",
-    )
-    head = ("Engine", "In the panel", "Name", "Green", "Basis", "Z", "Depth", "Names of maps", "Pack", "Export")
-    head += ("Import settings",)
-    return table(head, [(*scene, "Imprint sets up the material"), *rows])
+def engines() -> str:
+    """The choices of the setting Engine: the target engines of each, the options that do the same, and what else it needs."""
+    rows = []
+    for preset, engine in targets.CHOICES.items():
+        own = [one for one in targets.TARGETS if one.preset == preset]
+        names = ", ".join(code(one.name) if one.label == preset else f"{one.label} {code(one.name)}" for one in own)
+        rows.append((preset, names, options_of(engine), z_of(own), *files_of(own), settings_of(own)))
+    return table(("In the panel", "Names", "Options", "Z", "Names of maps", "Export", "Import settings"), rows)
 
 
-def pack_of(pack: str) -> str:
-    """The label of a layout of packed images; empty without one."""
-    return "" if pack == Pack.NONE else next(item.label for item in DECLARED["pack"].items if item.value == pack)
+def options_of(engine: targets.Engine) -> str:
+    """The options that do the same as a choice of the setting Engine."""
+    values = engine.values
+    said = f"--green {values['green'].lower()} --basis {word_for(values['basis'])} --depth {values['depth']}"
+    said += "" if values["pack"] == Pack.NONE else f" --pack {word_for(values['pack'])}"
+    return code(said + ("" if values["alpha"] else " --no-alpha"))
 
 
-def engine_options() -> str:
-    """The options that do the same as each choice of the setting Engine."""
-    by_options: dict[str, list[str]] = {}
-    for name, engine in targets.CHOICES.items():
-        values = engine.values
-        said = f"--green {values['green'].lower()} --basis {word_for(values['basis'])} --depth {values['depth']}"
-        said += "" if values["pack"] == Pack.NONE else f" --pack {word_for(values['pack'])}"
-        by_options.setdefault(said + ("" if values["alpha"] else " --no-alpha"), []).append(name)
-    return table(("In the panel", "Options"), ((", ".join(names), code(said)) for said, names in by_options.items()))
+def z_of(own: Sequence[targets.TargetEngine]) -> str:
+    return "rebuilt" if any(one.rebuilds_z for one in own) else "read"
+
+
+def files_of(own: Sequence[targets.TargetEngine]) -> tuple[str, str]:
+    """The names of maps and the file of the mesh of engines that share a choice."""
+    return (code(own[0].names), code(own[0].export) if own[0].export else "") if own else (code(USUAL), "")
+
+
+def settings_of(own: Sequence[targets.TargetEngine]) -> str:
+    """What to set in engines that share a choice."""
+    settings = {one.settings: one.label for one in own}
+    if len(settings) < 2:
+        return next(iter(settings), "Imprint sets up the material")
+    return "; ".join(f"{label}: {each}" for each, label in settings.items())
 
 
 UNITS = {SHARE: "%", COUNT: "a number", LENGTH: "scene units", SECONDS: "s", DEGREES: "deg"}
@@ -304,8 +288,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "map-types": maps,
     "packing": layouts,
     "udim": tiles,
-    "programs": programs,
-    "engine-options": engine_options,
+    "engines": engines,
 }
 
 
