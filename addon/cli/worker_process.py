@@ -26,40 +26,7 @@ from . import interruption, run_report
 from .plans import Plan
 from .records import Assignment
 from .untrusted import Sandbox, processes_in
-from .worker_messages import (
-    LONGEST_MESSAGE,
-    Answer,
-    Begun,
-    FilesFound,
-    Gone,
-    Line,
-    Percent,
-    Ready,
-    Setup,
-    Turns,
-    packed,
-    unpacked,
-)
-
-__all__ = [
-    "Answer",
-    "Begun",
-    "FilesFound",
-    "Gone",
-    "Line",
-    "Percent",
-    "Ready",
-    "Setup",
-    "Worker",
-    "command",
-    "crash_output",
-    "last_line",
-    "log_path",
-    "packed",
-    "printed_tail",
-    "processes_in",
-    "unpacked",
-]
+from .worker_messages import LONGEST_MESSAGE, Gone, Setup, Turns, unpacked
 
 
 def log_path(folder: str | None, plan: Plan) -> str:
@@ -141,7 +108,7 @@ _CRASH = re.compile(
 
 
 def crash_output_of_log(path: str) -> str:
-    """As `clause`, for a log. Empty if there is none: one that is no plain file is not read."""
+    """As `crash_output`, for a log. Empty if there is none: one that is no plain file is not read."""
     try:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     except OSError:
@@ -342,7 +309,7 @@ class Worker:
         return now - self._receives > LONGEST_SEND or (is_waiting and now - self.begun > LONGEST_BEGIN)
 
     def crash_output(self) -> str:
-        """The clause of the function `crash_output` about its bake."""
+        """What the function `crash_output` says of its bake."""
         return crash_output_of_log(self.log) if self.log else crash_output(self.last_printed(self._printed))
 
     def _start(self, other: Connection) -> subprocess.Popen:

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, run_report, scene_files, worker_process
+from addon.cli import command, run_report, scene_files, worker_messages, worker_process
 from addon.cli.run_report import Entry, State
 from addon.cli.untrusted import Bounds, Sandbox
 from addon.core.report import Report
@@ -354,7 +354,7 @@ class Code:
     "content",
     [
         pickle.dumps(Code()),
-        pickle.dumps(worker_process.packed),
+        pickle.dumps(worker_messages.packed),
         b"",
         b"garbage",
         b"7",
@@ -366,7 +366,7 @@ class Code:
 )
 def test_a_message_of_a_worker_cannot_run_code(content):
     with pytest.raises(OSError, match="no message"):
-        worker_process.unpacked(content)
+        worker_messages.unpacked(content)
 
 
 FILE = {"path": "/a", "bytes": 1, "sha256": "0" * 64, "what": "map"}
@@ -377,22 +377,22 @@ REPORT = Report("CAST", "TANGENT", (16, 16), "low", ["high"]).to_dict()
 def test_messages_of_a_worker_arrive(is_trusted):
     report = json.loads(json.dumps(REPORT))
     for message in (
-        worker_process.Ready(),
-        worker_process.Begun(),
-        worker_process.Percent("a", "b", 0.5),
-        worker_process.Percent("a", "b", 1),
-        worker_process.Line("x\udc80"),
-        worker_process.FilesFound(["a"], [("b", "c")]),
+        worker_messages.Ready(),
+        worker_messages.Begun(),
+        worker_messages.Percent("a", "b", 0.5),
+        worker_messages.Percent("a", "b", 1),
+        worker_messages.Line("x\udc80"),
+        worker_messages.FilesFound(["a"], [("b", "c")]),
         Entry(1, "a", State.GATE, files=[FILE], reports=[report], warnings=["b"], image=b"c\0d"),
     ):
-        assert worker_process.unpacked(worker_process.packed(message), is_trusted=is_trusted) == message
+        assert worker_messages.unpacked(worker_messages.packed(message), is_trusted=is_trusted) == message
 
 
 def done(**values):
     """A result with other values in its entry."""
     found = Entry(1, "a", files=[FILE])
     vars(found).update(values)
-    return worker_process.packed(found)
+    return worker_messages.packed(found)
 
 
 def lacking(name):
@@ -403,10 +403,10 @@ def lacking(name):
 
 
 LIES = {
-    "a text for a number": worker_process.packed(worker_process.Percent("a", "b", "0.5")),
-    "a number for a text": worker_process.packed(worker_process.Line(7)),
-    "files of one word": worker_process.packed(worker_process.FilesFound(["a"], [("b",)])),
-    "no list": worker_process.packed(worker_process.FilesFound("abc")),
+    "a text for a number": worker_messages.packed(worker_messages.Percent("a", "b", "0.5")),
+    "a number for a text": worker_messages.packed(worker_messages.Line(7)),
+    "files of one word": worker_messages.packed(worker_messages.FilesFound(["a"], [("b",)])),
+    "no list": worker_messages.packed(worker_messages.FilesFound("abc")),
     "no values": b'["Line", []]',
     "values of another": b'["Line", {"subject": "a"}]',
     "no entry": b'["Entry", {"name": "a", "warnings": [], "is_listed": true}]',
@@ -427,4 +427,4 @@ LIES = {
 def test_a_message_of_other_types_is_none(content):
     """Its parent would fail at it, and end all bakes."""
     with pytest.raises(OSError, match="no message"):
-        worker_process.unpacked(content, is_trusted=False)
+        worker_messages.unpacked(content, is_trusted=False)

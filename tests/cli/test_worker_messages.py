@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import pytest
 
 from addon.cli import worker_process
-from addon.cli.worker_process import Answer, Begun, Gone, Line, Ready, Worker, packed
+from addon.cli.worker_messages import Answer, Begun, Gone, Line, Ready, packed
+from addon.cli.worker_process import Worker
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the ends of pipes of Windows are no file descriptors")
 

@@ -194,6 +194,12 @@ def test_what_an_archive_contains_is_not_named(root):
     assert usd_layers.named(lacks).assets == (f"{lacks}[{names[3]}]",)
 
 
+def test_names_in_an_archive_start_at_the_file_that_has_them(root):
+    layer = LAYERED.replace("./{}", "../parts/b.usda")
+    path = archive(root / "a.usdz", ("top/a.usda", layer), ("parts/b.usda", LAYERED.format("c.usda")))
+    assert usd_layers.named(path).layers == (f"{path}[parts/c.usda]",)
+
+
 def test_files_outside_an_archive_are_named(root):
     """USD opens them."""
     path = archive(root / "a.usdz", ("a.usda", LAYERED.replace("./{}", str(root / "b.usda"))))
@@ -224,11 +230,15 @@ def test_archives_that_usd_does_not_read_are_refused(root):
     packed = archive(root / "packed.usdz", ("a.usda", TEXT * 9), packing=zipfile.ZIP_DEFLATED)
     many = archive(root / "many.usdz", *((f"{number}.usda", "") for number in range(usd_archives.MOST_FILES + 1)))
     nested = archive(root / "nested.usdz", ("a.usda", ""), ("b.usdz", Path(packed).read_bytes()))
+    hidden, sized = (root / name for name in ("hidden.usdz", "sized.usdz"))
+    plain = Path(archive(root / "plain.usdz", ("a.usda", TEXT))).read_bytes()
+    write(hidden, plain[:6] + b"\x01" + plain[7:])
+    write(sized, plain[:22] + b"\x07" + plain[23:])
     twice = archive(root / "twice.usdz", ("a.usda", ""), ("b.usda", ""))
     write(Path(twice), Path(twice).read_bytes().replace(b"b.usda", b"a.usda"))
     image = archive(root / "image.usdz", ("a.png", ""), ("a.usda", ""))
     for path, words in {
-        packed: "compressed",
+        **dict.fromkeys((packed, str(hidden), str(sized)), "compressed or encrypted"),
         many: "more than 10,000 files",
         nested: "compressed",
         twice: "is taken",

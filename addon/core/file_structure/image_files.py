@@ -122,8 +122,6 @@ def tiff_values(file: BinaryIO, wanted: Container[int]) -> dict[int, tuple[int, 
     is_big = b"+" in start
     head, entry, inline, wide = (16, "HHQ8s", 8, "Q") if is_big else (8, "HHI4s", 4, "I")
     (at,) = unpack(file, order + wide, head - inline)
-    if not at:
-        raise struct.error("there is no directory yet")
     (count,) = unpack(file, order + ("Q" if is_big else "H"), at)
     at += 8 if is_big else 2
     found: dict[int, tuple[int, ...]] = {}

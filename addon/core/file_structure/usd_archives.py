@@ -72,8 +72,6 @@ def _of_one(content: mmap.mmap, start: int, stop: int, number: int) -> Iterator[
         _, flags, compression, stored, size, name_size, more = _HEAD_LAYOUT.unpack_from(content, at)
         begin = at + _HEAD_LAYOUT.size + name_size + more
         at = begin + stored
-        if at > stop:
-            raise struct.error("the archive ends too early")
         if flags & _NOT_STORED or compression or stored != size:
             raise Refused("holds files that are compressed or encrypted, which USD does not read")
         name_at = begin - more - name_size
