@@ -31,10 +31,15 @@ TRIANGLES_AT_ONCE = 2**14
 
 @dataclass(frozen=True)
 class Tree:
-    """order (T,) int: triangle indices in the tree's order. first_leaf: the heap index of the first triangle.
+    """A tree over triangles. A point p is at (p - origin) * scale in grid steps.
 
-    nodes (N, 3, 4) float32: for x, y and z, the boxes of the four children, as `pack` stores them; a missing child has
-    low above high. A point p is at (p - origin) * scale in grid steps; origin, scale (3,) float64.
+    Attributes:
+        order: (T,) int, triangle indices in the tree's order.
+        nodes: (N, 3, 4) float32, for x, y and z, the boxes of the four children, as `pack` stores them; a missing child has low
+            above high.
+        first_leaf: the heap index of the first triangle.
+        origin: (3,) float64.
+        scale: (3,) float64.
     """
 
     order: np.ndarray
@@ -62,7 +67,13 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
 
 @dataclass(frozen=True)
 class Grid:
-    """The grid of a tree, as Tree has it. extent (3,) float64: of all its boxes, and never 0."""
+    """The grid of a tree.
+
+    Attributes:
+        origin: as Tree has it.
+        scale: as Tree has it.
+        extent: (3,) float64, of all its boxes, and never 0.
+    """
 
     origin: np.ndarray
     scale: np.ndarray

@@ -75,14 +75,14 @@ class Surface:
             which, nodes = which[exists], nodes[exists]
             near = _to_boxes(here[which], lows[nodes], highs[nodes]) <= best[which]
             which, nodes = which[near], nodes[near]
-        found = closest_points(here[which], self._corners[nodes])
-        far = _squares(found - here[which])
+        nearest_points = closest_points(here[which], self._corners[nodes])
+        far = _squares(nearest_points - here[which])
         # Each place has at least the triangle that it came to first, and the places are still in their order.
         starts = np.flatnonzero(np.diff(which, prepend=-1))
         nearest = np.minimum.reduceat(far, starts)
         is_nearest = np.flatnonzero(far == nearest[which])
         chosen = is_nearest[np.flatnonzero(np.diff(which[is_nearest], prepend=-1))]
-        triangles[part], points[part], squares[part] = self._order[nodes[chosen]], found[chosen], far[chosen]
+        triangles[part], points[part], squares[part] = self._order[nodes[chosen]], nearest_points[chosen], far[chosen]
 
     def _first(self, places: np.ndarray) -> np.ndarray:
         """The squared distance (N,) to a triangle that is close, found in the BEAM boxes that are closest on each level."""

@@ -70,10 +70,10 @@ def _negated(mesh: Mesh, is_turned: np.ndarray) -> np.ndarray:
 
 def _is_split(mesh: Mesh, places: np.ndarray) -> np.ndarray:
     """Which places (V,) bool have several vertices, of a mesh whose normals Blender computed for vertices."""
-    found = np.zeros(len(places), bool)
+    is_split = np.zeros(len(places), bool)
     if mesh.normals_domain == "POINT":
-        found[places[places != np.arange(len(places))]] = True
-    return found
+        is_split[places[places != np.arange(len(places))]] = True
+    return is_split
 
 
 def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.ndarray) -> Mesh:
@@ -111,10 +111,10 @@ def _rebuilt(mesh: Mesh, places: np.ndarray, is_bad: np.ndarray, is_turned: np.n
     weighted = _angles(mesh, corners)[:, :, None] * units[:, None]
     sums = topology.sums_of(groups.reshape(-1), weighted.reshape(-1, 3), len(nodes))
     is_used = is_bad[vertices]
-    used, found = corners[is_used], sums[groups[is_used]]
-    lengths = np.linalg.norm(found, axis=1)
+    used, new = corners[is_used], sums[groups[is_used]]
+    lengths = np.linalg.norm(new, axis=1)
     normals, is_known = mesh.normals.copy(), lengths > 1e-6
-    normals[used[is_known]] = (found[is_known] / lengths[is_known, None]).astype(np.float32)
+    normals[used[is_known]] = (new[is_known] / lengths[is_known, None]).astype(np.float32)
     return replace(mesh, normals=normals, normals_domain="" if mesh.normals_domain == "POINT" else mesh.normals_domain)
 
 

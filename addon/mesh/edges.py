@@ -18,12 +18,15 @@ HARD_DEGREES = 1.0
 
 @dataclass(frozen=True)
 class Sides:
-    """The sides of edges: the triangle on either side has one each. S are those of places with several normals.
+    """The sides of edges: the triangle on either side has one each. Without a partner, `is_same_way` and `others` mean nothing.
 
-    start, stop, across (S,) int: the corners at the two ends, and the triangle's third one. partner (S,) int: the other side of
-    the edge, -1 if there is none or several. is_same_way (S,) bool: whether the other side runs from the same end to the same
-    end. others: two (S,) int, the corners of the other side at `start` and at `stop`. is_hard (S,) bool: whether the normals of
-    the two sides differ. Without a partner, the last three mean nothing.
+    Attributes:
+        start: (S,) int, the corner at which a side starts.
+        stop: (S,) int, the corner at which it ends.
+        across: (S,) int, the triangle's third corner.
+        partner: (S,) int, the other side of the edge, -1 if there is none or several.
+        is_same_way: (S,) bool, whether the other side runs from the same end to the same end.
+        others: two (S,) int, the corners of the other side at `start` and at `stop`.
     """
 
     start: np.ndarray
@@ -32,24 +35,27 @@ class Sides:
     partner: np.ndarray
     is_same_way: np.ndarray
     others: tuple[np.ndarray, np.ndarray]
-    is_hard: np.ndarray
+
+    def hard(self, mesh: Mesh) -> np.ndarray:
+        """Which of them (S,) bool have a partner whose normals differ."""
+        pairs = zip((self.start, self.stop), self.others, strict=True)
+        differs = [differ(mesh.normals[corner], mesh.normals[other]) for corner, other in pairs]
+        return (differs[0] | differs[1]) & (self.partner >= 0)
 
 
-def sides(mesh: Mesh) -> Sides:
-    """The sides of all edges that may be hard."""
+def sides(mesh: Mesh, *, may_be_hard: bool = False) -> Sides:
+    """The sides of all edges. may_be_hard: only of those that may be hard, since a place at an end has several normals: in most
+    meshes, these are few."""
     start, stop, across = (np.roll(mesh.triangles, -i, axis=1).reshape(-1) for i in range(3))
-    # An edge can be hard only where one place has several normals: in most meshes that leaves few edges to test.
-    split = is_split(mesh)
-    candidates = np.flatnonzero(split[mesh.vertices[start]] | split[mesh.vertices[stop]])
-    start, stop, across = start[candidates], stop[candidates], across[candidates]
+    if may_be_hard:
+        split = is_split(mesh)
+        candidates = np.flatnonzero(split[mesh.vertices[start]] | split[mesh.vertices[stop]])
+        start, stop, across = start[candidates], stop[candidates], across[candidates]
     first, second = mesh.vertices[start], mesh.vertices[stop]
     partner = partners(mesh.positions, np.stack([first, second], axis=1))
     is_same_way = (mesh.positions[first[partner]] == mesh.positions[first]).all(axis=1)
     others = np.where(is_same_way, start[partner], stop[partner]), np.where(is_same_way, stop[partner], start[partner])
-    is_hard = np.zeros(len(partner), bool)
-    for corner, other in zip((start, stop), others, strict=True):
-        is_hard |= differ(mesh.normals[corner], mesh.normals[other])
-    return Sides(start, stop, across, partner, is_same_way, others, is_hard)
+    return Sides(start, stop, across, partner, is_same_way, others)
 
 
 def hard_edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -58,11 +64,11 @@ def hard_edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     Returns the vertices of their ends (H, 2) int32, and the cosine (H,) of the angle between their two faces in world space.
     Each edge is listed once per side.
     """
-    found = sides(mesh)
-    is_hard = found.is_hard & (found.partner >= 0)
-    first, second, third = (mesh.vertices[corner] for corner in (found.start, found.stop, found.across))
+    all_sides = sides(mesh, may_be_hard=True)
+    is_hard = all_sides.hard(mesh)
+    first, second, third = (mesh.vertices[corner] for corner in (all_sides.start, all_sides.stop, all_sides.across))
     faces = unit(mesh.to_world_normals(face_normals(mesh.positions, np.stack([first, second, third], axis=1))))
-    cosines = np.where(found.is_same_way, -1.0, 1.0) * (faces * faces[found.partner]).sum(axis=1)
+    cosines = np.where(all_sides.is_same_way, -1.0, 1.0) * (faces * faces[all_sides.partner]).sum(axis=1)
     return np.stack([first, second], axis=1)[is_hard], cosines[is_hard]
 
 
@@ -143,6 +149,6 @@ def past_flat(points: np.ndarray, triangles: np.ndarray, has_area: np.ndarray) -
     longest = np.where(fits, lengths, -1.0).argmax(axis=1)
     nearest[flat] = np.where(fits.any(axis=1), beside[np.arange(len(flat)), longest], flat)
     kept = np.flatnonzero(has_area)
-    found = neighbors(points, triangles[kept])
-    across[flat], across[kept] = -1, np.where(found >= 0, kept[found] if len(kept) else -1, -1)
+    beyond = neighbors(points, triangles[kept])
+    across[flat], across[kept] = -1, np.where(beyond >= 0, kept[beyond] if len(kept) else -1, -1)
     return across, nearest

@@ -131,21 +131,21 @@ def fit(
     is_free[triangles] = True
     edges = EdgeTable.of(triangles).ends
     now, places, beside = start, surface.points.astype(np.float32), _Beside.of(triangles)
-    found, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
+    nearest, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
     for done in range(options.rounds):
         if done:
-            found, where = beside.closest(places, found, now.astype(np.float32))
-        corners = triangles[found]
+            nearest, where = beside.closest(places, nearest, now.astype(np.float32))
+        corners = triangles[nearest]
         normals, _ = unit_normals(now, corners)
         is_same_side = (normals * surface.normals).sum(axis=1) > SAME_SIDE_COSINE
         corners = corners[is_same_side]
         if not len(corners):
             break
         weights = barycentric(where[is_same_side].astype(np.float64), now[corners])
-        system = _System(found[is_same_side], weights, triangles, edges, len(start), options=options)
+        system = _System(nearest[is_same_side], weights, triangles, edges, len(start), options=options)
         missing = surface.points[is_same_side] - (start[corners] * weights[..., None]).sum(axis=1)
         now = _without_turns(start, start + system.solved(missing, now - start), triangles, is_free)
-    return now, found
+    return now, nearest
 
 
 @dataclass(frozen=True)
@@ -177,8 +177,8 @@ class _Beside:
         corners = points[self.triangles]
         middles = corners.mean(axis=1)
         radii = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
-        found = closest_points(places, corners[known])
-        far = ((found - places) ** 2).sum(axis=1)
+        nearest_points = closest_points(places, corners[known])
+        far = ((nearest_points - places) ** 2).sum(axis=1)
         counts = self.firsts[known + 1] - self.firsts[known]
         others = self.beside[topology.ranges(self.firsts[known], counts)]
         which = np.repeat(np.arange(len(known)), counts)
@@ -193,19 +193,19 @@ class _Beside:
         order = np.argsort(-squares, kind="stable")  # so that the nearest one of each place comes last
         order = order[squares[order] < far[which[order]]]
         triangles = known.copy()
-        triangles[which[order]], found[which[order]] = others[order], ways[order]
-        return triangles, found
+        triangles[which[order]], nearest_points[which[order]] = others[order], ways[order]
+        return triangles, nearest_points
 
 
 class _System:
     """Least squares for the moves of vertices: samples, differences along edges, and the moves themselves.
 
-    found (N,) int: the triangles of samples, of triangles (T, 3) int. weights (N, 3): of their vertices.
+    of_samples (N,) int: the triangles of samples, of triangles (T, 3) int. weights (N, 3): of their vertices.
     """
 
     def __init__(
         self,
-        found: np.ndarray,
+        of_samples: np.ndarray,
         weights: np.ndarray,
         triangles: np.ndarray,
         edges: np.ndarray,
@@ -213,18 +213,19 @@ class _System:
         *,
         options: FitOptions,
     ):
-        self._found, self._weights, self._edges, self._count = found, weights, edges, count
+        self._of_samples, self._weights, self._edges, self._count = of_samples, weights, edges, count
         self._options = options
-        self._scale = len(found) / count
+        self._scale = len(of_samples) / count
         self._triangles = triangles
         # The samples of a triangle move with its vertices alone, so that their products are summed once.
         products = (weights[:, :, None] * weights[:, None, :]).reshape(-1, 9)
-        self._products = sums_of(found, products, len(triangles)).reshape(-1, 3, 3)
+        self._products = sums_of(of_samples, products, len(triangles)).reshape(-1, 3, 3)
 
     def solved(self, missing: np.ndarray, moves: np.ndarray) -> np.ndarray:
         """The moves (V, 3), by conjugate gradients from `moves`. missing: (N, 3), the way from each sample's place."""
         ways = (self._weights[:, :, None] * missing[:, None, :]).reshape(-1, 9)
-        rest = self._gathered(sums_of(self._found, ways, len(self._triangles)).reshape(-1, 3, 3)) - self._applied(moves)
+        pulls = sums_of(self._of_samples, ways, len(self._triangles)).reshape(-1, 3, 3)
+        rest = self._gathered(pulls) - self._applied(moves)
         along, power = rest, (rest * rest).sum(axis=0)
         enough = 1e-12 * np.maximum(power, 1e-300)
         for _ in range(GRADIENT_STEPS):

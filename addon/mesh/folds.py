@@ -88,9 +88,9 @@ def _is_folded(points: np.ndarray, triangles: np.ndarray, places: Surface, surfa
     longest = np.linalg.norm(sides, axis=2).max(axis=1, initial=0.0)
     height = 2.0 * face_areas(corners) / np.maximum(longest, 1e-300)
     reach = 0.5 * np.where(counts[chosen] > 1, height, longest)  # what is at a rim opposes the other side of it alone
-    found = np.zeros(len(triangles), bool)
-    found[chosen] = ~_is_of_surface(corners, own[chosen], surface, reach)
-    return found
+    is_folded = np.zeros(len(triangles), bool)
+    is_folded[chosen] = ~_is_of_surface(corners, own[chosen], surface, reach)
+    return is_folded
 
 
 def _is_of_surface(corners: np.ndarray, normals: np.ndarray, surface: Samples, reach: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core import threads
 from .triangle_mesh import TANGENTS, Mesh
+from .triangles import cross
 
 ROWS = 2**18
 """Rows of an array filled at a time, so that intermediate values stay small."""
@@ -15,7 +16,12 @@ ROWS = 2**18
 
 @dataclass(frozen=True)
 class Part:
-    """A mesh and its instances. matrices (N, 4, 4) float64: from the mesh's space to world space, one per instance."""
+    """A mesh and its instances.
+
+    Attributes:
+        mesh: in its own space.
+        matrices: (N, 4, 4) float64, from there to world space, one for each instance.
+    """
 
     mesh: Mesh
     matrices: np.ndarray
@@ -129,5 +135,5 @@ def _empty_layers(parts: Sequence[Part], rows: int) -> dict[tuple[str, str], np.
 
 def _cofactors(matrices: np.ndarray) -> np.ndarray:
     """The cofactors of matrices (N, 3, 3)."""
-    a, b, c = matrices.transpose(1, 0, 2)
-    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    a, b, c = matrices.transpose(1, 2, 0)
+    return np.stack([np.stack(cross(one, other), axis=1) for one, other in ((b, c), (c, a), (a, b))], axis=1)

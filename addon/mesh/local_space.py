@@ -20,7 +20,9 @@ POINTS_AT_ONCE = 2**14
 class LocalSpace:
     """A space whose origin and unit fit some meshes, so that single precision is as accurate far from the world's origin.
 
-    origin (3,) float64 in world space; size in world units. World axes.
+    Attributes:
+        origin: (3,) float64, in world space, whose axes it has.
+        size: its unit, in world units.
     """
 
     origin: np.ndarray

@@ -33,10 +33,12 @@ _MIX = np.uint64(0x9E3779B97F4A7C15)
 
 @dataclass(frozen=True)
 class Pairs:
-    """Edges that two triangles share, (E,) each.
+    """Edges that two triangles share.
 
-    first, second: the sides of the edge, int: the triangle and its corner at which the side starts, as 3 * triangle + corner.
-    is_against: whether the two triangles point to opposite sides.
+    Attributes:
+        first: (E,) int, one side of the edge, as EdgeTable numbers them: 3 * triangle + corner.
+        second: (E,) int, the other side.
+        is_against: (E,) bool, whether the two triangles point to opposite sides.
     """
 
     first: np.ndarray
@@ -51,11 +53,15 @@ class Pairs:
 class Patches:
     """The patches of a mesh.
 
-    labels (T,) int: the number of each triangle's patch, from 0. count: of the patches. is_against (T,) bool: triangles that
-    point to the other side than the rest of their patch, which have less area together. is_closed (count,) bool: patches
-    without an open edge. pairs: of the edges; None if no triangle is against another. conflicts: the number of edges whose two
-    triangles point to opposite sides. places (V,) int: the lowest vertex in the place of each vertex that has others there.
-    contradicting: the number of patches that cannot be consistent, as a Möbius strip.
+    Attributes:
+        labels: (T,) int, the number of each triangle's patch, from 0.
+        count: of the patches.
+        is_against: (T,) bool, triangles that point to the other side than the rest of their patch, with less area together.
+        is_closed: (count,) bool, patches without an open edge.
+        places: (V,) int, the lowest vertex in the place of each vertex that has others there.
+        pairs: of the edges; None if no triangle is against another.
+        conflicts: the number of edges whose two triangles point to opposite sides.
+        contradicting: the number of patches that cannot be consistent, as a Möbius strip.
     """
 
     labels: np.ndarray
@@ -188,13 +194,13 @@ def _flooded(points: np.ndarray, triangles: np.ndarray, places: np.ndarray) -> P
     vertices = places[triangles]
     is_whole = has_corners(vertices)
     if not is_whole.all():
-        found = _flooded(points, triangles[is_whole], places)
-        labels, is_against = np.zeros(len(triangles), found.labels.dtype), np.zeros(len(triangles), bool)
-        labels[is_whole], is_against[is_whole] = found.labels, found.is_against
+        whole = _flooded(points, triangles[is_whole], places)
+        labels, is_against = np.zeros(len(triangles), whole.labels.dtype), np.zeros(len(triangles), bool)
+        labels[is_whole], is_against[is_whole] = whole.labels, whole.is_against
         _follow(triangles, is_whole, labels, is_against)
-        if not found.count:
-            return replace(found, labels=labels, is_against=is_against, count=1, is_closed=np.zeros(1, bool))
-        return replace(found, labels=labels, is_against=is_against)
+        if not whole.count:
+            return replace(whole, labels=labels, is_against=is_against, count=1, is_closed=np.zeros(1, bool))
+        return replace(whole, labels=labels, is_against=is_against)
     normals, lengths = unit_normals(points, triangles, np.float64)
     pairs, cosines, is_single, is_rim = _pairs(vertices, normals)
     labels, signs, is_cut = _signs(len(triangles), pairs, cosines)
@@ -257,10 +263,10 @@ def _pairs(vertices: np.ndarray, normals: np.ndarray) -> tuple[Pairs, np.ndarray
         of_size = edges.begins[edges.counts == size]
         if len(of_size):
             one, other = _best_pairs(edges.sides[of_size[:, None] + np.arange(size)], made)
-            more, found = made(one, other)
+            more, more_cosines = made(one, other)
             parts.append(more)
-            values.append(found)
-            single.append(np.zeros(len(found), bool))
+            values.append(more_cosines)
+            single.append(np.zeros(len(more_cosines), bool))
     is_rim = np.zeros(len(vertices), bool)
     is_rim[edges.alone // 3] = True
     joined = Pairs(
@@ -276,19 +282,19 @@ def _best_pairs(sides: np.ndarray, made) -> tuple[np.ndarray, np.ndarray]:
     some = np.array([(i, j) for i in range(sides.shape[1]) for j in range(i)])
     one, other = sides[:, some[:, 0]], sides[:, some[:, 1]]
     cosines = made(one.reshape(-1), other.reshape(-1))[1].reshape(one.shape)
-    found = []
+    chosen = []
     for _ in range(sides.shape[1] // 2):
         best = cosines.argmax(axis=1)
         rows = np.flatnonzero(cosines[np.arange(len(best)), best] > SMOOTH_COSINE)
         if not len(rows):
             break
         best = best[rows]
-        found.append((one[rows, best], other[rows, best]))
+        chosen.append((one[rows, best], other[rows, best]))
         taken = (some[:, None, :, None] == some[best][None, :, None, :]).any(axis=(2, 3)).T
         cosines[rows] = np.where(taken, -2.0, cosines[rows])
-    if not found:
+    if not chosen:
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    one, other = (np.concatenate(part) for part in zip(*found, strict=True))
+    one, other = (np.concatenate(part) for part in zip(*chosen, strict=True))
     return one, other
 
 

@@ -60,14 +60,14 @@ def joined(
             np.zeros((count, channels), np.float32) if of_vertices is None else of_vertices
             for (of_vertices, _, _), count in zip(parts, counts, strict=True)
         ]
-    place, found = sum(map(len, shared)), []
+    place, own_places = sum(map(len, shared)), []
     for _, values, own in parts:
-        found.append(np.where(own > 0, own + 2 * place, 0).astype(np.int32) if place and len(values) else own)
+        own_places.append(np.where(own > 0, own + 2 * place, 0).astype(np.int32) if place and len(values) else own)
         place += len(values)
     tables = [table for table in [*shared, *(values for _, values, _ in parts)] if len(table)]
     return (
         tables[0] if len(tables) == 1 else np.concatenate(tables),
-        found[0] if len(found) == 1 else np.concatenate(found),
+        own_places[0] if len(own_places) == 1 else np.concatenate(own_places),
     )
 
 
@@ -78,11 +78,11 @@ def places(own: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         own: (T,) int32, as `joined` has it.
         vertices: (T, 3) int32, of the triangles.
     """
-    found = np.array(vertices, np.int32)
+    at = np.array(vertices, np.int32)
     has_own = np.flatnonzero(own)
     own = own[has_own] - 1
-    found[has_own] = (own >> 1)[:, None] + (own & 1)[:, None] * np.arange(3, dtype=np.int32)
-    return found
+    at[has_own] = (own >> 1)[:, None] + (own & 1)[:, None] * np.arange(3, dtype=np.int32)
+    return at
 
 
 def _differs(shared: np.ndarray, vertices: np.ndarray, values: np.ndarray) -> np.ndarray:

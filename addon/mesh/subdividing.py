@@ -10,8 +10,10 @@ import numpy as np
 class Pieces:
     """The parts of divided triangles.
 
-    parents (P,) int: the triangle of each point. weights (P, 3) float32: the point's barycentric coordinates in it. triangles
-    (S, 3) int32: indices of points, in the parents' winding.
+    Attributes:
+        parents: (P,) int, the triangle of each point.
+        weights: (P, 3) float32, the point's barycentric coordinates in it.
+        triangles: (S, 3) int32, indices of points, in the parents' winding.
     """
 
     parents: np.ndarray

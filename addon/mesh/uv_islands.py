@@ -41,8 +41,8 @@ def parts(mesh: Mesh) -> np.ndarray:
     is_mirrored = (np.bincount(mesh.faces, uv_layout.areas(mesh)) < 0.0)[mesh.faces]
     sides = np.zeros(len(mesh.triangles), np.int64)
     for side in (~is_mirrored, is_mirrored):
-        found = islands(replace(mesh, triangles=mesh.triangles[side]))
-        sides[side] = found + sides.max(initial=-1) + 1
+        numbers_of_side = islands(replace(mesh, triangles=mesh.triangles[side]))
+        sides[side] = numbers_of_side + sides.max(initial=-1) + 1
     _, first, numbers = np.unique(sides, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[numbers]
 

@@ -122,13 +122,13 @@ def tiles(mesh: Mesh) -> list[int]:
         spans += [np.maximum(first, 0.0), np.minimum(last, count - 1.0)]
     boxes = np.stack(spans, axis=1)
     boxes = np.unique(boxes[(boxes[:, 0] <= boxes[:, 1]) & (boxes[:, 2] <= boxes[:, 3])], axis=0).astype(int)
-    found = {
+    numbers = {
         udim.number(u, v)
         for u_first, u_last, v_first, v_last in boxes.tolist()
         for u in range(u_first, u_last + 1)
         for v in range(v_first, v_last + 1)
     }
-    return sorted(found)
+    return sorted(numbers)
 
 
 def _uv_corners(mesh: Mesh, which: slice | np.ndarray = slice(None)) -> list[Any]:
@@ -217,9 +217,9 @@ def covered_rows(meshes: Sequence[Mesh], uv_to_clip: udim.UvToClip, size: tuple[
         first, last = np.floor(lowest[is_in] / step), np.floor(highest[is_in] / step)
         share = area[is_in].astype(np.float64) / (last - first + 1.0)
         first, last = first.clip(0, count - 1).astype(np.int64), last.clip(0, count - 1).astype(np.int64)
-        found = np.bincount(first, share, count + 1) - np.bincount(last + 1, share, count + 1)
+        step_changes = np.bincount(first, share, count + 1) - np.bincount(last + 1, share, count + 1)
         with lock:
-            np.add(changes, found, out=changes)
+            np.add(changes, step_changes, out=changes)
 
     for mesh in meshes:
         threads.for_blocks(len(mesh.triangles), partial(add, mesh))

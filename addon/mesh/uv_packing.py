@@ -40,7 +40,12 @@ LEAST_SHARE = 0.02
 
 @dataclass(frozen=True)
 class _Packed:
-    """Where islands go: a point of island i at `uv` goes to matrices[i] @ uv + offsets[i]. (I, 2, 2) and (I, 2) float64."""
+    """Where islands go: a point of island i at `uv` goes to matrices[i] @ uv + offsets[i].
+
+    Attributes:
+        matrices: (I, 2, 2) float64.
+        offsets: (I, 2) float64.
+    """
 
     matrices: np.ndarray
     offsets: np.ndarray
@@ -102,15 +107,22 @@ def _packed(corners: np.ndarray, islands: np.ndarray, options: PackOptions) -> _
     area = float(0.5 * np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum())
     if area == 0.0:
         return None
-    found = _Packing(corners, islands, area, options.margin, QUICK_CELLS).first()
-    if found is not None and not options.is_quick:
-        found = _Packing(corners, islands, area, options.margin, CELLS).better(found)
-    return None if found is None else found.packed
+    best = _Packing(corners, islands, area, options.margin, QUICK_CELLS).first()
+    if best is not None and not options.is_quick:
+        best = _Packing(corners, islands, area, options.margin, CELLS).better(best)
+    return None if best is None else best.packed
 
 
 @dataclass(frozen=True)
-class _Found:
-    """What fits at a share of the map: the order of the islands, the weights of a rule, and where they go."""
+class _Fitting:
+    """What fits.
+
+    Attributes:
+        share: of the map, that the triangles have.
+        order: of the islands.
+        rule: its weights, one of RULES.
+        packed: where they go.
+    """
 
     share: float
     order: list[int]
@@ -127,30 +139,30 @@ class _Packing:
         self.side = max(2 * self.reach + 1, int(min(self.reach / max(margin, 1e-6), 2.0 * cells) + 1e-6))
         self.random = np.random.default_rng(SEED)
 
-    def first(self) -> _Found | None:
+    def first(self) -> _Fitting | None:
         """Pack by area, at a size that is guessed and then searched."""
         share = 0.5
         for _ in range(3):
             taken = int(self._shapes(0.0, share)[0].cells.sum())
             share *= min(2.0, FULL * self.side**2 / taken)
         share = max(share, LEAST_SHARE)
-        found = self._try(share, None, 1)
-        while found is None and share > LEAST_SHARE:
+        best = self._try(share, None, 1)
+        while best is None and share > LEAST_SHARE:
             share /= COARSE
-            found = self._try(share, None, 1)
-        return None if found is None else self._grow(found, COARSE, 1)
+            best = self._try(share, None, 1)
+        return None if best is None else self._grow(best, COARSE, 1)
 
-    def better(self, found: _Found) -> _Found:
+    def better(self, best: _Fitting) -> _Fitting:
         """Pack larger, beginning with the order that fits."""
-        orders = max(1, min(ORDERS, PLACED // len(found.order)))
-        return self._grow(self._grow(found, COARSE, 1), FINE, orders)
+        orders = max(1, min(ORDERS, PLACED // len(best.order)))
+        return self._grow(self._grow(best, COARSE, 1), FINE, orders)
 
-    def _grow(self, found: _Found, factor: float, orders: int) -> _Found:
-        while (larger := self._try(found.share * factor, found, orders)) is not None:
-            found = larger
-        return found
+    def _grow(self, best: _Fitting, factor: float, orders: int) -> _Fitting:
+        while (larger := self._try(best.share * factor, best, orders)) is not None:
+            best = larger
+        return best
 
-    def _try(self, share: float, last: _Found | None, orders: int) -> _Found | None:
+    def _try(self, share: float, last: _Fitting | None, orders: int) -> _Fitting | None:
         """Pack at a size. The first order that is tried is the one that fit last."""
         angles = 0.5 * np.pi * np.arange(TURNS) / TURNS
         turned = [shapes for angle in angles.tolist() for shapes in self._shapes(angle, share)]
@@ -164,7 +176,7 @@ class _Packing:
             for _ in range(MOVES + 1):
                 places = self._place(turned, order, rule)
                 if len(places) == len(order):
-                    return _Found(share, order, rule, self._packed(turned, places))
+                    return _Fitting(share, order, rule, self._packed(turned, places))
                 order.insert(len(places) // 2, order.pop(len(places)))
         return None
 
@@ -227,15 +239,22 @@ class _Packing:
         return places
 
     def _packed(self, turned: list["_Shapes"], places: dict[int, tuple[int, int, int]]) -> _Packed:
-        found = [places[island] for island in range(len(places))]
-        matrices = np.stack([turned[k].matrix for k, _, _ in found]) / self.side
-        corners = np.array([turned[k].corners[island] for island, (k, _, _) in enumerate(found)])
-        return _Packed(matrices, (np.array([place for _, *place in found], float) - corners) / self.side)
+        where = [places[island] for island in range(len(places))]
+        matrices = np.stack([turned[k].matrix for k, _, _ in where]) / self.side
+        corners = np.array([turned[k].corners[island] for island, (k, _, _) in enumerate(where)])
+        return _Packed(matrices, (np.array([place for _, *place in where], float) - corners) / self.side)
 
 
 @dataclass(frozen=True)
 class _Runs:
-    """Cells side by side in a row: their island, the row and the column of the first, and how many. (R,) int, by islands."""
+    """Cells side by side in a row, by islands.
+
+    Attributes:
+        owner: (R,) int, their island.
+        row: (R,) int.
+        column: (R,) int, of the first of them.
+        length: (R,) int, how many.
+    """
 
     owner: np.ndarray
     row: np.ndarray
@@ -340,13 +359,13 @@ def _bytes(side: int) -> int:
 
 def _shift_left(cells: np.ndarray, bits: int) -> np.ndarray:
     """Cells (..., N) uint8 moved down by a number of bits: the first ones get lost."""
-    found = np.zeros_like(cells)
+    moved = np.zeros_like(cells)
     whole, rest = divmod(bits, 8)
     length = max(0, cells.shape[-1] - whole)
-    found[..., :length] = cells[..., whole:] >> rest
+    moved[..., :length] = cells[..., whole:] >> rest
     if rest:
-        found[..., : max(0, length - 1)] |= cells[..., whole + 1 :] << (8 - rest)
-    return found
+        moved[..., : max(0, length - 1)] |= cells[..., whole + 1 :] << (8 - rest)
+    return moved
 
 
 def _rasterize_conservative(

@@ -28,10 +28,11 @@ of the edge the distance is not linear: the triangles there divide along from ac
 class Seams:
     """The B border edges of UV islands. UVs are complex numbers u + v i.
 
-    here (B, 2) complex128: the two ends of an edge. side (B,) float64: 1 if the island lies to the left of the way from
-    the first end to the second, -1 if it lies to the right. there (B, 2) complex128: the UVs of the same ends on the
-    triangle across the edge, NaN where the surface ends. is_mirrored (B,) bool: whether the island across must be mirrored
-    to continue across this edge.
+    Attributes:
+        here: (B, 2) complex128, the two ends of an edge.
+        side: (B,) float64, 1 if the island lies to the left of the way from the first end to the second, -1 if to the right.
+        there: (B, 2) complex128, the UVs of the same ends on the triangle across the edge, NaN where the surface ends.
+        is_mirrored: (B,) bool, whether the island across must be mirrored to continue across this edge.
     """
 
     here: np.ndarray
@@ -84,23 +85,19 @@ class Seams:
 
 def find(meshes: Sequence[Mesh]) -> Seams:
     """Find the borders of all UV islands of `meshes`, which must have UVs."""
-    found = [_find(mesh) for mesh in meshes]
-    return Seams(*(np.concatenate([getattr(seams, field.name) for seams in found]) for field in fields(Seams)))
+    of_each = [_find(mesh) for mesh in meshes]
+    return Seams(*(np.concatenate([getattr(seams, field.name) for seams in of_each]) for field in fields(Seams)))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of UVs that lie far outside
 def _find(mesh: Mesh) -> Seams:
     uv = np.ascontiguousarray(mesh.uv, np.float64).view(np.complex128)[:, 0]
-    # The three edges of each triangle: start corner, end corner, and the opposite corner.
-    start, stop, across = (np.roll(mesh.triangles, -i, axis=1).reshape(-1) for i in range(3))
-    here = np.stack([uv[start], uv[stop]], axis=1)
-    side = np.sign(((here[:, 1] - here[:, 0]).conj() * (uv[across] - here[:, 0])).imag)
-    first, second = mesh.vertices[start], mesh.vertices[stop]
-    partner = edges.partners(mesh.positions, np.stack([first, second], axis=1))
+    sides = edges.sides(mesh)
+    here, partner = np.stack([uv[sides.start], uv[sides.stop]], axis=1), sides.partner
+    side = np.sign(((here[:, 1] - here[:, 0]).conj() * (uv[sides.across] - here[:, 0])).imag)
+    there = np.stack([uv[other] for other in sides.others], axis=1)
     # The other triangle may have the opposite winding.
-    is_same_way = (mesh.positions[first[partner]] == mesh.positions[first]).all(axis=1)
-    there = np.where(is_same_way[:, None], here[partner], here[partner][:, ::-1])
-    other_side = np.where(is_same_way, side[partner], -side[partner])
+    other_side = np.where(sides.is_same_way, side[partner], -side[partner])
     is_known = (partner >= 0) & (other_side != 0.0)
     # The transform must move the area outside this edge onto the other triangle.
     is_mirrored = is_known & (other_side == side)
@@ -116,17 +113,17 @@ def hard_edges(mesh: Mesh) -> np.ndarray:
 
     Each edge is listed once, or once per side where the two sides use different vertices in the same place.
     """
-    found = edges.sides(mesh)
-    start, stop, across, partner = found.start, found.stop, found.across, found.partner
+    sides = edges.sides(mesh, may_be_hard=True)
+    start, stop, across, partner = sides.start, sides.stop, sides.across, sides.partner
     uv = mesh.uv.view(np.complex64)[:, 0]
-    goes_on = partner >= 0
-    for corner, other in zip((start, stop), found.others, strict=True):
+    goes_on = sides.hard(mesh)
+    for corner, other in zip((start, stop), sides.others, strict=True):
         goes_on &= np.abs(uv[corner] - uv[other]) <= CONNECTED
     side = ((uv[stop] - uv[start]).conj() * (uv[across] - uv[start])).imag
     # An island ends where it is folded over, as in the middle of a part that is mirrored onto itself.
-    goes_on &= (side > 0.0) != ((side[partner] > 0.0) ^ ~found.is_same_way)
+    goes_on &= (side > 0.0) != ((side[partner] > 0.0) ^ ~sides.is_same_way)
     ends = np.stack([mesh.vertices[start], mesh.vertices[stop]], axis=1)
-    return np.unique(np.sort(ends[goes_on & found.is_hard], axis=1), axis=0)
+    return np.unique(np.sort(ends[goes_on], axis=1), axis=0)
 
 
 def _texels(uv: Any, size: tuple[int, int], tile: int) -> np.ndarray:

@@ -22,10 +22,11 @@ ENOUGH = 0.75
 class Layout:
     """How UVs use a map.
 
-    used: share of the map that triangles cover, if none overlap. angle: the mean factor between the widest and the narrowest
-    distance of texels on the surface; 1 without stretch. area: the mean factor by which the size of texels differs from that
-    of all; 1 if all have the same size. sharpness: the share of the map that UVs without stretch would need to be as sharp; at
-    most `used`.
+    Attributes:
+        used: share of the map that triangles cover, if none overlap.
+        angle: the mean factor between the widest and the narrowest distance of texels on the surface; 1 without stretch.
+        area: the mean factor by which the size of texels differs from that of all; 1 if all have the same size.
+        sharpness: the share of the map that UVs without stretch would need to be as sharp; at most `used`.
     """
 
     used: float
@@ -36,19 +37,19 @@ class Layout:
 
 def measure(points: np.ndarray, uv: np.ndarray) -> Layout:
     """Measure triangles with points (T, 3, 3) and UVs (T, 3, 2). Those without area on the surface do not count."""
-    found = _Triangles(points, uv)
-    used = float(found.used.sum())
+    measured = _Triangles(points, uv)
+    used = float(measured.used.sum())
     if used == 0.0:
         return Layout(0.0, 1.0, 1.0, 0.0)
-    weights = found.surface / found.surface.sum()
-    even = np.sqrt(used / found.surface.sum())  # the texels by length, if all had the same size
-    most, least = np.maximum(found.most, even / WORST), np.maximum(found.least, even / WORST)
+    weights = measured.surface / measured.surface.sum()
+    even = np.sqrt(used / measured.surface.sum())  # the texels by length, if all had the same size
+    most, least = np.maximum(measured.most, even / WORST), np.maximum(measured.least, even / WORST)
     size = most * least / even**2
     return Layout(
         used,
         float((weights * most / least).sum()),
         float((weights * np.maximum(size, 1.0 / size)).sum()),
-        float(found.surface.sum() / (weights * _spacing(most, least)).sum()),
+        float(measured.surface.sum() / (weights * _spacing(most, least)).sum()),
     )
 
 
@@ -59,16 +60,16 @@ def bad(points: np.ndarray, uv: np.ndarray, islands: np.ndarray) -> tuple[np.nda
 
     islands: (T,) int from 0, the island of each triangle.
     """
-    found, count = _Triangles(points, uv), int(islands.max(initial=-1)) + 1
-    islands = islands[found.counts]
-    used, surface = np.bincount(islands, found.used, count), np.bincount(islands, found.surface, count)
+    measured, count = _Triangles(points, uv), int(islands.max(initial=-1)) + 1
+    islands = islands[measured.counts]
+    used, surface = np.bincount(islands, measured.used, count), np.bincount(islands, measured.surface, count)
     even = np.sqrt(used / np.where(surface > 0.0, surface, 1.0))[islands] / WORST
-    most, least = np.maximum(found.most, even), np.maximum(found.least, even)
+    most, least = np.maximum(measured.most, even), np.maximum(measured.least, even)
     with np.errstate(divide="ignore", invalid="ignore"):
-        spacing = np.bincount(islands, found.surface * _spacing(most, least), count)
+        spacing = np.bincount(islands, measured.surface * _spacing(most, least), count)
         share = surface**2 / (spacing * used)
     folded, stretched = np.zeros((2, len(points)), bool)
-    folded[found.counts], stretched[found.counts] = found.signed <= 0.0, ~(share >= ENOUGH)[islands]
+    folded[measured.counts], stretched[measured.counts] = measured.signed <= 0.0, ~(share >= ENOUGH)[islands]
     return folded, stretched
 
 
