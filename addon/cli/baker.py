@@ -27,7 +27,7 @@ from ..core.report import Report, smooth_sentences
 from ..core.settings import Settings
 from ..jobs import bake_jobs, checks
 from ..jobs.bake_jobs import work_on_frames
-from ..jobs.job import Job, files_read_by, jobs_by_name
+from ..jobs.job import Job, Wants, files_read_by, jobs_by_name
 from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import addons, object_checks
@@ -69,12 +69,11 @@ class _Opened:
 
     plan: Plan
     jobs: Sequence[Job]
+    wants: Wants
     problems: list[str]
     """What is wrong with names."""
     notes: list[str]
     """Sentences about files that are missing, and about coordinates that were rounded."""
-    hints: list[str]
-    """Why low and high meshes may not fit, in sentences. Meshes that share their UV layout need not."""
     named: list[Content]
     """The files that its options name. Empty if neither a report nor a record wants them."""
     found: list[Content]
@@ -168,18 +167,19 @@ class Baker:
             if not plan.chain and loader.reopen_if_changed(high.name for job in jobs for high in job.highs):
                 jobs, problems = _jobs(options, loader)  # a bake does not depend on those before it
             smooth_files = loader.smooth(jobs, options.smooth_files)
-        for job in jobs:
-            job.is_exported, job.must_be_whole = bool(options.export), not options.allow_missing_files
-            job.is_measured = limits.DEVIATION in limits.needs(options.strict)
-            job.is_seen = limits.APPEARANCE in limits.needs(options.strict)
-            job.is_pictured = self._options.has_pictures
         # In a chain, a bake may read the maps of those before it.
         read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
         self._files.opened(plan.name, options, _lows(options, jobs), [*scene_files.used(options), *read])
         notes = input_checks.check_textures(options, settings.map, jobs)
-        hints = input_checks.fit_hints(options, jobs)
-        for job in jobs:
-            job.hints = hints
+        needed = limits.needs(options.strict)
+        wants = Wants(
+            exported=bool(options.export),
+            whole=not options.allow_missing_files,
+            measured=limits.DEVIATION in needed,
+            seen=limits.APPEARANCE in needed,
+            pictured=self._options.has_pictures,
+            hints=tuple(input_checks.fit_hints(options, jobs)),
+        )
         notes += input_checks.rounded_coordinates(options, jobs)
         named, found = [], []
         if is_hashed:
@@ -187,7 +187,7 @@ class Baker:
             named = reading.all_of(plans.input_paths(options, bpy.data.filepath))
             found = reading.all_of(scene_files.read_by(options, jobs))
         not_followed = scene_files.not_followed(options, jobs)
-        return _Opened(plan, jobs, problems, notes, hints, named, found, not_followed, smooth_files)
+        return _Opened(plan, jobs, wants, problems, notes, named, found, not_followed, smooth_files)
 
     def _run(self, opened: _Opened, start: float, *, is_hashed: bool) -> Entry:
         """Bake, and save what the options name. start: when the bake began, by time.perf_counter.
@@ -431,33 +431,36 @@ def _explained(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
     except Incomplete as error:
         raise BakeError(f"{error} --allow-missing-files makes it a warning.") from error
     except BakeError as error:
-        if not opened.hints:
+        if not opened.wants.hints:
             raise
-        raise BakeError(" ".join([str(error), *opened.hints])) from error
+        raise BakeError(" ".join([str(error), *opened.wants.hints])) from error
 
 
 def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
     """Bake. Raises BakeError, or Stopped where nothing was finished."""
-    options, jobs = opened.plan.options, opened.jobs
+    options, jobs, wants = opened.plan.options, opened.jobs, opened.wants
     settings = _for_linked(arguments.settings(options), options, jobs)
     share_image = _share_image(options)
+    reports: list[Report] = []
 
     def on_step(step: progress.Progress) -> None:
+        if step.report is not None:  # a signal counts at the next step, if there is one
+            reports.append(step.report)
+            return
         interruption.check()
         if step.warnings:
             _warn_early(opened.name if meter.place else "", step.warnings, printed, meter)
         if meter.is_on:
-            job = jobs[0 if options.frames or options.levels or options.asset else step.finished]
-            meter.show("the atlas" if share_image else job.low.name, step)
+            meter.show("the atlas" if share_image else step.low or jobs[0].low.name, step)
 
-    speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
+    speed = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False)
     if options.convert:
         return _Baked([progress.finish(_convert_map(bpy.context, jobs[0], options, settings), on_step)])
     if options.asset:
         from ..jobs import asset  # likewise
 
         wanted = Wanted.of_texts(*options.asset)
-        making = asset.work(bpy.context, jobs[0], wanted, settings, speed, suffixes=options.suffixes)
+        making = asset.work(bpy.context, jobs[0], wanted, settings, speed, suffixes=options.suffixes, wants=wants)
         return _Baked(progress.finish(making, on_step))
     if options.levels:
         from ..jobs import lod  # likewise
@@ -466,9 +469,9 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
         chain = progress.finish(lod.work(bpy.context, jobs[0].low, of_levels, settings, speed), on_step)
         return _Baked([level.bake for level in chain.levels], chain=chain)
     if options.frames:
-        work = work_on_frames(bpy.context, jobs[0], settings, plans.frames(options), speed, reports=reports)
+        work = work_on_frames(bpy.context, jobs[0], settings, plans.frames(options), speed, wants=wants)
     else:
-        work = bake_jobs.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
+        work = bake_jobs.work(bpy.context, jobs, settings, speed, wants=wants, share_image=share_image)
     try:
         return _Baked(progress.finish(work, on_step))
     except interruption.Stopped:

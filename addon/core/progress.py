@@ -15,24 +15,29 @@ if TYPE_CHECKING:
     import gpu
     import numpy as np
 
+    from .report import Report
+
 
 @dataclass(frozen=True)
 class Progress:
-    """The state of a bake between two slices.
-
-    Attributes:
-        what: The current step.
-        done: The finished share of the whole, from 0 to 1.
-        picture: The unfinished map as a texture for the screen, or None.
-        finished: How many maps are done.
-        warnings: About the objects, in sentences, in a step before maps are drawn.
-    """
+    """The state of a bake between two slices."""
 
     what: str
+    """The current step."""
     done: float
+    """The finished share of the whole, from 0 to 1."""
     picture: "gpu.types.GPUTexture | None" = None
+    """The unfinished map, for the screen."""
     finished: int = 0
+    """How many maps are done."""
+    low: str = ""
+    """The low object of the bake, if it is one of several."""
     warnings: tuple[str, ...] = ()
+    """About the objects, in sentences, in a step before maps are drawn."""
+    report: "Report | None" = None
+    """Of a bake that has just been finished: its maps stay, also if the work is closed now."""
+    failure: tuple[str, str] | None = None
+    """The low object of a bake that has just failed, and why, where the next ones are baked all the same."""
 
 
 Step = TypeVar("Step")

@@ -7,6 +7,6 @@ objects' names. All raise BakeError for objects or settings that cannot be baked
 """
 
 from .bake_jobs import bake_all, bake_pair, work
-from .job import Job, jobs_by_name
+from .job import Job, Wants, jobs_by_name
 
-__all__ = ["Job", "bake_all", "bake_pair", "jobs_by_name", "work"]
+__all__ = ["Job", "Wants", "bake_all", "bake_pair", "jobs_by_name", "work"]

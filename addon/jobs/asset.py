@@ -37,7 +37,7 @@ from ..scene import mesh_reader
 from . import asset_highs, bake_jobs, lod, temporary, unwrapping
 from .asset_highs import Base
 from .bake import DrawnJob, draw_raw
-from .job import Job, check_gpu, check_job
+from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu, check_job
 from .temporary import TEMPORARY, TemporaryMeshes
 
 SEARCHED = 0.8
@@ -108,7 +108,14 @@ class Low:
 
 
 def work(
-    context: bpy.types.Context, job: Job, wanted: Wanted, settings: Settings, pace: Pace, *, suffixes: Suffixes
+    context: bpy.types.Context,
+    job: Job,
+    wanted: Wanted,
+    settings: Settings,
+    pace: Pace,
+    *,
+    suffixes: Suffixes,
+    wants: Wants = NOTHING_ELSE,
 ) -> Task[list[Report]]:
     """Make the low object of a job, if it has none, give it a UV map, if it has none, and bake all maps of the settings.
 
@@ -118,6 +125,7 @@ def work(
         job: of the high objects; its low object is one of them if there is none yet.
         wanted: how coarse the low mesh may be, and how many levels of detail follow.
         suffixes: of the names of objects.
+        wants: besides the maps.
 
     Returns:
         The reports of the low object and of its levels, from the finest.
@@ -136,7 +144,7 @@ def work(
             check_gpu()
             yield Progress("Reading the high objects", 0.0)
             with timings.timed("read"):
-                maker = _Maker(context, job, settings, pace, meshes, timings=timings)
+                maker = _Maker(context, job, settings, pace, meshes, timings=timings, wants=Wants(whole=wants.whole))
         lows = [] if is_made else [Low(job.low, wanted, {"is_made": False})]
         if maker is not None:
             lows = yield from part(maker.lows(lows, wanted, suffixes), 0.05, SEARCHED)
@@ -146,17 +154,17 @@ def work(
             is_new.append(not low.obj.data.uv_layers)
             with timings.timed("unwrap"):
                 low.how["unwrapped"] = unwrapping.unwrap(low.obj, settings) if is_new[-1] else ""
-            own = job.for_low(low.obj)
-            own.is_seen = True
+            size = 0
             if wanted.finds_size:
                 edge = maker.edge if maker else partial(asset_highs.edge_of, context, job, settings)
-                own.size = _size(low.obj, _texel(wanted, context, edge))
-            jobs.append(own)
+                size = _size(low.obj, _texel(wanted, context, edge))
+            jobs.append(job.but(low=low.obj, size=size))
         own_settings = replace(settings, connect_maps=True)
         if all(is_new):  # no high mesh has these UVs
             own_settings = replace(own_settings, method=Method.CAST)
         try:
-            reports = yield from part(bake_jobs.work(context, jobs, own_settings, pace), SEARCHED, 1.0)
+            baking = bake_jobs.work(context, jobs, own_settings, pace, wants=replace(wants, seen=True))
+            reports = yield from bake_jobs.all_or_nothing(part(baking, SEARCHED, 1.0))
         except NothingDrawn as error:
             if not is_made:
                 raise
@@ -236,7 +244,9 @@ class _Maker:
         meshes: TemporaryMeshes,
         *,
         timings: Timings,
+        wants: Wants,
     ):
+        self._wants = wants
         self._context, self._job, self._pace, self._meshes, self._timings = context, job, pace, meshes, timings
         self._settings, self.count = settings, 0
         self._seen_highs: tuple[Samples, SeenHighs] | None = None
@@ -371,11 +381,10 @@ class _Maker:
                 size = _size(low, _texel(limit, self._context, self.edge))
                 settings = replace(settings, width=size, height=size)
             settings = _of_at_most(settings, SIDE)
-            job = self._job.for_low(low)
-            job.is_seen = job.is_exported = job.is_measured = job.is_pictured = False
-            check_job(self._context, job, settings)
+            request = Request(self._job.but(low=low), settings, self._wants)
+            check_job(self._context, request.job, settings)
             try:
-                drawing = self._timed(draw_raw(self._context, job, Run(settings, self._pace)), "draw")
+                drawing = self._timed(draw_raw(self._context, request, Run(settings, self._pace)), "draw")
                 drawn, maps = yield from part(drawing, 0.2, 0.6)
                 looking = self._timed(self._looked_at(drawn, maps[udim.FIRST][NORMAL.name], base), "look")
                 seen = yield from part(looking, 0.6, 1.0)
@@ -398,7 +407,7 @@ class _Maker:
 
         normals: as baking.Renderer.raw returns them.
         """
-        settings, meshes = drawn.settings, drawn.plan.meshes
+        settings, meshes = drawn.request.settings, drawn.plan.meshes
         if appearance.why_not(drawn.plan, settings):
             return None
         low, places = meshes.basis or meshes.low, base.places

@@ -39,7 +39,7 @@ from ..output.outputs import HIDDEN_MISSES, Outputs, Stored, kept
 from ..passes import surface_tables
 from ..scene import object_checks, reading
 from . import checks, material_inputs
-from .job import Job, check_job, read_meshes, set_numbers
+from .job import Job, Request, check_job, read_meshes, set_numbers
 
 READY = 0.2
 """The share of a bake that is done when drawing begins."""
@@ -50,8 +50,7 @@ class DrawnJob:
     """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
     the objects. stopped_early, rays, targets, deviation, picture: as in Report. appearance: None if it was not measured."""
 
-    job: Job
-    settings: Settings
+    request: Request
     meshes: Meshes
     plan: Plan
     ray_cast: RayCast | None
@@ -75,22 +74,22 @@ class DrawnJob:
         }
 
 
-def bake_job(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace) -> Task[Report]:
-    """Bake one job into its own images, and put the map into the low object's materials.
+def bake_job(context: bpy.types.Context, request: Request, pace: Pace) -> Task[Report]:
+    """Do one bake into its own images, and put the map into the low object's materials.
 
-    settings: checked, with names filled in. Raises BakeError, and then nothing has changed.
+    request: checked. Raises BakeError, and then nothing has changed.
     """
-    run = Run(settings, pace)
-    steps = relay(_bake(context, job, run), job.check_low)
+    run = Run(request.settings, pace)
+    steps = relay(_bake(context, request, run), request.job.check_low)
     drawn, stored, warnings = yield from run.timings.counted(steps)
     return report_of(drawn, stored, warnings)
 
 
-def _bake(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[DrawnJob, Stored, list[str]]]:
-    settings, timings = run.settings, run.timings
+def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[tuple[DrawnJob, Stored, list[str]]]:
+    job, settings, timings = request.job, run.settings, run.timings
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
-            ready = yield from part(_prepare(context, job, run), 0.0, READY)
+            ready = yield from part(_prepare(context, request, run), 0.0, READY)
             tally, post_processes = Tally(), margins.for_maps([ready.plan.meshes.low], settings)
             outputs.sample_onto(job.low, ready.meshes.uv_layer, is_own_base=ready.meshes.is_own_base, slots=job.slots)
             for tile, start, stop in _shares(ready.plan):
@@ -105,7 +104,7 @@ def _bake(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[DrawnJob
                 levels = yield from part(mip_levels.of(maps, tile, run), stop, stop)
                 with timings.timed("image"):
                     outputs.add(tile, maps, levels)
-            drawn = yield from part(_audit(job, run, ready, tally), 1.0, 1.0)
+            drawn = yield from part(_audit(request, run, ready, tally), 1.0, 1.0)
         yield Progress("Storing", 1.0)
         low = job.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
@@ -135,11 +134,11 @@ class _Ready:
     length: Length
 
 
-def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
-    settings, timings = run.settings, run.timings
+def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[_Ready]:
+    job, wants, settings, timings = request.job, request.wants, run.settings, run.timings
     name, length = job.low.name, reading.lengths_of(context.scene)
     yield Progress(f"Reading {name}", 0.0)
-    meshes = read_meshes(context, job, settings, timings)
+    meshes = read_meshes(context, request, timings)
     with timings.timed("extract"):
         warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
         warnings += map(Warned, orienting.notes(meshes))
@@ -150,16 +149,16 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
         plan = choose_method(in_order, tiles, settings.tracing, length)
     with timings.timed("audit"):
         found = checks.flipped_findings(meshes, timings, has_rays=plan.casts_rays)
-        if job.is_for_others:
+        if wants.for_others:
             others = checks.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
-            found += checks.unsolved_by_export(others, is_exported=job.is_exported)
+            found += checks.unsolved_by_export(others, is_exported=wants.exported)
         early = [*map(Warned, checks.pose_notes(context, job, settings)), *checks.finding_warnings(found)]
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     source = yield from part(normal_source(plan, run), 0.5, 1.0)
     drawn, others = maps_of_bake(in_order, source, run), OtherEngines(in_order.basis, settings)
     low = in_order.basis or in_order.low
-    pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
-    is_wanted = (job.is_measured or job.is_pictured) and settings.map.normal
+    pictures = BakePictures(low, tiles, settings, is_wanted=wants.pictured)
+    is_wanted = (wants.measured or wants.pictured) and settings.map.normal
     truth = drawn
     if is_wanted and sources.hits_are_chosen(plan, settings.tracing):
         source_of_truth = yield from part(sources.own_source(plan, run), 1.0, 1.0)
@@ -169,13 +168,13 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
         plan, truth, settings, pictures, kept=partial(kept, settings=settings), is_wanted=is_wanted, hidden=hidden
     )
     between = BetweenTexels(
-        plan, truth, settings, kept=partial(kept, settings=settings), is_wanted=job.is_measured and settings.map.normal
+        plan, truth, settings, kept=partial(kept, settings=settings), is_wanted=wants.measured and settings.map.normal
     )
     warnings = [*warnings, *early, *map(Warned, others.warnings)]
     if plan.method == Method.CAST:
-        warnings += [Warned(text, severity.UNFIT) for text in job.hints]
+        warnings += [Warned(text, severity.UNFIT) for text in wants.hints]
     seen = SeenBake(
-        plan, settings, kept=partial(kept, settings=settings), is_wanted=settings.map.appearance or job.is_seen
+        plan, settings, kept=partial(kept, settings=settings), is_wanted=settings.map.appearance or wants.seen
     )
     warnings += map(Warned, seen.warnings)
     renderer = Renderer(drawn, run)
@@ -184,7 +183,7 @@ def _prepare(context: bpy.types.Context, job: Job, run: Run) -> Task[_Ready]:
     )
 
 
-def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
+def _audit(request: Request, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
     """Raises BakeError if no texel was written."""
     settings, timings = run.settings, run.timings
     if not tally.written:
@@ -195,7 +194,7 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
     ray_cast = ready.source.ray_cast
     seen = yield from relay(ready.seen.measured(), within=partial(timings.timed, "audit"))
     with timings.timed("audit"):
-        materials = set_numbers(job.low, ready.plan.meshes) if not settings.map.texture_sets else None
+        materials = set_numbers(request.job.low, ready.plan.meshes) if not settings.map.texture_sets else None
         stacked = check_stacked(ready.plan, ready.hidden, ready.truth, settings, materials)
         findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
     stopped = ready.renderer.stopped / tally.written
@@ -203,8 +202,7 @@ def _audit(job: Job, run: Run, ready: _Ready, tally: Tally) -> Task[DrawnJob]:
     with timings.timed("audit"):
         picture = ready.pictures.result()
     return DrawnJob(
-        job,
-        settings,
+        request,
         ready.meshes,
         ready.plan,
         ray_cast,
@@ -228,10 +226,15 @@ def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:
         yield tile, READY + number * share, READY + (number + 1) * share
 
 
-def draw_raw(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[DrawnJob, dict[int, dict[str, np.ndarray]]]]:
-    """Draw one job and store nothing. Also returns the maps without a margin, by tile and name, as Renderer.raw has them."""
+def draw_raw(
+    context: bpy.types.Context, request: Request, run: Run
+) -> Task[tuple[DrawnJob, dict[int, dict[str, np.ndarray]]]]:
+    """Draw the maps of one bake and store nothing. run: with the settings of the request.
+
+    Also returns the maps without a margin, by tile and name, as Renderer.raw has them.
+    """
     with gpu_memory.trimmed():
-        ready = yield from part(_prepare(context, job, run), 0.0, READY)
+        ready = yield from part(_prepare(context, request, run), 0.0, READY)
         tally, maps = Tally(), {}
         for tile, start, stop in _shares(ready.plan):
             maps[tile] = yield from part(ready.renderer.raw(tile), start, stop)
@@ -242,7 +245,7 @@ def draw_raw(context: bpy.types.Context, job: Job, run: Run) -> Task[tuple[Drawn
                 ready.between.add_raw(tile, maps[tile][NORMAL.name])
                 ready.seen.add_raw(tile, maps[tile][NORMAL.name])
                 ready.pictures.add_raw(tile, maps[tile][NORMAL.name])
-        drawn = yield from part(_audit(job, run, ready, tally), 1.0, 1.0)
+        drawn = yield from part(_audit(request, run, ready, tally), 1.0, 1.0)
         return drawn, maps
 
 
@@ -259,7 +262,7 @@ def measure_rays(
     settings.check()
     job = Job(low, highs, cage)
     check_job(context, job, settings)
-    meshes = read_meshes(context, job, settings)
+    meshes = read_meshes(context, Request(job, settings))
     with gpu_memory.trimmed():
         tiles = tiles_to_bake(meshes, settings.sampling)
         in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
@@ -270,17 +273,18 @@ def measure_rays(
 def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin: float | None = None) -> Report:
     """The report of a bake. notes: warnings about what was stored, in sentences. margin: of the stored map, if it differs from
     the drawn one."""
-    settings, plan, ray_cast, findings = drawn.settings, drawn.plan, drawn.ray_cast, drawn.findings
+    job, settings = drawn.request.job, drawn.request.settings
+    plan, ray_cast, findings = drawn.plan, drawn.ray_cast, drawn.findings
     return Report(
         method=plan.method,
         space=settings.map.space,
         size=settings.sampling.size,
         low=drawn.meshes.low.name,
-        material=drawn.job.material,
-        slots=list(drawn.job.slots or ()),
+        material=job.material,
+        slots=list(job.slots or ()),
         high=drawn.labels[Labeled.OBJECTS],
         cage=drawn.meshes.cage.name if drawn.meshes.cage else "",
-        refs=drawn.job.refs,
+        refs=job.refs,
         settings=settings.flat(),
         uv_layer=drawn.meshes.uv_layer,
         why=plan.why,
@@ -320,7 +324,7 @@ def report_of(drawn: DrawnJob, stored: Stored, notes: Sequence[str] = (), margin
                 *drawn.warnings,
                 *map(Warned, material_inputs.notes(drawn.meshes, settings.map)),
                 *map(Warned, attribute_notes(drawn.meshes, settings.map)),
-                *map(Warned, material_inputs.bare_notes(drawn.meshes, drawn.job.found_highs, settings.map)),
+                *map(Warned, material_inputs.bare_notes(drawn.meshes, job.found_highs, settings.map)),
                 *map(Warned, slope_notes(settings)),
                 *map(Warned, plan.warnings),
                 *findings.warnings,
@@ -369,7 +373,7 @@ def slope_notes(settings: Settings) -> list[str]:
 
 def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:
     """`maps` with what values mean that do not depend on the bake's other values, also in packed channels."""
-    settings = drawn.settings
+    settings = drawn.request.settings
     if not any(BY_NAME[name].family in ray_maps.WITH_MEANING for name in settings.map.drawn_maps):
         return maps
     space = local_space_of(drawn.plan.meshes.highs)

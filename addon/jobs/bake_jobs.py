@@ -31,10 +31,20 @@ from ..output import datablocks, map_names, materials, outputs, shared_maps
 from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_low_name
 from ..output.materials import into_materials
 from ..output.outputs import Outputs
-from ..scene.object_checks import scene_by_uid
+from ..scene.object_checks import ObjectRef, scene_by_uid
 from . import checks, shared_image, weights
 from .bake import DrawnJob, bake_job, draw_raw, report_of
-from .job import Job, by_material, check_clashes, check_file_clashes, check_job, files_kept
+from .job import (
+    NOTHING_ELSE,
+    Job,
+    Request,
+    Wants,
+    by_material,
+    check_clashes,
+    check_file_clashes,
+    check_job,
+    files_kept,
+)
 from .shared_image import Kept
 
 
@@ -69,7 +79,9 @@ class Atlas:
             for each in self.drawn
         ]
         with last.in_total(), Outputs(self.settings, baked, self.kept.parts, self.kept.tiles) as outputs:
-            lows = [drawn.job.low for drawn in self.drawn]  # before anything changes: it raises if one was deleted
+            lows = [
+                drawn.request.job.low for drawn in self.drawn
+            ]  # before anything changes: it raises if one was deleted
             for low, drawn in zip(lows, self.drawn, strict=True):
                 outputs.sample_onto(low, drawn.meshes.uv_layer, is_own_base=drawn.meshes.is_own_base)
             margin = self._fill(outputs, last)
@@ -110,7 +122,7 @@ class Atlas:
 
     def _of_others(self, tile: int, maps: dict[str, np.ndarray]) -> np.ndarray:
         """The texels (height, width) bool of a tile that low objects have which are not baked."""
-        found = coverage.covered(self.kept.lows, tile, self.drawn[0].settings.sampling)
+        found = coverage.covered(self.kept.lows, tile, self.drawn[0].request.settings.sampling)
         is_hit = maps[NORMAL.name][..., 3] > 0.0
         lost = np.count_nonzero(is_hit & found)
         if lost > MOST_TAKEN * np.count_nonzero(is_hit):
@@ -179,12 +191,13 @@ def bake_all(
     jobs: Sequence[Job],
     settings: Settings,
     *,
+    wants: Wants = NOTHING_ELSE,
     share_image: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> list[Report]:
     """Do all of `work` at once. on_progress: called with each step."""
     pace = Pace(PROGRESS_SECONDS if on_progress else None)
-    steps = work(context, jobs, settings, pace, share_image=share_image)
+    steps = work(context, jobs, settings, pace, wants=wants, share_image=share_image)
     return older_blender.with_gpu(lambda: progress.finish(steps, on_progress))
 
 
@@ -194,55 +207,75 @@ def work(
     settings: Settings,
     pace: Pace,
     *,
+    wants: Wants = NOTHING_ELSE,
     share_image: bool = False,
-    reports: list[Report] | None = None,
-    failures: list[tuple[str, str]] | None = None,
+    goes_on: bool = False,
 ) -> Task[list[Report]]:
     """Bake several jobs, each low object only from its own high objects, into an image each, or into a shared one (an atlas).
 
-    A generator: Blender can continue between its steps. If it is closed early, finished jobs stay, and nothing else changes.
-    "{low}" in the settings' image and output is replaced by the low object's name. All jobs are checked before the first is
-    baked. Raises BakeError; jobs before the one that failed stay, unless they share its image. reports: receives the report of
-    each finished job, for a caller that closes the generator early. failures: receives the low object's name of each job that
-    fails while it is baked, and why; the next ones are baked all the same, and only if all fail, it raises BakeError.
+    A generator: Blender can continue between its steps. If it is closed early, finished jobs stay, and nothing else changes. A
+    step with its report follows each. All jobs are checked before the first is baked. Raises BakeError; jobs before the one
+    that failed stay, unless they share its image.
+
+    Args:
+        settings: "{low}" in image and output is replaced by the low object's name.
+        wants: besides the maps, of each bake.
+        goes_on: whether a bake that fails does not end the others: a step with the failure follows it, and only if all fail, it
+            raises BakeError.
     """
+    requests = _requests(context, jobs, settings, wants, share_image=share_image)
+    if share_image:
+        kept = shared_image.kept(context, jobs, requests[0].settings, is_shared=True)
+        return (yield from _into_one(context, requests, pace, kept))
+    all_kept = [shared_image.kept(context, [each.job], each.settings) for each in requests]
+    reports: list[Report] = []
+    for number, (request, kept) in enumerate(zip(requests, all_kept, strict=True)):
+        done, name = (number + 1) / len(requests), request.job.low_ref.name
+        steps = part(_alone(context, request, pace, kept), number / len(requests), done)
+        try:
+            reports.append((yield from relay(steps, partial(replace, finished=len(reports), low=name))))
+        except BakeError as error:
+            if not goes_on or (number + 1 == len(requests) and not reports):
+                raise
+            yield Progress("Storing", done, finished=len(reports), failure=(name, str(error)))
+        else:
+            yield Progress("Storing", done, finished=len(reports), report=reports[-1])
+    return reports
+
+
+def all_or_nothing(baking: Task[list[Report]]) -> Task[list[Report]]:
+    """`baking`, in whose steps no map counts as finished: none is kept if it is closed early."""
+    return relay(baking, partial(replace, finished=0, low="", report=None))
+
+
+def _requests(
+    context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, wants: Wants, *, share_image: bool
+) -> list[Request]:
+    """Each bake of `work`, checked. Raises BakeError."""
     settings.check()  # before object names are filled in, which may contain anything
-    for job in jobs:
-        job.is_for_others = checks.is_for_others(settings, is_exported=job.is_exported)
+    wants = replace(wants, for_others=checks.is_for_others(settings, is_exported=wants.exported))
     settings = settings.read_by(context.scene.render.engine)
     if settings.map.texture_sets:
         if share_image:
             raise BakeError("Texture sets and one image for all low objects exclude each other: choose one of them.")
         jobs = by_material(jobs, settings.storing)
-    filled = [
-        for_low(_of_job(own, job, share_image), ATLAS if share_image else job.low.name, job.material)
+    requests = [
+        Request(
+            job,
+            for_low(_of_job(own, job, share_image), ATLAS if share_image else job.low.name, job.material),
+            wants,
+            _occluders(job, jobs, settings.tracing),
+        )
         for job, own in zip(jobs, weights.settings_by_job(jobs, settings), strict=True)
     ]
-    _find_occluders(jobs, settings.tracing)
     read = files_kept(jobs, settings.storing)
     if share_image:
-        check_clashes(settings.storing, filled[:1], [ATLAS], read)
+        check_clashes(settings.storing, [requests[0].settings], [ATLAS], read)
     else:
-        check_clashes(settings.storing, filled, [job.title for job in jobs], read)
-    for job, job_settings in zip(jobs, filled, strict=True):
-        check_job(context, job, job_settings)
-    if share_image:
-        kept = shared_image.kept(context, jobs, filled[0], is_shared=True)
-        return (yield from _into_one(context, jobs, filled, pace, kept))
-    all_kept = [shared_image.kept(context, [job], of_job) for job, of_job in zip(jobs, filled, strict=True)]
-    reports = [] if reports is None else reports
-    for number, (job, job_settings, kept) in enumerate(zip(jobs, filled, all_kept, strict=True)):
-        steps = _alone(context, job, job_settings, pace, kept)
-        steps = part(steps, number / len(jobs), (number + 1) / len(jobs))
-        name = job.low_ref.name
-        try:
-            reports.append((yield from relay(steps, partial(replace, finished=len(reports)))))
-        except BakeError as error:
-            is_last_hope = number + 1 == len(jobs) and not reports
-            if failures is None or is_last_hope:
-                raise
-            failures.append((name, str(error)))
-    return reports
+        check_clashes(settings.storing, [each.settings for each in requests], [job.title for job in jobs], read)
+    for request in requests:
+        check_job(context, request.job, request.settings)
+    return requests
 
 
 def _of_job(settings: Settings, job: Job, shares_image: bool) -> Settings:
@@ -254,39 +287,38 @@ def _of_job(settings: Settings, job: Job, shares_image: bool) -> Settings:
     return settings
 
 
-def _find_occluders(jobs: Sequence[Job], tracing: TracingSettings) -> None:
-    """Make the high objects of all jobs occluders of each, if the settings say so."""
-    is_shared = tracing.occluders == Occluders.ALL
-    refs = {ref.uid: ref for job in jobs for ref in job.high_refs} if is_shared else {}
-    for job in jobs:
-        own = {ref.uid for ref in job.refs}
-        job.other_refs = [ref for uid, ref in refs.items() if uid not in own]
+def _occluders(job: Job, jobs: Sequence[Job], tracing: TracingSettings) -> tuple[ObjectRef, ...]:
+    """The high objects of the other jobs, if they are occluders."""
+    if tracing.occluders != Occluders.ALL:
+        return ()
+    refs = {ref.uid: ref for each in jobs for ref in each.high_refs}
+    for own in job.refs:
+        refs.pop(own.uid, None)
+    return tuple(refs.values())
 
 
-def _alone(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, kept: Kept) -> Task[Report]:
-    """Bake one job into its own images, or into those that others share, whose texels are kept."""
+def _alone(context: bpy.types.Context, request: Request, pace: Pace, kept: Kept) -> Task[Report]:
+    """Do one bake into its own images, or into those that others share, whose texels are kept."""
     if not kept:
-        return (yield from bake_job(context, job, settings, pace))
-    return (yield from _into_one(context, [job], [settings], pace, kept))[0]
+        return (yield from bake_job(context, request, pace))
+    return (yield from _into_one(context, [request], pace, kept))[0]
 
 
-def _into_one(
-    context: bpy.types.Context, jobs: Sequence[Job], filled: Sequence[Settings], pace: Pace, kept: Kept
-) -> Task[list[Report]]:
-    """Bake all jobs into the same images. filled: the settings of each job, with the same names."""
-    atlas = Atlas(filled[0], kept)
-    for number, (job, settings) in enumerate(zip(jobs, filled, strict=True)):
-        run = Run(settings, pace)
-        steps = run.timings.counted(relay(draw_raw(context, job, run), partial(_check_lows, jobs)))
-        atlas.add(*(yield from part(steps, number / len(jobs), (number + 1) / len(jobs))))
+def _into_one(context: bpy.types.Context, requests: Sequence[Request], pace: Pace, kept: Kept) -> Task[list[Report]]:
+    """Do all bakes into the same images."""
+    atlas = Atlas(requests[0].settings, kept)
+    for number, request in enumerate(requests):
+        run = Run(request.settings, pace)
+        steps = run.timings.counted(relay(draw_raw(context, request, run), partial(_check_lows, requests)))
+        atlas.add(*(yield from part(steps, number / len(requests), (number + 1) / len(requests))))
     yield Progress("Storing", 1.0)
     return atlas.store()
 
 
-def _check_lows(jobs: Sequence[Job], step: Progress) -> Progress:
-    """`step` of a bake into the image of all jobs. Raises BakeError if one of their low objects was deleted."""
-    for job in jobs:
-        job.check_low(step)
+def _check_lows(requests: Sequence[Request], step: Progress) -> Progress:
+    """`step` of a bake into the image of all. Raises BakeError if one of their low objects was deleted."""
+    for request in requests:
+        request.job.check_low(step)
     return step
 
 
@@ -310,11 +342,11 @@ def work_on_frames(
     frames: Sequence[int],
     pace: Pace,
     *,
-    reports: list[Report] | None = None,
+    wants: Wants = NOTHING_ELSE,
 ) -> Task[list[Report]]:
-    """Bake each of `frames`, and put the image sequence into the low object's materials. A generator, as bake_jobs.work.
+    """Bake each of `frames`, and put the image sequence into the low object's materials. A generator, as `work`.
 
-    If it is closed early, finished frames stay. reports: receives the report of each finished frame. Raises BakeError.
+    If it is closed early, finished frames stay. A step with its report follows each. Raises BakeError.
     """
     _check_frames(settings, frames)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
@@ -333,16 +365,22 @@ def work_on_frames(
     frame_settings = [of_frame(frame_base, frame) for frame in frames]
     advice = "put the frame number into the name with #"
     check_file_clashes(frame_settings, [low] * len(frames), advice, files_kept([job], settings.storing))
-    reports = [] if reports is None else reports
+    reports: list[Report] = []
+
+    def noted(frame: float, number: int, step: Progress) -> Progress:
+        report = step.report and replace(step.report, image=settings.storing.image)
+        reports.extend([report] if report else [])
+        return replace(step, what=f"Frame {frame}: {step.what}", finished=number + step.finished, report=report)
+
     try:
         for number, frame in enumerate(frames):
             _go_to(scene, frame)
             steps = part(
-                work(context, [job], frame_settings[number], pace),
+                work(context, [job], frame_settings[number], pace, wants=wants),
                 number / len(frames),
                 (number + 1) / len(frames),
             )
-            reports += yield from relay(steps, partial(_of_frame, frame, number))
+            yield from relay(steps, partial(noted, frame, number))
         yield Progress("Storing", 1.0, finished=len(frames))
     finally:
         if scene_by_uid(scene) is not None:
@@ -352,13 +390,8 @@ def work_on_frames(
             if image is not None:
                 bpy.data.images.remove(image)
         if reports:
-            reports[:] = _show_frames(job, settings, frames, reports)
+            reports = _show_frames(job, settings, frames, reports)
     return reports
-
-
-def _of_frame(frame: float, number: int, step: Progress) -> Progress:
-    """A step of the bake of a frame, after `number` others."""
-    return replace(step, what=f"Frame {frame}: {step.what}", finished=number)
 
 
 def _go_to(uid: int, frame: float) -> None:
@@ -397,7 +430,7 @@ def _show_frames(job: Job, settings: Settings, frames: Sequence[int], reports: S
     image = datablocks.show(settings.storing.image, output_of_frame(settings.storing.output, frames[0]))
     image.source = "SEQUENCE"
     shared_maps.note(image, [])
-    first, *others = (replace(report, image=image.name) for report in reports)
+    first, *others = reports
     done = [first.with_warnings(outputs.sign(image, [ref.name for ref in job.high_refs])), *others]
     low = job.low_ref.find()
     if low is not None:

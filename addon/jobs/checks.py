@@ -42,7 +42,7 @@ from ..scene.high_materials import MaterialNumbers
 from ..scene.textures import ImageTextures
 from ..scene.traced_sides import Surface
 from . import material_inputs, unwrapping
-from .job import Job, PastBake, check_job, read_as_is, read_meshes
+from .job import Job, PastBake, Request, check_job, read_as_is, read_meshes
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
 UNWRAP = "UNWRAP"
@@ -58,7 +58,7 @@ def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> Hi
     of_maps, settings = settings.map, settings.without_other_maps().without_file()
     check_job(context, job, settings)
     with gpu_memory.trimmed():
-        meshes = read_as_is(context, job, replace(settings, map=of_maps))
+        meshes = read_as_is(context, Request(job, replace(settings, map=of_maps)))
         found = high_look.look(meshes, settings)
     inputs = [*evaluated(material_inputs.ways(meshes, of_maps)), *material_inputs.notes(meshes, of_maps)]
     inputs = [*pose_notes(context, job, replace(settings, map=of_maps)), *inputs]
@@ -600,7 +600,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     settings = replace(past.settings.without_other_maps(), method=past.method, space=space, mask=False, material=False)
     settings = replace(settings.without_file(), image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
-    meshes = read_meshes(context, past.job, settings)
+    meshes = read_meshes(context, Request(past.job, settings))
     meshes = stacked_uvs.ordered(meshes, past.tiles, settings.sampling)
     return _View(past.job, choose_method(meshes, past.tiles, settings.tracing), settings, past.distances)
 

@@ -3,10 +3,10 @@
 baked, whether their maps can be stored, and whether two maps would be written to one place.
 """
 
-import copy
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import gpu
@@ -32,41 +32,47 @@ from ..scene.high_materials import MaterialSet, sets_of
 from ..scene.object_checks import ObjectRef
 
 
+@dataclass(frozen=True, init=False)
 class Job:
-    """The objects of one bake. They may be renamed, or be deleted and come back with Undo.
+    """The objects of one bake, and what is set for them alone. They may be renamed, or be deleted and come back with Undo.
 
-    `highs` may be [low]: then the low object's modifiers are baked onto its own base mesh. `cage` has the topology of `low`,
-    and rays start on it. texture_set: the faces of the low object that are baked; None for all. is_exported: whether Imprint
-    writes the low mesh for an engine afterwards. is_for_others: whether programs other than Blender read the normal map.
-    is_measured: whether the report says how far the low mesh with its map deviates from the high mesh. is_seen: whether the
-    shading error is measured, also if the settings do not ask for it. is_pictured: whether the report has a picture, and that.
-    must_be_whole: whether it is an error if objects lack files, or what their modifiers need. hints: why low and high
-    meshes may not fit, in sentences, if rays are cast. size: of its square maps in texels; 0 for that of the settings.
-    distance: how far its rays reach outward and inward, in scene units; 0 for that of the settings.
-    The attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
+    `low`, `highs` and `cage` are the objects, and raise BakeError if one was deleted. `highs` may be [low]: then the low
+    object's modifiers are baked onto its own base mesh. `cage` has the topology of `low`, and rays start on it.
     """
 
-    def __init__(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None):
-        self._refer_to(low, highs, cage)
-        self.other_refs: list[ObjectRef] = []
-        self.texture_set: MaterialSet | None = None
-        self.is_exported = self.is_for_others = self.is_measured = self.is_seen = self.is_pictured = False
-        self.must_be_whole = False
-        self.size = 0
-        self.distance = 0.0
-        self.hints: list[str] = []
+    low_ref: ObjectRef
+    high_refs: tuple[ObjectRef, ...]
+    cage_ref: ObjectRef | None
+    texture_set: MaterialSet | None
+    """The faces of the low object that are baked; None for all."""
+    size: int
+    """Of its square maps in texels; 0 for that of the settings."""
+    distance: float
+    """How far its rays reach outward and inward, in scene units; 0 for that of the settings."""
 
-    def of_set(self, texture_set: MaterialSet) -> "Job":
-        """The same job for one texture set."""
-        job = copy.copy(self)
-        job.texture_set = texture_set
-        return job
+    def __init__(
+        self,
+        low: bpy.types.Object,
+        highs: Sequence[bpy.types.Object],
+        cage: bpy.types.Object | None = None,
+        *,
+        texture_set: MaterialSet | None = None,
+        size: int = 0,
+        distance: float = 0.0,
+    ):
+        vars(self).update(  # a frozen class has no other way
+            low_ref=ObjectRef.of(low),
+            high_refs=tuple(map(ObjectRef.of, highs)),
+            cage_ref=ObjectRef.of(cage) if cage else None,
+            texture_set=texture_set,
+            size=size,
+            distance=distance,
+        )
 
-    def for_low(self, low: bpy.types.Object) -> "Job":
-        """The same job for another low object."""
-        job = copy.copy(self)
-        job.low_ref = ObjectRef.of(low)
-        return job
+    def but(self, **own: Any) -> "Job":
+        """This job with other arguments of its constructor. Raises BakeError if an object was deleted."""
+        same = ("low", "highs", "cage", "texture_set", "size", "distance")
+        return Job(**{name: getattr(self, name) for name in same if name not in own} | own)
 
     @property
     def refs(self) -> list[ObjectRef]:
@@ -102,11 +108,6 @@ class Job:
         return [high for ref in self.high_refs if (high := ref.find()) is not None]
 
     @property
-    def others(self) -> list[bpy.types.Object]:
-        """The high objects of other jobs, if they are occluders."""
-        return [ref.resolve() for ref in self.other_refs]
-
-    @property
     def cage(self) -> bpy.types.Object | None:
         return self.cage_ref.resolve() if self.cage_ref else None
 
@@ -115,21 +116,41 @@ class Job:
         self.low_ref.check_kept()
         return step
 
-    def renew(self) -> bool:
-        """Refer to the same objects by their present session_uid. Returns whether one has changed.
 
-        It changes when the object's library is reloaded. Raises BakeError if an object was deleted.
-        """
-        before = [ref.uid for ref in self.refs]
-        self._refer_to(self.low, self.highs, self.cage)
-        return [ref.uid for ref in self.refs] != before
+@dataclass(frozen=True)
+class Wants:
+    """What is wanted of a bake besides its maps."""
 
-    def _refer_to(
-        self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None
-    ) -> None:
-        self.low_ref = ObjectRef.of(low)
-        self.high_refs = [ObjectRef.of(high) for high in highs]
-        self.cage_ref = ObjectRef.of(cage) if cage else None
+    exported: bool = False
+    """Whether Imprint writes the low mesh for an engine afterwards."""
+    for_others: bool = False
+    """Whether programs other than Blender read the normal map."""
+    measured: bool = False
+    """Whether the report says how far the low mesh with its map deviates from the high mesh."""
+    seen: bool = False
+    """Whether the shading error is measured, also if the settings do not ask for it."""
+    pictured: bool = False
+    """Whether the report has a picture."""
+    whole: bool = False
+    """Whether it is an error if objects lack files, or what their modifiers need."""
+    hints: tuple[str, ...] = ()
+    """Why low and high meshes may not fit, in sentences. The report has them if rays are cast."""
+
+
+NOTHING_ELSE = Wants()
+"""The maps alone."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """One bake as it was asked for."""
+
+    job: Job
+    settings: Settings
+    """With names filled in."""
+    wants: Wants = NOTHING_ELSE
+    other_refs: tuple[ObjectRef, ...] = ()
+    """The high objects of other jobs, if they are occluders."""
 
 
 def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[Job], list[str]]:
@@ -209,7 +230,7 @@ def files_read_by(jobs: Sequence[Job], *, has_maps: bool = True) -> list[tuple[s
 
     has_maps: whether maps of earlier bakes are among them.
     """
-    bakes = [(job.low, job.highs, [*job.others, *filter(None, [job.cage])]) for job in jobs]
+    bakes = [(job.low, job.highs, list(filter(None, [job.cage]))) for job in jobs]
     found = (each for each in dependencies.not_to_replace(bakes) if has_maps or not each.is_own_map)
     return [(path, each.what) for each in found for path in _files(each.path)]
 
@@ -245,38 +266,38 @@ class PastBake:
         low, *others = (ref.resolve() for ref in refs)
         highs, cages = others[: len(report.high)], others[len(report.high) :]
         settings = Settings.of_json(report.settings)
-        job = Job(low, highs, *cages)
-        if report.slots:
-            job.texture_set = MaterialSet(report.material, tuple(report.slots))
+        texture_set = MaterialSet(report.material, tuple(report.slots)) if report.slots else None
+        job = Job(low, highs, *cages, texture_set=texture_set)
         method = Method.AUTO if report.rays else report.method
         return cls(job, settings, method, report.distances, report.tiles)
 
 
-def read_meshes(context: bpy.types.Context, job: Job, settings: Settings, timings: Timings | None = None) -> Meshes:
-    """Read the objects of a job, and mend the high meshes. Errors: as scene.reading.read."""
+def read_meshes(context: bpy.types.Context, request: Request, timings: Timings | None = None) -> Meshes:
+    """Read the objects of a bake, and mend the high meshes. Errors: as scene.reading.read."""
     timings = timings or Timings()
     with timings.timed("extract"):
-        meshes = read_as_is(context, job, settings)
-    return orienting.mended(meshes, settings, timings)
+        meshes = read_as_is(context, request)
+    return orienting.mended(meshes, request.settings, timings)
 
 
-def read_as_is(context: bpy.types.Context, job: Job, settings: Settings) -> Meshes:
-    """Read the objects of a job as they are. Errors: as scene.reading.read."""
+def read_as_is(context: bpy.types.Context, request: Request) -> Meshes:
+    """Read the objects of a bake as they are. Errors: as scene.reading.read."""
+    job = request.job
     return reading.read(
         context,
         job.low,
         job.highs,
         job.cage,
-        settings,
-        others=job.others,
+        request.settings,
+        others=[ref.resolve() for ref in request.other_refs],
         texture_set=job.texture_set,
-        must_be_whole=job.must_be_whole,
+        must_be_whole=request.wants.whole,
     )
 
 
 def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:
     """A job for each texture set of each of `jobs`. Raises BakeError for names that the sets would share."""
-    found = [job.of_set(one) for job in jobs for one in sets_of(job.low, is_own_base=job.low in job.highs)]
+    found = [job.but(texture_set=one) for job in jobs for one in sets_of(job.low, is_own_base=job.low in job.highs)]
     if len(found) > len(jobs):
         for text, what in ((storing.output, "file"), (storing.image, "image")):
             if text and MATERIAL not in text:

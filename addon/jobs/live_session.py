@@ -34,7 +34,7 @@ from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
 from . import bake_jobs, shared_image
 from .bake import READY, DrawnJob, report_of
-from .job import Job, check_clashes, check_job, files_kept, set_numbers
+from .job import Job, Request, check_clashes, check_job, files_kept, set_numbers
 
 FOLLOWED = (
     "{name} has {shown} triangles in the viewport, which Live follows, and {rendered} in renders, which the bake follows: make "
@@ -426,9 +426,8 @@ class Session:
             stacked = check_stacked(self.plan, hidden, drawer, self.settings, numbers)
             length = reading.lengths_of(context.scene)
             findings = audit(self.plan, tally, self.settings, rays, length=length, stacked=stacked)
-        drawn = DrawnJob(
-            self.job, self._stored_settings, self._mended, self.plan, rays, findings, self._timings, self._warnings()
-        )
+        request = Request(self.job, self._stored_settings)
+        drawn = DrawnJob(request, self._mended, self.plan, rays, findings, self._timings, self._warnings())
         return report_of(drawn, stored, stored.warnings)
 
     def _warnings(self) -> list[Warned]:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 
 import bpy
 import numpy as np
@@ -21,7 +20,7 @@ from ..core import levels, udim
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.levels import ChainReport, Level, Limit
-from ..core.progress import Pace, Progress, Task, part, relay
+from ..core.progress import Pace, Progress, Task, part
 from ..core.settings import Settings
 from ..engine import gpu_memory
 from ..mesh import coarser_uvs
@@ -317,8 +316,7 @@ def work(
             collection, objects = _level_objects(context, ref.resolve(), [level[0] for level in found])
             jobs = [Job(level, [ref.resolve()]) for level in objects]
             baking = bake_jobs.work(context, jobs, settings, pace)
-            # Without the number of finished maps: none is kept if the chain is stopped.
-            bakes = yield from relay(part(baking, SEARCHED, 1.0), partial(replace, finished=0))
+            bakes = yield from bake_jobs.all_or_nothing(part(baking, SEARCHED, 1.0))
         for data, _ in found:
             meshes.release(data)
     levels = [

@@ -21,7 +21,7 @@ from ..engine.method_choice import choose_method
 from ..engine.sources import normal_source
 from ..mesh.inputs import Meshes
 from ..scene.mesh_elements import GROUPS, UNPAINTED, without_missing, write_weights
-from .job import Job, PastBake, check_job, read_meshes
+from .job import Job, PastBake, Request, check_job, read_meshes
 
 
 def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:
@@ -84,7 +84,7 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
     settings = without_missing(low, replace(past.settings.without_other_maps(), method=past.method, **groups))
     settings = replace(settings.without_file(), material=False, mask=False, **past.distances)
     check_job(context, past.job, settings)
-    meshes = read_meshes(context, Job(low, past.job.highs, past.job.cage), settings)
+    meshes = read_meshes(context, Request(past.job.but(texture_set=None), settings))
     if len(meshes.low.positions) != len(low.data.vertices):
         raise BakeError(
             f"The modifiers of {low.name!r} add or remove vertices: apply them to get weights for its mesh."

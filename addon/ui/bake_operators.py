@@ -17,14 +17,14 @@ from ..core.conversion import ConversionReport, StoredNormals
 from ..core.declarations.choices import Method, Space, Storage
 from ..core.errors import BakeError, in_window
 from ..core.levels import ChainReport
-from ..core.progress import Pace, Task
+from ..core.progress import Pace, Progress, Task, relay
 from ..core.report import Report
 from ..core.settings import Settings
 from ..export import engine_files
 from ..jobs import asset, atlas, bake_jobs, convert, lod, weights
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.convert import Conversion
-from ..jobs.job import Job, jobs_by_name
+from ..jobs.job import Job, Wants, jobs_by_name
 from ..scene import object_checks, reading
 from ..scene.object_checks import object_by_name
 from . import bake_results, modal, object_pairs
@@ -68,10 +68,10 @@ class _OnePair(_Bake, Options):
     )
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
-        job, settings = self.job(context)
-        return (yield from bake_jobs.work(context, [job], settings, pace))
+        job, settings, wants = self.request(context)
+        return (yield from bake_jobs.work(context, [job], settings, pace, wants=wants))
 
-    def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
+    def request(self, context: bpy.types.Context) -> tuple[Job, Settings, Wants]:
         """The objects and settings from the arguments, or from the panel where an argument is missing."""
         panel = context.scene.imprint
         chosen = panel.chosen(context, object_by_name(self.low) if self.low else None)
@@ -81,8 +81,7 @@ class _OnePair(_Bake, Options):
         settings = self.to_settings(panel, chosen.rays, object_pairs.CHOSEN)
         cage = None if settings.tracing.method == Method.FLATTEN else chosen.rays.cage
         job = Job(chosen.low, chosen.highs, object_by_name(self.cage) if self.cage else cage)
-        job.is_exported = bool(panel.export)
-        return job, settings
+        return job, settings, Wants(exported=bool(panel.export))
 
 
 class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):
@@ -104,11 +103,11 @@ class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
     last: labeled(IntProperty, "Last", "Last frame; below 0 for that of the scene", default=-1)
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
-        job, settings = self.job(context)
+        job, settings, wants = self.request(context)
         scene = context.scene
         first = self.first if self.first >= 0 else scene.frame_start
         last = self.last if self.last >= 0 else scene.frame_end
-        return (yield from work_on_frames(context, job, settings, range(first, last + 1), pace))
+        return (yield from work_on_frames(context, job, settings, range(first, last + 1), pace, wants=wants))
 
 
 class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
@@ -140,11 +139,9 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         settings = context.scene.imprint
         found, problems = jobs_by_name(context, settings.suffixes())
-        jobs = [job for job in found if job.low.imprint_is_baked]
+        jobs = [_with_own(job) for job in found if job.low.imprint_is_baked]
         if not jobs:
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
-        for job in jobs:
-            job.size, job.distance = int(job.low.imprint_size), job.low.imprint_distance
         values = settings.to_settings()
         left_out = [("", problem) for problem in problems]
         if settings.share_image:  # an atlas is whole, or is not baked
@@ -152,8 +149,14 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
             return reports, left_out
         jobs = _ready(context, jobs, weights.settings_by_job(jobs, values), left_out)
         reports: list[Report] = []
+
+        def noted(step: Progress) -> Progress:
+            reports.extend([step.report] if step.report else [])
+            left_out.extend([step.failure] if step.failure else [])
+            return step
+
         try:
-            yield from bake_jobs.work(context, jobs, values, pace, reports=reports, failures=left_out)
+            yield from relay(bake_jobs.work(context, jobs, values, pace, goes_on=True), noted)
         except GeneratorExit:  # the maps that are done stay
             results.remember(context, reports)
             raise
@@ -181,6 +184,11 @@ class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
         if not lows:
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
         return atlas.pack(lows, settings.to_settings())
+
+
+def _with_own(job: Job) -> Job:
+    """The job with the size and the distance that its low object has in the list of pairs."""
+    return job.but(size=int(job.low.imprint_size), distance=job.low.imprint_distance)
 
 
 def _ready(
@@ -412,8 +420,9 @@ class IMPRINT_OT_make_asset(_Bake, bpy.types.Operator):
         job = Job(asset.known_low(context, highs, suffixes) or highs[0], highs)
         if settings.export:
             engine_files.check_levels(settings.export, 1 + wanted.levels)
-            job.is_exported = True
-        return (yield from asset.work(context, job, wanted, settings.to_settings(), pace, suffixes=suffixes))
+        wants = Wants(exported=bool(settings.export))
+        values = settings.to_settings()
+        return (yield from asset.work(context, job, wanted, values, pace, suffixes=suffixes, wants=wants))
 
     def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
         path = context.scene.imprint.export

@@ -195,7 +195,9 @@ class Following:
         was_one_gone, self._is_one_gone, self._may_be_gone = self._is_one_gone, True, False
         uids, job = uids_in_scenes(), self.session.job
         if not uids.issuperset(ref.uid for ref in job.refs):
-            self._all_changed |= job.renew()  # a library was reloaded
+            self.session.job = job.but()  # a library was reloaded
+            self._all_changed |= self.session.job != job
+            job = self.session.job
             lost = next((ref for ref in job.refs if ref.uid not in uids), None)
             if lost is not None:  # a slot of the panel keeps a deleted object in the file
                 raise BakeError(

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from addon.audit import deviations
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_all
+from addon.jobs import Job, Wants, bake_all
 
 PAIRS = ("king_40480_4000", "spot_1696_536", "helmet_23358_6117", "shaderball_48048_23378")
 USUAL = Settings(width=512, height=512, depth=8, storage="MEMORY", material=False, method="CAST", appearance=True)
@@ -75,9 +75,8 @@ def measured(path: Path, values: dict[str, Any], change: Callable[[Stored], Stor
             kind.add = lambda self, tile, stored, known=known: known(self, tile, change(stored))
     try:
         low, high = (bpy.data.objects[name] for name in ("lo", "hi"))
-        job = Job(low, [high])
-        job.is_measured = True
-        return bake_all(bpy.context, [job], replace(USUAL, **values))[0].to_dict()
+        wants = Wants(measured=True)
+        return bake_all(bpy.context, [Job(low, [high])], replace(USUAL, **values), wants=wants)[0].to_dict()
     finally:
         for kind, known in add.items():
             kind.add = known

@@ -18,7 +18,7 @@ from addon.core.naming import Suffixes
 from addon.core.progress import Pace, finish
 from addon.core.settings import Run, Settings
 from addon.engine import baking, normal_space
-from addon.jobs import Job, asset, bake_jobs
+from addon.jobs import Job, Wants, asset, bake_jobs
 from addon.mesh.fitting import Samples
 from addon.scene import reading
 from tests.support import lanes, quick_assets, seen_from_sides, zoo
@@ -152,9 +152,7 @@ def test_assets_are_measured_as_rays_see_them(name, monkeypatch):
 
 def report_of(low, highs, **values):
     bpy.context.view_layer.update()
-    job = Job(low, highs)
-    job.is_measured = True
-    (report,) = bake_jobs.bake_all(bpy.context, [job], settings(**values))
+    (report,) = bake_jobs.bake_all(bpy.context, [Job(low, highs)], settings(**values), wants=Wants(measured=True))
     return report
 
 

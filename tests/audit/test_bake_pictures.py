@@ -8,7 +8,7 @@ import pytest
 from addon.audit.pictures import BACKGROUND, PICTURE_SIDE, UNKNOWN, BakePictures, add_greatest, square_means
 from addon.core.map_types import NORMAL
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_jobs
+from addon.jobs import Job, Wants, bake_jobs
 from addon.mesh.triangle_mesh import Mesh
 from tests.support import zoo
 
@@ -225,8 +225,7 @@ def test_a_bake_has_a_picture_if_it_is_asked_for(values):
     bpy.context.view_layer.update()
     (plain,) = bake_jobs.bake_all(bpy.context, [job], settings(**values))
     assert plain.picture is None
-    job.is_pictured = True
-    (report,) = bake_jobs.bake_all(bpy.context, [job], settings(**values))
+    (report,) = bake_jobs.bake_all(bpy.context, [job], settings(**values), wants=Wants(pictured=True))
     drawn, lit, deviation = parts(report.picture)
     assert "picture" not in report.to_dict()
     for picture in (drawn, lit, deviation):
@@ -237,8 +236,6 @@ def test_a_bake_has_a_picture_if_it_is_asked_for(values):
 def test_a_shared_map_has_a_picture_of_each_low_mesh():
     lows = [zoo.plane("a"), zoo.plane("b")]
     jobs = [Job(low, [zoo.plane(f"{low.name}_high", slope=0.4)]) for low in lows]
-    for job in jobs:
-        job.is_pictured = True
     bpy.context.view_layer.update()
-    found = bake_jobs.bake_all(bpy.context, jobs, settings(), share_image=True)
+    found = bake_jobs.bake_all(bpy.context, jobs, settings(), wants=Wants(pictured=True), share_image=True)
     assert [report.picture.shape for report in found] == [(PICTURE_SIDE, 3 * PICTURE_SIDE, 3)] * 2

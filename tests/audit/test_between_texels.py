@@ -8,7 +8,7 @@ import pytest
 from addon.audit import deviations
 from addon.cli import limits
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_all
+from addon.jobs import Job, Wants, bake_all
 from tests.support import scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -18,9 +18,8 @@ EXACT = 1e-6
 
 
 def measured(low, high, size, **values):
-    job = Job(low, [high])
-    job.is_measured = True
-    return bake_all(bpy.context, [job], Settings(width=size, height=size, **SETTINGS | values))[0].to_dict()
+    settings = Settings(width=size, height=size, **SETTINGS | values)
+    return bake_all(bpy.context, [Job(low, [high])], settings, wants=Wants(measured=True))[0].to_dict()
 
 
 @pytest.mark.parametrize("shape", [(3, 5), (4, 1)])

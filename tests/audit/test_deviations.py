@@ -10,7 +10,7 @@ from addon.audit.deviations import AngleCounts
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import Job, bake_jobs, live_session
+from addon.jobs import Job, Wants, bake_jobs, live_session
 from addon.passes import target
 from addon.ui import view_scene, view_shading
 from addon.ui.view_shading import Mode
@@ -36,9 +36,9 @@ def measured(lows, highs, chosen, *, share_image=False):
     """The figures of each bake."""
     bpy.context.view_layer.update()
     jobs = [Job(low, [high]) for low, high in zip(lows, highs, strict=True)]
-    for job in jobs:
-        job.is_measured = True
-    return [report.deviation for report in bake_jobs.bake_all(bpy.context, jobs, chosen, share_image=share_image)]
+    wants = Wants(measured=True)
+    reports = bake_jobs.bake_all(bpy.context, jobs, chosen, wants=wants, share_image=share_image)
+    return [report.deviation for report in reports]
 
 
 def terrains():
@@ -231,9 +231,7 @@ RAYS = {"method": "CAST", "extrusion": 0.1, "max_distance": 0.2}
 def baked(low, *highs, **values):
     """The report of a bake that measures deviations."""
     bpy.context.view_layer.update()
-    job = Job(low, highs)
-    job.is_measured = True
-    (report,) = bake_jobs.bake_all(bpy.context, [job], chosen(**values))
+    (report,) = bake_jobs.bake_all(bpy.context, [Job(low, highs)], chosen(**values), wants=Wants(measured=True))
     return report
 
 
@@ -393,10 +391,8 @@ def test_parts_of_a_texture_set_count_at_their_own_places():
         low.data.materials.append(bpy.data.materials.new(f"paint {number}"))
     low.data.polygons.foreach_set("material_index", np.arange(16) // 4 % 2)
     bpy.context.view_layer.update()
-    job = Job(low, highs)
-    job.is_measured = True
     settings = chosen(method="CAST", extrusion=12.0, max_distance=13.0, texture_sets=True, image="{material}")
-    reports = bake_jobs.bake_all(bpy.context, [job], settings)
+    reports = bake_jobs.bake_all(bpy.context, [Job(low, highs)], settings, wants=Wants(measured=True))
     assert [report.material for report in reports] == ["paint 0", "paint 1"]
     for report, own in zip(reports, (slopes[::2], slopes[1::2]), strict=True):
         degrees = np.degrees(np.arctan(own) - np.arctan(own[0]))

@@ -271,11 +271,11 @@ def test_the_fewest_triangles_within_a_limit_are_found():
 def test_a_mesh_that_shows_nothing_is_no_end_of_the_search(monkeypatch):
     tried, draw_raw = [], asset.draw_raw
 
-    def drawn(context, job, run):
-        tried.append(len(job.low.data.polygons))
+    def drawn(context, request, run):
+        tried.append(len(request.job.low.data.polygons))
         if tried[-1] < 1000:
             raise NothingDrawn("Nothing was drawn.")
-        return (yield from draw_raw(context, job, run))
+        return (yield from draw_raw(context, request, run))
 
     monkeypatch.setattr(asset, "draw_raw", drawn)
     report, low = made([zoo.terrain("Hills", 40, height=0.3)], Wanted(degrees=6.0, triangles=0))

@@ -150,11 +150,12 @@ def test_several_jobs_keep_those_that_are_done(tmp_path):
     low, high = pair(tmp_path)
     second = zoo.plane("second", 2)
     settings = settings_for(tmp_path, "FLATTEN", storage="PACK", output="")
-    jobs, reports = [Job(low, [high]), Job(second, [high])], []
-    work = bake_jobs.work(bpy.context, jobs, settings, Pace(0.0), reports=reports)
-    next(step for step in work if step.finished == 1 and step.what.startswith("Casting"))
+    jobs, steps = [Job(low, [high]), Job(second, [high])], []
+    work = bake_jobs.work(bpy.context, jobs, settings, Pace(0.0))
+    while not (steps and steps[-1].finished == 1 and steps[-1].what.startswith("Casting")):
+        steps.append(next(work))
     work.close()
-    assert [report.low for report in reports] == ["lo"]
+    assert [step.report.low for step in steps if step.report] == ["lo"]
     assert not [image.name for image in bpy.data.images if image.name.startswith("second")]
     assert len(bake_all(bpy.context, jobs, settings)) == 2
 

@@ -7,7 +7,7 @@ from addon.core import progress
 from addon.core.settings import Run, Settings
 from addon.jobs import Job, bake_pair
 from addon.jobs.bake import draw_raw
-from addon.jobs.job import check_job
+from addon.jobs.job import Request, check_job
 
 
 def bake(low, *highs, image="map", **settings):
@@ -31,9 +31,9 @@ def raw_maps(low, *highs, maps, size=64, **settings):
     """The maps by UDIM tile and name, (H, W, 4) float32 as Renderer.raw has them. Nothing is stored."""
     values = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, **settings}
     chosen = Settings(image="map", width=size, height=size, maps=tuple(maps), **values)
-    job = Job(low, highs)
-    check_job(bpy.context, job, chosen)
-    return progress.finish(draw_raw(bpy.context, job, Run(chosen)))[1]
+    request = Request(Job(low, highs), chosen)
+    check_job(bpy.context, request.job, chosen)
+    return progress.finish(draw_raw(bpy.context, request, Run(chosen)))[1]
 
 
 def pixels(image):

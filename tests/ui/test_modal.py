@@ -41,7 +41,7 @@ class Button(modal.SlicedOperator):
     """An operator of the add-on, run as a button in the window, in the shortest slices."""
 
     def __init__(self, operator, **properties):
-        for name in ("task", "finish", "show", "job", "wanted", "to_settings"):
+        for name in ("task", "finish", "show", "request", "wanted", "to_settings"):
             if hasattr(operator, name):
                 setattr(self, name, getattr(operator, name).__get__(self))
         self.low = self.cage = ""
