@@ -79,7 +79,7 @@ def audit(
     checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
     checks["overlap"] |= stacked
     checks["behind"]["backwards"] = checks["backwards"]["share"]
-    with_method = replace(settings, method=Method.CAST) if plan.casts_rays else settings
+    with_method = settings.traced(method=Method.CAST) if plan.casts_rays else settings
     for kind, check in checks.items():
         check["severity"] = severity.rate(kind, check, with_method)
     return Findings(
@@ -235,8 +235,8 @@ def _distances(plan: Plan, settings: Settings, distances: np.ndarray | None) -> 
         offset = separation.offset(texels, plan.method)
         distances = separation.distances(texels, offset)
         distances = distances[distances >= 0.0]
-    limit, usual = (separation.limit(meshes.low, each.tracing) for each in (settings, replace(settings, limit=None)))
-    usual = max(usual, limit)  # a larger one allows for more
+    limit = separation.limit(meshes.low, settings.tracing)
+    usual = max(separation.usual_limit(meshes.low), limit)  # a larger one allows for more
     maximum, percentile_99 = (
         (float(distances.max()), float(np.quantile(distances, 0.99))) if distances.size else (0.0, 0.0)
     )
@@ -294,7 +294,7 @@ def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterato
         return
     low, overlap_check = plan.meshes.low, checks["overlap"]
     is_stacked = overlap_check["stacked"] > severity.MUCH_OVERLAP * overlap_check["of"]
-    if is_stacked and checks["far"]["maximum"] > separation.limit(low, replace(settings, limit=None).tracing):
+    if is_stacked and checks["far"]["maximum"] > separation.usual_limit(low):
         highs = [separation.thinned(high) for high in plan.meshes.drawn_highs]
         share = uv_agreement.crossed(low, highs, plan.tiles)
         if share > uv_agreement.CROSSED:

@@ -485,7 +485,7 @@ def _for_linked(settings: Settings, options: argparse.Namespace, jobs: Sequence[
     if options.save_blend or settings.storing.connect_maps or not settings.changes_materials:
         return settings
     is_linked = any(not block.is_editable for job in jobs for block in (job.low, job.low.data) if block)
-    return replace(settings, material=False) if is_linked else settings
+    return settings.stored(material=False) if is_linked else settings
 
 
 def _share_image(options: argparse.Namespace) -> bool:

@@ -66,7 +66,7 @@ def map_files(options: argparse.Namespace, low: str, of_frames: Sequence[int] = 
     settings = arguments.settings(options)
     if not of_frames:
         output = naming.fill(settings.storing.output, low, low_suffix=settings.storing.low_suffix)
-        yield from map_names.planned_files(replace(settings, output=output))
+        yield from map_names.planned_files(settings.stored(output=output))
     for frame in of_frames:
         yield from map_names.planned_files(map_names.of_frame(map_names.with_low_name(settings, low), frame))
 

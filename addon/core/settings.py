@@ -11,7 +11,7 @@ from typing import Any
 from . import file_formats, udim
 from .declarations import bases
 from .declarations.all_settings import DECLARED, FORMER
-from .declarations.choices import Method, Pack, Storage
+from .declarations.choices import Method, Pack, Storage, VertexDomain
 from .declarations.map_settings import ADAPTIVE_FROM
 from .errors import BakeError, warn_of_former
 from .map_types import BY_NAME, CUSTOM_SUFFIX, NAMES, PACKINGS, WHITE, WIDENED_ROUGHNESS, Packing
@@ -212,11 +212,45 @@ class Settings:
         """These settings, where basis AUTO is replaced by that of a render engine. engine: Blender's identifier."""
         if self.map.basis != bases.AUTO:
             return self
-        return replace(self, basis=bases.of_engine(engine).name)
+        return self.mapped(basis=bases.of_engine(engine).name)
 
     def without_file(self) -> "Settings":
         """These settings for a map that goes into no file."""
-        return replace(self, storage=Storage.PACK if self.sampling.udim else Storage.MEMORY, output="")
+        return self.stored(storage=Storage.PACK if self.sampling.udim else Storage.MEMORY, output="")
+
+    def without_materials(self) -> "Settings":
+        """These settings for maps that are put into no material and no attribute."""
+        return self.stored(material=False, connect_maps=False, vertex_domain=VertexDomain.NONE)
+
+    def without_other_maps(self) -> "Settings":
+        """These settings for the normal map alone."""
+        return self.mapped(normal=True, mask=False, maps=(), pack=Pack.NONE)
+
+    def of_shapes(self) -> "Settings":
+        """These settings to read the shapes of high meshes alone: rays need neither UVs nor materials."""
+        return self.without_other_maps().mapped(detail_maps=False).traced(method=Method.CAST)
+
+    def mapped(self, **maps: Any) -> "Settings":
+        """These settings with some of MapSettings: `settings.mapped(space=Space.WORLD)`."""
+        return replace(self, map=replace(self.map, **maps))
+
+    def traced(self, **tracing: Any) -> "Settings":
+        """These settings with some of TracingSettings: `settings.traced(method=Method.CAST)`."""
+        return replace(self, tracing=replace(self.tracing, **tracing))
+
+    def sampled(self, **sampling: Any) -> "Settings":
+        """These settings with some of SamplingSettings: `settings.sampled(samples=1)`."""
+        return replace(self, sampling=replace(self.sampling, **sampling))
+
+    def stored(self, **storing: Any) -> "Settings":
+        """These settings with some of StorageSettings: `settings.stored(image="atlas")`."""
+        return replace(self, storing=replace(self.storing, **storing))
+
+    def of_at_most(self, side: int) -> "Settings":
+        """These settings with at most this many texels a side, in the same proportions."""
+        shrink = max(1.0, max(self.sampling.size) / side)
+        width, height = (max(1, round(texels / shrink)) for texels in self.sampling.size)
+        return self.sampled(width=width, height=height)
 
     @property
     def mip_sizes(self) -> list[tuple[int, int]]:
@@ -232,10 +266,6 @@ class Settings:
     def changes_materials(self) -> bool:
         """Whether maps are put into the materials of the low object."""
         return (self.storing.material and self.map.normal) or self.storing.connect_maps
-
-    def without_other_maps(self) -> "Settings":
-        """These settings for the normal map alone."""
-        return replace(self, maps=(), pack=Pack.NONE)
 
     def check(self) -> None:
         """Raise BakeError for settings that are not valid for any objects."""

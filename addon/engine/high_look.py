@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Looks at the high meshes before a bake: what they are, and what the bake will change of them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -74,8 +74,7 @@ def look(meshes: Meshes, settings: Settings) -> HighLook:
     areas = np.concatenate([some.weights for some in patches.samples])
     distances = _percentiles(np.concatenate(far) * patches.space.size, areas, (0.5, 0.99))
     smooth = [corner_normals.smoothed(_some(high), 1)[1] for high in meshes.highs]
-    tracing = replace(settings.tracing, smooth_high=0)
-    mended = orienting.mended(meshes, replace(settings, tracing=tracing), Timings())
+    mended = orienting.mended(meshes, settings.traced(smooth_high=0), Timings())
     return HighLook(
         triangles=sum(len(high.triangles) for high in meshes.highs),
         parts=patches.count,

@@ -40,7 +40,8 @@ def of(maps: Mapping[str, Map], tile: int, run: Run) -> Task[list[dict[str, Map]
             if rough:
                 raw[WIDENED_ROUGHNESS.name] = rough.next(raw[NORMAL.name])
         # Seams between islands are finer than a texel: the nearest texels are enough.
-        own = replace(settings, width=width, height=height, maps=tuple(raw)[1:], margin_type=MarginType.EXTEND)
+        of_size = settings.sampled(width=width, height=height, margin_type=MarginType.EXTEND)
+        own = of_size.mapped(maps=tuple(raw)[1:])
         renderer = Renderer(DrawnMaps(raw), replace(run, settings=own))
         levels.append(finish(renderer.texels(tile, margins.for_maps([], own))))
     return levels

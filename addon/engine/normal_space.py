@@ -87,8 +87,13 @@ class NormalSpace:
 
 def channels(map_settings: MapSettings) -> np.ndarray:
     """The (3, 3) matrix from a normal to its red, green and blue channels."""
+    return axes(map_settings.red, map_settings.green, map_settings.blue)
+
+
+def axes(*names: str) -> np.ndarray:
+    """The (3, 3) matrix from a normal to channels that store these axes, such as "+X"."""
     matrix = np.zeros((3, 3))
-    for row, axis in enumerate((map_settings.red, map_settings.green, map_settings.blue)):
+    for row, axis in enumerate(names):
         matrix[row, "XYZ".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
     return matrix
 
@@ -104,8 +109,8 @@ def reading_by(engine: TargetEngine, settings: Settings) -> tuple[int, int, int]
     """How an engine reads a tangent-space map of these settings."""
     depth = min(settings.storing.depth, engine.depth)
     steps = 0 if depth > 8 and settings.storing.is_float else 2**depth - 1
-    axes = channels(replace(settings, red="+X", green=engine.green, blue="+Z").map)
-    return lit.reading(lit.TANGENT + engine.basis.flags, axes, steps=steps, rebuilds_z=engine.rebuilds_z)
+    read = axes("+X", engine.green, "+Z")
+    return lit.reading(lit.TANGENT + engine.basis.flags, read, steps=steps, rebuilds_z=engine.rebuilds_z)
 
 
 def stored(normals: np.ndarray, settings: Settings) -> Map:

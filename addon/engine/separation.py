@@ -49,7 +49,12 @@ def quick_probe(meshes: Meshes) -> Probe:
 
 def limit(low: Mesh, tracing: TracingSettings) -> float:
     """The greatest distance between points of one texel that is not reported, in scene units."""
-    return LIMIT * local_space_of([low]).size if tracing.limit is None else tracing.limit
+    return usual_limit(low) if tracing.limit is None else tracing.limit
+
+
+def usual_limit(low: Mesh) -> float:
+    """As `limit`, if the settings have none."""
+    return LIMIT * local_space_of([low]).size
 
 
 def boxes_fit(meshes: Meshes, *, may_be_part: bool = False) -> bool:

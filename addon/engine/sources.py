@@ -102,7 +102,7 @@ def hits_are_chosen(plan: Plan, tracing: TracingSettings) -> bool:
 
 def own_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | None = None) -> Task[Source]:
     """The source of normals alone of a bake with the rule OWN, which no settings choose: what belongs to each texel."""
-    own = replace(run.settings.without_other_maps(), hit=Hit.OWN)
+    own = run.settings.without_other_maps().traced(hit=Hit.OWN)
     return (yield from normal_source(plan, replace(run, settings=own), uploads=uploads))
 
 

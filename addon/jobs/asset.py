@@ -159,9 +159,9 @@ def work(
                 edge = maker.edge if maker else partial(asset_highs.edge_of, context, job, settings)
                 size = _size(low.obj, _texel(wanted, context, edge))
             jobs.append(job.but(low=low.obj, size=size))
-        own_settings = replace(settings, connect_maps=True)
+        own_settings = settings.stored(connect_maps=True)
         if all(is_new):  # no high mesh has these UVs
-            own_settings = replace(own_settings, method=Method.CAST)
+            own_settings = own_settings.traced(method=Method.CAST)
         try:
             baking = bake_jobs.work(context, jobs, own_settings, pace, wants=replace(wants, seen=True))
             reports = yield from bake_jobs.all_or_nothing(part(baking, SEARCHED, 1.0))
@@ -374,13 +374,13 @@ class _Maker:
             yield Progress(f"Unwrapping {wanted:,} triangles", 0.1)
             settings = _normals_alone(self._settings, self._context)
             if is_compared:
-                settings = replace(_of_at_most(settings, QUICK_SIDE), samples=1)
+                settings = settings.of_at_most(QUICK_SIDE).sampled(samples=1)
             with self._timings.timed("unwrap"):
                 unwrapping.unwrap(low, settings, is_quick=True)
             if limit.finds_size and not is_compared:
                 size = _size(low, _texel(limit, self._context, self.edge))
-                settings = replace(settings, width=size, height=size)
-            settings = _of_at_most(settings, SIDE)
+                settings = settings.sampled(width=size, height=size)
+            settings = settings.of_at_most(SIDE)
             request = Request(self._job.but(low=low), settings, self._wants)
             check_job(self._context, request.job, settings)
             try:
@@ -454,23 +454,8 @@ def _count(low: bpy.types.Object) -> int:
 
 def _normals_alone(settings: Settings, context: bpy.types.Context) -> Settings:
     """The settings by which low meshes are measured: for the normal map alone, which is not kept."""
-    return replace(
-        settings.read_by(context.scene.render.engine).without_file().without_other_maps(),
-        method=Method.CAST,
-        normal=True,
-        material=False,
-        connect_maps=False,
-    )
-
-
-def _of_at_most(settings: Settings, side: int) -> Settings:
-    """The settings with at most this many texels a side."""
-    shrink = max(1.0, max(settings.sampling.size) / side)
-    return replace(
-        settings,
-        width=max(1, round(settings.sampling.width / shrink)),
-        height=max(1, round(settings.sampling.height / shrink)),
-    )
+    settings = settings.read_by(context.scene.render.engine).without_file().without_materials()
+    return settings.without_other_maps().traced(method=Method.CAST)
 
 
 @contextmanager

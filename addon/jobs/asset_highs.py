@@ -13,7 +13,6 @@ import numpy as np
 from mathutils import Matrix
 
 from ..core.asset import OFF
-from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.progress import Timings
 from ..core.settings import Settings
@@ -306,7 +305,7 @@ def _triangles(context: bpy.types.Context, job: Job, settings: Settings) -> tupl
     """All triangles of the high objects with their modifiers and instances: points (V, 3) float64 in world space, and (T, 3)
     int. Raises BakeError."""
     highs = job.highs
-    plain = replace(settings.without_other_maps(), method=Method.CAST, detail_maps=False)
+    plain = settings.of_shapes()
     numbered = dict(enumerate(highs, start=1))
     read = evaluation.evaluate(
         context,

@@ -258,7 +258,7 @@ def measure_rays(
 ) -> RayCast | None:
     """The rays of a bake of these objects; None if it would cast none. Raises BakeError as the bake does."""
     # Nothing is stored, so it does not matter where.
-    settings = replace(settings.without_file(), material=False)
+    settings = settings.without_file().without_materials()
     settings.check()
     job = Job(low, highs, cage)
     check_job(context, job, settings)

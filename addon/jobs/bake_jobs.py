@@ -16,7 +16,7 @@ import numpy as np
 from .. import older_blender
 from ..audit import severity
 from ..core import naming, progress
-from ..core.declarations.choices import Occluders, Storage, VertexDomain
+from ..core.declarations.choices import Occluders, Storage
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, MARGIN, NORMAL, Labeled
 from ..core.naming import ATLAS
@@ -54,7 +54,7 @@ class Atlas:
     def __init__(self, settings: Settings, kept: Kept | None = None):
         self.kept = kept or Kept()
         # All samples and the tangent spaces of the objects are already in the maps.
-        self.settings = replace(settings, samples=1)
+        self.settings = settings.sampled(samples=1)
         self.drawn: list[DrawnJob] = []
         self.tiles: dict[int, dict[str, np.ndarray]] = {}
         self.labels: dict[Labeled, list[str]] = {labeled: [] for labeled in Labeled}
@@ -281,9 +281,9 @@ def _requests(
 def _of_job(settings: Settings, job: Job, shares_image: bool) -> Settings:
     """The settings with the size and the distance that a job has for itself."""
     if job.size and not shares_image:
-        settings = replace(settings, width=job.size, height=job.size)
+        settings = settings.sampled(width=job.size, height=job.size)
     if job.distance:  # rays start outside, and reach as far inside
-        settings = replace(settings, extrusion=job.distance, max_distance=2.0 * job.distance)
+        settings = settings.traced(extrusion=job.distance, max_distance=2.0 * job.distance)
     return settings
 
 
@@ -324,8 +324,7 @@ def _check_lows(requests: Sequence[Request], step: Progress) -> Progress:
 
 def for_low(settings: Settings, name: str, material: str = "") -> Settings:
     """The settings with names filled in. Without a name, the image is named after the low object and the texture set."""
-    return replace(
-        settings,
+    return settings.stored(
         image=map_names.name_for(name, settings.storing, material),
         output=naming.fill(settings.storing.output, name, material, low_suffix=settings.storing.low_suffix),
     )
@@ -351,15 +350,13 @@ def work_on_frames(
     _check_frames(settings, frames)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
-    settings = replace(with_low_name(settings, low), image=map_names.name_for(low, settings.storing))
-    frame_base = replace(
-        settings, image=FRAME_IMAGE, material=False, connect_maps=False, vertex_domain=VertexDomain.NONE
-    )
+    settings = with_low_name(settings, low).stored(image=map_names.name_for(low, settings.storing))
+    frame_base = settings.without_materials().stored(image=FRAME_IMAGE)
     image = datablocks.get(settings.storing.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
         raise BakeError(f"The image {image.name!r} is not a picture or sequence: choose another name for the map.")
-    only_normal = replace(settings.without_other_maps(), mask=False)  # other maps of frames are only files
-    shared_image.check_alone(context, job, only_normal.without_file(), "the sequence")
+    only_normal = settings.without_other_maps().without_file()  # other maps of frames are only files
+    shared_image.check_alone(context, job, only_normal, "the sequence")
     if settings.storing.material:
         materials.check(job.low)  # the bakes of frames do not change it
     frame_settings = [of_frame(frame_base, frame) for frame in frames]

@@ -55,13 +55,13 @@ MOST_CORNERS = 400_000
 
 def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> HighLook:
     """What the high objects of a job are, and what its bake will change of them. Raises BakeError as the bake does."""
-    of_maps, settings = settings.map, settings.without_other_maps().without_file()
-    check_job(context, job, settings)
+    settings = settings.without_file()
+    check_job(context, job, settings.without_other_maps())
     with gpu_memory.trimmed():
-        meshes = read_as_is(context, Request(job, replace(settings, map=of_maps)))
-        found = high_look.look(meshes, settings)
-    inputs = [*evaluated(material_inputs.ways(meshes, of_maps)), *material_inputs.notes(meshes, of_maps)]
-    inputs = [*pose_notes(context, job, replace(settings, map=of_maps)), *inputs]
+        meshes = read_as_is(context, Request(job, settings))
+        found = high_look.look(meshes, settings.without_other_maps())
+    inputs = [*evaluated(material_inputs.ways(meshes, settings.map)), *material_inputs.notes(meshes, settings.map)]
+    inputs = [*pose_notes(context, job, settings), *inputs]
     return replace(found, notes=(*found.notes, *inputs))
 
 
@@ -589,16 +589,15 @@ class _View:
 
     def source(self) -> Source:
         """A source as the bake used it."""
-        settings = replace(self.settings, **self.distances)
-        return progress.finish(normal_source(self.plan, Run(settings)))
+        return progress.finish(normal_source(self.plan, Run(self.settings.traced(**self.distances))))
 
 
 def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     past = PastBake.of(report)
     # Settings of the map's appearance do not matter, because only the mask is written.
     space = Space.TANGENT if kind == "backwards" else Space.OBJECT
-    settings = replace(past.settings.without_other_maps(), method=past.method, space=space, mask=False, material=False)
-    settings = replace(settings.without_file(), image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
+    settings = past.settings.without_other_maps().without_file().without_materials().mapped(space=space)
+    settings = settings.stored(image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
     meshes = read_meshes(context, Request(past.job, settings))
     meshes = stacked_uvs.ordered(meshes, past.tiles, settings.sampling)

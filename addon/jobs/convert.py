@@ -129,7 +129,7 @@ def overlapping(low: Mesh, before: StoredNormals, settings: Settings, tiles: Seq
     # Stacked parts share a tangent-space map. In the other spaces, each part has normals of its own.
     (space,) = spaces - {Space.TANGENT} or {Space.TANGENT}
     overlap = checks.overlap(low, settings.sampling.size, tiles)
-    if severity.rate("overlap", overlap, replace(settings, space=space)) == severity.WRONG:
+    if severity.rate("overlap", overlap, settings.mapped(space=space)) == severity.WRONG:
         yield (
             f"{overlap['share']:.2%} of the texels of {low.name!r} belong to two or more of its triangles (overlapping UVs): "
             "the new map can be right on only one of them."
@@ -256,7 +256,7 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     has_basis = Space.TANGENT in (before.from_space, settings.map.space)
     # The tangents as they were read: ConvertedMap makes those of both bases.
     space = Space.TANGENT if has_basis else Space.OBJECT
-    reading_settings = replace(settings, space=space, basis=bases.CYCLES.name)
+    reading_settings = settings.mapped(space=space, basis=bases.CYCLES.name)
     with timings.timed("extract"):
         meshes = evaluation.evaluate(
             context,
@@ -304,20 +304,10 @@ def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image, 
         old, new = (os.path.realpath(bpy.path.abspath(path)) for path in (image.filepath, output))
         if old == new:
             raise BakeError(f"The new map would replace the file of {image.name!r}: choose another file.")
-    return replace(
-        settings.without_other_maps(),
-        method=Method.FLATTEN,
-        normal=True,
-        mask=False,
-        samples=1,
-        texture_sets=False,
-        vertex_domain=VertexDomain.NONE,
-        connect_maps=False,
-        udim=image.source == "TILED",
-        image=name,
-        output=output,
-        tiles=settings.sampling.tiles if image.source == "TILED" else (),
-    )
+    settings = settings.stored(vertex_domain=VertexDomain.NONE, connect_maps=False, image=name, output=output)
+    is_tiled = image.source == "TILED"
+    settings = settings.sampled(samples=1, udim=is_tiled, tiles=settings.sampling.tiles if is_tiled else ())
+    return settings.without_other_maps().mapped(texture_sets=False).traced(method=Method.FLATTEN)
 
 
 def _tiles(image: bpy.types.Image, sampling: SamplingSettings) -> tuple[int, ...]:
@@ -337,7 +327,7 @@ def _sized(image: bpy.types.Image, stored: dict[int, np.ndarray], settings: Sett
     ((width, height),) = sizes
     if not (min(width, height) >= MIN_SIZE and max(width, height) <= MAX_SIZE):
         raise BakeError(f"{image.name!r} has {width} x {height} texels: a map has {MIN_SIZE} to {MAX_SIZE} a side.")
-    return replace(settings, width=width, height=height)
+    return settings.sampled(width=width, height=height)
 
 
 def _counts(state: np.ndarray) -> tuple[int, int, int]:

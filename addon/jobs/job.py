@@ -249,13 +249,13 @@ def files_kept(jobs: Sequence[Job], storing: StorageSettings) -> list[tuple[str,
 
 @dataclass(frozen=True)
 class PastBake:
-    """A finished bake: its objects and settings. method: AUTO if Flatten left texels to rays. distances: of its rays, in scene
-    units; empty without rays."""
+    """A finished bake."""
 
     job: Job
     settings: Settings
-    method: str
+    """By the method that it took: AUTO if Flatten left texels to rays."""
     distances: dict[str, float]
+    """Of its rays, in scene units; empty without rays."""
     tiles: list[int]
 
     @classmethod
@@ -265,11 +265,10 @@ class PastBake:
         refs = report.refs or [ObjectRef(0, name) for name in names]
         low, *others = (ref.resolve() for ref in refs)
         highs, cages = others[: len(report.high)], others[len(report.high) :]
-        settings = Settings.of_json(report.settings)
         texture_set = MaterialSet(report.material, tuple(report.slots)) if report.slots else None
         job = Job(low, highs, *cages, texture_set=texture_set)
-        method = Method.AUTO if report.rays else report.method
-        return cls(job, settings, method, report.distances, report.tiles)
+        settings = Settings.of_json(report.settings).traced(method=Method.AUTO if report.rays else report.method)
+        return cls(job, settings, report.distances, report.tiles)
 
 
 def read_meshes(context: bpy.types.Context, request: Request, timings: Timings | None = None) -> Meshes:

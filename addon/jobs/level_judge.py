@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Judges levels of detail: how much a level with its map differs from the original, exactly, and quickly for a search."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import bpy
 import gpu
@@ -59,15 +59,9 @@ class Deviations:
 
 def settings_for(settings: Settings) -> Settings:
     """Settings for the normal map alone, by Flatten, on a single tile of at most SIDE texels a side, with one sample."""
-    shrink = max(1.0, max(settings.sampling.size) / SIDE)
-    return replace(
-        settings.without_file().without_other_maps(),
+    small = settings.without_file().without_other_maps().of_at_most(SIDE).sampled(samples=1, margin=0)
+    return small.traced(
         method=Method.FLATTEN,
-        width=max(1, round(settings.sampling.width / shrink)),
-        height=max(1, round(settings.sampling.height / shrink)),
-        samples=1,
-        margin=0,
-        normal=True,
         hit=Hit.OWN,
         directions=Directions.BLENDED,
         extrusion=None,
@@ -90,7 +84,7 @@ def measure(
         basis = triangle_mesh.with_stretch(basis, settings.map.basis)
     meshes = Meshes(low, [original], basis, mesh_reader.smooth_normals(level, low), None, layer, False, [])
     normal_map = yield from part(_flattened(meshes, settings, pace), 0.0, FLAT)
-    casting = replace(settings, method=Method.CAST)
+    casting = settings.traced(method=Method.CAST)
     plan = Plan(Method.CAST, (udim.FIRST,), meshes)
     source = yield from part(sources.normal_source(plan, Run(casting, pace)), FLAT, TREES)
     size = settings.sampling.width, settings.sampling.height

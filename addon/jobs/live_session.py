@@ -68,7 +68,7 @@ class LiveMaps:
     def work(self, source: sources.Source | None, plan: Plan, uploads: UploadCache, pace: Pace) -> Task[None]:
         """Draw the maps. source, plan: of the session's last normal map; the source is None if its memory was freed. Raises
         BakeError."""
-        run = Run(replace(self.settings, method=plan.method), pace)
+        run = Run(self.settings.traced(method=plan.method), pace)
         if source is None or not plan.casts_rays:  # that of Flatten may have no surface, and no tree
             preparing = sources.normal_source(plan, run, uploads=uploads)
             source = yield from part(preparing, 0.0, READY)
@@ -86,7 +86,7 @@ class LiveMaps:
     def store(self, normals: Map, labels: dict[Labeled, Sequence[str]], low: bpy.types.Object, meshes: Meshes) -> None:
         """Put the maps into their image datablocks, but into no file. The first time, also into the materials of `low`, if the
         settings say so. normals, labels: as outputs.Outputs takes them. meshes: of the session."""
-        settings = replace(self.settings.without_file(), normal=False)
+        settings = self.settings.without_file().mapped(normal=False)
         with outputs.Outputs(settings) as writers:
             writers.add(udim.FIRST, {NORMAL.name: normals, **self.copies()})
             stored = writers.commit(labels, [low])
@@ -118,16 +118,15 @@ class Session:
         settings.check()
         if settings.map.texture_sets:
             raise BakeError("Live draws one image for all materials: turn Texture Sets off.")
-        settings = replace(
-            settings.read_by(context.scene.render.engine),
+        settings = settings.read_by(context.scene.render.engine).stored(vertex_domain=VertexDomain.NONE)
+        settings = settings.mapped(
             modifiers=Modifiers.VIEWPORT if is_followed else settings.map.modifiers,
             mask=False,
             exact_materials=ExactMaterials.OFF,  # Cycles would take seconds after each stroke
-            vertex_domain=VertexDomain.NONE,
         )
         settings = bake_jobs.for_low(settings, job.low.name)
         self._all_settings = settings
-        self.settings = replace(settings.without_other_maps(), normal=True)
+        self.settings = settings.without_other_maps()
         self.others = LiveMaps(settings)
         check_clashes(settings.storing, [settings], [job.low.name], files_kept([job], settings.storing))
         check_job(context, job, settings)
@@ -168,10 +167,10 @@ class Session:
         yield from self._timings.counted(self._draw(context, changed))
 
     def _draw(self, context: bpy.types.Context, changed: Collection[int] | None) -> Task[None]:
-        run = Run(replace(self.settings, method=self._method), self.pace, self._timings)
+        run = Run(self.settings.traced(method=self._method), self.pace, self._timings)
         length = reading.lengths_of(context.scene)
         yield Progress(f"Reading {self.job.low.name}", 0.0)
-        meshes = self._read(context, changed, replace(self.others.settings, method=self._method))
+        meshes = self._read(context, changed, self.others.settings.traced(method=self._method))
         plan = choose_method(meshes, [udim.FIRST], run.settings.tracing, length)
         if self.plan is not None and self.plan.has_rays:
             plan = replace(plan, method=self.plan.method, has_rays=True)  # the method stays while meshes change
@@ -199,8 +198,8 @@ class Session:
 
         Raises BakeError for objects that cannot be baked.
         """
-        meshes = self._read(context, None, replace(self.others.settings, method=self._method))
-        tracing = replace(self.settings, method=self._method).tracing
+        meshes = self._read(context, None, self.others.settings.traced(method=self._method))
+        tracing = self.settings.traced(method=self._method).tracing
         self._adopted = data_texture.image(texels)
         self._finish(choose_method(meshes, [udim.FIRST], tracing, reading.lengths_of(context.scene)), None, None)
 
@@ -254,12 +253,8 @@ class Session:
 
     def _draw_coarse(self, source: Source, settings: Settings) -> Progress:
         """Draw a coarse map to show until the whole one is done."""
-        small = replace(
-            settings,
-            width=max(16, settings.sampling.width // sampling.COARSE),
-            height=max(16, settings.sampling.height // sampling.COARSE),
-            samples=1,
-        )
+        width, height = (max(16, texels // sampling.COARSE) for texels in settings.sampling.size)
+        small = settings.sampled(width=width, height=height, samples=1)
         # It has its own pool, so that the targets of the whole map keep their size.
         with target.using(self._coarse_pool):
             run = Run(small)
@@ -401,7 +396,7 @@ class Session:
         """Store the last maps as a bake does: in their files, or packed. Returns None if there is none. Raises BakeError."""
         low = self.job.low_ref.find()
         settings = self._stored_settings
-        if self.texels is None or low is None or not (settings.map.normal or self.others.drawn):
+        if self.texels is None or low is None or not (self._all_settings.map.normal or self.others.drawn):
             return None
         with outputs.Outputs(settings) as writers:
             writers.add(udim.FIRST, {NORMAL.name: self._kept.map, **self.others.copies()})

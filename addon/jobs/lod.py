@@ -304,7 +304,7 @@ def work(
     """
     start, ref = time.perf_counter(), ObjectRef.of(obj)
     settings.check()
-    settings = replace(settings.read_by(context.scene.render.engine), method=Method.FLATTEN, single_user=True)
+    settings = settings.read_by(context.scene.render.engine).traced(method=Method.FLATTEN).stored(single_user=True)
     _check(context, obj, len(limits), settings)
     with TemporaryMeshes() as meshes, gpu_memory.trimmed():
         yield Progress(f"Reading {obj.name}", 0.0)

@@ -7,7 +7,7 @@ could not, the bake is refused before it starts.
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import bpy
 
@@ -138,7 +138,7 @@ class _Search:
         return self._known[key]
 
     def _part(self, obj: bpy.types.Object, uv_layer: str, is_own_base: bool) -> tuple[Part, Mesh]:
-        settings = replace(self.settings, uv_layer=uv_layer, space=Space.OBJECT, texture_sets=False)
+        settings = self.settings.mapped(uv_layer=uv_layer, space=Space.OBJECT, texture_sets=False)
         meshes = evaluation.evaluate(
             self.context,
             [obj],

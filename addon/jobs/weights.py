@@ -81,8 +81,8 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
     """
     past = PastBake.of(report)
     low = past.job.low
-    settings = without_missing(low, replace(past.settings.without_other_maps(), method=past.method, **groups))
-    settings = replace(settings.without_file(), material=False, mask=False, **past.distances)
+    settings = past.settings.without_other_maps().without_file().without_materials()
+    settings = without_missing(low, settings.traced(**groups, **past.distances))
     check_job(context, past.job, settings)
     meshes = read_meshes(context, Request(past.job.but(texture_set=None), settings))
     if len(meshes.low.positions) != len(low.data.vertices):

@@ -4,7 +4,6 @@
 import re
 import zlib
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import PurePath
 
 from ..core import file_formats, naming, udim
@@ -55,7 +54,7 @@ def of_level(settings: Settings, level: int) -> Settings:
     """The settings of a mip level of a map, from the map's own: rock_normal.png has rock_normal_mip1.png beside it."""
     path = PurePath(settings.storing.output)
     stem = re.sub(rf"([._ -]?{TOKEN}|$)", rf"_mip{level}\g<1>", path.stem, count=1)
-    return replace(settings, output=str(path.with_stem(stem)))
+    return settings.stored(output=str(path.with_stem(stem)))
 
 
 def beside(settings: Settings, map_type: MapType) -> Settings:
@@ -78,8 +77,7 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
         depth = own_format.depths[-1]
     if map_type.is_color and map_type.socket and not is_file:
         depth = lowest if depth <= file_formats.USUAL_DEPTH else depth
-    return replace(
-        settings,
+    return settings.stored(
         image=_named(settings.storing.image, map_type),
         output=str(path.with_stem(_named(path.stem, map_type))) if is_file else "",
         depth=depth,
@@ -154,9 +152,9 @@ def with_low_name(settings: Settings, low_name: str) -> Settings:
     """The settings with the low object's name in the path. A # in that name is replaced, because it means a frame."""
     storing = settings.storing
     output = naming.fill(storing.output, low_name.replace("#", "_"), low_suffix=storing.low_suffix)
-    return replace(settings, output=output)
+    return settings.stored(output=output)
 
 
 def of_frame(settings: Settings, frame: int) -> Settings:
     """The settings of one frame, from those with the low object's name filled in."""
-    return replace(settings, output=output_of_frame(settings.storing.output, frame))
+    return settings.stored(output=output_of_frame(settings.storing.output, frame))

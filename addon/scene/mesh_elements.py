@@ -3,7 +3,6 @@
 
 import difflib
 from collections.abc import Sequence
-from dataclasses import replace
 from operator import itemgetter, methodcaller
 
 import bmesh
@@ -271,9 +270,7 @@ def write_weights(obj: bpy.types.Object, name: str, values: np.ndarray) -> str:
 
 def without_missing(obj: bpy.types.Object, settings: Settings) -> Settings:
     """`settings` without the groups that `obj` does not have."""
-    return replace(
-        settings, **{name: "" for name in GROUPS if getattr(settings.tracing, name) not in obj.vertex_groups}
-    )
+    return settings.traced(**{name: "" for name in GROUPS if getattr(settings.tracing, name) not in obj.vertex_groups})
 
 
 def weights_problem(obj: bpy.types.Object, tracing: TracingSettings) -> str:

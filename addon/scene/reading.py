@@ -83,7 +83,7 @@ def read(
         if not others:
             return meshes
         # Rays only meet them: they need neither UVs nor materials.
-        plain = replace(settings.without_other_maps(), method=Method.CAST, detail_maps=False)
+        plain = settings.of_shapes()
         return replace(meshes, others=Reader(depsgraph, low, "", plain).read(dict(enumerate(others))))
 
     rest = poses.at_rest(context, low, highs, for_render=for_render) if settings.map.rest_pose else nullcontext()

@@ -107,7 +107,7 @@ class StoredBake:
         if self.meshes.highs or not highs:
             return
         # Only their shape matters: rays would need no UVs either.
-        plain = replace(self.settings.without_other_maps(), method=Method.CAST, detail_maps=False)
+        plain = self.settings.of_shapes()
         is_as_seen = all(evaluation.is_followed(context, obj) for obj in (self.job.low, *highs))
         read = reading.read_again if is_as_seen and not self._is_rendered(*highs) else reading.read
         self.meshes = replace(self.meshes, highs=read(context, self.job.low, highs, None, plain).highs)
@@ -121,7 +121,7 @@ class StoredBake:
 
     def _read_low(self, context: bpy.types.Context, uv_layer: str) -> Meshes:
         low, is_own_base = self.job.low, self.job.low in self.job.highs
-        settings = replace(self.settings, uv_layer=uv_layer, method=Method.FLATTEN, texture_sets=True)
+        settings = self.settings.mapped(uv_layer=uv_layer, texture_sets=True).traced(method=Method.FLATTEN)
         read = partial(reading.read_low, low=low, cage=None, settings=settings, is_own_base=is_own_base)
         if not is_own_base and self._is_rendered(low):
             meshes = evaluation.evaluate(context, [low], read, modifiers=Modifiers.RENDER)

@@ -11,7 +11,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations import targets
-from ..core.declarations.choices import Pack, Space, Storage
+from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import live_redraw, normal_space, uv_agreement
@@ -224,21 +224,11 @@ class Deviations:
 
 def settings_for(settings: Settings) -> Settings:
     """Settings for the same map in memory only, with one tile, and small enough for a single band."""
-    found = replace(
-        settings,
-        udim=False,
-        tiles=(),
-        normal=True,
-        maps=(),
-        pack=Pack.NONE,
-        texture_sets=False,
-        material=False,
-        storage=Storage.MEMORY,
-        output="",
-    )
+    one_tile = settings.sampled(udim=False, tiles=()).mapped(texture_sets=False)
+    found = one_tile.without_other_maps().without_file().without_materials()
     while not live_redraw.is_whole(found):
         width, height = found.sampling.size
-        found = replace(found, width=width // 2, height=height // 2)
+        found = found.sampled(width=width // 2, height=height // 2)
     return found
 
 

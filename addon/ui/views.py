@@ -7,7 +7,7 @@ drawn for the views alone.
 
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -431,14 +431,8 @@ def _map_of_file(context: bpy.types.Context, low: bpy.types.Object | None, pace:
         past = PastBake.of(report)
     except BakeError:
         return None
-    settings = replace(
-        view_shading.settings_for(past.settings),
-        width=width,
-        height=height,
-        method=past.method,
-        uv_layer=report.uv_layer,
-        **past.distances,
-    )
+    settings = view_shading.settings_for(past.settings).mapped(uv_layer=report.uv_layer)
+    settings = settings.sampled(width=width, height=height).traced(**past.distances)
     session = live_session.Session(context, past.job, settings, pace, is_followed=False)
     texels = np.empty((height, width, 4), np.float32)
     stored[0].image.pixels.foreach_get(texels.reshape(-1))
