@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..passes import audit as audit_module
 from ..passes import mesh_upload, target
 from . import mip_gaps, severity
+from .appearance import Appearance
 from .severity import MUCH_OVERLAP, Check, Warned
 from .tally import Tally, at_most, sampled
 
@@ -39,14 +40,7 @@ Checks = dict[str, Check]
 
 @dataclass(frozen=True)
 class Findings:
-    """The results of the audit.
-
-    Attributes:
-        triangles: "high" and "low".
-        coverage, margin: Shares of all texels.
-        missed: Share of the low mesh's texels whose ray hit nothing.
-        checks: As in Report.checks.
-    """
+    """What is known of a bake after its maps were checked and measured; as core.report.Report has it, unless noted."""
 
     triangles: dict[str, int]
     coverage: float
@@ -54,6 +48,24 @@ class Findings:
     missed: float
     checks: Checks
     warnings: tuple[Warned, ...]
+    """About the maps, by what they are about."""
+    stopped_early: float = 0.0
+    rays: float = 0.0
+    targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    deviation: dict[str, float | int] = field(default_factory=dict)
+    between: dict[str, float | int] = field(default_factory=dict)
+    appearance: Appearance | None = None
+    """None if it was not measured."""
+    picture: np.ndarray | None = None
+    """None unless it was asked for."""
+
+    @property
+    def overlap(self) -> float:
+        return self.checks["overlap"]["share"]
+
+    @property
+    def mirrored(self) -> int:
+        return self.checks["mirrored"]["count"]
 
 
 def audit(

@@ -2,7 +2,8 @@
 """The report of a bake: numbers and sentences."""
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
+from inspect import ismethod
 from pathlib import Path
 from typing import Any
 
@@ -37,109 +38,114 @@ def smooth_sentences(files: dict[str, int]) -> list[str]:
     ]
 
 
+def _of(path: str, **default: Any) -> Any:
+    """A field that a bake gives. path: its place in jobs.baked.Baked; the field has its default if a part of it is None."""
+    return field(metadata={"of": path}, **default)
+
+
 @dataclass(frozen=True)
 class Report:
     """The results of a bake. Shares are of all texels, unless noted. seconds: of each stage, and in total."""
 
-    method: str
+    method: str = _of("plan.method")
     """FLATTEN or CAST."""
-    space: str
+    space: str = _of("settings.map.space")
     """TANGENT, OBJECT or WORLD."""
-    size: tuple[int, int]
+    size: tuple[int, int] = _of("settings.sampling.size")
     """Width and height in texels."""
-    low: str
+    low: str = _of("meshes.low.name")
     """The name of the low object."""
-    high: list[str]
+    high: list[str] = _of("high_names")
     """The names of the high objects."""
-    cage: str = ""
+    cage: str = _of("meshes.cage.name", default="")
     """The name of the cage, or empty."""
-    material: str = ""
+    material: str = _of("request.job.material", default="")
     """The material of the low object whose texture set this is; empty for all faces."""
-    slots: list[int] = field(default_factory=list)
+    slots: list[int] = _of("slots", default_factory=list)
     """The numbers of the low object's material slots in the texture set; empty for all faces."""
-    refs: list = field(default_factory=list)
+    refs: list = _of("request.job.refs", default_factory=list)
     """A scene.object_checks.ObjectRef for the low object, each high object and the cage. Empty in a report from a file."""
-    settings: dict = field(default_factory=dict)
+    settings: dict = _of("settings.flat", default_factory=dict)
     """The settings of the bake, by the names in settings.Settings."""
-    uv_layer: str = ""
+    uv_layer: str = _of("meshes.uv_layer", default="")
     """The low mesh's UV map that was used."""
-    why: str = ""
+    why: str = _of("plan.why", default="")
     """Why the bake chose this method; empty if the settings name it."""
-    triangles: dict[str, int] = field(default_factory=dict)
+    triangles: dict[str, int] = _of("findings.triangles", default_factory=dict)
     """How many triangles: high, low."""
-    mended: dict[str, float] = field(default_factory=dict)
+    mended: dict[str, float] = _of("meshes.mended.to_dict", default_factory=dict)
     """What was changed of the high meshes for the bake; empty if nothing was. turned: triangles that were turned over, of so
     many (of). parts: connected parts that have such triangles, of so many (of_parts). undecided: parts whose outer side is
     not known. hidden, twice: triangles that were left out since they lie behind the surface, or in the place of others.
     smoothed_median, smoothed_percentile_95: the degrees by which smoothed normals changed."""
-    turned_parts: list[dict[str, Any]] = field(default_factory=list)
+    turned_parts: list[dict[str, Any]] = _of("meshes.mended.largest_to_dicts", default_factory=list)
     """The largest parts of high meshes that were turned over for the bake: the object's name, triangles of the part, of so many
     in the object (of), and the share of its places on the low mesh that had a hit of their own on it (before) and that have one
     now (after)."""
     smooth_files: dict[str, int] = field(default_factory=dict)
     """The high meshes of files that do not say how they are shaded, by name, with the degrees from which edges are hard."""
-    materials: dict[str, dict[str, str]] = field(default_factory=dict)
+    materials: dict[str, dict[str, str]] = _of("materials", default_factory=dict)
     """How the maps read the inputs of the high meshes' materials, by the names of both: "IMPRINT" follows the nodes, "CYCLES"
     evaluated them, and "NONE" left the input out."""
-    distances: dict[str, float] = field(default_factory=dict)
+    distances: dict[str, float] = _of("ray_cast.distances", default_factory=dict)
     """For rays: extrusion and max_distance in scene units, as set or measured."""
-    measured: bool = False
+    measured: bool = _of("ray_cast.is_measured", default=False)
     """Whether at least one of `distances` was measured."""
-    low_offset: float = 0.0
+    low_offset: float = _of("ray_cast.low_offset", default=0.0)
     """How far the high meshes lie outside the low one everywhere, negative inside it, in scene units, if rays started from
     where it would touch them; else 0."""
-    blend_width: float = 0.0
+    blend_width: float = _of("ray_cast.blend_width", default=0.0)
     """The distance from hard edges, in scene units, within which the directions of rays blend; 0 if they do not."""
-    rays: float = 0.0
+    rays: float = _of("findings.rays", default=0.0)
     """Share of the low mesh's texels that Flatten left to rays; 0 if Auto did not do both in one map."""
-    missed: float = 0.0
+    missed: float = _of("findings.missed", default=0.0)
     """Share of the low mesh's texels whose rays missed."""
-    coverage: float = 0.0
+    coverage: float = _of("findings.coverage", default=0.0)
     """Share of the texels that a mesh covers, without the margin."""
-    stopped_early: float = 0.0
+    stopped_early: float = _of("findings.stopped_early", default=0.0)
     """Share of the texels that a mesh covers that took fewer samples than the settings say, since the first ones agreed."""
-    margin: float = 0.0
+    margin: float = _of("findings.margin", default=0.0)
     """Share of the texels that were filled as margin."""
-    overlap: float = 0.0
+    overlap: float = _of("findings.overlap", default=0.0)
     """Share of the low mesh's texels that two or more of its triangles share."""
-    mirrored: int = 0
+    mirrored: int = _of("findings.mirrored", default=0)
     """The number of triangles of the low mesh that are mirrored in UV space."""
-    checks: dict[str, dict[str, float | str | bool]] = field(default_factory=dict)
+    checks: dict[str, dict[str, float | str | bool]] = _of("findings.checks", default_factory=dict)
     """The results of the checks of the low mesh and its map, by kind: count, mostly of how many were checked, share (count /
     of) for texels, severity ("GOOD", "LOOK" or "WRONG"), and what docs/command-line.md lists under Checks."""
-    targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    targets: dict[str, dict[str, float | int]] = _of("findings.targets", default_factory=dict)
     """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
     normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
     program makes z of x and y."""
-    deviation: dict[str, float | int] = field(default_factory=dict)
+    deviation: dict[str, float | int] = _of("findings.deviation", default_factory=dict)
     """What the low mesh shows with its map, by the map's own basis: median, percentile_95, percentile_99 and maximum of the
     degrees to the normals of the high meshes, on so many texels; wrong: the share of these that are more than 20 degrees off.
     Empty unless it was asked for."""
-    between: dict[str, float | int] = field(default_factory=dict)
+    between: dict[str, float | int] = _of("findings.between", default_factory=dict)
     """The same between the centers of texels, where programs interpolate: large where texels are too few for the detail. left:
     the mean of these degrees beyond 0.35, as a share of the mean without the map, or of half a degree if that is less."""
-    appearance: dict[str, Any] = field(default_factory=dict)
+    appearance: dict[str, Any] = _of("findings.appearance.to_dict", default_factory=dict)
     """What a viewer sees of the low mesh with its map, and of the high meshes, from 40 sides: mean, median, percentile_95,
     percentile_99 and maximum of the degrees between both normals, on so many pixels; silhouette: the share of the pixels that
     one of both covers alone; distance: between both along the view, at the 99th percentile, as a share of the diagonal; wrong:
     the share of the texels, by squares of the map, whose mean is more than 20 degrees; worst_view: the direction towards the
     viewer who sees the largest mean. Empty unless it was asked for."""
-    tiles: list[int] = field(default_factory=lambda: [udim.FIRST])
+    tiles: list[int] = _of("tiles", default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""
-    maps: dict[str, dict] = field(default_factory=dict)
+    maps: dict[str, dict] = _of("maps", default_factory=dict)
     """The maps besides the normal map, by name: the image, and how to decode it: value = (stored - midlevel) * scale + offset
     in scene units, or the colors of its labels (colours). With a color_space, `stored` is linear after decoding the space. With
     empty, no texel has a value. The packed image has channels: red, green, blue and alpha, each with its map, whether it is
     inverted (1 - stored) and how to decode it, or a constant."""
-    attributes: dict[str, str] = field(default_factory=dict)
+    attributes: dict[str, str] = _of("stored.attributes", default_factory=dict)
     """The attributes of the low mesh in which maps were stored, by the map's name. Values are decoded, colors linear."""
-    loss: dict[str, float] = field(default_factory=dict)
+    loss: dict[str, float] = _of("stored.loss", default_factory=dict)
     """Median and maximum of the degrees between the normals and their values in 8 or 16 bits; empty if stored as floats."""
-    image: str = ""
+    image: str = _of("stored.image.name", default="")
     """The name of the image in the .blend."""
-    output: list[str] = field(default_factory=list)
+    output: list[str] = _of("stored.paths", default_factory=list)
     """The absolute paths of the files that were written: the normal map's of each tile, then those of each other map."""
-    mip_files: dict[str, list[str]] = field(default_factory=dict)
+    mip_files: dict[str, list[str]] = _of("stored.mip_files", default_factory=dict)
     """The absolute paths of the files of mip levels that were written, from level 1 on, by the map's name."""
     export: dict[str, Any] = field(default_factory=dict)
     """The file for an engine, as it was read back: files, triangles, basis, and has_applied_scale: whether the scale of the
@@ -158,11 +164,11 @@ class Report:
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
-    backend: str = ""
+    backend: str = _of("backend", default="")
     """OPENGL, VULKAN or METAL."""
-    renderer: str = ""
+    renderer: str = _of("renderer", default="")
     """The name that the graphics driver gives itself."""
-    seconds: dict[str, float] = field(default_factory=lambda: Timings().seconds)
+    seconds: dict[str, float] = _of("timings.seconds", default_factory=lambda: Timings().seconds)
     """Of each stage, and total: extract (reading Blender's meshes), orient (turning over faces of the high meshes), method
     (choosing it), tree (building that for rays), upload, distances (measuring them), draw, textures (reading images of the high
     meshes; until version 0.4 also as pages), read (from the GPU), audit (the checks) and image (storing)."""
@@ -170,13 +176,19 @@ class Report:
     """Seconds before the bake drew: launcher (from the start of the process), bpy (loading Blender's Python package), imprint
     (loading Imprint), gpu (starting it), opening (the files) and shaders (compiling them, which is part of draw as well). Empty
     in a bake from the window, and in all but the first report of pairs and frames."""
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[str] = _of("all_warnings", default_factory=list)
     """Sentences."""
-    picture: Any = field(default=None, compare=False)
+    picture: Any = _of("findings.picture", default=None, compare=False)
     """An array of the map, the low mesh with it, and its deviations, (rows, columns, 3) uint8, row 0 on top. None unless it was
     asked for, and in a report from a file."""
     version: int = VERSION
     """Of these keys, now 1. It goes up if a key goes or changes its meaning. New keys do not change it."""
+
+    @classmethod
+    def of(cls, baked: Any) -> "Report":
+        """The report of a bake. baked: a jobs.baked.Baked whose maps are stored."""
+        read = {each.name: _read(baked, each.metadata["of"]) for each in fields(cls) if each.metadata}
+        return cls(**{name: value for name, value in read.items() if value is not None})
 
     @property
     def images(self) -> list[str]:
@@ -374,6 +386,16 @@ class Report:
             *details,
             _in_stages(parts, self.seconds["total"]),
         ]
+
+
+def _read(value: Any, path: str) -> Any:
+    """What `value` has at a path of attributes and methods; None if a part of it is None."""
+    for name in path.split("."):
+        if value is None:
+            break
+        value = getattr(value, name)
+        value = value() if ismethod(value) else value
+    return value
 
 
 def _in_stages(stages: dict[str, float], total: float) -> str:

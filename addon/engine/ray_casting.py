@@ -48,7 +48,7 @@ class RayCast:
 
     def moved(self, meshes: Meshes) -> Meshes:
         """`meshes` with their low mesh where the rays start from."""
-        return low_offset.moved(meshes, self.offset * self.ray_scene.local_space.size) if self.offset else meshes
+        return low_offset.moved(meshes, self.low_offset) if self.offset else meshes
 
     def of(self, meshes: Meshes) -> "RayCast":
         """The same rays from other meshes, which are not moved yet."""
@@ -58,6 +58,16 @@ class RayCast:
     def blend_width(self) -> float:
         """The distance from hard edges, in scene units, within which directions blend; 0 if they do not."""
         return self.directions.blend_width * self.ray_scene.local_space.size
+
+    @property
+    def distances(self) -> dict[str, float]:
+        """How far rays reach, as core.report.Report has it."""
+        return {"extrusion": self.extrusion, "max_distance": self.max_distance}
+
+    @property
+    def low_offset(self) -> float:
+        """`offset` in scene units."""
+        return self.offset * self.ray_scene.local_space.size
 
     def draw(
         self,

@@ -36,7 +36,8 @@ from ..output.outputs import kept
 from ..scene import mesh_reader
 from . import asset_highs, bake_jobs, lod, temporary, unwrapping
 from .asset_highs import Base
-from .bake import DrawnJob, draw_raw
+from .bake import draw_raw
+from .baked import Baked
 from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu, check_job
 from .temporary import TEMPORARY, TemporaryMeshes
 
@@ -385,8 +386,8 @@ class _Maker:
             check_job(self._context, request.job, settings)
             try:
                 drawing = self._timed(draw_raw(self._context, request, Run(settings, self._pace)), "draw")
-                drawn, maps = yield from part(drawing, 0.2, 0.6)
-                looking = self._timed(self._looked_at(drawn, maps[udim.FIRST][NORMAL.name], base), "look")
+                baked, maps = yield from part(drawing, 0.2, 0.6)
+                looking = self._timed(self._looked_at(baked, maps[udim.FIRST][NORMAL.name], base), "look")
                 seen = yield from part(looking, 0.6, 1.0)
             except NothingDrawn:
                 is_drawn = False
@@ -402,13 +403,13 @@ class _Maker:
         """`work`, with its time added to a stage. The time between its steps does not count."""
         return relay(work, within=lambda: self._timings.timed(stage))
 
-    def _looked_at(self, drawn: DrawnJob, normals: np.ndarray, base: Base) -> Task[Appearance | None]:
+    def _looked_at(self, baked: Baked, normals: np.ndarray, base: Base) -> Task[Appearance | None]:
         """The shading error of a low mesh, and what is seen of the places of its base. None if it cannot be measured.
 
         normals: as baking.Renderer.raw returns them.
         """
-        settings, meshes = drawn.request.settings, drawn.plan.meshes
-        if appearance.why_not(drawn.plan, settings):
+        settings, meshes = baked.settings, baked.plan.meshes
+        if appearance.why_not(baked.plan, settings):
             return None
         low, places = meshes.basis or meshes.low, base.places
         if self._seen_highs is None or self._seen_highs[0] is not places:

@@ -33,7 +33,8 @@ from ..output.materials import into_materials
 from ..output.outputs import Outputs
 from ..scene.object_checks import ObjectRef, scene_by_uid
 from . import checks, shared_image, weights
-from .bake import DrawnJob, bake_job, draw_raw, report_of
+from .bake import bake_job, draw_raw
+from .baked import Baked
 from .job import (
     NOTHING_ELSE,
     Job,
@@ -55,12 +56,12 @@ class Atlas:
         self.kept = kept or Kept()
         # All samples and the tangent spaces of the objects are already in the maps.
         self.settings = settings.sampled(samples=1)
-        self.drawn: list[DrawnJob] = []
+        self.drawn: list[Baked] = []
         self.tiles: dict[int, dict[str, np.ndarray]] = {}
         self.labels: dict[Labeled, list[str]] = {labeled: [] for labeled in Labeled}
         self._warnings: list[list[str]] = []
 
-    def add(self, drawn: DrawnJob, maps: dict[int, dict[str, np.ndarray]]) -> None:
+    def add(self, drawn: Baked, maps: dict[int, dict[str, np.ndarray]]) -> None:
         """Add the maps of one bake, by tile and name. Hits replace misses; among hits, the later bake wins."""
         self._renumber(maps, drawn.labels)
         self.drawn.append(drawn)
@@ -92,7 +93,7 @@ class Atlas:
                     layer, is_own_base = drawn.meshes.uv_layer, drawn.meshes.is_own_base
                     warnings.extend(into_materials(low, stored, layer, self.settings, is_own_base=is_own_base))
         return [
-            report_of(drawn, stored, warnings, margin)
+            Report.of(drawn.stored_as(stored, warnings, margin))
             for drawn, warnings in zip(self.drawn, self._warnings, strict=True)
         ]
 

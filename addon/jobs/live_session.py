@@ -33,7 +33,8 @@ from ..passes import data_texture, target
 from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
 from . import bake_jobs, shared_image
-from .bake import READY, DrawnJob, report_of
+from .bake import READY
+from .baked import Baked
 from .job import Job, Request, check_clashes, check_job, files_kept, set_numbers
 
 FOLLOWED = (
@@ -422,8 +423,9 @@ class Session:
             length = reading.lengths_of(context.scene)
             findings = audit(self.plan, tally, self.settings, rays, length=length, stacked=stacked)
         request = Request(self.job, self._stored_settings)
-        drawn = DrawnJob(request, self._mended, self.plan, rays, findings, self._timings, self._warnings())
-        return report_of(drawn, stored, stored.warnings)
+        timings, warnings = self._timings, self._warnings()
+        baked = Baked(request, self._mended, self.plan, rays, findings, timings, warnings, stored, stored.warnings)
+        return Report.of(baked)
 
     def _warnings(self) -> list[Warned]:
         """Those about the objects, as a bake has them."""

@@ -2,7 +2,8 @@
 """The meshes of one bake."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -82,6 +83,10 @@ class Mended:
         return [
             mask if mask is None or some is None else mask[some] for mask, some in zip(self.turned, kept, strict=True)
         ]
+
+    def largest_to_dicts(self) -> list[dict[str, Any]]:
+        """`largest`, as core.report.Report has it."""
+        return list(map(asdict, self.largest))
 
     def to_dict(self) -> dict[str, float]:
         """The numbers, as core.report.Report has them."""
