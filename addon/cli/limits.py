@@ -3,7 +3,7 @@
 
 import operator
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,22 +42,49 @@ OTHERS = {
 """Checks of the report whose metric is a number of triangles, edges or faces."""
 SEEN = "degrees between the normals that a viewer sees of the high mesh and of the low mesh with its map, from 40 sides"
 """What the shading error is."""
+AT_TEXELS = "degrees between the normals that the low mesh shows with its map and those of the high mesh, at texels"
+LEFT = "the detail that the map does not show: its mean deviation between texels, of that without a map"
+EXPORTED = "degrees between the normals that were baked and those that a target engine shows of the exported file"
+APPEARANCES = (
+    ("mean", DEGREES, "mean of these degrees"),
+    ("silhouette", SHARE, "pixels of outlines, from 40 sides, that only one of high and low mesh covers"),
+    ("distance", SHARE, "distance between high and low mesh along the view, as a share of the diagonal"),
+    ("wrong", SHARE, "texels that show the high mesh more than 20 degrees wrong from most sides"),
+)
+"""The other metrics of what a viewer sees: the ends of their names, which are the keys of the report, and what they are."""
 _PART = re.compile(r"\s*([\w.-]+?)\s*(<=|>=|<|>|==|=)\s*(\d+(?:\.\d+)?|\.\d+)\s*([a-z%]*)\s*", re.IGNORECASE)
+
+
+DEVIATION, APPEARANCE, EXPORT, TARGETS, FORMER_TARGETS = "deviation", "appearance", "export", "targets", "readers"
+"""What metrics need."""
 
 
 @dataclass(frozen=True)
 class Metric:
     """A metric of the report of one bake.
 
-    unit: one of the constants above. meaning: what it is, in words. of: finds it in a report; None if it was not measured.
-    needs: the setting without which it is not measured, as "targets" or "export"; empty if it always is.
+    Attributes:
+        unit: One of the constants above.
+        meaning: What it is, in words.
+        keys: Where it is in a report. `BASIS` stands for the basis of an export.
+        needs: The setting without which it is not measured, as "targets" or "export"; empty if it always is.
+        missing: Its value where the report does not have it; None if it was not measured then.
     """
 
     name: str
     unit: str
     meaning: str
-    of: Callable[[dict[str, Any]], float | None]
+    keys: tuple[str, ...]
     needs: str = ""
+    missing: float | None = None
+
+    def of(self, report: dict[str, Any]) -> float | None:
+        """Its value in a report; None if it was not measured."""
+        value: Any = report
+        for key in self.keys:
+            value = (value or {}).get(report.get("export", {}).get("basis") if key == BASIS else key)
+        value = len(value) if isinstance(value, list) else value
+        return self.missing if value is None else value
 
     @property
     def is_of_conversions(self) -> bool:
@@ -65,111 +92,44 @@ class Metric:
         return self.name.split(".")[0] in {"coverage", "loss", "warnings", "seconds"}
 
 
-def _shares() -> Iterator[Metric]:
-    yield Metric("missed", SHARE, "texels of the low mesh whose ray hit nothing", lambda report: report.get("missed"))
-    yield Metric("coverage", SHARE, "texels of the map that the mesh covers", lambda report: report.get("coverage"))
-    yield Metric(
-        "overlap", SHARE, "texels of the low mesh that several triangles cover", lambda report: report.get("overlap")
-    )
-    for name, meaning in TEXELS.items():
-        yield Metric(name, SHARE, meaning, lambda report, name=name: _of_check(report, name, "share"))
+BASIS = "<basis>"
 
 
-def _counts() -> Iterator[Metric]:
-    yield Metric("mirrored", COUNT, "triangles that are mirrored in UV space", lambda report: report.get("mirrored"))
-    for name, meaning in OTHERS.items():
-        yield Metric(name, COUNT, meaning, lambda report, name=name: _of_check(report, name, "count"))
-    yield Metric("warnings", COUNT, "warnings", lambda report: len(report["warnings"]))
-
-
-def _of_check(report: dict[str, Any], name: str, key: str) -> float | None:
-    return report.get("checks", {}).get(name, {}).get(key)
-
-
-def _of_angles(start: str, meaning: str, find: Callable[[dict], dict | None], needs: str = "") -> Iterator[Metric]:
+def _of_angles(start: str, meaning: str, *keys: str, needs: str) -> Iterator[Metric]:
     for end, key in PERCENTILES.items():
-        yield Metric(f"{start}.{end}", DEGREES, meaning, lambda report, key=key: (find(report) or {}).get(key), needs)
+        yield Metric(f"{start}.{end}", DEGREES, meaning, (*keys, key), needs)
 
 
-def _angles() -> Iterator[Metric]:
-    yield from _of_angles(
-        "deviation",
-        "degrees between the normals that the low mesh shows with its map and those of the high mesh, at texels",
-        lambda report: report.get("deviation"),
-        DEVIATION,
-    )
-    yield from _of_angles(
-        "between",
-        "the same between texels",
-        lambda report: report.get("between"),
-        DEVIATION,
-    )
-    yield Metric(
-        "between.left",
-        SHARE,
-        "the detail that the map does not show: its mean deviation between texels, of that without a map",
-        lambda report: (report.get("between") or {}).get("left"),
-        DEVIATION,
-    )
+def _metrics() -> Iterator[Metric]:
+    yield Metric("missed", SHARE, "texels of the low mesh whose ray hit nothing", ("missed",))
+    yield Metric("coverage", SHARE, "texels of the map that the mesh covers", ("coverage",))
+    yield Metric("overlap", SHARE, "texels of the low mesh that several triangles cover", ("overlap",))
+    yield from (Metric(name, SHARE, meaning, ("checks", name, "share")) for name, meaning in TEXELS.items())
+    yield Metric("mirrored", COUNT, "triangles that are mirrored in UV space", ("mirrored",))
+    yield from (Metric(name, COUNT, meaning, ("checks", name, "count")) for name, meaning in OTHERS.items())
+    yield Metric("warnings", COUNT, "warnings", ("warnings",))
+    yield from _of_angles("deviation", AT_TEXELS, "deviation", needs=DEVIATION)
+    yield from _of_angles("between", "the same between texels", "between", needs=DEVIATION)
+    yield Metric("between.left", SHARE, LEFT, ("between", "left"), DEVIATION)
     for name, where in (("deviation", "texels"), ("between", "places between texels")):
-        yield Metric(
-            f"{name}.wrong",
-            SHARE,
-            f"{where} where the map is more than 20 degrees off the high surface that they own",
-            lambda report, key=name: (report.get(key) or {}).get("wrong"),
-            DEVIATION,
-        )
-    yield from _of_angles("appearance", SEEN, lambda report: report.get("appearance"), APPEARANCE)
-    for end, unit, meaning in (
-        ("mean", DEGREES, "mean of these degrees"),
-        ("silhouette", SHARE, "pixels of outlines, from 40 sides, that only one of high and low mesh covers"),
-        ("distance", SHARE, "distance between high and low mesh along the view, as a share of the diagonal"),
-        ("wrong", SHARE, "texels that show the high mesh more than 20 degrees wrong from most sides"),
-    ):
-        yield Metric(
-            f"appearance.{end}",
-            unit,
-            meaning,
-            lambda report, key=end: (report.get("appearance") or {}).get(key),
-            APPEARANCE,
-        )
+        meaning = f"{where} where the map is more than 20 degrees off the high surface that they own"
+        yield Metric(f"{name}.wrong", SHARE, meaning, (name, "wrong"), DEVIATION)
+    yield from _of_angles("appearance", SEEN, "appearance", needs=APPEARANCE)
+    for end, unit, meaning in APPEARANCES:
+        yield Metric(f"appearance.{end}", unit, meaning, ("appearance", end), APPEARANCE)
     for end in ("p50", "max"):
-        yield Metric(
-            f"loss.{end}",
-            DEGREES,
-            "degrees by which 8 or 16 bits turned the normals",
-            lambda report, key=PERCENTILES[end]: (report.get("loss") or {key: 0.0}).get(key),
-        )
-    yield from _of_angles(
-        "export",
-        "degrees between the normals that were baked and those that a target engine shows of the exported file",
-        lambda report: report.get("export", {}).get("degrees", {}).get(report.get("export", {}).get("basis")),
-        EXPORT,
-    )
+        meaning = "degrees by which 8 or 16 bits turned the normals"
+        yield Metric(f"loss.{end}", DEGREES, meaning, ("loss", PERCENTILES[end]), missing=0.0)
+    yield from _of_angles("export", EXPORTED, "export", "degrees", BASIS, needs=EXPORT)
     for target in targets.TARGETS:
-        yield from _of_angles(
-            f"targets.{target.name}",
-            f"degrees by which {target.label} is off",
-            lambda report, name=target.name: report.get("targets", {}).get(name),
-            f"{TARGETS}.{target.name}",
-        )
+        start, meaning = f"{TARGETS}.{target.name}", f"degrees by which {target.label} is off"
+        yield from _of_angles(start, meaning, "targets", target.name, needs=start)
+    yield Metric("far.p99", LENGTH, "distance to the high surface", ("checks", "far", "percentile_99"))
+    yield Metric("far.max", LENGTH, "distance to the high surface", ("checks", "far", "maximum"))
+    yield Metric("seconds", SECONDS, "seconds of the bake", ("seconds", "total"))
 
 
-DEVIATION, APPEARANCE, EXPORT, TARGETS, FORMER_TARGETS = "deviation", "appearance", "export", "targets", "readers"
-"""What metrics need."""
-METRICS = {
-    metric.name: metric
-    for metric in (
-        *_shares(),
-        *_counts(),
-        *_angles(),
-        Metric(
-            "far.p99", LENGTH, "distance to the high surface", lambda report: _of_check(report, "far", "percentile_99")
-        ),
-        Metric("far.max", LENGTH, "distance to the high surface", lambda report: _of_check(report, "far", "maximum")),
-        Metric("seconds", SECONDS, "seconds of the bake", lambda report: report["seconds"]["total"]),
-    )
-}
+METRICS = {metric.name: metric for metric in _metrics()}
 """All metrics by their names."""
 
 
