@@ -76,6 +76,7 @@ def modules() -> tuple[ModuleType, ...]:
         fixes,
         gpu_test,
         modal,
+        object_pairs,
         preferences,
         presets,
         properties,
@@ -89,6 +90,7 @@ def modules() -> tuple[ModuleType, ...]:
     return (
         callbacks,
         texts,
+        object_pairs,
         properties,
         preferences,
         presets,

@@ -110,16 +110,12 @@ class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
         return (yield from work_on_frames(context, job, settings, range(first, last + 1), pace, wants=wants))
 
 
-class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
+class IMPRINT_OT_live(modal.WaitingOperator, modal.SlicedOperator, bpy.types.Operator):
     """Bake again whenever the high or low objects change, until it is switched off"""
 
     bl_idname = "imprint.live"
     bl_label = "Live"
     bl_options = {"UNDO"}
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return display.current is None
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[None]:
         if live.is_on:
@@ -206,7 +202,7 @@ def _ready(
     return [job for job, reason in zip(jobs, reasons, strict=True) if not reason]
 
 
-class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
+class IMPRINT_OT_send_to_flamenco(modal.FileOperator, bpy.types.Operator):
     """Send a job file to the Flamenco Manager in the add-on's preferences. All its machines must see the file"""
 
     bl_idname = "imprint.send_to_flamenco"
@@ -219,13 +215,7 @@ class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
-    filter_glob: labeled(
-        StringProperty,
-        "File Filter",
-        "Names of the files that the file browser lists",
-        default="*.toml;*.json",
-        options={"HIDDEN", "SKIP_SAVE"},
-    )
+    filter_glob: modal.file_filter("*.toml;*.json")
     shards: labeled(
         IntProperty, "Parts", "Number of parts of about the same cost, each a task", default=16, min=1, max=1000
     )
@@ -236,10 +226,6 @@ class IMPRINT_OT_send_to_flamenco(QuickOperator, bpy.types.Operator):
             cls.poll_message_set(tooltip("Allow online access in Blender's preferences first"))
             return False
         return True
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     def apply(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath)).absolute()

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from ..core import file_formats, naming
 from ..core.errors import BakeError
@@ -345,17 +345,8 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
-    # Blender's file browser takes these two: it lists such files, and warns before it replaces one.
-    filter_glob: labeled(
-        StringProperty,
-        "File Filter",
-        "Names of the files that the file browser lists",
-        default=";".join(f"*{ending}" for ending in file_formats.MESHES),
-        options={"HIDDEN", "SKIP_SAVE"},
-    )
-    check_existing: labeled(
-        BoolProperty, "Check Existing", "Warn before a file is replaced", default=True, options={"HIDDEN", "SKIP_SAVE"}
-    )
+    filter_glob: modal.file_filter(";".join(f"*{ending}" for ending in file_formats.MESHES))
+    check_existing: modal.warning_of_files()
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Callbacks of Blender: events, timers, drawing in editors, keys. Each class adds its callbacks and removes them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from types import MappingProxyType
+from typing import Any
 
 import bpy
 from bpy.app.handlers import persistent
@@ -11,14 +13,14 @@ from bpy.app.handlers import persistent
 class Events:
     """What Blender tells, and who hears it: Blender has one handler for each event, from registering the add-on on.
 
-    Besides those of bpy.app.handlers, there are two of our own. "end": what belongs to the open file has to go, since another
-    one is opened or the add-on is disabled. "free": so has what is on the GPU.
+    Besides those of bpy.app.handlers, there are three of our own. "end": what belongs to the open file has to go, since another
+    one is opened or the add-on is disabled. "free": so has what is on the GPU. "live": Live has a new map or message.
     """
 
     OF_BLENDER = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_post")
 
     def __init__(self):
-        self._heard: dict[str, list[Callable[..., object]]] = {"end": [], "free": []}
+        self._heard: dict[str, list[Callable[..., object]]] = {"end": [], "free": [], "live": []}
         self._handlers = {name: self._handler(name) for name in self.OF_BLENDER}
 
     def hear(self, **functions: Callable[..., object]) -> None:
@@ -122,6 +124,36 @@ class Key:
         while self._added:
             keymap, item = self._added.pop()
             keymap.keymap_items.remove(item)
+
+
+def registering(
+    classes: Sequence[type], *, properties: Mapping[str, Any] = MappingProxyType({}), keys: Sequence[Key] = ()
+) -> tuple[Callable[[], None], Callable[[], None]]:
+    """The functions register and unregister of a module.
+
+    Args:
+        classes: Of Blender's types, in the order in which they need each other.
+        properties: Of Blender's types, as "Scene.imprint".
+        keys: In keymaps.
+    """
+    add, remove = bpy.utils.register_classes_factory(classes)
+    places = [(getattr(bpy.types, name.partition(".")[0]), name.partition(".")[2]) for name in properties]
+
+    def register() -> None:
+        add()
+        for (owner, name), value in zip(places, properties.values(), strict=True):
+            setattr(owner, name, value)
+        for key in keys:
+            key.add()
+
+    def unregister() -> None:
+        for key in keys:
+            key.remove()
+        for owner, name in reversed(places):
+            delattr(owner, name)
+        remove()
+
+    return register, unregister
 
 
 def redraw(*kinds: str, region: str = "") -> None:

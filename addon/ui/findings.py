@@ -16,7 +16,7 @@ from ..jobs.checks import Finding
 from ..scene import poses, reading, render_view
 from ..scene.object_checks import ObjectRef
 from .callbacks import Timer, events, redraw
-from .modal import QuickOperator
+from .modal import QuickOperator, WaitingOperator
 from .progress_display import display
 
 POSE_SECONDS = 0.2
@@ -196,15 +196,11 @@ def _key_of(low: bpy.types.Object, highs: list[bpy.types.Object]) -> tuple[tuple
 findings = PanelFindings()
 
 
-class IMPRINT_OT_look_at_high(QuickOperator, bpy.types.Operator):
+class IMPRINT_OT_look_at_high(WaitingOperator, QuickOperator, bpy.types.Operator):
     """Say what the high objects are before a bake: parts, faces to turn over or leave out, noise, distance to the low object"""
 
     bl_idname = "imprint.look_at_high"
     bl_label = "Look at High"
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return display.current is None
 
     def apply(self, context: bpy.types.Context) -> str:
         chosen = context.scene.imprint.chosen(context)

@@ -7,8 +7,7 @@ from bpy.props import EnumProperty, StringProperty
 from ..core.errors import BakeError, Fix, in_window
 from ..jobs import checks
 from ..scene.object_checks import object_by_name
-from .modal import QuickOperator
-from .progress_display import display
+from .modal import QuickOperator, WaitingOperator
 from .texts import draw_paragraphs, label, labeled, tooltip
 
 FIXES = {
@@ -87,7 +86,7 @@ FIXES = {
 """Label, tooltip and icon of each fix: those of the low object, and those that change a setting."""
 
 
-class IMPRINT_OT_fix(QuickOperator, bpy.types.Operator):
+class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
     """Change what a warning or an error names"""
 
     bl_idname = "imprint.fix"
@@ -102,10 +101,6 @@ class IMPRINT_OT_fix(QuickOperator, bpy.types.Operator):
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return tooltip(FIXES[properties.kind][1])
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return display.current is None
 
     def apply(self, context: bpy.types.Context) -> str:
         chosen = context.scene.imprint.chosen(context, object_by_name(self.low) if self.low else None)

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from .. import older_blender
 from ..core.errors import BakeError
@@ -16,7 +16,7 @@ from ..jobs import gpu_test
 from ..output.atomic_file import replacing
 from . import modal
 from .live import live
-from .modal import QuickOperator, SlicedOperator
+from .modal import FileOperator, QuickOperator, SlicedOperator, file_filter, warning_of_files
 from .progress_display import display
 from .texts import draw_paragraphs, labeled, message, tooltip
 
@@ -84,7 +84,7 @@ class IMPRINT_OT_copy_gpu_report(QuickOperator, bpy.types.Operator):
         return ""
 
 
-class IMPRINT_OT_save_gpu_report(QuickOperator, bpy.types.Operator):
+class IMPRINT_OT_save_gpu_report(FileOperator, bpy.types.Operator):
     """Save the report of the test as JSON"""
 
     bl_idname = "imprint.save_gpu_report"
@@ -98,20 +98,8 @@ class IMPRINT_OT_save_gpu_report(QuickOperator, bpy.types.Operator):
         default="imprint-gpu.json",
         options={"SKIP_SAVE"},
     )
-    filter_glob: labeled(
-        StringProperty,
-        "File Filter",
-        "Names of the files that the file browser lists",
-        default="*.json",
-        options={"HIDDEN", "SKIP_SAVE"},
-    )
-    check_existing: labeled(
-        BoolProperty, "Check Existing", "Warn before a file is replaced", default=True, options={"HIDDEN", "SKIP_SAVE"}
-    )
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+    filter_glob: file_filter("*.json")
+    check_existing: warning_of_files()
 
     def apply(self, _context: bpy.types.Context) -> str:
         path = Path(bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")).absolute()

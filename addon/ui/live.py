@@ -2,7 +2,6 @@
 """Live: finds what changes in objects, strokes and settings, draws it a few milliseconds at a time, and turns on and off."""
 
 import time
-from collections.abc import Callable
 from enum import Enum
 
 import bpy
@@ -333,13 +332,12 @@ class LiveState(Enum):
 class LiveController:
     """Turns Live on and off, and gets all changes while it is on.
 
-    message: why the last map was not drawn, in a sentence; empty if it was. on_new: called after a new map or message. rest,
-    budget: seconds, as REST and BUDGET.
+    message: why the last map was not drawn, in a sentence; empty if it was. rest, budget: seconds, as REST and
+    BUDGET.
     """
 
     def __init__(self):
         self.message = ""
-        self.on_new: list[Callable[[], None]] = []
         self.rest, self.budget = REST, BUDGET
         self.timer = Timer(self.tick)
         events.hear(
@@ -504,8 +502,7 @@ class LiveController:
             self._announce()
 
     def _announce(self) -> None:
-        for call in self.on_new:
-            call()
+        events.tell("live")
 
 
 live = LiveController()

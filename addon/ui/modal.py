@@ -9,9 +9,11 @@ import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import bpy
 import numpy as np
+from bpy.props import BoolProperty, StringProperty
 
 from .. import older_blender
 from ..core import progress
@@ -23,7 +25,7 @@ from ..output.datablocks import UNPACKED
 from .callbacks import Key, Timer, events
 from .live import live
 from .progress_display import MAIN, display
-from .texts import tooltip
+from .texts import labeled, tooltip
 
 SLICE = 0.06
 """Seconds of rays between two checks of the clock."""
@@ -175,6 +177,34 @@ class QuickOperator:
         if done:
             self.report({"INFO"}, done)
         return {"FINISHED"}
+
+
+class FileOperator(QuickOperator):
+    """An operator on a file, for which it asks where it is a button."""
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+
+def file_filter(pattern: str) -> Any:
+    """The property by which Blender's file browser lists files with such names alone."""
+    text = "Names of the files that the file browser lists"
+    return labeled(StringProperty, "File Filter", text, default=pattern, options={"HIDDEN", "SKIP_SAVE"})
+
+
+def warning_of_files() -> Any:
+    """The property by which Blender's file browser warns before a file is replaced."""
+    text = "Warn before a file is replaced"
+    return labeled(BoolProperty, "Check Existing", text, default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+
+class WaitingOperator:
+    """An operator that is off while a task runs. It stands before SlicedOperator and QuickOperator among the bases."""
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return display.current is None
 
 
 class MapOperator(SlicedOperator):

@@ -30,7 +30,7 @@ from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
 from ..scene import object_checks
 from ..scene.object_checks import GONE, ObjectRef, is_deleted
-from .callbacks import events
+from .callbacks import events, registering
 from .declared_properties import declared
 from .texts import labeled
 
@@ -40,21 +40,21 @@ _OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 SIZES = (256, 512, 1024, 2048, 4096, 8192)
 """Those that a low object can have in a bake of pairs by name."""
 OF_BATCHES = {
-    "imprint_is_baked": lambda: labeled(
+    "Object.imprint_is_baked": labeled(
         BoolProperty,
         "Bake",
         "Whether Bake Pairs by Name bakes this low object",
         default=True,
         override=_OVERRIDABLE,
     ),
-    "imprint_size": lambda: labeled(
+    "Object.imprint_size": labeled(
         EnumProperty,
         "Size",
         "Width and height of the maps that Bake Pairs by Name bakes for this low object. One image for all has the panel's",
         items=[("0", "–", "The size of the panel"), *((str(size), str(size), "") for size in SIZES)],
         override=_OVERRIDABLE,
     ),
-    "imprint_distance": lambda: labeled(
+    "Object.imprint_distance": labeled(
         FloatProperty,
         "Distance",
         "How far outward and inward of this low object Bake Pairs by Name looks for the high ones. 0 for the setting of the "
@@ -325,18 +325,7 @@ def free(obj: bpy.types.Object | None) -> None:
 
 events.hear(save_pre=settle)
 CLASSES = (ImprintHigh, ImprintMap, ImprintPair)
-_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
-
-
-def register() -> None:
-    _register()
-    bpy.types.Object.imprint = PointerProperty(type=ImprintPair, override=_OVERRIDABLE)
-    for name, make in OF_BATCHES.items():
-        setattr(bpy.types.Object, name, make())
-
-
-def unregister() -> None:
-    for name in OF_BATCHES:
-        delattr(bpy.types.Object, name)
-    del bpy.types.Object.imprint
-    _unregister()
+register, unregister = registering(
+    CLASSES,
+    properties={"Object.imprint": PointerProperty(type=ImprintPair, override=_OVERRIDABLE)} | OF_BATCHES,
+)

@@ -22,7 +22,7 @@ from ..core.errors import BakeError
 from ..core.settings import PART_OF
 from .callbacks import Timer, events
 from .engine_choice import describe
-from .modal import QuickOperator
+from .modal import FileOperator, QuickOperator, file_filter
 from .texts import LABEL, label, labeled
 
 FOLDER = "imprint"
@@ -132,7 +132,7 @@ class IMPRINT_OT_preset_use(QuickOperator, bpy.types.Operator):
         return describe(values)
 
 
-class IMPRINT_OT_preset_load(QuickOperator, bpy.types.Operator):
+class IMPRINT_OT_preset_load(FileOperator, bpy.types.Operator):
     """Copy the file of a preset, of another person for example, to the own presets, and use it. It runs no code"""
 
     bl_idname = "imprint.preset_load"
@@ -140,17 +140,7 @@ class IMPRINT_OT_preset_load(QuickOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     filepath: labeled(StringProperty, "File", "File of the preset", subtype="FILE_PATH", options={"SKIP_SAVE"})
-    filter_glob: labeled(
-        StringProperty,
-        "File Filter",
-        "Names of the files that the file browser lists",
-        default="*.py",
-        options={"HIDDEN", "SKIP_SAVE"},
-    )
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+    filter_glob: file_filter("*.py")
 
     def apply(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath))

@@ -18,7 +18,7 @@ from ..jobs.job import Job
 from ..scene import evaluation, object_checks
 from . import bake_results, engine_choice, object_pairs
 from .bake_results import results
-from .callbacks import events
+from .callbacks import events, registering
 from .declared_properties import MapList, Options, declared, passed_on, take_former_values
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
 from .texts import labeled
@@ -269,34 +269,23 @@ class ImprintFound(bpy.types.PropertyGroup):
 
 
 events.hear(load_post=take_former_values)
-
-
-def register() -> None:
-    object_pairs.register()
-    bpy.utils.register_class(ImprintSettings)
-    bpy.utils.register_class(ImprintFound)
-    bpy.types.WindowManager.imprint_found = PointerProperty(type=ImprintFound)
-    bpy.types.Scene.imprint = PointerProperty(type=ImprintSettings)
-    bpy.types.WindowManager.imprint_summary = labeled(
-        StringProperty, "Last Bake", "Summary of this session's last bake, one item per line", options={"SKIP_SAVE"}
-    )
-    bpy.types.WindowManager.imprint_warnings = labeled(
-        StringProperty, "Warnings", "Warnings of this session's last bake, one per line", options={"SKIP_SAVE"}
-    )
-    bpy.types.WindowManager.imprint_batch = labeled(
-        StringProperty,
-        "Last Bake of Pairs",
-        "Low objects that this session's last bake of pairs baked, and those that it left out, and why, in JSON",
-        options={"SKIP_SAVE"},
-    )
-
-
-def unregister() -> None:
-    del bpy.types.WindowManager.imprint_batch
-    del bpy.types.WindowManager.imprint_warnings
-    del bpy.types.WindowManager.imprint_summary
-    del bpy.types.Scene.imprint
-    del bpy.types.WindowManager.imprint_found
-    bpy.utils.unregister_class(ImprintFound)
-    bpy.utils.unregister_class(ImprintSettings)
-    object_pairs.unregister()
+CLASSES = (ImprintSettings, ImprintFound)
+register, unregister = registering(
+    CLASSES,
+    properties={
+        "WindowManager.imprint_found": PointerProperty(type=ImprintFound),
+        "Scene.imprint": PointerProperty(type=ImprintSettings),
+        "WindowManager.imprint_summary": labeled(
+            StringProperty, "Last Bake", "Summary of this session's last bake, one item per line", options={"SKIP_SAVE"}
+        ),
+        "WindowManager.imprint_warnings": labeled(
+            StringProperty, "Warnings", "Warnings of this session's last bake, one per line", options={"SKIP_SAVE"}
+        ),
+        "WindowManager.imprint_batch": labeled(
+            StringProperty,
+            "Last Bake of Pairs",
+            "Low objects that this session's last bake of pairs baked, and those that it left out, and why, in JSON",
+            options={"SKIP_SAVE"},
+        ),
+    },
+)

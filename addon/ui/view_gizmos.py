@@ -7,7 +7,7 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Euler, Vector
 
 from . import view_shading
-from .callbacks import Key
+from .callbacks import Key, registering
 from .view_shading import Mode
 from .views import viewer
 
@@ -112,15 +112,5 @@ def turned(direction: tuple[float, float, float], right: float, up: float) -> Ve
 
 
 CLASSES = (IMPRINT_GT_split, IMPRINT_GGT_split, IMPRINT_OT_view_light)
-_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 _light_key = Key(IMPRINT_OT_view_light.bl_idname, "RIGHTMOUSE", "3D View", "VIEW_3D", ctrl=True, alt=True)
-
-
-def register() -> None:
-    _register()
-    _light_key.add()
-
-
-def unregister() -> None:
-    _light_key.remove()
-    _unregister()
+register, unregister = registering(CLASSES, keys=[_light_key])

@@ -14,11 +14,11 @@ from ..jobs import checks
 from ..passes import data_texture
 from ..scene.textures import SINGLE
 from . import object_pairs
-from .callbacks import Key
+from .callbacks import Key, registering
 from .check_panel import CHECKS
 from .declared_properties import passed_on
 from .live import live
-from .modal import QuickOperator, SlicedOperator
+from .modal import QuickOperator, SlicedOperator, WaitingOperator
 from .progress_display import display
 from .stored_maps import Mask, maps_of
 from .texts import SidebarPanel, draw_paragraphs, labeled, message, split_layout
@@ -148,12 +148,8 @@ class ImprintView(bpy.types.PropertyGroup):
     )
 
 
-class _Show(SlicedOperator):
+class _Show(WaitingOperator, SlicedOperator):
     """Shows a mode. If it needs a map, the map is drawn in slices."""
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return display.current is None
 
     def wanted(self) -> Mode:
         raise NotImplementedError
@@ -199,17 +195,13 @@ class IMPRINT_OT_view_flicker(_Show, bpy.types.Operator):
         return Mode.MAP if viewer.mode is Mode.HIGH else Mode.HIGH
 
 
-class IMPRINT_OT_view_map(QuickOperator, bpy.types.Operator):
+class IMPRINT_OT_view_map(WaitingOperator, QuickOperator, bpy.types.Operator):
     """Show this map of the last bake on the low mesh"""
 
     bl_idname = "imprint.view_map"
     bl_label = "Show Map on Mesh"
 
     map: labeled(StringProperty, "Map", "Name of the map, as NORMAL or AO")
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return display.current is None
 
     def apply(self, context: bpy.types.Context) -> str:
         if self.map not in maps_of(viewer.low_of(context)):
@@ -218,7 +210,7 @@ class IMPRINT_OT_view_map(QuickOperator, bpy.types.Operator):
         return ""
 
 
-class IMPRINT_OT_view_mask(SlicedOperator, bpy.types.Operator):
+class IMPRINT_OT_view_mask(WaitingOperator, SlicedOperator, bpy.types.Operator):
     """Color the texels of the low mesh that a check has found"""
 
     bl_idname = "imprint.view_mask"
@@ -227,8 +219,8 @@ class IMPRINT_OT_view_mask(SlicedOperator, bpy.types.Operator):
     kind: labeled(EnumProperty, "Mask", "Color texels that a check has found, on the low mesh", items=MASK_ITEMS)
 
     @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return display.current is None and not live.is_on
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and not live.is_on
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return self.execute(context) if self.kind == NO_MASK else super().invoke(context, event)
@@ -246,15 +238,15 @@ class IMPRINT_OT_view_mask(SlicedOperator, bpy.types.Operator):
         viewer.show_mask(context, low, Mask(self.kind, textures) if textures else None)
 
 
-class IMPRINT_OT_view_refresh(SlicedOperator, bpy.types.Operator):
+class IMPRINT_OT_view_refresh(WaitingOperator, SlicedOperator, bpy.types.Operator):
     """Draw the map of the view again, from the current objects and settings"""
 
     bl_idname = "imprint.view_refresh"
     bl_label = "Refresh View"
 
     @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return display.current is None and viewer.mode is not Mode.OFF and not live.is_on
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and viewer.mode is not Mode.OFF and not live.is_on
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[None]:
         yield from viewer.switching(context, viewer.mode, pace, redrawn=True)
@@ -342,25 +334,11 @@ CLASSES = (
     IMPRINT_OT_view_refresh,
     IMPRINT_PT_view,
 )
-_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
-_keys = [
-    Key(operator, key, "3D View", "VIEW_3D", ctrl=True, alt=True)
-    for operator, key in ((IMPRINT_OT_view_next.bl_idname, "N"), (IMPRINT_OT_view_flicker.bl_idname, "H"))
-]
-
-
-def register() -> None:
-    _register()
-    bpy.types.Scene.imprint_view = PointerProperty(type=ImprintView)
-    for key in _keys:
-        key.add()
-    live.on_new.append(viewer.catch_up)
-
-
-def unregister() -> None:
-    viewer.off()
-    live.on_new.remove(viewer.catch_up)
-    for key in _keys:
-        key.remove()
-    del bpy.types.Scene.imprint_view
-    _unregister()
+register, unregister = registering(
+    CLASSES,
+    properties={"Scene.imprint_view": PointerProperty(type=ImprintView)},
+    keys=[
+        Key(operator, key, "3D View", "VIEW_3D", ctrl=True, alt=True)
+        for operator, key in ((IMPRINT_OT_view_next.bl_idname, "N"), (IMPRINT_OT_view_flicker.bl_idname, "H"))
+    ],
+)

@@ -84,6 +84,7 @@ class ViewMode:
             depsgraph_update_post=self._after_update,
             undo_post=self._after_undo,
             redo_post=self._after_undo,
+            live=self.catch_up,
             end=self.off,
             free=self.free,
         )

@@ -356,7 +356,6 @@ def test_disabling_the_add_on_turns_the_view_off(pair):
     addon.unregister()
     try:
         assert viewer.is_idle
-        assert viewer.catch_up not in live.on_new
         assert not hasattr(bpy.types.Scene, "imprint_view")
     finally:
         addon.register()

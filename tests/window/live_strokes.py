@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import addon  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
 from addon.jobs import bake_pair  # noqa: E402
+from addon.ui.callbacks import events  # noqa: E402
 from addon.ui.live import live  # noqa: E402
 from tests.support import window  # noqa: E402
 
@@ -154,7 +155,7 @@ def stroke(pace, offset=0):
 
     note()
     first = len(maps_drawn)
-    live.on_new.append(note)
+    events.hear(live=note)
     window.mouse("mousemove", x, y)
     yield 0.3
     window.mouse("mousedown", 1)
@@ -162,10 +163,10 @@ def stroke(pace, offset=0):
     for number in range(12):
         window.mouse("mousemove", x + pace * number, y + pace // 2 * number)
         yield 0.1
-    live.on_new.remove(note)
+    count = len(maps_drawn) - first
     window.mouse("mouseup", 1)
     yield 0.05
-    return len(maps_drawn) - first
+    return count
 
 
 def wait():
