@@ -143,7 +143,7 @@ def test_in_usd_files_and_their_archives(root, pictures):
             archive.writestr("a.usda", USD.replace("PICTURE", picture))
             archive.write(job / picture, picture)
         (job / f"{picture}.archive.usda").write_text(f"#usda 1.0\n(subLayers = [@{picture}.usdz@])\n")
-        names += [f"{picture}.usda", f"{picture}.archive.usda"]
+        names += [f"{picture}.usda", f"{picture}.usdz", f"{picture}.archive.usda"]
     archives = {
         "packed": bombs.zip_of_zeros("a.usda", 1 << 30),
         "stored": bombs.zip_of_zeros("a.usdc", 2**32 - 2, zipfile.ZIP_STORED),

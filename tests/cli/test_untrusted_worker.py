@@ -10,6 +10,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import bpy
@@ -292,15 +293,22 @@ def test_files_that_a_usd_refers_to_elsewhere_are_named(root):
         {
             **MESH,
             "high-file": f"{name}.usda",
-            "output": f"out/{name}.png",
             "method": "cast",
             "max-distance": 9,
             "extrusion": 9,
         }
         for name in texts
     ]
-    *outside, inside = bake(root, sets).values()
-    for entry in outside:
+    for name, text in texts.items():
+        with zipfile.ZipFile(job / f"{name}.usdz", "w") as archive:
+            archive.writestr("a.usda", f"#usda 1.0\n{text}")
+    sets += [{**each, "high-file": each["high-file"].replace(".usda", ".usdz")} for each in sets[:-1]]
+    sets = [{**each, "output": f"out/{number}.png"} for number, each in enumerate(sets)]
+    found = list(bake(root, sets).values())
+    outside, inside, archives = found[: len(texts) - 1], found[len(texts) - 1], found[len(texts) :]
+    for entry in archives:  # names without a root are looked for in the archive
+        assert "', which is not in" in entry["error"] or "', which cannot be read." in entry["error"]
+    for entry in (*outside, archives[list(texts).index("absolute")]):
         assert f"{'none.usda' if 'none' in entry['error'] else 'model.usda'}', which is not in" in entry["error"]
         assert entry["error"].endswith("the only folder that --untrusted reads.")
     assert inside["state"] == "done"
