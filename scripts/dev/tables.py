@@ -102,6 +102,7 @@ def panel(shown: PanelSettings) -> str:
 
 
 MEANINGS = {
+    "pack": f"{sentence(DECLARED['pack'].tooltip)} See [the layouts](maps.md#several-maps-in-one-image).",
     "maps": f"{sentence(DECLARED['maps'].tooltip)} See [all maps](maps.md#all-maps).",
     "targets": f"{sentence(DECLARED['targets'].tooltip)} See [the names](engines.md#engines).",
     "from_basis": f"{sentence(DECLARED['from_basis'].tooltip)} See [Basis](#map).",
