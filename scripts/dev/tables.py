@@ -126,7 +126,7 @@ def options() -> str:
     own = (
         option_row("FILE ...", CommandOption(FILE.tooltip, {}, FILE.default_text)),
         option_row("--jobs", JOBS),
-        *(option_row(f"--{word}", option) for word, option in OBJECTS.items()),
+        *(option_row(f"--{word}", option) for word, option in OBJECTS.items() if word not in settings),
     )
     beside = [
         option_row(f"--{word}", option)
