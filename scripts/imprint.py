@@ -566,10 +566,11 @@ def bench(options):
 
 
 def bake(options):
-    """Bake with scripts/bake.py. It gets its arguments after "--", as inside Blender."""
+    """Bake with scripts/bake.py, or run another of its commands that need Blender. It gets its arguments after "--", as inside
+    Blender."""
     python = environment()
     require_gpu(python, may_install=False)
-    running = Bake(python, options.rest)
+    running = Bake(python, [*([] if options.command == "bake" else [options.command]), *options.rest])
     code, baking, output = running.run()
     if running.signals:
         return 128 + running.signals[0]
@@ -580,38 +581,9 @@ def bake(options):
     return code
 
 
-def lod(options):
-    """Make levels of detail with scripts/bake.py."""
-    options.rest.insert(0, "lod")
-    return bake(options)
-
-
-def asset(options):
-    """Make a game asset with scripts/bake.py."""
-    options.rest.insert(0, "asset")
-    return bake(options)
-
-
-def check(options):
-    """Look at the high meshes of a bake with scripts/bake.py."""
-    options.rest.insert(0, "check")
-    return bake(options)
-
-
-def farm(options):
-    """Send a job file to a farm with scripts/bake.py, which starts no Blender for it."""
-    return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "farm", *options.rest])
-
-
-def report(options):
-    """Put reports together with scripts/bake.py, which starts no Blender for it."""
-    return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "report", *options.rest])
-
-
-def gpu(options):
-    """Test the GPU with scripts/bake.py."""
-    options.rest.insert(0, "gpu")
-    return bake(options)
+def without_blender(options):
+    """Run a command of scripts/bake.py that starts no Blender."""
+    return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", options.command, *options.rest])
 
 
 def cores():
@@ -683,39 +655,32 @@ def version():
     return 0
 
 
+COMMANDS = {
+    "demo": (demo, "bake the example"),
+    "bake": (bake, "bake a normal map; see bake --help"),
+    "lod": (bake, "make levels of detail of a mesh; see lod --help"),
+    "asset": (bake, "make a game asset of high meshes: a low mesh with UVs and maps; see asset --help"),
+    "check": (bake, "say what the high mesh of a bake is, and what will be changed of it; takes the options of bake"),
+    "farm": (without_blender, "send a job file to a farm; see farm --help"),
+    "gpu": (bake, "test the GPU and its driver; see gpu --help"),
+    "report": (without_blender, "put the reports of several machines together; see report --help"),
+    "bench": (bench, "compare Imprint with other bakers, and write a report; see bench --help"),
+    "test": (test, "run ruff and the tests; see test --help"),
+}
+"""What each command runs, and its help. The scripts behind them parse their own options, --help included."""
+
+
 def parse(arguments):
-    """Return the options. The scripts behind most commands parse their own options, --help included."""
+    """Return the options."""
     parser = argparse.ArgumentParser(prog="imprint.py", description=DESCRIPTION)
     parser.add_argument("--version", action="store_true", help="print the versions of Imprint and of Blender")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for run, text in (
-        (demo, "bake the example"),
-        (bake, "bake a normal map; see bake --help"),
-        (lod, "make levels of detail of a mesh; see lod --help"),
-        (asset, "make a game asset of high meshes: a low mesh with UVs and maps; see asset --help"),
-        (check, "say what the high mesh of a bake is, and what will be changed of it; takes the options of bake"),
-        (farm, "send a job file to a farm; see farm --help"),
-        (gpu, "test the GPU and its driver; see gpu --help"),
-        (report, "put the reports of several machines together; see report --help"),
-        (bench, "compare Imprint with other bakers, and write a report; see bench --help"),
-        (test, "run ruff and the tests; see test --help"),
-    ):
-        commands.add_parser(run.__name__, help=text, add_help=False).set_defaults(run=run)
+    for name, (run, text) in COMMANDS.items():
+        commands.add_parser(name, help=text, add_help=False).set_defaults(run=run)
     building = commands.add_parser("build", help="make the extension's zip and print its path")
     building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="folder for the zip (default: dist)")
     building.set_defaults(run=build)
-    passes_on = arguments[:1] in (
-        ["demo"],
-        ["bake"],
-        ["lod"],
-        ["asset"],
-        ["check"],
-        ["farm"],
-        ["gpu"],
-        ["report"],
-        ["bench"],
-        ["test"],
-    )
+    passes_on = bool(arguments) and arguments[0] in COMMANDS
     options = parser.parse_args(arguments[:1] if passes_on else arguments)
     options.rest = arguments[1:] if passes_on else []
     return options
