@@ -59,14 +59,14 @@ def of(path: str | PurePath) -> FileFormat:
 
 def usual_depth(path: str) -> int:
     """The default bits per channel of the file at `path`."""
-    found = BY_ENDING.get(PurePath(path).suffix.lower())
-    return found.usual_depth if found else USUAL_DEPTH
+    file_format = BY_ENDING.get(PurePath(path).suffix.lower())
+    return file_format.usual_depth if file_format else USUAL_DEPTH
 
 
 def takes(path: str, depth: int) -> bool:
     """Whether a file at `path` stores so many bits per channel; True for a path without a known ending."""
-    found = BY_ENDING.get(PurePath(path).suffix.lower())
-    return found is None or depth in found.depths
+    file_format = BY_ENDING.get(PurePath(path).suffix.lower())
+    return file_format is None or depth in file_format.depths
 
 
 def listed_meshes(or_word: str = "or") -> str:

@@ -141,9 +141,9 @@ class GpuReport:
     def row(self) -> str:
         """A row of the table of reports in docs/platforms.md."""
         machine, times = self.machine, {each.name: f"{each.value:,.3g} {each.unit}" for each in self.times}
-        found = ", ".join(each.name for each in self.wrong) or "all right"
+        verdict = ", ".join(each.name for each in self.wrong) or "all right"
         driver = f"{machine['renderer']}; {machine['driver']}"
-        cells = machine["system"], machine["blender"], f"{machine['backend']}, {machine['reads']}", driver, found
+        cells = machine["system"], machine["blender"], f"{machine['backend']}, {machine['reads']}", driver, verdict
         rates = (times.get(name, "") for name in ("Own hits", "Occlusion"))
         return f"| {' | '.join(_cell(cell) for cell in (*cells, *rates, f'{self.seconds:.0f} s'))} |"
 

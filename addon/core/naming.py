@@ -140,11 +140,11 @@ def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[st
     suffixes.check()
     pairs: dict[_Key, Pair] = {}
     problems = []
-    found = [(name, *_role(name, suffixes)) for name in sorted(names)]
+    roles = [(name, *_role(name, suffixes)) for name in sorted(names)]
     # High objects of one pair may also be numbered: a number belongs to the pair only if a low object has it too.
-    lows = {key for _, role, key in found if role == "low" and key is not None}
+    lows = {key for _, role, key in roles if role == "low" and key is not None}
     shared = Counter(key.own for key in lows)
-    for name, role, full in found:
+    for name, role, full in roles:
         if full is None:
             continue
         key = full
@@ -186,9 +186,9 @@ def _role(name: str, suffixes: Suffixes) -> tuple[str, _Key | None]:
     copied = _COPY_NUMBER.search(name)
     plain, copy = (name[: copied.start()], int(copied[1])) if copied else (name, None)
     for role, pattern in _patterns(suffixes):
-        found = pattern.fullmatch(plain)
-        if found:
-            return role, _Key(found[1].casefold(), int(found[2]) if found[2] else None, copy, found[1])
+        match = pattern.fullmatch(plain)
+        if match:
+            return role, _Key(match[1].casefold(), int(match[2]) if match[2] else None, copy, match[1])
     return "", None
 
 
@@ -230,5 +230,5 @@ SIMILAR = 0.75
 def did_you_mean(words: Iterable[str], known: Iterable[str]) -> str:
     """The end of a sentence about unknown words, with a suggestion for each that is similar to a known one."""
     known = list(known)
-    close = [found for word in words for found in difflib.get_close_matches(word, known, n=1, cutoff=SIMILAR)]
+    close = [match for word in words for match in difflib.get_close_matches(word, known, n=1, cutoff=SIMILAR)]
     return f", did you mean {' and '.join(map(repr, dict.fromkeys(close)))}?" if close else ""

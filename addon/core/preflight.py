@@ -125,32 +125,32 @@ def texel_bytes(settings: Settings, method: str, *, has_detail: bool) -> int:
     families = {each.family for each in maps}
     is_tangent, has_sums = settings.map.space == Space.TANGENT, sampling.samples > 1
     has_hits = method != Method.FLATTEN or bool(maps) or has_detail
-    found = _FLOATS + _MARGIN + (_HIT - _FLOATS) * has_hits
+    per_texel = _FLOATS + _MARGIN + (_HIT - _FLOATS) * has_hits
     if method == Method.FLATTEN:
-        found += _DEPTH * (not has_detail) + 2 * _FLOATS * (Family.POINTS in families)
-        found += _FLOATS * has_sums * (1 + bool(maps))
+        per_texel += _DEPTH * (not has_detail) + 2 * _FLOATS * (Family.POINTS in families)
+        per_texel += _FLOATS * has_sums * (1 + bool(maps))
     else:
-        found += 2 * _FLOATS + _PACKETS + 3 * _FLOATS * (method == Method.AUTO)
+        per_texel += 2 * _FLOATS + _PACKETS + 3 * _FLOATS * (method == Method.AUTO)
         if sampling.are_adaptive(method) and not (maps or has_detail):
-            found += (_FLOATS + 1) + _HIT + _FLOATS + _SOME
+            per_texel += (_FLOATS + 1) + _HIT + _FLOATS + _SOME
         else:
-            found += _FLOATS * has_sums * (2 if method == Method.AUTO and maps else 1)
-    found += _ACROSS_SEAMS * (sampling.margin_type == MarginType.ADJACENT_FACES and sampling.margin != 0)
-    found += (_FLOATS + _BESIDE) * is_tangent
-    return found + _bytes_of_maps(settings, is_tangent=is_tangent, has_sums=has_sums)
+            per_texel += _FLOATS * has_sums * (2 if method == Method.AUTO and maps else 1)
+    per_texel += _ACROSS_SEAMS * (sampling.margin_type == MarginType.ADJACENT_FACES and sampling.margin != 0)
+    per_texel += (_FLOATS + _BESIDE) * is_tangent
+    return per_texel + _bytes_of_maps(settings, is_tangent=is_tangent, has_sums=has_sums)
 
 
 def _bytes_of_maps(settings: Settings, *, is_tangent: bool, has_sums: bool) -> int:
     """The part of `texel_bytes` that maps other than the normal map take."""
     maps = [BY_NAME[name] for name in settings.map.drawn_maps]
     families = {each.family for each in maps}
-    found = _FLOATS * bool(maps)
+    per_texel = _FLOATS * bool(maps)
     for each in maps:
-        found += _FLOATS * (each.family.shows_materials or (each.family is Family.POINTS and has_sums))
-        found += _FLOATS * (each.kind is Kind.NORMAL and is_tangent)
-    found += _FLOATS * sum(family.casts_rays for family in families)
-    found += 2 * _FLOATS * (Family.POINTS in families or (Family.SLOPES in families and not is_tangent))
-    return found + (2 + 1 + is_tangent) * _FLOATS * (Family.SLOPES in families)
+        per_texel += _FLOATS * (each.family.shows_materials or (each.family is Family.POINTS and has_sums))
+        per_texel += _FLOATS * (each.kind is Kind.NORMAL and is_tangent)
+    per_texel += _FLOATS * sum(family.casts_rays for family in families)
+    per_texel += 2 * _FLOATS * (Family.POINTS in families or (Family.SLOPES in families and not is_tangent))
+    return per_texel + (2 + 1 + is_tangent) * _FLOATS * (Family.SLOPES in families)
 
 
 def _meshes(amounts: Amounts) -> int:

@@ -70,9 +70,9 @@ def for_shares(count: int, block: int, work: Callable[[Iterator[slice]], None]) 
 
     Together they cover `count` elements, each once. For work that keeps its arrays for the next slice.
     """
-    found = blocks(count, block)
-    shared = iter(found)  # `next` of a list's iterator is one step for all threads
-    map_parallel(work, [shared] * min(processors(), len(found)))
+    pieces = blocks(count, block)
+    shared = iter(pieces)  # `next` of a list's iterator is one step for all threads
+    map_parallel(work, [shared] * min(processors(), len(pieces)))
 
 
 def blocks(count: int, block: int) -> list[slice]:
@@ -82,10 +82,10 @@ def blocks(count: int, block: int) -> list[slice]:
 
 def take(rows: np.ndarray, places: np.ndarray) -> np.ndarray:
     """rows[places], for places of any shape."""
-    found = np.empty((*places.shape, *rows.shape[1:]), rows.dtype)
+    taken = np.empty((*places.shape, *rows.shape[1:]), rows.dtype)
 
     def take_part(part: slice) -> None:
-        np.take(rows, places[part], axis=0, out=found[part], mode="clip")
+        np.take(rows, places[part], axis=0, out=taken[part], mode="clip")
 
     for_blocks(len(places), take_part)
-    return found
+    return taken

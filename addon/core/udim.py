@@ -97,10 +97,10 @@ def is_tiled(path: str) -> bool:
 def tile_of(name: str, tiled: str, *, any_case: bool = False) -> int:
     """The tile of the file `name`, where the names of tiles are as `tiled`; 0 if it is none. any_case: letters may differ in
     case."""
-    found = _pattern(tiled, any_case).fullmatch(name)
-    if found is None:
+    match = _pattern(tiled, any_case).fullmatch(name)
+    if match is None:
         return 0
-    parts = found.groupdict()
+    parts = match.groupdict()
     tiles = {int(parts["tile"])} if parts.get("tile") else set()
     if parts.get("place"):
         column, row = parts["place"][1:].lower().split("_v")
@@ -111,8 +111,8 @@ def tile_of(name: str, tiled: str, *, any_case: bool = False) -> int:
 def spelled(tiled: str, name: str) -> str:
     """`tiled` with the letter case of `name`, the file of one of its tiles."""
     parts = re.split(f"({TOKEN}|{UV_TILE})", tiled)
-    found = re.fullmatch("(.*)".join(f"({re.escape(part)})" for part in parts[::2]), name, re.IGNORECASE)
-    return "".join(found[2 * at + 1] + token for at, token in enumerate([*parts[1::2], ""])) if found else tiled
+    match = re.fullmatch("(.*)".join(f"({re.escape(part)})" for part in parts[::2]), name, re.IGNORECASE)
+    return "".join(match[2 * at + 1] + token for at, token in enumerate([*parts[1::2], ""])) if match else tiled
 
 
 def files(path: str, *, any_case: bool = False) -> dict[int, str]:
@@ -125,13 +125,13 @@ def files(path: str, *, any_case: bool = False) -> dict[int, str]:
         names = sorted(os.listdir(folder or os.curdir))
     except (OSError, ValueError):
         return {}
-    found = {tile: os.path.join(folder, name) for name in names if (tile := tile_of(name, tiled, any_case=any_case))}
-    return dict(sorted(found.items()))
+    paths = {tile: os.path.join(folder, name) for name in names if (tile := tile_of(name, tiled, any_case=any_case))}
+    return dict(sorted(paths.items()))
 
 
 def numbers_in(text: str) -> Iterator[tuple[int, int]]:
     """Where numbers of tiles may be in a name: starts and ends."""
-    return (found.span(1) for found in _ANYWHERE.finditer(text))
+    return (match.span(1) for match in _ANYWHERE.finditer(text))
 
 
 def tiled_name(stem: str) -> str:
