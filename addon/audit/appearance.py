@@ -24,7 +24,7 @@ from ..mesh.fitting import Samples
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
-from ..passes import appearance, data_texture, lit, mesh_upload, target
+from ..passes import data_texture, lit, mesh_upload, seen_normals, target
 from .deviations import AngleCounts
 from .pictures import low_by_tile, square_means
 
@@ -246,7 +246,7 @@ class SeenHighs:
     def draw(self) -> Task[None]:
         """Draw the pictures of the high meshes. Call this once, before `compare`."""
         side, count = self.detail.side, sum(len(high.triangles) for high in self.highs)
-        pictures = [target.Target(side, side, appearance.FORMATS) for _ in self._views]
+        pictures = [target.Target(side, side, seen_normals.FORMATS) for _ in self._views]
         done, is_first = 0, True
         for high in self.highs:
             points = self.space.points(high)
@@ -254,7 +254,7 @@ class SeenHighs:
                 triangles = high.front_triangles[first : first + TRIANGLES_AT_ONCE]
                 mesh = [(_uploaded(high, points, triangles), normal_matrix(high.to_world))]
                 for into, view in zip(pictures, self._views, strict=True):
-                    appearance.draw_high(into, mesh, view, clear=is_first)
+                    seen_normals.draw_high(into, mesh, view, clear=is_first)
                 pictures[-1].finish()  # so that the driver frees the part before the next one is uploaded
                 done, is_first = done + len(triangles), False
                 yield Progress("Looking at the high mesh", done / count)
@@ -271,8 +271,8 @@ class SeenHighs:
         parts = [*self._parts(low, shown, seen.squares), *(self._hiding(others) if others is not None else [])]
         of_places = np.zeros(len(self.places.points) if self.places is not None else 0)
         for number, (picture, view) in enumerate(zip(self._pictures, self._views, strict=True), start=1):
-            into = target.get("appearance", self.detail.side, self.detail.side, *appearance.FORMATS)
-            appearance.compare(into, picture, parts, view)
+            into = target.get("appearance", self.detail.side, self.detail.side, *seen_normals.FORMATS)
+            seen_normals.compare(into, picture, parts, view)
             texels = into.texels()
             seen.add(texels)
             if self.places is not None:
@@ -282,27 +282,27 @@ class SeenHighs:
         return replace(result, places=of_places) if result is not None and self.places is not None else result
 
     def _parts(self, low: Mesh, shown: ShownMap | None, squares: "_Squares") -> Iterator[tuple]:
-        """The low mesh as appearance.compare takes it."""
+        """The low mesh as seen_normals.compare takes it."""
         nothing = data_texture.image(np.zeros((1, 1, 4), np.float32))
         read = lit.reading(lit.OBJECT) if shown is None else shown.read
         tiles = {udim.FIRST: None} if shown is None else shown.tiles
-        kind = appearance.OWN_NORMALS if shown is None else appearance.MAP_NORMALS
+        kind = seen_normals.OWN_NORMALS if shown is None else seen_normals.MAP_NORMALS
         drawn = low_by_tile(low, self.space.points(low), tiles, is_udim=shown is not None and shown.is_udim)
         for tile, batch in drawn:
-            how = lit.reading(lit.OBJECT), appearance.NOT_JUDGED
+            how = lit.reading(lit.OBJECT), seen_normals.NOT_JUDGED
             texture = nothing
             if tile is not None:
                 how, texels = (read, kind), tiles[tile]
                 texture = nothing if texels is None else data_texture.image(texels)
             first = 0 if tile is None else squares.first(tile)
-            yield batch, texture, appearance.low_shading(low.normal_matrix, *how, squares.size, first)
+            yield batch, texture, seen_normals.low_shading(low.normal_matrix, *how, squares.size, first)
 
     def _hiding(self, others: Mesh) -> Iterator[tuple]:
         """The part of the low mesh that is not judged."""
         (batch,) = (
             batch for _, batch in low_by_tile(others, self.space.points(others), {udim.FIRST: None}, is_udim=False)
         )
-        shading = appearance.low_shading(others.normal_matrix, lit.reading(lit.OBJECT), appearance.NOT_JUDGED)
+        shading = seen_normals.low_shading(others.normal_matrix, lit.reading(lit.OBJECT), seen_normals.NOT_JUDGED)
         yield batch, data_texture.image(np.zeros((1, 1, 4), np.float32)), shading
 
 
@@ -322,7 +322,7 @@ class _InView:
 
     @classmethod
     def of(cls, points: np.ndarray, facing: np.ndarray, depths: np.ndarray, view: np.ndarray) -> "_InView":
-        """points: (N, 3) in the space of `view`. facing: (N,). depths: (side, side), as appearance.draw_high has them."""
+        """points: (N, 3) in the space of `view`. facing: (N,). depths: (side, side), as seen_normals.draw_high has them."""
         side = len(depths)
         clip = points @ view[:3, :3].T + view[:3, 3]
         column, row, depth = (0.5 * clip.T + 0.5) * [[side], [side], [1.0]]
@@ -333,10 +333,12 @@ class _InView:
         return cls(which, pixels[which], facing[which])
 
     def errors(self, texels: np.ndarray, count: int) -> np.ndarray:
-        """The error that the viewer sees at each of `count` places, in degrees, by how straight. texels: as appearance.compare
-        writes them."""
+        """The error that the viewer sees at each of `count` places, in degrees, by how straight.
+
+        texels: as seen_normals.compare writes them.
+        """
         known = texels[..., 0].reshape(-1)[self.pixels]
-        is_alone = (known == appearance.LOW_ALONE) | (known == appearance.HIGH_ALONE)
+        is_alone = (known == seen_normals.LOW_ALONE) | (known == seen_normals.HIGH_ALONE)
         degrees = np.where(is_alone, ALONE, np.maximum(known - 1.0, 0.0))
         return np.bincount(self.which, self.facing * degrees, count)
 
@@ -392,7 +394,7 @@ class _Frame:
 
 
 def _uploaded(high: Mesh, points: np.ndarray, triangles: np.ndarray) -> gpu.types.GPUBatch:
-    """Some triangles (N, 3) of a mesh, as appearance.draw_high takes them. points (V, 3) float32: of its vertices."""
+    """Some triangles (N, 3) of a mesh, as seen_normals.draw_high takes them. points (V, 3) float32: of its vertices."""
     corners = triangles.reshape(-1)
     return mesh_upload.upload_corners(position=points[high.vertices[corners]], normal=high.normals[corners])
 
@@ -446,9 +448,9 @@ class _Seen:
         self._by_square, self._weights = np.zeros(number), np.zeros(number)
 
     def add(self, texels: np.ndarray) -> None:
-        """Add a picture (side, side, 4), as appearance.compare writes it."""
+        """Add a picture (side, side, 4), as seen_normals.compare writes it."""
         known = texels[..., 0]
-        self._alone += int(np.count_nonzero((known == appearance.LOW_ALONE) | (known == appearance.HIGH_ALONE)))
+        self._alone += int(np.count_nonzero((known == seen_normals.LOW_ALONE) | (known == seen_normals.HIGH_ALONE)))
         compared = texels[known > 0.0]
         angles = compared[:, 0] - np.float32(1.0)
         self._angles.add(angles)

@@ -10,12 +10,12 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from ..core import asset, file_formats, levels, naming, udim
-from ..core.conversion import StoredNormals
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError, warn_of_former
 from ..core.naming import Suffixes
 from ..core.settings import PART_OF, Settings
+from ..core.stored_normals import StoredNormals
 from . import limits
 from .commands import ASSET, BAKE, CHECK, CONVERT, LOD, RUN, Command, WrongUsage
 from .options import FORMER_WORDS, SUBJECTS, RunOptions, option_word

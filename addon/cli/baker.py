@@ -18,13 +18,13 @@ import numpy as np
 from .. import older_blender
 from ..core import levels, naming, progress, udim
 from ..core.asset import Wanted
-from ..core.conversion import ConversionReport
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
 from ..core.naming import printable
 from ..core.progress import Pace, Task, startup
 from ..core.report import Report, smooth_sentences
 from ..core.settings import Settings
+from ..core.stored_normals import ConversionReport
 from ..jobs import bake_jobs, checks
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.job import Job, Wants, files_read_by, jobs_by_name

@@ -11,8 +11,7 @@ import numpy as np
 
 from .. import older_blender
 from ..audit import checks, severity
-from ..core import conversion, naming, progress
-from ..core.conversion import ConversionReport, StoredNormals, in_words
+from ..core import naming, progress, stored_normals
 from ..core.declarations import bases
 from ..core.declarations.choices import Method, Space, Storage, VertexDomain
 from ..core.declarations.map_settings import MAX_SIZE, MIN_SIZE
@@ -20,9 +19,10 @@ from ..core.errors import BakeError
 from ..core.map_types import MARGIN, NORMAL, WRITTEN, Labeled
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.settings import Run, SamplingSettings, Settings
+from ..core.stored_normals import ConversionReport, StoredNormals, in_words
 from ..engine import gpu_memory, margins, mip_levels
 from ..engine.baking import Renderer
-from ..engine.conversion import ConvertedMap, Fit
+from ..engine.converted_map import ConvertedMap, Fit
 from ..mesh import uv_layout
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, value_encoding
@@ -44,8 +44,8 @@ class SourceMap:
     def __init__(self, name: str, tiles: Mapping[int, np.ndarray], stored: StoredNormals):
         self.tiles = tiles
         some = np.concatenate([value_encoding.sample_texels(values) for values in tiles.values()])
-        self._is_coverage = conversion.is_coverage(some)
-        self._lacks_z = conversion.lacks_z(some, stored)
+        self._is_coverage = stored_normals.is_coverage(some)
+        self._lacks_z = stored_normals.lacks_z(some, stored)
         self.notes = list(self._notes(name, stored))
         self.depth, self.loss = self._rounding(some, stored)
         for values in tiles.values():
@@ -55,14 +55,14 @@ class SourceMap:
         if not self._is_coverage:
             values[..., 3] = 1.0
         if self._lacks_z:
-            conversion.rebuild_z(values, stored)
+            stored_normals.rebuild_z(values, stored)
 
     def _rounding(self, some: np.ndarray, stored: StoredNormals) -> tuple[int, dict[str, float]]:
-        depth = conversion.bits(some[:, :3])
+        depth = stored_normals.bits(some[:, :3])
         if depth == 32:
             return depth, {}
         before = some.copy()
-        before[:, :3] = conversion.moved(some[:, :3], depth)
+        before[:, :3] = stored_normals.moved(some[:, :3], depth)
         for values in (before, some):
             self._complete(values, stored)
         angles = value_encoding.angles_between(before, some)
@@ -70,7 +70,7 @@ class SourceMap:
 
     def _notes(self, name: str, stored: StoredNormals) -> Iterator[str]:
         if self._lacks_z:
-            channel = conversion.z_channel(stored)
+            channel = stored_normals.z_channel(stored)
             yield f"The {channel} channel of {name!r} is the same everywhere: z is rebuilt from the other two."
         if not self._is_coverage:
             yield (

@@ -13,13 +13,13 @@ from bpy.props import CollectionProperty, IntProperty, StringProperty
 from .. import flamenco
 from ..core import levels, naming
 from ..core.asset import AUTO, Wanted
-from ..core.conversion import ConversionReport, StoredNormals
 from ..core.declarations.choices import Method, Space, Storage
 from ..core.errors import BakeError, in_window
 from ..core.levels import ChainReport
 from ..core.progress import Pace, Progress, Task, relay
 from ..core.report import Report
 from ..core.settings import Settings
+from ..core.stored_normals import ConversionReport, StoredNormals
 from ..export import engine_files
 from ..jobs import asset, atlas, bake_jobs, convert, lod, weights
 from ..jobs.bake_jobs import work_on_frames

@@ -21,9 +21,9 @@ sys.path.insert(0, str(ROOT))
 
 from addon.cli import run_report  # noqa: E402
 from addon.cli.run_report import Entry, FileNote, ThisCall  # noqa: E402
-from addon.core.conversion import ConversionReport  # noqa: E402
 from addon.core.levels import ChainReport, Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402
+from addon.core.stored_normals import ConversionReport  # noqa: E402
 
 PATH = ROOT / "docs" / "report.schema.json"
 LEFT_OUT = {

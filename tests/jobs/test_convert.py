@@ -7,10 +7,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.conversion import StoredNormals
 from addon.core.declarations import bases
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
+from addon.core.stored_normals import StoredNormals
 from addon.jobs import bake_pair
 from addon.jobs.convert import Conversion, convert
 from tests.support import angles, cycles, lanes, scenes, zoo

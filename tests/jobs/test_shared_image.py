@@ -11,10 +11,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.conversion import StoredNormals
 from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
+from addon.core.stored_normals import StoredNormals
 from addon.jobs import Job, bake_jobs, convert, shared_image
 from addon.jobs.live_session import Session
 from addon.output import datablocks, image_file, shared_maps

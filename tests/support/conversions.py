@@ -3,8 +3,8 @@
 import bpy
 import numpy as np
 
-from addon.core.conversion import StoredNormals
 from addon.core.settings import Settings
+from addon.core.stored_normals import StoredNormals
 from addon.jobs.convert import Conversion, convert
 from tests.support import angles
 from tests.support.maps import pixels

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import gpu
 import numpy as np
 
-from ..core.conversion import StoredNormals
 from ..core.declarations import bases
 from ..core.declarations.choices import Space
 from ..core.map_types import NORMAL
 from ..core.progress import Task
 from ..core.settings import MapSettings
+from ..core.stored_normals import StoredNormals
 from ..mesh import triangle_mesh
 from ..mesh.triangle_mesh import Mesh
 from ..passes import lit, low_in_uv, mesh_upload, target
