@@ -283,3 +283,34 @@ def test_each_picture_is_shown():
         for target in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", prose(page))
     }
     assert pictures <= linked
+
+
+BLENDERS = {
+    *(
+        "Add-ons",
+        "Alpha Mode",
+        "Armature",
+        "Backend",
+        "Blender File",
+        "Channel Packed",
+        "Color Space",
+        "Delete",
+        "Images",
+        "Mesh",
+    ),
+    *("Non-Color", "Normals", "Recalculate Outside", "Set Weight", "Simplify", "System", "Weight Paint", "Weights"),
+}
+"""Names of Blender's own interface in the pages for artists."""
+UNTRANSLATED = {"Atlas", "Auto", "Cycles", "Imprint", "Material", "MikkTSpace", "-Y", "8", "16", "32"}
+EMPHASIS = {"Why", "What to do", "before", "with tangents", "Characters"}
+
+
+@pytest.mark.parametrize("page", ["panels", "workflows", "quick-start", "troubleshooting", "maps", "engines"])
+def test_bold_names_are_in_the_interface(page):
+    """A label that was renamed cannot be found by who reads the page."""
+    labels = set(
+        re.findall(r'^msgid "(.*)"$', (ROOT / "addon" / "locale" / "es.po").read_text(encoding="utf-8"), re.MULTILINE)
+    )
+    bold = re.findall(r"\*\*([^*]+)\*\*", prose(ROOT / "docs" / f"{page}.md"))
+    named = {part.rstrip(".:") for text in bold for part in re.split(" > ", " ".join(text.split()))}
+    assert sorted(named - labels - BLENDERS - UNTRANSLATED - EMPHASIS) == []
