@@ -16,6 +16,7 @@ from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.udim import FIRST
 from ..output import datablocks, materials
+from ..scene import mesh_writer
 from .baked_low import BakedLow
 from .map_pictures import PictureFiles
 
@@ -217,13 +218,7 @@ def _fill(
     with_tangents: bool,
 ) -> None:
     """Make `mesh` the triangles of `low` in this order. uvs: of each layer. faces: the material of each triangle."""
-    count = len(order)
-    mesh.vertices.add(len(low.vertices))
-    mesh.attributes["position"].data.foreach_set("vector", low.vertices.reshape(-1))
-    mesh.loops.add(3 * count)
-    mesh.loops.foreach_set("vertex_index", low.corners[order].reshape(-1))
-    mesh.polygons.add(count)
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    mesh_writer.fill(mesh, low.vertices, low.corners[order])
     mesh.polygons.foreach_set("material_index", faces)
     mesh.update(calc_edges=True)
     for name, uv in uvs.items():

@@ -25,7 +25,7 @@ from ..mesh.fitting import Samples, surface_samples
 from ..mesh.topology import EdgeTable
 from ..mesh.triangles import enclosed_volumes, face_areas, transformed
 from ..mesh.welding import ClusterOptions, cluster, weld
-from ..scene import evaluation, mesh_reader
+from ..scene import evaluation, mesh_reader, mesh_writer
 from ..scene.high_reader import Reader
 from . import temporary
 from .job import Job
@@ -325,12 +325,7 @@ def _triangles(context: bpy.types.Context, job: Job, settings: Settings) -> tupl
 
 def _mesh(points: np.ndarray, triangles: np.ndarray) -> bpy.types.Mesh:
     data = bpy.data.meshes.new(TEMPORARY)
-    data.vertices.add(len(points))
-    data.vertices.foreach_set("co", np.ascontiguousarray(points, np.float32).reshape(-1))
-    data.loops.add(3 * len(triangles))
-    data.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, np.int32).reshape(-1))
-    data.polygons.add(len(triangles))
-    data.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
+    mesh_writer.fill(data, points, triangles)
     data.update(calc_edges=True)
     return data
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Datablocks that exist only while a mesh is made, or stay only if all of a task succeeds."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
 import bpy
@@ -40,19 +40,33 @@ class TemporaryMeshes:
 
 @contextmanager
 def only_if_finished() -> Iterator[None]:
-    """Remove all objects, meshes, collections, materials, images and node groups that the block has made, if it fails."""
-    data = bpy.data
-    kinds = (data.objects, data.meshes, data.collections, data.materials, data.images, data.node_groups)
-    before = [{each.session_uid for each in kind} for kind in kinds]
-    is_finished = False
+    """Remove all datablocks that the block has made, if it fails."""
+    before, is_finished = datablocks(), False
     try:
         yield
         is_finished = True
     finally:
         if not is_finished:
-            for kind, known in zip(kinds, before, strict=True):
-                for each in [each for each in kind if each.session_uid not in known]:
-                    kind.remove(each)
+            remove_all_but(before)
+
+
+def datablocks() -> set[int]:
+    """The session_uids of all datablocks that a job and importers can add to the open file."""
+    return {each.session_uid for each in _all()}
+
+
+def remove_all_but(known: Collection[int]) -> None:
+    """Remove the datablocks that have come since these `datablocks`."""
+    bpy.data.batch_remove([each for each in _all() if each.session_uid not in known])
+
+
+def _all() -> Iterator[bpy.types.ID]:
+    kinds = (each.identifier for each in bpy.data.bl_rna.properties if each.type == "COLLECTION")
+    return (each for kind in kinds if kind not in _OTHERS for each in getattr(bpy.data, kind))
+
+
+_OTHERS = {"shape_keys", "window_managers", "workspaces", "screens", "all_ids"}
+"""Collections of bpy.data whose datablocks come and go with others, or with the window."""
 
 
 @contextmanager

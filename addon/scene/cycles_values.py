@@ -18,6 +18,7 @@ from ..core.errors import BakeError
 from ..core.preflight import EXACT_POINTS
 from ..mesh.inputs import HitsOfFeed
 from ..mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
+from . import mesh_writer
 from .materials.emitted import Keep, emitting
 
 SMALL = 0.1
@@ -207,12 +208,7 @@ def _joined(
 def _build(mesh: bpy.types.Mesh, corners: _Corners, size: tuple[int, int]) -> str:
     """Fill an empty mesh with triangles of these corners. Returns the name of the UV map by which they are on pixels."""
     count = len(corners.points)
-    mesh.vertices.add(3 * count)
-    mesh.loops.add(3 * count)
-    mesh.polygons.add(count)
-    mesh.vertices.foreach_set("co", corners.points.ravel())
-    mesh.loops.foreach_set("vertex_index", np.arange(3 * count, dtype=np.int32))
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    mesh_writer.fill(mesh, corners.points.reshape(-1, 3), np.arange(3 * count))
     normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "POINT")
     normals.data.foreach_set("vector", corners.normals.ravel())
     on_pixels = mesh.uv_layers.new(name=NAME, do_init=False)

@@ -16,7 +16,7 @@ from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import GENERATED, FaceCorners, Mesh, changed_rows, changed_share
-from . import mesh_reader, object_checks
+from . import mesh_reader, mesh_writer, object_checks
 from .high_materials import MaterialNumbers, Shown, read_layers
 from .materials.material_reading import NORMAL
 from .textures import ImageTextures
@@ -326,12 +326,7 @@ def _normals_of(positions: np.ndarray, vertices: np.ndarray, sizes: np.ndarray, 
     # Outside of bpy.data: a new mesh in the open file would make Blender look at the whole scene again.
     with bpy.data.temp_data() as temporary:
         data = temporary.meshes.new("Imprint vertices")
-        data.vertices.add(len(positions))
-        data.attributes["position"].data.foreach_set("vector", positions.reshape(-1))
-        data.loops.add(len(vertices))
-        data.loops.foreach_set("vertex_index", vertices)
-        data.polygons.add(len(sizes))
-        data.polygons.foreach_set("loop_start", (np.cumsum(sizes) - sizes).astype(np.int32))
+        mesh_writer.fill(data, positions, vertices, np.cumsum(sizes) - sizes)
         found = getattr(data, kind)
         normals = np.empty((len(found), 3), np.float32)
         found.foreach_get("vector", normals.reshape(-1))

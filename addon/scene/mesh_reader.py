@@ -15,8 +15,7 @@ import bpy
 import numpy as np
 
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
-from ..mesh.triangles import vertex_normals
-from . import steady_tangents
+from . import mesh_writer, steady_tangents
 
 SHORTEST = 1e-18
 """The length below which a normal has no direction: shaders square it, and the square is no single-precision number."""
@@ -347,14 +346,9 @@ def _triangulated(data: bpy.types.Mesh, uv_layer: str, normals: np.ndarray | Non
     uv = uvs(data, uv_layer)[corners]
     copy = bpy.data.meshes.new("Imprint triangles")
     try:
-        copy.vertices.add(len(positions))
-        copy.attributes["position"].data.foreach_set("vector", positions.reshape(-1))
-        copy.loops.add(len(corners))
-        copy.loops.foreach_set("vertex_index", corner_vertices(data)[corners])
-        copy.polygons.add(len(corners) // 3)
+        mesh_writer.fill(copy, positions, corner_vertices(data)[corners])
         indices = np.empty(len(data.polygons), np.int32)
         data.polygons.foreach_get("material_index", indices)
-        copy.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
         copy.polygons.foreach_set("material_index", indices[triangle_faces(data)])
         copy.update(calc_edges=True)
         copy.uv_layers.new(name=uv_layer).uv.foreach_set("vector", uv.reshape(-1))
