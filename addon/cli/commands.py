@@ -149,7 +149,8 @@ ASSET = Command(
     {
         "": {
             "triangles": CommandOption(
-                f"How many triangles the low mesh has (default: {asset.TRIANGLES}); with --degrees or --distance, the most",
+                f"How many triangles the low mesh has (default: at most {asset.TRIANGLES}); with --degrees or --distance, the "
+                "most",
                 {"metavar": "N"},
             ),
             "degrees": CommandOption(

@@ -33,7 +33,8 @@ class Wanted:
     of the surface may have, as a share of the longest side of the box; infinite for no limit. triangles: how many the low mesh
     has; with another limit the most of them, 0 for as many as that takes. fits_size: whether the maps are as large as the
     detail of the high objects needs. levels: how many levels of detail follow the low mesh. density: the texels a meter that
-    the maps have at least; 0 for the size in the settings.
+    the maps have at least; 0 for the size in the settings. is_count_given: whether the user gave the number of triangles, and
+    not the default, which is a most.
     """
 
     degrees: float = math.inf
@@ -42,9 +43,19 @@ class Wanted:
     distance: float = math.inf
     levels: int = 0
     density: float = 0.0
+    is_count_given: bool = True
 
     @classmethod
-    def of_texts(cls, degrees: str, triangles: str, size: str, distance: str = "", levels: int = 0) -> "Wanted":
+    def of_texts(
+        cls,
+        degrees: str,
+        triangles: str,
+        size: str,
+        distance: str = "",
+        levels: int = 0,
+        *,
+        is_count_given: bool = True,
+    ) -> "Wanted":
         """The limits in texts, each of which may be empty. size: AUTO, texels a meter with A_METER, or anything else.
         distance: in percent. Raises BakeError."""
         most = _number(triangles, "a number of triangles") if triangles.strip() else 0.0
@@ -59,7 +70,8 @@ class Wanted:
         density = _number(word.removesuffix(A_METER), "a number of texels a meter") if word.endswith(A_METER) else 0.0
         if word.endswith(A_METER) and not density > 0.0:
             raise BakeError(f"{density:g} texels a meter show nothing: give a number above 0.")
-        result = cls(angle, round(most), word == AUTO, far, levels, density)
+        is_count_given = is_count_given and bool(triangles.strip())
+        result = cls(angle, round(most), word == AUTO, far, levels, density, is_count_given)
         result.check()
         return result
 
@@ -72,6 +84,11 @@ class Wanted:
     def has_count(self) -> bool:
         """Whether the number of triangles is what decides."""
         return min(self.degrees, self.distance) == math.inf
+
+    def has_missed(self, triangles: int) -> bool:
+        """Whether a low mesh of this many triangles has not the number that was wanted."""
+        over = triangles - self.triangles
+        return self.has_count and (abs(over) if self.is_count_given else over) > OFF * self.triangles
 
     def of_level(self, level: int, before: int) -> "Wanted":
         """The limits of a level of detail, where 0 is the low mesh itself. Each one has half the triangles of the level before

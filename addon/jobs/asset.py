@@ -216,7 +216,7 @@ def _missed(report: Report, low: Low, distance: float) -> list[str]:
             f"{report.low!r} is {distance:.2%} of the size away from the high mesh, and not {limit.distance:.2%}: allow more "
             "distance or more triangles."
         )
-    if low.how["is_made"] and limit.has_count and abs(count - limit.triangles) > asset.OFF * limit.triangles:
+    if low.how["is_made"] and limit.has_missed(count):
         found.append(
             f"{report.low!r} has {count:,} triangles, not {limit.triangles:,}: the high mesh allows no others."
         )

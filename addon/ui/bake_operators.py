@@ -397,6 +397,7 @@ class IMPRINT_OT_make_asset(_Bake, bpy.types.Operator):
             AUTO if settings.asset_fits_size else "",
             settings.asset_distance,
             settings.asset_levels,
+            is_count_given=settings.is_property_set("asset_triangles"),
         )
         active, highs = context.active_object, list(context.selected_objects)
         if active is not None and active.select_get():

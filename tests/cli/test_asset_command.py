@@ -53,6 +53,30 @@ def test_a_file_of_a_high_mesh_becomes_a_file_for_an_engine(folder, capfd):
     assert len(bpy.data.objects["Ball_low"].data.uv_layers) == 1
 
 
+def test_fewer_triangles_than_the_default_are_no_failure(folder, capfd):
+    """A ring of 24 triangles; the default is a most, and what the user gives a promise."""
+    corners = [
+        (x, y, z)
+        for z in (0.0, 1.0)
+        for x, y in ((2, 2), (-2, 2), (-2, -2), (2, -2), (1, 1), (-1, 1), (-1, -1), (1, -1))
+    ]
+    sides = [(i, (i + 1) % 4) for i in range(4)]
+    quads = [(a, b, b + 8, a + 8) for a, b in sides] + [(b + 4, a + 4, a + 12, b + 12) for a, b in sides]
+    quads += [(b, a, a + 4, b + 4) for a, b in sides]
+    lines = ["o ring", *(f"v {x} {y} {z}" for x, y, z in corners)]
+    lines += ["f " + " ".join(str(number + 1) for number in quad) for quad in quads]
+    (folder / "ring.obj").write_text("\n".join(lines) + "\n")
+    words = ["asset", "ring.obj", "--size", "64", "--export", "out/ring.glb", "--report", "report.json"]
+    assert command.run(words) == 0
+    (entry,) = json.loads((folder / "report.json").read_text())["bakes"]
+    (report,) = entry["reports"]
+    assert report["triangles"]["low"] == 24 and report["asset"]["missed"] == [] == entry["gate"]
+    errors = capfd.readouterr().err
+    assert "allows no others" not in errors and "swapped" not in errors
+    assert command.run([*words, "--triangles", "5000"]) == 4
+    assert "has 24 triangles, not 5,000" in capfd.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("more", "text"),
     [

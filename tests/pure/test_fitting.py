@@ -160,6 +160,14 @@ def test_limits_in_texts(texts, limits):
     assert (found.degrees, found.triangles, found.fits_size) == limits
 
 
+def test_only_a_number_of_triangles_that_was_given_is_a_promise():
+    given, default, within = (Wanted.of_texts(*texts) for texts in (("", "5000", ""), ("", "", ""), ("2", "5000", "")))
+    assert [given.has_missed(count) for count in (48, 4_900, 5_100, 5_101)] == [True, False, False, True]
+    assert [default.has_missed(count) for count in (48, 4_900, 5_100, 5_101)] == [False, False, False, True]
+    assert default.of_level(1, 48).triangles == 24 and not default.of_level(1, 48).has_missed(20)
+    assert not within.has_missed(9_000)  # the degrees decide
+
+
 def test_a_size_is_texels_a_meter():
     found, plain = Wanted.of_texts("", "", "512.5/M"), Wanted.of_texts("", "", "512")
     assert (found.density, found.finds_size, found.fits_size) == (512.5, True, False)
