@@ -32,6 +32,7 @@ from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import addons, object_checks
 from ..scene.importing import Space
+from ..scene.mesh_reader import count_triangles
 from ..scene.object_checks import object_by_name
 from ..scene.reading import lengths_of
 from . import (
@@ -410,15 +411,11 @@ def _kind(options: argparse.Namespace) -> str:
 def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     """The names of the low objects in those of files."""
     if options.asset:
-        from ..jobs import asset  # here, since a bake does not need it
-
         is_made, low = jobs[0].low in jobs[0].highs, jobs[0].low.name
         low = naming.low_name_of(low, options.suffixes) if is_made else low
-        return asset.names(low, Wanted.of_texts(*options.asset).levels)
+        return [low, *naming.level_names(low, Wanted.of_texts(*options.asset).levels)]
     if options.levels:
-        from ..jobs import lod  # likewise
-
-        return lod.names(jobs[0].low, len(levels.limits(*options.levels)))
+        return naming.level_names(jobs[0].low.name, len(levels.limits(*options.levels)))
     return [naming.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
 
 
@@ -568,7 +565,7 @@ def _kept_low(options: argparse.Namespace, job: Job) -> list[str]:
     wanted = options.asset[1].strip()
     if job.low in job.highs or options.low or not wanted or job.low.type != "MESH":
         return []
-    count = len(job.low.data.loops) - 2 * len(job.low.data.polygons)
+    count = count_triangles(job.low.data)
     if count == Wanted.of_texts(*options.asset).triangles:
         return []
     return [

@@ -2,10 +2,11 @@
 """What a game asset shall be, as plain data."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from .errors import BakeError
-from .levels import LEAST
+from .simplify import LEAST, Limit
 
 TRIANGLES = 5000
 """How many triangles a low mesh has if nothing else is said."""
@@ -21,6 +22,8 @@ OFF = 0.02
 """The share by which a number of triangles may be missed."""
 STAGES = ("read", "decimate", "unwrap", "draw", "look")
 """Of making a low mesh, in the order in which a report lists them."""
+LIMIT_MARGIN = 0.97
+"""The share of a limit in degrees that meshes of a search keep: the UV map of the finished one differs from theirs."""
 MOST_LEVELS = 8
 """The most levels of detail of an asset."""
 
@@ -81,6 +84,11 @@ class Wanted:
         return self.fits_size or self.density > 0.0
 
     @property
+    def search_limit(self) -> Limit:
+        """What the meshes of a search may deviate."""
+        return Limit(LIMIT_MARGIN * self.degrees, self.distance)
+
+    @property
     def has_count(self) -> bool:
         """Whether the number of triangles is what decides."""
         return min(self.degrees, self.distance) == math.inf
@@ -115,6 +123,40 @@ class Wanted:
         """The limits that are set, as plain data."""
         values = {"degrees": self.degrees, "distance": self.distance, "triangles": self.triangles}
         return {name: value for name, value in values.items() if 0 < value < math.inf}
+
+
+@dataclass(frozen=True)
+class HowMade:
+    """How the low mesh of an asset was made, as Report.asset has it. None stands for what does not apply.
+
+    is_made: whether it is new, or was there.
+    is_remeshed: whether it is made of voxels.
+    is_collapsed: whether the last edges collapsed by quadrics.
+    of: the triangles of the high meshes.
+    inside: the share of their area that sees nothing of the outside.
+    faults: the share of their edges of more than two triangles, or of two that point to different sides.
+    measured: how many low meshes were compared.
+    limits: those that are set, as Wanted.to_dict has them.
+    unwrapped: a sentence about the new UV map; empty for one that was there.
+    missed: a sentence for each limit that it does not keep.
+    distance: from the high mesh, if that has a limit.
+    """
+
+    is_made: bool
+    is_remeshed: bool | None = None
+    is_collapsed: bool | None = None
+    of: int | None = None
+    inside: float | None = None
+    faults: float | None = None
+    measured: int | None = None
+    limits: dict[str, float | int] | None = None
+    unwrapped: str = ""
+    missed: list[str] = field(default_factory=list)
+    distance: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, without what does not apply."""
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 def _number(text: str, what: str) -> float:

@@ -171,6 +171,11 @@ def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[st
     return complete, problems
 
 
+def level_names(name: str, count: int) -> list[str]:
+    """The names of the levels of detail of an object, unless other objects have them."""
+    return [f"{name}_LOD{number}" for number in range(1, count + 1)]
+
+
 def low_name_of(high_name: str, suffixes: Suffixes) -> str:
     """The name of the low object that a high one is baked to: "crate_low" for "crate_high", and for "crate"."""
     role, key = _role(high_name, suffixes)

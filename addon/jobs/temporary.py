@@ -7,35 +7,19 @@ from contextlib import contextmanager
 import bpy
 
 TEMPORARY = "Imprint temporary"
-"""The name of datablocks that exist within one step of a task, or as meshes until its end."""
+"""The name, or its start, of datablocks that exist within one step of a task, or as meshes until its end."""
 
 
-class TemporaryMeshes:
-    """Temporary meshes. They are removed when the block ends, unless they are released."""
-
-    def __init__(self):
-        self._uids: set[int] = set()
-
-    def __enter__(self) -> "TemporaryMeshes":
-        return self
-
-    def __exit__(self, *_) -> None:
-        for data in [data for data in bpy.data.meshes if data.session_uid in self._uids]:
-            bpy.data.meshes.remove(data)
-
-    def own(self, data: bpy.types.Mesh) -> bpy.types.Mesh:
-        """Remove `data` at the end. Returns it."""
-        self._uids.add(data.session_uid)
-        return data
-
-    def release(self, data: bpy.types.Mesh) -> None:
-        """Keep `data`."""
-        self._uids.discard(data.session_uid)
-
-    def remove(self, data: bpy.types.Mesh) -> None:
-        """Remove `data` now."""
-        self._uids.discard(data.session_uid)
-        bpy.data.meshes.remove(data)
+@contextmanager
+def meshes() -> Iterator[None]:
+    """Remove all meshes that the block has made, at its end, but those that have got another name than TEMPORARY."""
+    before = datablocks()
+    try:
+        yield
+    finally:
+        for each in [each for each in bpy.data.meshes if each.name.startswith(TEMPORARY)]:
+            if each.session_uid not in before:
+                bpy.data.meshes.remove(each)
 
 
 @contextmanager
@@ -91,4 +75,6 @@ def evaluated(within: bpy.types.Scene, obj: bpy.types.Object) -> bpy.types.Mesh:
     """The mesh of `obj` with its modifiers and without its vertex groups."""
     layer = within.view_layers[0]
     layer.update()
-    return bpy.data.meshes.new_from_object(obj.evaluated_get(layer.depsgraph), depsgraph=layer.depsgraph)
+    result = bpy.data.meshes.new_from_object(obj.evaluated_get(layer.depsgraph), depsgraph=layer.depsgraph)
+    result.name = TEMPORARY
+    return result

@@ -49,6 +49,10 @@ class Samples:
         """Some of them. which: (N,) bool, numbers, or a slice."""
         return Samples(self.points[which], self.normals[which], self.triangles[which], self.shares[which])
 
+    def spread(self, count: int) -> "Samples":
+        """About `count` of them, or up to twice as many, evenly."""
+        return self.chosen(slice(None, None, max(1, len(self.points) // count)))
+
 
 def surface_samples(
     points: np.ndarray, triangles: np.ndarray, count: int, weights: np.ndarray | None = None, seed: int = 1

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
+from ..mesh.triangles import vertex_normals
 from . import mesh_writer, steady_tangents
 
 SHORTEST = 1e-18
@@ -226,6 +227,11 @@ def _read(collection, attribute: str, count: int, width: int) -> np.ndarray:
     values = np.empty((count, width), np.float32)
     collection.foreach_get(attribute, values.reshape(-1))
     return values
+
+
+def count_triangles(data: bpy.types.Mesh) -> int:
+    """How many triangles the faces have."""
+    return len(data.loops) - 2 * len(data.polygons)
 
 
 def triangles(data: bpy.types.Mesh) -> np.ndarray:

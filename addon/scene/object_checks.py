@@ -11,6 +11,7 @@ import numpy as np
 from ..core import naming
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError, shorten_list
+from .mesh_reader import count_triangles
 
 GONE = -1
 """The uid of an object that does not exist."""
@@ -339,11 +340,7 @@ def seem_swapped(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> bo
     evaluation, and do not count."""
     if low in highs or any(high.type != "MESH" or high.modifiers or high.mode == "SCULPT" for high in highs):
         return False
-    return _triangles(low.data) > sum(_triangles(high.data) for high in highs)
-
-
-def _triangles(mesh: bpy.types.Mesh) -> int:
-    return len(mesh.loops) - 2 * len(mesh.polygons)
+    return count_triangles(low.data) > sum(count_triangles(high.data) for high in highs)
 
 
 def warnings(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> list[str]:

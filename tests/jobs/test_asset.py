@@ -12,9 +12,9 @@ from addon.core.errors import BakeError, NothingDrawn
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import asset, asset_highs
+from addon.jobs import asset, temporary
 from addon.jobs.job import Job
-from addon.jobs.temporary import TemporaryMeshes
+from addon.jobs.simplify import appearance_judge, high_surface
 from addon.mesh import folds
 from addon.mesh.closest import Surface
 from addon.scene import mesh_reader
@@ -98,6 +98,46 @@ def test_a_sphere_becomes_a_coarse_one_with_uvs_and_a_map():
     assert all(np.array_equal(a, b) for a, b in zip(before, arrays(ball), strict=True))
 
 
+def bumpy_ball():
+    """A ball with grooves of two sizes."""
+    ball = zoo.ball("Ball_high", 32)
+    points = mesh_reader.points(ball.data)
+    waves = 1.0 + 0.1 * np.sin(7.0 * points[:, :1]) + 0.02 * np.sin(30.0 * points[:, 2:])
+    ball.data.vertices.foreach_set("co", (points * waves).astype(np.float32).reshape(-1))
+    ball.data.update()
+    return ball
+
+
+@pytest.mark.parametrize(
+    ("build", "triangles"),
+    [
+        (bumpy_ball, 300),
+        pytest.param(bumpy_ball, 60, marks=pytest.mark.slow),
+        pytest.param(lambda: zoo.terrain("Hills_high", 40, height=0.3), 100, marks=pytest.mark.slow),
+    ],
+)
+def test_an_asset_is_not_worse_than_what_decimate_makes_of_it(build, triangles):
+    """Both with as many triangles, UV maps of one kind, and maps of one bake."""
+    high = build()
+    settings = Settings(width=128, height=128, storage="MEMORY", margin=2, image="{low}_map")
+    rival = bpy.data.objects.new("rival", high.data.copy())
+    bpy.context.scene.collection.objects.link(rival)
+    rival.modifiers.new("Decimate", "DECIMATE").ratio = triangles / mesh_reader.count_triangles(high.data)
+    rival.modifiers[0].use_collapse_triangulate = True
+    bpy.context.view_layer.update()
+    rival.data = bpy.data.meshes.new_from_object(rival.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+    rival.modifiers.clear()
+    for layer in list(rival.data.uv_layers):
+        rival.data.uv_layers.remove(layer)
+    by_decimate, low = made([high], settings=settings, low=rival)
+    bpy.data.objects.remove(low)
+    asset_of_it, low = made([high], Wanted(triangles=triangles), settings)
+    assert abs(len(low.data.polygons) - by_decimate.triangles["low"]) <= MOST_OFF * triangles
+    own, other = asset_of_it.appearance, by_decimate.appearance
+    print(own["mean"], other["mean"], own["silhouette"], other["silhouette"])
+    assert own["mean"] < 1.02 * other["mean"] and own["silhouette"] < 1.1 * other["silhouette"] + 1e-3
+
+
 def test_several_moved_and_scaled_objects_make_one_mesh():
     ball, other = zoo.ball("Ball", 16), zoo.ball("Other", 16)
     ball.location, ball.scale = (10.0, 0.0, 5.0), (2.0, 2.0, -2.0)  # mirrored
@@ -153,9 +193,9 @@ def finned(size=1.0):
 @pytest.mark.parametrize("size", [1.0, 1e-3])
 def test_soups_of_any_size_are_remeshed(size):
     soup = finned(size)
-    with TemporaryMeshes() as meshes:
-        found = asset_highs.read(bpy.context, Job(soup, [soup]), SETTINGS, meshes)
-        (base,) = (base for base in found.bases if base.is_remeshed and not base.is_collapsed)
+    with temporary.meshes():
+        found = high_surface.read(bpy.context, Job(soup, [soup]), SETTINGS)
+        (base,) = (base for base in found.sources if base.is_remeshed and not base.is_collapsed)
         far = np.abs(np.linalg.norm(mesh_reader.points(base.data), axis=1) / size - 1.0)
     assert far.max() < FARTHEST
 
@@ -192,8 +232,8 @@ def test_a_triangle_of_which_a_corner_is_seen_stays():
     plate, block = zoo.cube("Plate"), zoo.cube("Block")
     plate.scale, block.scale, block.location = (1.0, 1.0, 0.2), (1.0, 1.2, 0.5), (-0.5, 0.0, 0.4)
     bpy.context.view_layer.update()
-    with TemporaryMeshes() as meshes:
-        base = asset_highs.read(bpy.context, Job(plate, [plate, block]), SETTINGS, meshes).bases[-1].data
+    with temporary.meshes():
+        base = high_surface.read(bpy.context, Job(plate, [plate, block]), SETTINGS).sources[-1].data
         points, corners = mesh_reader.points(base), mesh_reader.corner_vertices(base).reshape(-1, 3)
         top = corners[np.abs(points[corners][:, :, 2] - 0.2).max(axis=1) < 1e-6]
     assert len(top) == 2
@@ -201,14 +241,14 @@ def test_a_triangle_of_which_a_corner_is_seen_stays():
 
 def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch):
     """A rough one stays one surface."""
-    thinned, cluster = [], asset_highs.cluster
+    thinned, cluster = [], high_surface.cluster
 
     def counted(*arguments):
         thinned.append(cluster(*arguments))
         return thinned[-1]
 
-    monkeypatch.setattr(asset_highs, "MOST_READ", 10_000)
-    monkeypatch.setattr(asset_highs, "cluster", counted)
+    monkeypatch.setattr(high_surface, "MOST_READ", 10_000)
+    monkeypatch.setattr(high_surface, "cluster", counted)
     ball = zoo.ball("Ball", 96)
     points = mesh_reader.points(ball.data)
     points *= np.random.default_rng(5).normal(1.0, 0.002, (len(points), 1))
@@ -222,7 +262,7 @@ def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch):
 
 def test_a_scan_of_single_triangles_is_thinned_too(monkeypatch):
     """None shares an edge with another one, and most are smaller than a cell."""
-    monkeypatch.setattr(asset_highs, "MOST_READ", 1000)
+    monkeypatch.setattr(high_surface, "MOST_READ", 1000)
     ball = spoiled.of_object(zoo.ball("clean", 48))
     corners = ball.points[ball.triangles] * np.random.default_rng(4).normal(1.0, 1e-4, (len(ball.triangles), 3, 1))
     numbers = np.arange(3 * len(corners)).reshape(-1, 3)
@@ -269,7 +309,7 @@ def test_the_fewest_triangles_within_a_limit_are_found():
 
 @pytest.mark.slow
 def test_a_mesh_that_shows_nothing_is_no_end_of_the_search(monkeypatch):
-    tried, draw_raw = [], asset.draw_raw
+    tried, draw_raw = [], appearance_judge.draw_raw
 
     def drawn(context, request, run):
         tried.append(len(request.job.low.data.polygons))
@@ -277,7 +317,7 @@ def test_a_mesh_that_shows_nothing_is_no_end_of_the_search(monkeypatch):
             raise NothingDrawn("Nothing was drawn.")
         return (yield from draw_raw(context, request, run))
 
-    monkeypatch.setattr(asset, "draw_raw", drawn)
+    monkeypatch.setattr(appearance_judge, "draw_raw", drawn)
     report, low = made([zoo.terrain("Hills", 40, height=0.3)], Wanted(degrees=6.0, triangles=0))
     assert min(tried) < 1000 <= len(low.data.polygons) < 3200
     assert report.asset["missed"] == []
@@ -404,7 +444,7 @@ def test_without_a_gpu_nothing_is_read(monkeypatch):
     ball = zoo.ball()
     before = snapshot()
     monkeypatch.setattr(older_blender, "start_gpu", fails)
-    monkeypatch.setattr(asset.asset_highs, "read", None)
+    monkeypatch.setattr(asset.high_surface, "read", None)
     with pytest.raises(BakeError, match="There is no GPU to bake on: no display"):
         made([ball])
     assert difference(before, snapshot()) == {}

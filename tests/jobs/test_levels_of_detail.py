@@ -11,7 +11,8 @@ from addon.core.errors import BakeError
 from addon.core.levels import limits
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import bake_jobs, level_judge, lod
+from addon.jobs import bake_jobs, lod, temporary
+from addon.jobs.simplify import decimation, texel_judge
 from addon.scene import mesh_reader
 from tests.support import scenes, zoo
 from tests.support.snapshot import difference, snapshot
@@ -30,8 +31,8 @@ def chain(obj, degrees, percent="", settings=SETTINGS):
 def measured(original, level, settings=SETTINGS):
     """The deviations of the mesh of `level` from that of `original`."""
     surface = mesh_reader.surface(original.data, "UVMap", "original", np.eye(4), with_faces=True)
-    small = level_judge.settings_for(settings)
-    return finish(level_judge.measure(surface, level.data, "UVMap", small, Pace()))
+    small = texel_judge.settings_for(settings)
+    return finish(texel_judge.measure(surface, level.data, "UVMap", small, Pace()))
 
 
 def borders(obj):
@@ -114,7 +115,7 @@ def step():
 @pytest.mark.slow
 def test_triangles_beyond_the_limit_are_kept_and_the_rest_becomes_coarser(monkeypatch):
     kept = chain(step(), "1", "5").levels[0]
-    monkeypatch.setattr(lod, "frozen_vertices", lambda source, _: np.zeros(len(source.is_kept), bool))
+    monkeypatch.setattr(decimation.UvDecimation, "corrected", lambda *_: None)
     free = chain(step(), "1", "5").levels[0]
     assert kept.triangles < 0.8 * free.triangles
 
@@ -125,23 +126,23 @@ def test_vertices_around_texels_are_found_on_all_layers():
     plane.data.uv_layers[0].uv.foreach_get("vector", uv)
     uv[::2] = np.abs(2.0 * uv[::2] - 1.0)
     plane.data.uv_layers[0].uv.foreach_set("vector", uv)
-    with lod.TemporaryMeshes() as meshes:
-        source = lod.read_original(bpy.context, plane, "", "RENDER", meshes)
+    with temporary.meshes():
+        source = decimation.read_original(bpy.context, plane, "", "RENDER")
         texels = np.zeros((64, 64), bool)
-        assert not lod.frozen_vertices(source, texels).any()
+        assert not source.vertices_on(texels).any()
         texels[:31] = True
-        points = source.surface.positions[lod.frozen_vertices(source, texels)]
+        points = source.surface.positions[source.vertices_on(texels)]
     assert sorted({(round(float(x), 3), round(float(y), 3)) for x, y, _ in points}) == [
         (x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0)
     ]
 
 
 def test_a_mesh_whose_vertices_are_all_kept_stays_as_it_is():
-    with lod.TemporaryMeshes() as meshes:
-        source = lod.read_original(bpy.context, zoo.terrain("Hill", 12), "", "RENDER", meshes)
-        data = meshes.own(lod.decimated(source, 20, np.ones(len(source.is_kept), bool)))
-        same = lod.of_mesh(data, "UVMap", "same", np.eye(4))
-        assert (same.triangles, len(data.vertices)) == (source.triangles, len(source.data.vertices))
+    with temporary.meshes():
+        source = decimation.read_original(bpy.context, zoo.terrain("Hill", 12), "", "RENDER")
+        data = decimation.decimated(source.data, 20, np.zeros(len(source.data.vertices), bool))
+        assert mesh_reader.count_triangles(data) == source.triangles
+        assert len(data.vertices) == len(source.data.vertices)
 
 
 @pytest.mark.parametrize("degrees", [1.0, 3.0])
@@ -182,12 +183,12 @@ def test_uvs_move_to_where_vertices_lie(monkeypatch):
         return np.stack([2 * u**2 - 1, 2 * v - 1, 0.1 * np.sin(9 * u) * np.sin(7 * v)], axis=1)
 
     obj = zoo.sheet("Sheet", surface, 48, 48)
-    with lod.TemporaryMeshes() as meshes:
-        original = lod.read_original(bpy.context, obj, "", "RENDER", meshes)
+    with temporary.meshes():
+        original = decimation.read_original(bpy.context, obj, "", "RENDER")
         separation = []
         for moves_uvs in (True, False):
-            data = meshes.own(lod.decimated(original, 400, np.zeros(len(original.is_kept), bool)))
-            data = meshes.own(lod.with_moved_uvs(data, original.data)) if moves_uvs else data
+            data = decimation.decimated(original.data, 400, ~original.is_kept)
+            data = decimation.with_moved_uvs(data, original.data) if moves_uvs else data
             surface_of = mesh_reader.surface(data, "UVMap", "level", np.eye(4))
             points = surface_of.positions[surface_of.vertices]
             separation.append(np.abs(2 * surface_of.uv[:, 0] ** 2 - 1 - points[:, 0]).mean())

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_all
-from addon.jobs.lod import read_original
-from addon.jobs.temporary import TemporaryMeshes
+from addon.jobs import Job, bake_all, temporary
+from addon.jobs.simplify.decimation import read_original
 from addon.scene import dependencies
 from tests.support import geometry_nodes, scenes, zoo
 
@@ -176,5 +175,5 @@ def test_levels_of_a_mesh_whose_uv_map_modifiers_make():
     obj = zoo.plane("low", 4)
     obj.data.uv_layers.remove(obj.data.uv_layers[0])
     geometry_nodes.uv_from_above(obj, "made")
-    with TemporaryMeshes() as meshes:
-        assert read_original(bpy.context, obj, "", "RENDER", meshes).layer == "made"
+    with temporary.meshes():
+        assert read_original(bpy.context, obj, "", "RENDER").layer == "made"

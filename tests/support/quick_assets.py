@@ -1,7 +1,8 @@
 """Game assets made with a fifth of the work: the meshes of tests are small, and few of them test the search itself."""
 
 from addon.audit import appearance
-from addon.jobs import asset, asset_highs
+from addon.jobs import asset
+from addon.jobs.simplify import low_meshes
 from addon.mesh import uv_packing
 
 
@@ -13,7 +14,7 @@ def quicken(monkeypatch, detail: appearance.Detail | None = None) -> None:
     """
     monkeypatch.setattr(appearance, "USUAL", detail or appearance.Detail(6, 64))
     monkeypatch.setattr(asset, "CORRECTIONS", 1)
-    monkeypatch.setattr(asset_highs, "VOXELS", 15_000)
+    monkeypatch.setattr(low_meshes, "VOXELS", 15_000)
     monkeypatch.setattr(uv_packing, "ORDERS", 1)
     monkeypatch.setattr(uv_packing, "QUICK_CELLS", 128)
     monkeypatch.setattr(uv_packing, "CELLS", 256)

@@ -7,22 +7,23 @@ import bpy
 import gpu
 import numpy as np
 
-from ..core import udim
-from ..core.declarations.choices import Directions, Hit, Method, Space
-from ..core.map_types import NORMAL
-from ..core.progress import Pace, Progress, Task, Timings, part
-from ..core.settings import Run, Settings
-from ..engine import baking, margins, normal_space, ray_casting, ray_distances, separation, sources, tree_cache
-from ..engine.bands import Band
-from ..engine.high_meshes import HighBatches
-from ..engine.method_choice import Plan
-from ..engine.ray_casting import RayCast
-from ..engine.sampling import maps_of_bake
-from ..mesh import triangle_mesh
-from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import Mesh
-from ..passes import cast, data_texture, lit, mesh_upload, target, viewport
-from ..scene import mesh_reader
+from ...core import udim
+from ...core.declarations.choices import Directions, Hit, Method, Space
+from ...core.map_types import NORMAL
+from ...core.progress import Pace, Progress, Task, Timings, part
+from ...core.settings import Run, Settings
+from ...core.simplify import Limit
+from ...engine import baking, margins, normal_space, ray_casting, ray_distances, separation, sources, tree_cache
+from ...engine.bands import Band
+from ...engine.high_meshes import HighBatches
+from ...engine.method_choice import Plan
+from ...engine.ray_casting import RayCast
+from ...engine.sampling import maps_of_bake
+from ...mesh import triangle_mesh
+from ...mesh.inputs import Meshes
+from ...mesh.triangle_mesh import Mesh
+from ...passes import cast, data_texture, lit, mesh_upload, target, viewport
+from ...scene import mesh_reader
 
 SIDE = 512
 """The most texels a side of the map that is measured. It is not filtered, so that a larger one would show the same."""
@@ -55,6 +56,14 @@ class Deviations:
     bare_degrees: float
     distance: float
     by_texel: np.ndarray = field(repr=False, compare=False)
+
+    def excess(self, limit: Limit) -> float:
+        """As simplify.Deviation.excess."""
+        return limit.excess(self.degrees, self.distance)
+
+    def spent(self, limit: Limit) -> float:
+        """As simplify.Deviation.spent."""
+        return float((self.by_texel > limit.degrees).mean())
 
 
 def settings_for(settings: Settings) -> Settings:
@@ -145,9 +154,7 @@ class QuickJudge:
 
     def __init__(self, original: Mesh, settings: Settings, pace: Pace):
         self._original, self._pace = original, pace
-        shrink = max(1.0, max(settings.sampling.size) / QUICK_SIDE)
-        width, height = (max(1, round(side / shrink)) for side in settings.sampling.size)
-        self.size = width, height
+        self.size = settings.of_at_most(QUICK_SIDE).sampling.size
         self._depth = settings.storing.depth
         self._scene: tree_cache.RayScene | None = None
         self._normals: list[np.ndarray] = []

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Judges low meshes of game assets: by what a viewer sees of them with their map, and by their distance from the high mesh."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from ...audit import appearance
+from ...audit.appearance import Appearance, SeenHighs, ShownMap
+from ...core import asset, udim
+from ...core.asset import Wanted
+from ...core.declarations.choices import Method
+from ...core.errors import NoGpu, NothingDrawn
+from ...core.map_types import NORMAL
+from ...core.progress import Pace, Progress, Task, Timings, part, relay
+from ...core.settings import Run, Settings
+from ...core.simplify import Limit
+from ...engine import normal_space
+from ...mesh import uv_stretch
+from ...mesh.fitting import Samples
+from ...mesh.triangles import face_areas
+from ...output.outputs import kept
+from ...scene import mesh_reader
+from .. import unwrapping
+from ..bake import draw_raw
+from ..baked import Baked
+from ..job import Request, check_job
+from .high_surface import HighSurface
+from .low_meshes import LowMesh
+
+QUICK_SIDE, SIDE = 1024, 2048
+"""The most texels a side of the maps by which ways to make a low mesh are compared, and of those by which a limit is kept."""
+NOT_DRAWN = 100.0
+"""The excess of a low mesh that cannot be judged: it is far beyond any limit."""
+SILHOUETTE_PENALTY_DEGREES = 90.0
+"""The degrees for which a pixel of the high or the low mesh alone counts, where ways to make a low mesh are compared."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How a low mesh with its map differs from the high mesh.
+
+    appearance: what a viewer sees; None if it was not looked at, or shows nothing.
+    distance: as HighSurface.distance; 0 if it has no limit.
+    is_drawn: whether a texel of its map shows the high mesh: on a small map, none may be left between the margins of islands.
+    """
+
+    appearance: Appearance | None
+    distance: float = 0.0
+    is_drawn: bool = True
+
+    def excess(self, limit: Limit) -> float:
+        """As simplify.Deviation.excess."""
+        if not self.is_drawn:
+            return NOT_DRAWN
+        return limit.excess(self.appearance.percentile_99 if self.appearance is not None else 0.0, self.distance)
+
+    def spent(self, limit: Limit) -> float:
+        """As simplify.Deviation.spent: no texel may be beyond the limit here, as its 99th percentile of pixels says."""
+        return 0.0
+
+    @property
+    def cost(self) -> float:
+        """How wrong it looks, in degrees."""
+        if self.appearance is None:
+            return 0.0 if self.is_drawn else math.inf
+        silhouette = self.appearance.silhouette
+        return (1.0 - silhouette) * self.appearance.mean + SILHOUETTE_PENALTY_DEGREES * silhouette
+
+
+class AppearanceJudge:
+    """Measures low meshes of one high surface. timings: get the time of its stages, "unwrap", "draw" and "look"."""
+
+    def __init__(self, context: bpy.types.Context, request: Request, pace: Pace, high: HighSurface, timings: Timings):
+        self._context, self._request, self._pace, self._high, self._timings = context, request, pace, high, timings
+        settings = request.settings.read_by(context.scene.render.engine).without_file().without_materials()
+        self._settings = settings.without_other_maps().traced(method=Method.CAST)
+        self._seen_highs: tuple[Samples, SeenHighs] | None = None
+        """As they were last looked at, and the places of the source then."""
+
+    def quickly(self, low: LowMesh) -> Task[Seen]:
+        """What a viewer sees of a low mesh, on a small map with one sample."""
+        found = yield from self._seen(low, self._settings.of_at_most(QUICK_SIDE).sampled(samples=1))
+        low.obj.hide_set(True)
+        return found
+
+    def within(self, wanted: Wanted, low: LowMesh) -> Task[Seen]:
+        """What has a limit, of a low mesh with the samples and the size of the finished one. Raises NoGpu."""
+        distance, found = self._high.distance(low.obj) if wanted.distance < math.inf else 0.0, Seen(None)
+        if wanted.degrees < math.inf:
+            texel = texel_side(wanted, self._context, lambda: self._high.edge) if wanted.finds_size else None
+            found = yield from self._seen(low, self._settings, texel)
+            if found.appearance is None and found.is_drawn:
+                raise NoGpu(
+                    "This GPU cannot measure the shading error: give a number of triangles in place of degrees."
+                )
+        low.obj.hide_set(True)
+        return replace(found, distance=distance)
+
+    def free(self) -> None:
+        """Free the pictures of the high meshes."""
+        self._seen_highs = None
+
+    def _seen(self, low: LowMesh, settings: Settings, texel: float | None = None) -> Task[Seen]:
+        """Give a low mesh a UV map, bake its normals, and look at it. texel: the side of one; None for the size that is set."""
+        yield Progress(f"Unwrapping {low.triangles:,} triangles", 0.0)
+        with self._timings.timed("unwrap"):
+            unwrapping.unwrap(low.obj, settings, is_quick=True)
+        if texel is not None:
+            side = map_side(low.obj, texel)
+            settings = settings.sampled(width=side, height=side)
+        settings = settings.of_at_most(SIDE)
+        request = replace(self._request, job=self._request.job.but(low=low.obj), settings=settings)
+        check_job(self._context, request.job, settings)
+        try:
+            drawing = self._timed(draw_raw(self._context, request, Run(settings, self._pace)), "draw")
+            baked, maps = yield from part(drawing, 0.1, 0.5)
+        except NothingDrawn:
+            return Seen(None, is_drawn=False)
+        looking = self._timed(self._looked_at(baked, maps[udim.FIRST][NORMAL.name], low.source.places), "look")
+        return Seen((yield from part(looking, 0.5, 1.0)))
+
+    def _timed(self, work: Task, stage: str) -> Task:
+        """`work`, with its time added to a stage. The time between its steps does not count."""
+        return relay(work, within=lambda: self._timings.timed(stage))
+
+    def _looked_at(self, baked: Baked, normals: np.ndarray, places: Samples) -> Task[Appearance | None]:
+        """The shading error of a low mesh, and what is seen of some places. None if it cannot be measured.
+
+        normals: as baking.Renderer.raw returns them.
+        """
+        settings, meshes = baked.settings, baked.plan.meshes
+        if appearance.why_not(baked.plan, settings):
+            return None
+        low = meshes.basis or meshes.low
+        if self._seen_highs is None or self._seen_highs[0] is not places:
+            in_world = replace(places, points=places.points + self._high.origin)
+            seen = SeenHighs(meshes.highs, [*meshes.highs, low], places=in_world)
+            yield from part(seen.draw(), 0.0, 0.5)
+            self._seen_highs = places, seen
+        texels, _ = normal_space.stored(normals, settings)
+        shown = ShownMap({udim.FIRST: kept(texels, settings)}, normal_space.reading(settings.map))
+        return (yield from part(self._seen_highs[1].compare(low, shown), 0.5, 1.0))
+
+
+def texel_side(wanted: Wanted, context: bpy.types.Context, edge: Callable[[], float]) -> float:
+    """The side of a texel that is wanted, in scene units. edge: returns that of the high mesh's triangles."""
+    if wanted.fits_size:
+        return edge()
+    return 1.0 / (wanted.density * context.scene.unit_settings.scale_length)
+
+
+def map_side(low: bpy.types.Object, texel: float) -> int:
+    """The side in texels of the maps at which a texel is not larger than this, in scene units."""
+    layer = mesh_reader.active_uv_layer(low.data)
+    mesh = mesh_reader.surface(low.data, layer, low.name, mesh_reader.matrix(low))
+    points = mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T
+    used = uv_stretch.measure(points[mesh.vertices[mesh.triangles]], mesh.uv[mesh.triangles]).used
+    area = float(face_areas(points, mesh.vertices[mesh.triangles]).sum())
+    return asset.size_for(texel, area, min(used, 1.0))

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads the high objects of a game asset as one surface, and finds what low meshes can be decimated from.
+
+Most surfaces are decimated themselves. Soups of triangles and surfaces with much inside are remeshed by voxels, too.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import bpy
+import numpy as np
+
+from ...core.errors import BakeError
+from ...core.progress import Timings
+from ...core.settings import Settings
+from ...engine import outer_skin
+from ...mesh import orientation, topology
+from ...mesh.closest import Surface
+from ...mesh.edges import is_without_area
+from ...mesh.fitting import Samples, surface_samples
+from ...mesh.topology import EdgeTable
+from ...mesh.triangles import enclosed_volumes, face_areas, transformed
+from ...mesh.welding import ClusterOptions, cluster, weld
+from ...scene import evaluation, mesh_reader
+from ...scene.high_reader import Reader
+from ..job import Job
+from .low_meshes import REMESH_BIAS, DecimationSource, arrays, new_mesh, remeshed, sources_of
+
+MOST_BAD_EDGES = 0.01
+"""The share of edges with more than two triangles, or with two that point to different sides, from which a surface is taken for
+a soup of triangles."""
+MOST_HIDDEN = 0.05
+"""The share of the area that sees nothing of the outside, from which a surface is remeshed, too."""
+FLAT = 0.01
+"""The volume that a patch encloses, for an area of 1, below which it is a sheet. A sphere has 0.094."""
+FAR_AWAY = 1e9
+"""Scene units. Nothing is measured beyond them: squares of single precision end at 1e19."""
+MOST_READ = 2_000_000
+"""The triangles from which a surface is thinned by a grid first: Blender's Decimate takes 600 bytes for each."""
+NEAR_CORNERS = np.array([(1, 1, 1), (8, 1, 1), (1, 8, 1), (1, 1, 8)]) / ((3,), (10,), (10,), (10,))
+"""Barycentric coordinates (4, 3): a large triangle is left out only if none of these places on it sees the outside."""
+LEAST_LEFT = 0.5
+"""The share of the area below which thinning has lost single triangles, which no edges connect with others."""
+SAMPLES = 120_000
+"""The places on the surface that are looked at from outside."""
+PERCENTILE = 99
+"""Of the places by which the distance of a low mesh is measured."""
+PLACES = 20_000
+"""How many places that are, on each side."""
+
+
+@dataclass(frozen=True)
+class HighSurface:
+    """The surface that low meshes are made of.
+
+    points: (V, 3) float32, relative to `origin`.
+    triangles: (T, 3) int.
+    origin: (3,), in world space.
+    sources: what low meshes are made of, and in which ways.
+    samples: places on the surface that see the outside.
+    hidden_share: of the area, which does not.
+    bad_edge_share: of the edges, as EdgeTable.bad_edge_share.
+    edge: the side of a triangle of middle size, in scene units.
+    count: the triangles of the high objects, before any are thinned.
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    origin: np.ndarray
+    sources: list[DecimationSource]
+    samples: Samples
+    hidden_share: float
+    bad_edge_share: float
+    edge: float
+    count: int
+
+    def distance(self, low: bpy.types.Object) -> float:
+        """The distance between this surface and a low object that 99 % of the places on each of them have at most.
+
+        Returns a share of the longest side of the box.
+        """
+        to_world = mesh_reader.matrix(low)
+        mesh = mesh_reader.surface(low.data, "", low.name, to_world)
+        points = transformed(mesh.positions, to_world) - self.origin
+        triangles = mesh.vertices[mesh.triangles]
+        of_low = surface_samples(points, triangles, PLACES).points.astype(np.float32)
+        own = self.samples.spread(PLACES).points.astype(np.float32)
+        pairs = (Surface(points.astype(np.float32), triangles), own), (self._surface, of_low)
+        far = max(math.sqrt(float(np.percentile(surface.closest(places)[2], PERCENTILE))) for surface, places in pairs)
+        return far / float(np.ptp(self.points, axis=0).max())
+
+    @cached_property
+    def _surface(self) -> Surface:
+        return Surface(self.points, self.triangles)
+
+
+def read(context: bpy.types.Context, job: Job, settings: Settings) -> HighSurface:
+    """Read the high objects of a job with their modifiers and instances. Raises BakeError."""
+    points, triangles = _triangles(context, job, settings)
+    name, origin = job.highs[0].name, np.array(job.highs[0].matrix_world.translation, np.float64)
+    count, edge = len(triangles), _edge(face_areas(points, triangles))
+    points, triangles = _thinned(*weld((points - origin).astype(np.float32), triangles))
+    if not len(triangles):
+        raise BakeError(f"{name!r} has no faces with an area: choose a mesh that has some.")
+    farthest = float(np.abs(points).max())
+    if farthest > FAR_AWAY:
+        raise BakeError(f"{name!r} has a vertex {farthest:.3g} units away: remove what is far from the rest.")
+    edges = EdgeTable.of(triangles)
+    if edges.is_against.any():
+        triangles = _to_one_side(points, triangles)
+        edges = EdgeTable.of(triangles)
+    bad = edges.bad_edge_share
+    data = new_mesh(points, triangles)
+    samples = surface_samples(points, triangles, SAMPLES)
+    if not len(samples.points):
+        raise BakeError(f"{name!r} is too small for its normals: scale the mesh itself up.")
+    is_seen = _seen(data, points, triangles, samples)
+    hidden, outer = 1.0 - float(is_seen[samples.triangles].mean()), samples.chosen(is_seen[samples.triangles])
+    sources = _sources(data, is_seen, outer, hidden=hidden, bad=bad)
+    return HighSurface(points, triangles, origin, sources, outer, hidden, bad, edge, count)
+
+
+def _sources(
+    data: bpy.types.Mesh, is_seen: np.ndarray, outer: Samples, *, hidden: float, bad: float
+) -> list[DecimationSource]:
+    """What low meshes are made of.
+
+    Args:
+        data: the whole surface.
+        is_seen: (T,) bool, which triangles see the outside.
+        outer: places on those.
+        hidden, bad: as HighSurface has these shares.
+    """
+    points, triangles = arrays(data)
+    result, outside = [], data
+    if hidden > MOST_HIDDEN:
+        outside = new_mesh(points, triangles[is_seen])
+    if bad > MOST_BAD_EDGES or hidden > MOST_HIDDEN:
+        voxels = remeshed(data, float(face_areas(points, triangles).sum()) * (1.0 - hidden), outer)
+        if voxels is not None:
+            result += sources_of(voxels, outer, is_remeshed=True)
+    # The faces of a soup can point to any side, so that only the remeshed one has an outside.
+    if not result or EdgeTable.of(triangles[is_seen]).bad_edge_share <= MOST_BAD_EDGES:
+        result += sources_of(outside, outer, bias=REMESH_BIAS if result else 1.0)
+    return result
+
+
+def _thinned(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A welded mesh of at most about MOST_READ triangles."""
+    if len(triangles) <= MOST_READ:
+        return points, triangles
+    area = float(face_areas(points, triangles).sum())
+    two_a_cell = math.sqrt(2.0 * area / MOST_READ)
+    cell = max(two_a_cell, float(np.ptp(points, axis=0).max()) / 2**20)
+    thinned = cluster(points, triangles, ClusterOptions(cell))
+    if face_areas(*thinned).sum() < LEAST_LEFT * area:
+        thinned = cluster(points, triangles, ClusterOptions(cell, is_torn=True))
+    return weld(thinned[0].astype(np.float32), thinned[1])
+
+
+def edge_of(context: bpy.types.Context, job: Job, settings: Settings) -> float:
+    """The side of a triangle of middle size of the high objects, in scene units."""
+    return _edge(face_areas(*_triangles(context, job, settings)))
+
+
+def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, samples: Samples) -> np.ndarray:
+    """Which triangles (T,) bool see something of the outside, from some of the places on them, their middle, or near a corner.
+
+    If nearly all of the area does, all count as seen.
+    """
+    mesh = mesh_reader.surface(data, "", data.name, np.eye(4))
+    some = samples.spread(PLACES)
+    is_open = outer_skin.sees_outside(mesh, some.points, some.triangles, Timings())
+    of_each = np.bincount(some.triangles, minlength=len(triangles))
+    is_seen = np.bincount(some.triangles, is_open, len(triangles)) > outer_skin.PEEPING * of_each
+    if is_seen[some.triangles].mean() > 1.0 - MOST_HIDDEN:
+        return np.ones(len(triangles), bool)
+    for weights in NEAR_CORNERS:
+        left = np.flatnonzero(~is_seen)
+        places = np.einsum("c,tcx->tx", weights, points[triangles[left]].astype(np.float64))
+        is_seen[left] = outer_skin.sees_outside(mesh, places, left, Timings())
+    return is_seen if is_seen[samples.triangles].any() else np.ones(len(triangles), bool)
+
+
+def _triangles(context: bpy.types.Context, job: Job, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """All triangles of the high objects with their modifiers and instances: points (V, 3) float64 in world space, and (T, 3)
+    int. Raises BakeError."""
+    highs = job.highs
+    plain = settings.of_shapes()
+    numbered = dict(enumerate(highs, start=1))
+    read = evaluation.evaluate(
+        context,
+        highs,
+        lambda depsgraph: Reader(depsgraph, highs[0], "", plain).read(numbered),
+        modifiers=settings.map.modifiers,
+    )
+    if all(map(is_without_area, read)):
+        raise BakeError(f"{highs[0].name!r} has no faces with an area: choose a mesh that has some.")
+    points, triangles, first = [], [], 0
+    for mesh in read:
+        points.append(transformed(mesh.positions, mesh.to_world))
+        triangles.append(mesh.vertices[mesh.front_triangles] + first)
+        first += len(mesh.positions)
+    return np.concatenate(points), np.concatenate(triangles)
+
+
+def _to_one_side(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Triangles (T, 3) int, turned so that those of a patch point to one side: outwards if it encloses a volume, or to the
+    side to which most of its area points."""
+    patches = orientation.patches(points, triangles, float(np.linalg.norm(np.ptp(points, axis=0))))
+    turned = np.where(patches.is_against[:, None], triangles[:, ::-1], triangles)
+    of_each, middles = face_areas(points, triangles), points[triangles].mean(axis=1, dtype=np.float64)
+    area = np.bincount(patches.labels, of_each, patches.count)
+    weights = of_each / np.maximum(area, 1e-300)[patches.labels]
+    centers = topology.sums_of(patches.labels, weights[:, None] * middles, patches.count)
+    corners = points[turned] - centers[patches.labels][:, None]
+    volumes = np.bincount(patches.labels, enclosed_volumes(corners) / 6.0, patches.count)
+    points_inwards = volumes < -FLAT * area**1.5
+    return np.where(points_inwards[patches.labels, None], turned[:, ::-1], turned)
+
+
+def _edge(areas: np.ndarray) -> float:
+    """The side of an equilateral triangle of middle size."""
+    return math.sqrt(4.0 / math.sqrt(3.0) * float(np.median(areas)))

@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes low meshes of a surface: by Blender's Decimate, or by collapsing the last edges by quadrics; as it is, or of voxels.
+
+No way wins everywhere. At 3,000 triangles, Decimate has a fifth of the error of quadrics on a chess piece with open rims, and
+quadrics two thirds of that of Decimate on a bust; so the ways are compared by what a viewer sees.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...core.asset import OFF
+from ...core.progress import Timings
+from ...core.simplify import Candidate
+from ...mesh import face_weights, fitting, folds
+from ...mesh.closest import Surface
+from ...mesh.collapse import CollapseOptions, PartialCollapse, collapse, partial_collapse
+from ...mesh.fitting import Samples, surface_samples
+from ...scene import mesh_reader, mesh_writer
+from .. import temporary
+from ..temporary import TEMPORARY
+from .decimation import decimated
+
+VOXELS = 60_000
+"""About how many voxels the outer surface has that is remeshed."""
+MOST_ALONG = 2000
+"""The most voxels along the longest side of the box: along needles, by their area alone, there would be millions."""
+FAR, MOST_FAR = 2.0, 0.25
+"""Voxels, and a share of what is seen from outside. If more of it is farther from the remeshed surface, the volume is open.
+What is farther in a closed volume lies in gaps that the voxels close."""
+PLACES = 20_000
+"""How many places of the surface are compared with the remeshed one."""
+DENSE = 60_000
+"""The triangles that Decimate leaves of larger surfaces, for all low meshes that are coarser still: it takes most time."""
+FINER = 6
+"""How many times as many triangles as a low mesh those have at least: until then, hardly anything is lost."""
+MOST_SHARED = 0.8
+"""The share of the triangles up to which low meshes that differ by their weights alone have a mesh in common on their way."""
+FITTED = 10_000, 60_000
+"""The fewest and the most places on the surface to which low meshes are fitted: two a triangle of the surface, or about 20 a
+triangle of the low mesh."""
+COLLAPSE_BIAS = 1.03
+"""By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
+REMESH_BIAS = 1.1
+"""By which factor a surface with bad edges or walls inside must be better than its remeshed one: they may show later."""
+SHARP = math.radians(100.0)
+"""The angle between faces from which the edge between them is sharp: normals that are shared there point behind faces."""
+
+
+@dataclass(frozen=True, eq=False)
+class DecimationSource:
+    """A mesh that low ones are made of, and the way.
+
+    data: of triangles.
+    dense: of as many of them as the way needs for most low meshes.
+    places: on the surface, in the triangles of `dense`: low meshes are fitted to them.
+    seen_samples: places on all of the surface that see the outside: they tell what is folded.
+    is_remeshed: whether it is made of voxels.
+    bias: a factor on what a viewer sees wrong of its low meshes.
+    weights: of the triangles of `dense`, if edges collapse to the best places by them, as mesh/collapse.py does; without them,
+        Decimate makes it all.
+    partial: where these collapses go on, so far.
+    """
+
+    data: bpy.types.Mesh
+    dense: bpy.types.Mesh
+    places: Samples
+    seen_samples: Samples
+    is_remeshed: bool = False
+    bias: float = 1.0
+    weights: np.ndarray | None = None
+    partial: list[PartialCollapse] = field(default_factory=list)
+
+    @property
+    def triangles(self) -> int:
+        return len(self.data.polygons)
+
+    @property
+    def is_collapsed(self) -> bool:
+        return self.weights is not None
+
+    def weighted(self) -> "DecimationSource":
+        """The same mesh, whose edges collapse by how much it bends."""
+        weights = face_weights.by_bending(*arrays(self.dense))
+        return replace(self, bias=self.bias * COLLAPSE_BIAS, weights=weights, partial=[])
+
+    def corrected(self, nearest: np.ndarray, errors: np.ndarray) -> "DecimationSource":
+        """The same mesh, whose edges collapse by what a viewer saw of a low one.
+
+        Args:
+            nearest: (N,) int, the triangle of the low mesh at each place.
+            errors: (N,), what viewers saw at each place.
+        """
+        sums = np.bincount(nearest, errors * self.places.shares)
+        excess = sums / max(float(sums.mean()), 1e-300)
+        _, triangles = arrays(self.dense)
+        weights = face_weights.by_error(self.weights, triangles, self.places.triangles, excess[nearest])
+        return replace(self, weights=weights)
+
+    def low(self, triangles: int) -> bpy.types.Mesh:
+        """A mesh of about this many triangles, without folds."""
+        data, folded = self._unfolded(self._coarse(triangles))
+        if not folded or len(data.polygons) > (1.0 - OFF / 2.0) * triangles:
+            return data
+        bpy.data.meshes.remove(data)
+        return self._unfolded(self._coarse(triangles + folded))[0]
+
+    def _unfolded(self, data: bpy.types.Mesh) -> tuple[bpy.types.Mesh, int]:
+        """A mesh without the folds of `data`, which is `data` itself or takes its place, and the triangles that it lost."""
+        points, corners = arrays(data)
+        points, unfolded = folds.unfold(points, corners, self.seen_samples)
+        if unfolded is corners:
+            return data, 0
+        bpy.data.meshes.remove(data)
+        return new_mesh(points, unfolded), len(corners) - len(unfolded)
+
+    def _coarse(self, triangles: int) -> bpy.types.Mesh:
+        """A mesh of about this many triangles."""
+        is_enough = FINER * triangles <= len(self.dense.polygons) or self.dense == self.data
+        if not self.is_collapsed or not is_enough:
+            return decimated(self.dense if is_enough else self.data, triangles)
+        options = CollapseOptions(triangles, self.weights, self._partial(triangles))
+        coarse = new_mesh(*collapse(*arrays(self.dense), options))
+        if len(coarse.polygons) <= triangles:
+            return coarse
+        try:  # its borders are in the way
+            return decimated(coarse, triangles)
+        finally:
+            bpy.data.meshes.remove(coarse)
+
+    def _partial(self, triangles: int) -> PartialCollapse | None:
+        """Where edges go on to collapse to this many triangles; None for the dense mesh."""
+        least = FINER * triangles
+        if least >= MOST_SHARED * len(self.dense.polygons):
+            return None
+        found = [each for each in self.partial if len(each.triangles) >= least]
+        if not found:
+            found = [partial_collapse(*arrays(self.dense), CollapseOptions(least, self.weights))]
+            self.partial.extend(found)
+        return min(found, key=lambda each: len(each.triangles))
+
+    def fitted(self, low: bpy.types.Mesh) -> np.ndarray:
+        """Move the vertices of a low mesh to where this surface is nearest. Returns its triangle at each place, (N,) int."""
+        points, nearest = fitting.fit(*arrays(low), self.places)
+        low.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
+        return nearest
+
+
+@dataclass(frozen=True, eq=False)
+class LowMesh:
+    """A low mesh.
+
+    obj: the object of the scene that has it.
+    source: what it is made of.
+    nearest: (N,) int, its triangle at each place of the source.
+    """
+
+    obj: bpy.types.Object
+    source: DecimationSource
+    nearest: np.ndarray
+
+    @property
+    def triangles(self) -> int:
+        return len(self.obj.data.polygons)
+
+    def remove(self) -> None:
+        bpy.data.meshes.remove(self.obj.data)  # and the object with it
+
+
+@dataclass(frozen=True, eq=False)
+class LowMaker:
+    """Makes low objects of a source.
+
+    context: of the scene that gets them.
+    origin: (3,), where they lie in it.
+    timings: get the time that it takes, as "decimate".
+    """
+
+    source: DecimationSource
+    context: bpy.types.Context
+    origin: np.ndarray
+    timings: Timings
+
+    def make(self, triangles: int) -> list[LowMesh]:
+        with self.timings.timed("decimate"):
+            data = self.source.low(triangles)
+            nearest = self.source.fitted(data)
+        data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
+        data.update()
+        data.set_sharp_from_angle(angle=SHARP)
+        low = bpy.data.objects.new(TEMPORARY, data)
+        self.context.scene.collection.objects.link(low)
+        low.matrix_world = Matrix.Translation(self.origin)
+        self.context.view_layer.update()
+        return [LowMesh(low, self.source, nearest)]
+
+    def corrected(self, candidate: Candidate) -> "LowMaker | None":
+        appearance = candidate.deviation.appearance
+        if not self.source.is_collapsed or appearance is None:
+            return None
+        return replace(self, source=self.source.corrected(candidate.mesh.nearest, appearance.places))
+
+
+def sources_of(
+    data: bpy.types.Mesh,
+    seen_samples: Samples,
+    *,
+    bias: float = 1.0,
+    is_remeshed: bool = False,
+) -> list[DecimationSource]:
+    """A mesh as a source for Decimate, and for collapsing edges."""
+    dense = data if len(data.polygons) <= DENSE else decimated(data, DENSE)
+    if dense is data and not is_remeshed:
+        points, triangles = arrays(data)
+        count = int(np.clip(2 * len(triangles), *FITTED))
+        places = surface_samples(points, triangles, count, face_weights.by_bending(points, triangles) ** 2)
+    else:
+        places = seen_samples.spread(FITTED[1])
+        nearest, _, _ = Surface(*arrays(dense)).closest(places.points.astype(np.float32))
+        places = replace(places, triangles=nearest)
+    plain = DecimationSource(data, dense, places, seen_samples, is_remeshed, bias)
+    return [plain, plain.weighted()]
+
+
+def remeshed(data: bpy.types.Mesh, area: float, seen_samples: Samples) -> bpy.types.Mesh | None:
+    """The surface of the volume that the triangles enclose, of voxels; None if they enclose none.
+
+    area: of what is seen from outside, at these samples.
+    """
+    longest = float(np.ptp(mesh_reader.points(data), axis=0).max())
+    voxel = max(math.sqrt(area / VOXELS), longest / MOST_ALONG)
+    with temporary.scene() as scene:
+        obj = temporary.add_object(scene, data.copy())
+        obj.data.transform(Matrix.Scale(1.0 / voxel, 4))  # Blender takes no voxels smaller than 0.0001
+        remesh = obj.modifiers.new(TEMPORARY, "REMESH")
+        remesh.mode, remesh.voxel_size = "VOXEL", 1.0
+        obj.modifiers.new(TEMPORARY, "TRIANGULATE")
+        result = temporary.evaluated(scene, obj)
+    if not result.polygons:
+        return None
+    result.transform(Matrix.Scale(voxel, 4))
+    corners = mesh_reader.corner_vertices(result).reshape(-1, 3)
+    places = seen_samples.spread(PLACES).points.astype(np.float32)
+    _, _, squares = Surface(mesh_reader.points(result), corners).closest(places)
+    return result if np.mean(squares > (FAR * voxel) ** 2) < MOST_FAR else None
+
+
+def arrays(data: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """The points (V, 3) float32 and the triangles (T, 3) int of a mesh of triangles."""
+    return mesh_reader.points(data), mesh_reader.corner_vertices(data).reshape(-1, 3)
+
+
+def new_mesh(points: np.ndarray, triangles: np.ndarray) -> bpy.types.Mesh:
+    """A mesh of triangles (T, 3) int, of points (V, 3)."""
+    data = bpy.data.meshes.new(TEMPORARY)
+    mesh_writer.fill(data, points, triangles)
+    data.update(calc_edges=True)
+    return data
