@@ -357,7 +357,7 @@ def answers_of(pair: Pair) -> dict[str, Answer]:
 @functools.cache
 def _answers() -> dict[str, Answer]:
     """By pair and map, as "pair: map"."""
-    arrays, found = _stored(), {}
+    arrays, answers = _stored(), {}
     for key in (name.removesuffix("/values") for name in arrays if name.endswith("/values")):
         # Channel after channel, and of each the changes along rows: smooth maps become small numbers.
         scaled = np.cumsum(np.moveaxis(arrays[f"{key}/values"], 0, -1), axis=1, dtype=np.uint16)
@@ -365,5 +365,5 @@ def _answers() -> dict[str, Answer]:
         compared = arrays.get(f"{key}/compared")
         if compared is not None:
             compared = np.unpackbits(compared, count=states.size).reshape(states.shape).astype(bool)
-        found[key] = Answer(low + scaled * ((high - low) / STEPS), states, compared)
-    return found
+        answers[key] = Answer(low + scaled * ((high - low) / STEPS), states, compared)
+    return answers

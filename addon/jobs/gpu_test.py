@@ -56,38 +56,38 @@ def work(pace: Pace | None = None) -> Task[GpuReport]:
         raise NoGpu(f"Blender has no GPU to draw on here: {error}.") from error
     pool = target.TargetPool()
     try:
-        found = yield from progress.relay(
+        report = yield from progress.relay(
             _work(pace), lambda step: replace(STEP, done=step.done), partial(target.using, pool)
         )
     finally:
         pool.free()
         gpu_memory.free()
-    found.seconds = time.perf_counter() - start
-    return found
+    report.seconds = time.perf_counter() - start
+    return report
 
 
 def _work(pace: Pace | None) -> Task[GpuReport]:
     gpu_memory.free()
     passes.free()  # so that all programs are compiled
-    found = GpuReport(_machine(), _limits())
+    report = GpuReport(_machine(), _limits())
     compiling = 0.0
     for number, check in enumerate(DRIVER_CHECKS):
         done = _SHARES[0] * number / len(DRIVER_CHECKS)
-        found.driver_checks += yield from progress.part(_checked(check), done, done)
+        report.driver_checks += yield from progress.part(_checked(check), done, done)
     for number, pair in enumerate(PAIRS):
         done = _SHARES[0] + (_SHARES[1] - _SHARES[0]) * number / len(PAIRS)
         tests, longer = yield from progress.part(_baked(pair, pace), done, done)
-        found.maps += tests
+        report.maps += tests
         compiling += longer
     count = shader.load.cache_info().currsize
-    found.times.append(
+    report.times.append(
         Timed("First use", compiling, "s", f"{count} programs; what first bakes took longer than second ones")
     )
     for number, (name, measure) in enumerate(MEASURES.items()):
         done = _SHARES[1] + (1.0 - _SHARES[1]) * number / len(MEASURES)
-        with _noted(f"Times: {name.lower()}", found.driver_checks):
-            found.times += yield from progress.part(measure(), done, done)
-    return found
+        with _noted(f"Times: {name.lower()}", report.driver_checks):
+            report.times += yield from progress.part(measure(), done, done)
+    return report
 
 
 OF_DRIVERS = CheckFailed, BakeError, RuntimeError, SystemError, ValueError, TypeError, MemoryError

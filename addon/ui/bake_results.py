@@ -50,9 +50,9 @@ class BakeResults:
     def batch(self) -> Batch:
         """The last bake of pairs, with the objects that are still there."""
         text = bpy.context.window_manager.imprint_batch
-        found = Batch(**json.loads(text)) if text else Batch()
-        left_out = [(name, reason) for name, reason in found.left_out if not name or name in bpy.data.objects]
-        return replace(found, left_out=left_out)
+        batch = Batch(**json.loads(text)) if text else Batch()
+        left_out = [(name, reason) for name, reason in batch.left_out if not name or name in bpy.data.objects]
+        return replace(batch, left_out=left_out)
 
     def keep_batch(self, batch: Batch) -> None:
         """Keep a bake of pairs, until another file is opened."""

@@ -200,8 +200,8 @@ class CageOverlay:
     def lengths(self, context: bpy.types.Context, low: bpy.types.Object) -> RayLengths:
         """The lengths of rays from `low`: as the panel sets them, else as Live, a bake or `measure` found them, else 0."""
         rays = context.scene.imprint.chosen(context, low).rays
-        found = _known_lengths(context, low) or self._measured.get(low.session_uid, RayLengths())
-        return found if rays.measure else RayLengths(rays.extrusion, rays.max_distance, found.blend_width)
+        known = _known_lengths(context, low) or self._measured.get(low.session_uid, RayLengths())
+        return known if rays.measure else RayLengths(rays.extrusion, rays.max_distance, known.blend_width)
 
     def _on_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """Only changes of the low object and the cage count: the user may move or sculpt another object for minutes."""
@@ -271,12 +271,12 @@ def upload_shells(
     edges = tree_cache.upload_hard_edges(meshes.low, local_space)[0] if blend_width > 0.0 else rays.no_edges()
     directions = ray_distances.of_width(settings.tracing.directions, edges, blend_width / local_space.size)
     pieces = subdividing.divide(parts(meshes, local_space, directions.blend_width))
-    found = ray_casting.rays_at_points(meshes, pieces, local_space, directions, extrusion=1.0)
-    starts = found.starts if meshes.cage is None else found.starts * np.float32(local_space.size)
+    cast = ray_casting.rays_at_points(meshes, pieces, local_space, directions, extrusion=1.0)
+    starts = cast.starts if meshes.cage is None else cast.starts * np.float32(local_space.size)
     return mesh_upload.upload(
         pieces.triangles,
-        position=(found.places * local_space.size + local_space.origin).astype(np.float32),
-        direction=found.directions,
+        position=(cast.places * local_space.size + local_space.origin).astype(np.float32),
+        direction=cast.directions,
         start=starts[:, None],
     )
 

@@ -121,15 +121,15 @@ class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
         problem = _selection_problem(low)
         if problem:
             raise BakeError(problem)
-        found, is_edge = checks.find(context, report, kind), kind in checks.ON_EDGES
+        indices, is_edge = checks.find(context, report, kind), kind in checks.ON_EDGES
         which = "edge" if is_edge else "face"
-        if not len(found):
+        if not len(indices):
             raise BakeError(f"No {which} of {low.name!r} has this issue: {CHECKS[kind][0].lower()}.")
-        _select(context, low, found, "EDGE" if is_edge else "FACE")
+        _select(context, low, indices, "EDGE" if is_edge else "FACE")
         if self.options.is_invoke and context.window is not None:
             bake_results.show_selection(context)
-        many = len(found) > 1
-        return f"{len(found):,} {which}{'s' if many else ''} of {low.name!r} {'are' if many else 'is'} selected"
+        many = len(indices) > 1
+        return f"{len(indices):,} {which}{'s' if many else ''} of {low.name!r} {'are' if many else 'is'} selected"
 
 
 def _selection_problem(obj: bpy.types.Object) -> str:
@@ -259,8 +259,8 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
         text = message("Over {}; 99 % within {}, at most {}").format(*far)
         draw_paragraphs(column, context, [text], "BLANK1")
     if kind == "unsure" and check["count"]:
-        found = [message(text).format(_share(check, key)) for key, text in REASONS.items() if check[key]]
-        draw_paragraphs(column, context, ["; ".join(found)], "BLANK1")
+        reasons = [message(text).format(_share(check, key)) for key, text in REASONS.items() if check[key]]
+        draw_paragraphs(column, context, ["; ".join(reasons)], "BLANK1")
     if check.get("islands"):
         text = message("UV islands: {}").format(f"{check['islands']:,}")
         column.label(text=text, icon="BLANK1", translate=False)

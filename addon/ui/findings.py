@@ -67,12 +67,14 @@ class PanelFindings:
 
         is_exported: as in jobs.checks.is_for_others.
         """
-        found = self._known("flipped", *_key_of(low, highs), find=lambda: checks.viewport_flipped(context, low, highs))
+        flipped = self._known(
+            "flipped", *_key_of(low, highs), find=lambda: checks.viewport_flipped(context, low, highs)
+        )
         if not settings.tracing.keep_faces:  # the bake turns them over
-            found = [each for each in found if not each.values["is_high"]]
+            flipped = [each for each in flipped if not each.values["is_high"]]
         if not checks.is_for_others(settings, is_exported=is_exported):
-            return found
-        return found + checks.unsolved_by_export(
+            return flipped
+        return flipped + checks.unsolved_by_export(
             self._of_low(context, low, low in highs, settings), is_exported=is_exported
         )
 
@@ -128,15 +130,15 @@ class PanelFindings:
         if render_view.is_busy():  # then it is measured later
             del self._kept["poses"]
             return
-        found, screen = [ref.find() for ref in self._posed], bpy.context.screen
+        objects, screen = [ref.find() for ref in self._posed], bpy.context.screen
         is_busy = display.current is not None or (screen is not None and screen.is_animation_playing)
-        if None in found or is_busy or any(obj.mode != "OBJECT" for obj in found):
+        if None in objects or is_busy or any(obj.mode != "OBJECT" for obj in objects):
             return
-        if sum(len(obj.data.vertices) for obj in found if obj.type == "MESH") > MOST_POSED:
+        if sum(len(obj.data.vertices) for obj in objects if obj.type == "MESH") > MOST_POSED:
             return
         self._is_measuring = True
         try:
-            notes = poses.notes(bpy.context, found[0], found[1:], for_render=kept.key[-1])
+            notes = poses.notes(bpy.context, objects[0], objects[1:], for_render=kept.key[-1])
         finally:
             self._is_measuring = False
         self._kept["poses"] = replace(kept, found=notes)

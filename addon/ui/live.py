@@ -174,8 +174,8 @@ class Following:
         """Store the maps as a bake does, and the pair with the low object. Raises BakeError. is_reported: whether their report
         replaces that of the last bake."""
         stored = self.session.commit()
-        found = [ref.find() for ref in self.session.job.refs]
-        if None in found:  # a pair of which an object was deleted stays as it was
+        objects = [ref.find() for ref in self.session.job.refs]
+        if None in objects:  # a pair of which an object was deleted stays as it was
             return
         job = self.session.job
         object_pairs.remember_objects(job.low, job.highs, job.cage, self._settings.flat(), {})
@@ -386,7 +386,7 @@ class LiveController:
         if self._following is None:
             return ""
         refs = self._following.session.job.refs
-        low, *others = (found.name if (found := ref.find()) else ref.name for ref in refs)
+        low, *others = (obj.name if (obj := ref.find()) else ref.name for ref in refs)
         others = [name for name in dict.fromkeys(others) if name != low]
         followed = ", ".join(map(repr, others)) or message("its own modifiers")
         return message("Live: {} follows {}.").format(repr(low), followed)

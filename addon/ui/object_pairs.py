@@ -170,7 +170,7 @@ class ImprintPair(bpy.types.PropertyGroup):
         """The high objects that exist; for a bake of its own modifiers, the low object while these add detail."""
         if self.is_own:
             return object_checks.own_highs(self.id_data)
-        return [found for high in self.highs if (found := high.find()) is not None]
+        return [obj for high in self.highs if (obj := high.find()) is not None]
 
     def missing(self) -> list[str]:
         """The names of the high objects that were deleted, or did not come along."""

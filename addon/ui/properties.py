@@ -135,7 +135,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         """
         low = low or self.low or context.active_object
         if any(slot.title for slot in self.highs):
-            highs = [found for slot in self.highs if (found := slot.find()) is not None]
+            highs = [obj for slot in self.highs if (obj := slot.find()) is not None]
             missing = [slot.title for slot in self.highs if slot.title and slot.find() is None]
             return Chosen(self, low, highs, self._pair_of(low, highs), missing)
         pair = object_pairs.of(low)
@@ -156,18 +156,18 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         While the high objects of `pair` are hidden, the low objects of other pairs are not: "select all" selects these alone.
         """
         cages = {self.cage, pair and pair.cage}
-        found = [obj for obj in context.view_layer.objects.selected if obj != low and obj not in cages]
-        if found and pair is not None and not any(map(evaluation.is_visible, pair.found())):
-            return [obj for obj in found if (other := object_pairs.of(obj)) is None or not other.is_kept]
-        return found
+        others = [obj for obj in context.view_layer.objects.selected if obj != low and obj not in cages]
+        if others and pair is not None and not any(map(evaluation.is_visible, pair.found())):
+            return [obj for obj in others if (other := object_pairs.of(obj)) is None or not other.is_kept]
+        return others
 
     def _called_as(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
         """The high objects of `low` by name."""
         try:
-            found, _ = self.pairs_by_name(context)
+            pairs, _ = self.pairs_by_name(context)
         except BakeError:  # suffixes that are the same; the panel Pairs by Name says so
             return []
-        highs = next((pair.highs for pair in found if low is not None and pair.low == low.name), ())
+        highs = next((pair.highs for pair in pairs if low is not None and pair.low == low.name), ())
         objects = object_checks.by_name(context.view_layer.objects, low) if highs else {}
         return list(filter(object_checks.may_show, map(objects.get, highs)))
 

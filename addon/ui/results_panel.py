@@ -92,9 +92,9 @@ def _draw_list(
     box, current = layout.box(), context.scene.imprint.low or context.active_object
     ordered = sorted(listed, key=lambda result: RANKS.index(sign(result[1])))
     for low, reports in ordered[:MOST]:
-        row, found = box.row(align=True), sign(reports)
+        row, verdict = box.row(align=True), sign(reports)
         button = row.operator(
-            "imprint.select_result", text=low.name, translate=False, icon=ICONS[found], depress=low == current
+            "imprint.select_result", text=low.name, translate=False, icon=ICONS[verdict], depress=low == current
         )
         button.low = low.name
         maps = len({name for report in reports for name in report.images})
@@ -102,7 +102,7 @@ def _draw_list(
         number.alignment = "RIGHT"
         text = (message("1 map") if maps == 1 else message("{} maps")).format(maps) + f", {_seconds(reports)}"
         number.label(text=text, translate=False)
-        if found == WRONG:
+        if verdict == WRONG:
             draw_fixable(box, context, _warnings(reports)[0], "BLANK1", low.name)
     if len(ordered) > MOST:
         box.label(text=message("And {} more without warnings").format(len(ordered) - MOST), translate=False)
@@ -190,8 +190,8 @@ def draw_maps(layout: bpy.types.UILayout, names: Iterable[str]) -> None:
 
 def _warnings(reports: Sequence[Report]) -> list[str]:
     """The warnings of all reports and of the exported file, each of them once."""
-    found = (warning for report in reports for warning in (*report.warnings, *report.export.get("warnings", ())))
-    return list(dict.fromkeys(found))
+    warnings = (warning for report in reports for warning in (*report.warnings, *report.export.get("warnings", ())))
+    return list(dict.fromkeys(warnings))
 
 
 class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):

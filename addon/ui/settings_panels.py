@@ -68,8 +68,8 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
 def _have_normal_maps(highs: Sequence[bpy.types.Object]) -> bool:
     """Whether a material of the high objects has nodes for a normal or bump map, which a bake may follow."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    found = (material for high in highs for material in materials_of(high.evaluated_get(depsgraph)) if material)
-    trees = [material.node_tree for material in found if material.node_tree is not None]
+    materials = (material for high in highs for material in materials_of(high.evaluated_get(depsgraph)) if material)
+    trees = [material.node_tree for material in materials if material.node_tree is not None]
     return any(node.bl_idname in {"ShaderNodeNormalMap", "ShaderNodeBump"} for tree in trees for node in tree.nodes)
 
 
@@ -387,15 +387,15 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
         settings = context.scene.imprint
         chosen = settings.chosen(context)
         low, rays = chosen.low, chosen.rays
-        found = context.window_manager.imprint_found
+        measured = context.window_manager.imprint_found
         layout.prop(settings, "hit")
         layout.prop(rays, "cage")
         layout.prop(rays, "measure")
         column = layout.column(align=True)
         if rays.measure:
             column.enabled = False
-            column.prop(found, "extrusion")
-            column.prop(found, "max_distance")
+            column.prop(measured, "extrusion")
+            column.prop(measured, "max_distance")
             layout.operator("imprint.freeze_distances", icon="FREEZE")
         else:
             column.prop(rays, "extrusion")

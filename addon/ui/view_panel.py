@@ -231,8 +231,8 @@ class IMPRINT_OT_view_mask(WaitingOperator, SlicedOperator, bpy.types.Operator):
             raise BakeError("Nothing was baked onto this low object: bake it first.")
         textures = {}
         for report in object_pairs.of(low).reports() if self.kind != NO_MASK else ():
-            found = yield from checks.mask_work(context, report, self.kind.lower())
-            for tile, mask in found.items():
+            masks = yield from checks.mask_work(context, report, self.kind.lower())
+            for tile, mask in masks.items():
                 part = tuple(report.slots), tile if report.settings.get("udim") else SINGLE
                 textures[part] = data_texture.image(mask, "R8")
         viewer.show_mask(context, low, Mask(self.kind, textures) if textures else None)

@@ -225,11 +225,11 @@ class Deviations:
 def settings_for(settings: Settings) -> Settings:
     """Settings for the same map in memory only, with one tile, and small enough for a single band."""
     one_tile = settings.sampled(udim=False, tiles=()).mapped(texture_sets=False)
-    found = one_tile.without_other_maps().without_file().without_materials()
-    while not live_redraw.is_whole(found):
-        width, height = found.sampling.size
-        found = found.sampled(width=width // 2, height=height // 2)
-    return found
+    smaller = one_tile.without_other_maps().without_file().without_materials()
+    while not live_redraw.is_whole(smaller):
+        width, height = smaller.sampling.size
+        smaller = smaller.sampled(width=width // 2, height=height // 2)
+    return smaller
 
 
 class Shading(Drawing):
