@@ -112,9 +112,9 @@ def bake(
         low_object = _only(_objects(low, "low"), "low")
         highs, smooth_highs = [], {}
         for number, source in enumerate(sources, start=1):
-            found = _objects(source, f"high {number}")
-            smooth_highs |= _smoothed(source, found, degrees)
-            highs += found
+            objects = _objects(source, f"high {number}")
+            smooth_highs |= _smoothed(source, objects, degrees)
+            highs += objects
         cages = _objects(cage, "cage") if cage is not None else []
         if isinstance(low, Surface) and low.uv is None:
             raise BakeError("The low mesh has no UVs: give `uv` by vertex (V, 2) or by corner (T, 3, 2).")
@@ -233,10 +233,10 @@ _ANGLE = kinds.WholeNumber(label="smooth_files", tooltip="", default=SMOOTH_BELO
 def _smoothed(source: Source, objects: Sequence[bpy.types.Object], degrees: int) -> dict[str, int]:
     """Shade objects of a file as `smooth_files` says. Returns the degrees by their names."""
     path = Path(os.fspath(source)) if isinstance(source, str | os.PathLike) else None
-    found = [obj for obj in objects if path and degrees and importing.lacks_normals(path, obj.data)]
-    for obj in found:
+    unshaded = [obj for obj in objects if path and degrees and importing.lacks_normals(path, obj.data)]
+    for obj in unshaded:
         importing.smooth(obj.data, degrees)
-    return {obj.name: degrees for obj in found}
+    return {obj.name: degrees for obj in unshaded}
 
 
 def _only(objects: Sequence[bpy.types.Object], role: str) -> bpy.types.Object:
@@ -279,23 +279,23 @@ def _made(surface: Surface, name: str) -> bpy.types.Object:
 
 def _by_corner(values: Any, width: int, of: tuple[int, np.ndarray], what: str) -> np.ndarray:
     """Values by vertex or corner as (3 T, width) float32. of: the number of vertices, and the triangles."""
-    found, (count, triangles) = _array(values), of
-    if found.shape == (*triangles.shape, width):
-        return _rows(found.reshape(-1, width), width, what)
-    if found.shape == (count, width):
-        return _rows(found, width, what)[triangles.ravel()]
+    array, (count, triangles) = _array(values), of
+    if array.shape == (*triangles.shape, width):
+        return _rows(array.reshape(-1, width), width, what)
+    if array.shape == (count, width):
+        return _rows(array, width, what)[triangles.ravel()]
     raise BakeError(
-        f"{what} have the shape {found.shape}: give {(count, width)} by vertex or {(*triangles.shape, width)} by corner."
+        f"{what} have the shape {array.shape}: give {(count, width)} by vertex or {(*triangles.shape, width)} by corner."
     )
 
 
 def _rows(values: Any, width: int, what: str) -> np.ndarray:
     """Values as (N, width) float32."""
-    found = _array(values)
-    if found.dtype.kind not in "iuf" or found.ndim != 2 or found.shape[1] != width:
+    array = _array(values)
+    if array.dtype.kind not in "iuf" or array.ndim != 2 or array.shape[1] != width:
         raise BakeError(f"{what} are not numbers of the shape (N, {width}).")
     with np.errstate(over="ignore"):  # what no single-precision number holds is infinite, and left out as that
-        return np.ascontiguousarray(found, np.float32)
+        return np.ascontiguousarray(array, np.float32)
 
 
 def _array(values: Any) -> np.ndarray:
@@ -312,14 +312,14 @@ def _arrays(report: Report, settings: Settings) -> dict[str, np.ndarray]:
         return {}
     images = {"normal": report.image} if settings.map.normal else {}
     images |= {name: how["image"] for name, how in report.maps.items()}
-    found = {}
+    arrays = {}
     for name, image_name in images.items():
         image = bpy.data.images[image_name]
         width, height = image.size  # pyright: ignore[reportGeneralTypeIssues]
         texels = np.empty((height, width, 4), np.float32)
         image.pixels.foreach_get(texels.ravel())
-        found[name] = texels
-    return found
+        arrays[name] = texels
+    return arrays
 
 
 @contextmanager

@@ -73,9 +73,9 @@ def given(arguments: Sequence[str]) -> dict[str, Any]:
     defaults = vars(parse([]))
     single = [name for name, value in defaults.items() if not isinstance(value, list)]
     absent = object()
-    found = argparse.Namespace(**dict.fromkeys(single, absent))
-    parser("imprint").parse_intermixed_args(_joined(arguments), found)
-    return {name: value for name in single if (value := vars(found)[name]) is not absent}
+    parsed = argparse.Namespace(**dict.fromkeys(single, absent))
+    parser("imprint").parse_intermixed_args(_joined(arguments), parsed)
+    return {name: value for name in single if (value := vars(parsed)[name]) is not absent}
 
 
 def with_pairs(options: argparse.Namespace) -> argparse.Namespace:
@@ -110,8 +110,8 @@ def check(options: argparse.Namespace, program: str = "imprint") -> RunOptions:
     return run
 
 
-def _refuse(found: Iterable[str]) -> None:
-    if text := "; ".join(found):
+def _refuse(problems: Iterable[str]) -> None:
+    if text := "; ".join(problems):
         raise WrongUsage(text)
 
 

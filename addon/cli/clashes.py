@@ -51,12 +51,12 @@ def _problem_of_tiles(path: str) -> str:
 
 def _problem(path: str) -> str:
     try:
-        found = os.stat(path)
+        state = os.stat(path)
     except FileNotFoundError:
         return f"There is no file {os.path.abspath(path)!r}."
     except (OSError, ValueError) as error:
         return f"{path!r} cannot be read: {reason(error)}."
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(state.st_mode):
         return f"There is no file {os.path.abspath(path)!r}."  # as the bake says
     return "" if os.access(path, os.R_OK) else f"{path!r} cannot be read: Permission denied."
 
@@ -212,14 +212,14 @@ class RunFiles:
 
     def outputs(self, name: str, options: argparse.Namespace) -> list[str]:
         """The files that a bake writes. LOW and tokens stand for what is only known once its files are open."""
-        found = list(self._maps.get(name, ()))
-        low = low_of(options) or naming.LOW if options.export or not found else ""
-        if not found:
-            found = [path for path, _ in map_files(options, low, plans.frames(options))]
+        paths = list(self._maps.get(name, ()))
+        low = low_of(options) or naming.LOW if options.export or not paths else ""
+        if not paths:
+            paths = [path for path, _ in map_files(options, low, plans.frames(options))]
         if options.export:
-            found.append(naming.fill(options.export, low, low_suffix=arguments.low_suffix(options)))
-        found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
-        return found
+            paths.append(naming.fill(options.export, low, low_suffix=arguments.low_suffix(options)))
+        paths += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
+        return paths
 
     def unplanned(self, name: str, options: argparse.Namespace, paths: Iterable[str]) -> list[str]:
         """Those of `paths` to which a bake may not have written. Links count as the files that they lead to."""
@@ -286,9 +286,9 @@ class RunFiles:
     def _write_maps(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
         several = len(lows) > 1
         files = [(low, list(map_files(options, low, plans.frames(options)))) for low in lows]
-        self._maps[name] = [path for _, found in files for path, _ in found]
-        for low, found in files:
-            for path, what in found:
+        self._maps[name] = [path for _, maps in files for path, _ in maps]
+        for low, maps in files:
+            for path, what in maps:
                 self._write_file(path, _of(f"{what} of {low!r}" if several else what, name), name)
         suffix = arguments.low_suffix(options)
         exports = (naming.fill(options.export, low, low_suffix=suffix) for low in lows) if options.export else ()
@@ -378,7 +378,7 @@ def plan_call(
         planned = [Plan("", sets[0])]
     of_record = partial(record_files, records=options.records) if options.has_records else None
     files = RunFiles(open_file, within, inputs, of_record)
-    found = files.add(
+    harmed = files.add(
         [(each.name, each.options) for each in planned],
         options.jobs,
         options.report if options.has_table else None,
@@ -386,11 +386,11 @@ def plan_call(
         options.sheet,
     )
     if files.refused and not options.has_table:
-        found = [*found, *files.refused.values()]
+        harmed = [*harmed, *files.refused.values()]
     elif files.refused:
         planned = [replace(each, problem=each.problem or files.refused.get(each.name, "")) for each in planned]
     options_of = {each.name: each.options for each in planned} if files.rivals else {}
     for place, each in enumerate(planned if files.rivals else ()):
         rivals = tuple(options_of[name] for name in files.rivals.get(each.name, ()))
         planned[place] = replace(each, rivals=rivals)
-    return planned, warnings, files, found
+    return planned, warnings, files, harmed

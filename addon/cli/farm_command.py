@@ -26,8 +26,8 @@ def run(words: Sequence[str], program: str) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     """Check the job file with the options for its bakes. Raises WrongUsage, WrongPlace."""
-    found = re.findall(r'"[^"]*"|\S+', _options(options))  # as imprint_bake.js divides them
-    words = [re.sub('^"(.*)"$', r"\1", word) for word in found]
+    quoted = re.findall(r'"[^"]*"|\S+', _options(options))  # as imprint_bake.js divides them
+    words = [re.sub('^"(.*)"$', r"\1", word) for word in quoted]
     for name in FARM.refused:
         if any(word.partition("=")[0] == f"--{name}" for word in words):
             raise WrongUsage(FARM.refusal.format(f"--{name}"))

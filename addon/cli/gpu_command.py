@@ -29,17 +29,17 @@ def run(words: Sequence[str], program: str, meter: Meter) -> int:
 
     start_gpu()
     try:
-        found = gpu_test.test(show)
+        report = gpu_test.test(show)
     except interruption.Stopped:
         return interruption.code()
     finally:
         meter.clear()
     if options.report == STDOUT:
-        print(run_report.as_text(found.to_dict()))
+        print(run_report.as_text(report.to_dict()))
     else:
-        print(found.row if options.row else found.text)
+        print(report.row if options.row else report.text)
     if options.report and options.report != STDOUT:
-        run_report.write_report(Path(os.path.abspath(options.report)), found.to_dict())
-    for each in found.wrong:
+        run_report.write_report(Path(os.path.abspath(options.report)), report.to_dict())
+    for each in report.wrong:
         print(f"{program}: {each.text}", file=sys.stderr)
-    return GATE if found.wrong else DONE
+    return GATE if report.wrong else DONE

@@ -75,8 +75,8 @@ def _not_found(missing: Sequence[str]) -> str:
     return f"{_files(missing)} of the high meshes' materials cannot be found: {shorten_list(missing, MOST_NAMED)}."
 
 
-def _files(found: Sequence[str]) -> str:
-    return "1 file" if len(found) == 1 else f"{len(found)} files"
+def _files(clauses: Sequence[str]) -> str:
+    return "1 file" if len(clauses) == 1 else f"{len(clauses)} files"
 
 
 def fit_hints(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
@@ -84,7 +84,7 @@ def fit_hints(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     if not (options.low_file or options.file):
         return []
     bpy.context.view_layer.update()
-    found = []
+    hints = []
     for job in jobs:
         highs = [_box(high) for high in job.highs if high != job.low and high.type == "MESH"]
         if highs:
@@ -94,21 +94,21 @@ def fit_hints(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
                 hint += " --origin X,Y,Z moves files that are far away to where the low mesh is."
             if hint and "turned" in hint and options.high_file and not options.high_up:
                 hint += " --high-up names the axis that points up in the high file."
-            found.append(hint)
-    return list(dict.fromkeys(filter(None, found)))
+            hints.append(hint)
+    return list(dict.fromkeys(filter(None, hints)))
 
 
 def rounded_coordinates(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     """Sentences about meshes of files whose coordinates were rounded, far from the origin."""
     if not (options.low_file or options.file):
         return []
-    found = []
+    sentences = []
     for obj in dict.fromkeys(obj for job in jobs for obj in (job.low, *job.highs) if obj.type == "MESH"):
         corners = np.array(obj.bound_box, np.float64)
         box = np.array([corners.min(axis=0), corners.max(axis=0)])
         text = rounding_hint(box, np.array(obj.matrix_world, np.float64)[:3, 3])
-        found += [f"{obj.name!r} {text}"] if text else []
-    return found
+        sentences += [f"{obj.name!r} {text}"] if text else []
+    return sentences
 
 
 def check_own_high(low: bpy.types.Object, option: str) -> None:

@@ -133,7 +133,7 @@ def read(
     defaults = {key: value for key, value in defaults.items() if key.replace("_", "-") not in wrong}
     if wrong:
         faults.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
-    found: dict[int, argparse.Namespace] = {}
+    accepted: dict[int, argparse.Namespace] = {}
     of_sets: dict[str, list[int]] = {}
     """The numbers of the sets that have the same mistakes."""
     lines = []
@@ -141,14 +141,14 @@ def read(
         if number % PROGRESS_EVERY == 0:
             on_progress(number / len(sets))
         try:
-            found[number] = _options({**defaults, **values}, reader, wrong)
+            accepted[number] = _options({**defaults, **values}, reader, wrong)
         except WrongUsage as fault:
             of_sets.setdefault(str(fault), []).append(number)
             lines.append(f"{name}, set {number}: {fault}")
     if faults or lines:
         told = (f"{name}, set{'s' * (len(each) > 1)} {ranges(each)}: {text}" for text, each in of_sets.items())
-        raise WrongJobs("\n".join([*faults, *lines]), [*faults, *told], found)
-    return list(found.values())
+        raise WrongJobs("\n".join([*faults, *lines]), [*faults, *told], accepted)
+    return list(accepted.values())
 
 
 def _options(values: dict, reader: "_Reader", unread: Collection[str]) -> argparse.Namespace:

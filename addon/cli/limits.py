@@ -199,11 +199,11 @@ def _limit(text: str) -> Limit:
 
 def over(limits: Iterable[Limit], reports: Sequence[dict[str, Any]]) -> list[str]:
     """The metrics of a bake that are over their limits, in sentences. Of several reports, each names its low object."""
-    found = []
+    exceeded = []
     for report in reports:
         start = f"{report['low']}: " if len(reports) > 1 else ""
-        found += [f"{start}{sentence}" for limit in limits if (sentence := limit.over(report))]
-    return found
+        exceeded += [f"{start}{sentence}" for limit in limits if (sentence := limit.over(report))]
+    return exceeded
 
 
 def needs(limits: Iterable[Limit]) -> set[str]:

@@ -73,11 +73,11 @@ class InputProblems:
             yield blend_files.NOT_WHOLE.format(options.file[0])
         elif options.pairs:
             try:
-                found, problems = match(names, options.suffixes)
+                pairs, problems = match(names, options.suffixes)
             except BakeError as error:
                 yield str(error)
                 return
-            if not found:
+            if not pairs:
                 yield " ".join(problems) or f"No object has a name that ends in {options.suffixes.low!r}."
         else:
             for name in dict.fromkeys(filter(None, (options.low, *options.high, options.cage))):
@@ -125,9 +125,9 @@ def list_bakes(options: RunOptions, sets: Sequence[argparse.Namespace]) -> int:
 
 def problems_of(sets: Mapping[int, argparse.Namespace]) -> list[str]:
     """What is wrong with the files of some sets of a job file, by their numbers, whose other sets have mistakes."""
-    found = InputProblems(InputFiles(), reads=False)
+    inputs = InputProblems(InputFiles(), reads=False)
     named = [Plan(f"set {number} ({plans.subject(options)})", options) for number, options in sets.items()]
-    return _grouped((plan.name, problem) for plan in named for problem in found.of(plan))
+    return _grouped((plan.name, problem) for plan in named for problem in inputs.of(plan))
 
 
 def _grouped(named: Iterable[tuple[str, str]]) -> list[str]:
@@ -135,8 +135,8 @@ def _grouped(named: Iterable[tuple[str, str]]) -> list[str]:
     names: dict[str, list[str]] = {}
     for name, problem in named:
         names.setdefault(problem, []).append(name)
-    more = {problem: f" and {len(found) - 1:,} more" if len(found) > 1 else "" for problem, found in names.items()}
-    return [f"{found[0]}{more[problem]}: {problem}" if found[0] else problem for problem, found in names.items()]
+    more = {problem: f" and {len(bakes) - 1:,} more" if len(bakes) > 1 else "" for problem, bakes in names.items()}
+    return [f"{bakes[0]}{more[problem]}: {problem}" if bakes[0] else problem for problem, bakes in names.items()]
 
 
 class _Listing:
@@ -149,9 +149,9 @@ class _Listing:
         shares = plans.shares(self.planned) if options.shard else {}
         named = plans.named_plans(self.planned, options.only)
         self.chosen = plans.shard_part(named, options.shard, lambda plan: shares[plan.number])
-        found = InputProblems(self._files, reads=options.check and self._run.bounds is None)
+        inputs = InputProblems(self._files, reads=options.check and self._run.bounds is None)
         is_refused = self._run.bounds is not None and bool(self.problems)  # nothing elsewhere is looked at
-        self._of_bakes = {plan.number: [] if is_refused else list(found.of(plan)) for plan in self.chosen}
+        self._of_bakes = {plan.number: [] if is_refused else list(inputs.of(plan)) for plan in self.chosen}
 
     @property
     def all_problems(self) -> list[str]:

@@ -57,7 +57,7 @@ def path_in_file(value: str, *, is_untrusted: bool) -> str:
     if unset := [name for name in names if name not in os.environ]:
         raise argparse.ArgumentTypeError(f"{value!r} needs the variable {unset[0]}, which is not set")
     if names:
-        value = _VARIABLE.sub(lambda found: os.environ[found[1] or found[2]], value)
+        value = _VARIABLE.sub(lambda match: os.environ[match[1] or match[2]], value)
     return os.path.expanduser(value) if is_of_home else value
 
 
@@ -142,10 +142,10 @@ def axis(value: str) -> str:
 
 
 def point(value: str) -> tuple[float, float, float]:
-    found = _three_numbers(value, "512300,5412300,0")
-    if not math.isfinite(sum(found)):
+    numbers = _three_numbers(value, "512300,5412300,0")
+    if not math.isfinite(sum(numbers)):
         raise argparse.ArgumentTypeError(f"{value!r} has an infinite coordinate")
-    return found
+    return numbers
 
 
 def tiles(value: str) -> tuple[int, ...]:
@@ -183,10 +183,10 @@ def number(value: str) -> float:
 
 def degrees(value: str) -> int:
     """A whole number of degrees from 0 to 180."""
-    found = whole_number(value)
-    if not 0 <= found <= 180:
-        raise argparse.ArgumentTypeError(f"{found} is outside 0 to 180")
-    return found
+    angle = whole_number(value)
+    if not 0 <= angle <= 180:
+        raise argparse.ArgumentTypeError(f"{angle} is outside 0 to 180")
+    return angle
 
 
 def whole_number(value: str) -> int:
@@ -203,10 +203,10 @@ def count(value: str) -> int:
 
 
 def workers(value: str) -> int:
-    found = whole_number(value)
-    if not 0 <= found <= MOST_WORKERS:
+    count = whole_number(value)
+    if not 0 <= count <= MOST_WORKERS:
         raise argparse.ArgumentTypeError(f"{value!r} is not a number of processes from 0 to {MOST_WORKERS}")
-    return found
+    return count
 
 
 def one_of(choice: kinds.Choice) -> Callable[[str], str]:
@@ -236,13 +236,13 @@ def _among(
     joined = {_without_dashes(word): value for word, value in known.items()}
 
     def find(given: Sequence[str]) -> list[str]:
-        found = [joined.get(_without_dashes(word_for(word))) for word in given]
-        unknown = [word for word, value in zip(given, found, strict=True) if value is None]
+        chosen = [joined.get(_without_dashes(word_for(word))) for word in given]
+        unknown = [word for word, value in zip(given, chosen, strict=True) if value is None]
         if unknown:
             are = "is not one of" if len(unknown) == 1 else "are not among"
             hint = did_you_mean(map(word_for, unknown), words)
             raise argparse.ArgumentTypeError(f"{', '.join(map(repr, unknown))} {are} {', '.join(words)}{hint}")
-        return found
+        return chosen
 
     return find
 
@@ -266,11 +266,11 @@ def limits(value: str) -> tuple[Limit, ...]:
 
 
 def seconds(value: str) -> float:
-    found = number(value)
-    if not LEAST_SECONDS <= found <= MOST_SECONDS:
+    limit = number(value)
+    if not LEAST_SECONDS <= limit <= MOST_SECONDS:
         span = f"from {LEAST_SECONDS:g} to {MOST_SECONDS:,}"
         raise argparse.ArgumentTypeError(f"{value!r} is not a number of seconds {span}")
-    return found
+    return limit
 
 
 def size_of_memory(value: str) -> int:

@@ -34,12 +34,12 @@ def folder_pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]
     places: dict[str, list[Path]] = {}
     for path in files:
         places.setdefault(path.stem, []).append(path)
-    found, problems = match(places, suffixes)
+    pairs, problems = match(places, suffixes)
     problems += [f"{str(path)!r} is left out: its name is not UTF-8, as all names in Blender are." for path in strange]
-    if not found:
+    if not pairs:
         raise BakeError(" ".join(problems) or f"No mesh file in {folder!r} has a name that ends in {suffixes.low!r}.")
     result = []
-    for pair in found:
+    for pair in pairs:
         names = [pair.low, *pair.highs, *([pair.cage] if pair.cage else [])]
         twice = next((places[name] for name in names if len(places[name]) > 1), None)
         problem = f"{twice[0].name!r} and {twice[1].name!r} share a name: remove one of them." if twice else ""
@@ -104,12 +104,12 @@ def plans_of(sets: Sequence[argparse.Namespace], open_file: str = "") -> tuple[l
             result.append(Plan(name, options, number=len(result) + 1))
             continue
         try:
-            found, left = folder_pairs(options.pairs, options.suffixes)
+            pairs, left = folder_pairs(options.pairs, options.suffixes)
         except BakeError as error:
             result.append(Plan(name, options, str(error), len(result) + 1))
             continue
         problems += left
-        for pair, problem in found:
+        for pair, problem in pairs:
             own = copy(options)
             own.report, own.name = None, ""  # the report and the name are of all pairs
             own.pairs, own.low_file, own.high_file, own.cage_file = None, pair.low, pair.highs, pair.cage
@@ -163,8 +163,8 @@ def shares(planned: Sequence[Plan]) -> dict[int, int]:
 
     @cache
     def size(path: str) -> int:
-        found = 0 if os.path.realpath(path) in saved else _bytes(path)
-        return 1 << found.bit_length() - 1 if found >= LEAST_BYTES else 0
+        total = 0 if os.path.realpath(path) in saved else _bytes(path)
+        return 1 << total.bit_length() - 1 if total >= LEAST_BYTES else 0
 
     return {plan.number: cost(plan.options, size) for plan in planned}
 
@@ -182,11 +182,11 @@ def cost(options: argparse.Namespace, size: Callable[[str], int] | None = None) 
 
 def _bytes(path: str) -> int:
     """The bytes of a file, or of the files of all its tiles; 0 for one that is not there."""
-    found = 0
+    total = 0
     for each in udim.files(path).values() if udim.is_tiled(path) else (path,):
         with suppress(OSError, ValueError):
-            found += os.path.getsize(each)
-    return found
+            total += os.path.getsize(each)
+    return total
 
 
 def named_plans(planned: Sequence[Plan], patterns: Sequence[str]) -> list[Plan]:
@@ -194,10 +194,10 @@ def named_plans(planned: Sequence[Plan], patterns: Sequence[str]) -> list[Plan]:
     if not patterns:
         return list(planned)
     matches = [[fnmatch.fnmatchcase(plan.name, each) for plan in planned] for each in patterns]
-    for pattern, found in zip(patterns, matches, strict=True):
-        if not any(found):
+    for pattern, matched in zip(patterns, matches, strict=True):
+        if not any(matched):
             raise WrongUsage(f"--only: no bake has a name that matches {pattern!r}")
-    return [plan for plan, *found in zip(planned, *matches, strict=True) if any(found)]
+    return [plan for plan, *matched in zip(planned, *matches, strict=True) if any(matched)]
 
 
 def shard_part(planned: Sequence[Plan], shard: tuple[int, int] | None, cost: Callable[[Plan], int]) -> list[Plan]:

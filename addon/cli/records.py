@@ -66,21 +66,21 @@ class Contents:
             return self._of_several(path, what, several)
         try:
             with open(path, "rb", opener=_at_once) as file:
-                found = os.fstat(file.fileno())
-                if not stat.S_ISREG(found.st_mode):
+                state = os.fstat(file.fileno())
+                if not stat.S_ISREG(state.st_mode):
                     return Content(path, what)
-                stamp = _local_stamp(found)
+                stamp = _local_stamp(state)
                 if stamp not in self._known:
                     self._known[stamp] = self._hash(file)
         except (OSError, ValueError):  # missing, a folder, or not a valid path
             return Content(path, what)
-        return Content(path, what, found.st_size, self._known[stamp], stamp)
+        return Content(path, what, state.st_size, self._known[stamp], stamp)
 
     def checking(self, check: Callable[[], None]) -> "Contents":
         """These contents with another `check`."""
-        found = Contents(check)
-        found._known = self._known
-        return found
+        contents = Contents(check)
+        contents._known = self._known
+        return contents
 
     def all_of(self, paths: Iterable[tuple[str, str]]) -> list[Content]:
         """The contents of files, each once: paths, and what they are."""
@@ -97,11 +97,11 @@ class Contents:
         return digest.hexdigest()
 
     def _of_several(self, path: str, what: str, paths: Sequence[str]) -> Content:
-        found = [self.of(each) for each in paths]
-        if not found:
+        contents = [self.of(each) for each in paths]
+        if not contents:
             return Content(path, what)
         start = path if os.path.isdir(path) else os.path.dirname(path)
-        lines = [f"{each.sha256} {Path(os.path.relpath(each.path, start)).as_posix()}" for each in found]
+        lines = [f"{each.sha256} {Path(os.path.relpath(each.path, start)).as_posix()}" for each in contents]
         digest = hashlib.sha256(os.fsencode("\n".join(lines))).hexdigest()
         return Content(path, what, size_of(path), digest, stamp_of(path))
 
@@ -113,13 +113,13 @@ def _at_once(path: str, flags: int) -> int:
 
 def size_of(path: str) -> int | None:
     """The size of the files that `path` stands for, without reading them; None if there is none."""
-    found = _found(path)
-    return sum(each.st_size for each in found) if found else None
+    states = _states(path)
+    return sum(each.st_size for each in states) if states else None
 
 
 def stamp_of(path: str) -> str:
     """The stamp of Content, without reading the file. Empty if there is none."""
-    return " ".join(map(_local_stamp, _found(path)))
+    return " ".join(map(_local_stamp, _states(path)))
 
 
 def files(path: str) -> list[str]:
@@ -131,7 +131,7 @@ def files(path: str) -> list[str]:
     return sorted(os.path.join(folder, name) for folder, _, names in os.walk(path) for name in names)
 
 
-def _found(path: str) -> list[os.stat_result]:
+def _states(path: str) -> list[os.stat_result]:
     """What the system says of the files that `path` stands for."""
     try:
         return [os.stat(each) for each in files(path)]
@@ -139,9 +139,9 @@ def _found(path: str) -> list[os.stat_result]:
         return []
 
 
-def _local_stamp(found: os.stat_result) -> str:
+def _local_stamp(state: os.stat_result) -> str:
     # A program can set the time of a change back, but not that of the last change of anything, which Windows does not have.
-    return f"{found.st_dev}:{found.st_ino}:{found.st_size}:{found.st_mtime_ns}:{found.st_ctime_ns}"
+    return f"{state.st_dev}:{state.st_ino}:{state.st_size}:{state.st_mtime_ns}:{state.st_ctime_ns}"
 
 
 def path_from(path: str, folder: str) -> str:
@@ -192,8 +192,8 @@ def canonical(value: Any) -> str:
 
 def key_of(options: argparse.Namespace, contents: Contents, open_file: str = "") -> Key:
     """The key of a bake. This reads its files. open_file: the path of the open .blend, which a bake without files uses."""
-    found = tuple(contents.of(path, what) for path, what in plans.input_paths(options, open_file))
-    return Key(deciding_settings(options), found, versions.imprint(), versions.blender(), versions.code())
+    inputs = tuple(contents.of(path, what) for path, what in plans.input_paths(options, open_file))
+    return Key(deciding_settings(options), inputs, versions.imprint(), versions.blender(), versions.code())
 
 
 def deciding_settings(options: argparse.Namespace) -> dict[str, Any]:
@@ -253,7 +253,7 @@ class Record:
 
     key: Key
     key_value: str
-    found: tuple[Content, ...]
+    others: tuple[Content, ...]
     """The files that the bake read beside those of its key."""
     files: tuple[Content, ...]
     """The files that it wrote. Their stamps are those of `_shared_stamp`."""
@@ -313,7 +313,7 @@ def _identity(options: argparse.Namespace, folder: str) -> str:
 def write_record(
     assigned: Assignment,
     entry: Entry,
-    found: Sequence[Content],
+    others: Sequence[Content],
     hashes: Contents,
     *,
     is_pictured: bool = False,
@@ -321,14 +321,14 @@ def write_record(
     """Write the record of a bake whose files are complete. Raises BakeError, also for a file that was changed meanwhile.
 
     Args:
-        found: The files that it read beside those of the key, as they were when it read them.
+        others: The files that it read beside those of the key, as they were when it read them.
         hashes: May have read the files that it wrote.
         is_pictured: Whether the run keeps its picture.
     """
     path, key, report = assigned.record, assigned.key, report_path(assigned.plan.options.report)
     files = [each["path"] for each in entry.files]
     own = set(map(os.path.realpath, files))
-    for each in (*key.inputs, *found):
+    for each in (*key.inputs, *others):
         is_touched = stamp_of(each.path) != each.stamp and os.path.realpath(each.path) not in own
         if is_touched and not hashes.of(each.path).is_same(each):
             raise BakeError(f"{each.path!r} was changed during the bake, which --resume does again.")
@@ -343,7 +343,7 @@ def write_record(
         "code": key.code,
         "settings": key.settings,
         "declared": [_plain(each, folder) for each in key.inputs],
-        "inputs": [_plain(each, folder) for each in found],
+        "inputs": [_plain(each, folder) for each in others],
         "files": [_plain(hashes.of(each), folder) | {"stamp": _shared_stamp(each)} for each in written],
         "picture": hashlib.sha256(entry.image).hexdigest() if is_pictured and entry.image else "",
         "result": entry.to_dict(),
@@ -359,10 +359,10 @@ def read_record(path: Path) -> Record | None:
         values = json.loads(path.read_bytes())
         if values["imprint_record"] != RECORD_VERSION:
             return None
-        declared, found = (tuple(_content(each, folder) for each in values[key]) for key in ("declared", "inputs"))
+        declared, others = (tuple(_content(each, folder) for each in values[key]) for key in ("declared", "inputs"))
         files = tuple(replace(_content(each, folder), stamp=each["stamp"]) for each in values["files"])
         key = Key(dict(values["settings"]), declared, values["version"], values["blender"], values["code"])
-        return Record(key, values["key"], found, files, values["picture"], Entry.from_dict(values["result"]))
+        return Record(key, values["key"], others, files, values["picture"], Entry.from_dict(values["result"]))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
@@ -390,17 +390,17 @@ def _shared_stamp(path: str) -> str:
     """What changes whenever a file is changed or replaced, whatever times a program gives it. It is the same for all machines
     that see the file. Empty where the system does not have it."""
     try:
-        found = os.stat(path)
+        state = os.stat(path)
     except (OSError, ValueError):  # the next run will miss the file
         return ""
     # Windows has the time at which a file was made in its place.
-    return f"{found.st_ino}:{found.st_mtime_ns}:{found.st_ctime_ns}" if os.name != "nt" else ""
+    return f"{state.st_ino}:{state.st_mtime_ns}:{state.st_ctime_ns}" if os.name != "nt" else ""
 
 
 def finish_record(
     assigned: Assignment,
     entry: Entry,
-    found: Sequence[Content],
+    others: Sequence[Content],
     hashes: Contents,
     *,
     is_pictured: bool = False,
@@ -415,7 +415,7 @@ def finish_record(
     try:
         if not_followed:
             raise BakeError(f"{not_followed[0]}, so --resume does it again.")
-        write_record(assigned, entry, found, hashes, is_pictured=is_pictured)
+        write_record(assigned, entry, others, hashes, is_pictured=is_pictured)
     except BakeError as error:
         entry.warnings.append(f"The bake has no record: {error}")
 
@@ -447,13 +447,13 @@ def check_untrusted(
     except BakeError as error:
         return Entry.failed(plan.number, plan.name, BakeError(f"Its process gave a wrong result: {error}"))
     named = {os.path.abspath(path) for path, _ in plans.input_paths(plan.options)}
-    found = [hashes.of(each["path"], each["what"]) for each in entry.inputs]
-    changed = next((now for now, then in zip(found, entry.inputs, strict=True) if now.facts() != then), None)
+    inputs = [hashes.of(each["path"], each["what"]) for each in entry.inputs]
+    changed = next((now for now, then in zip(inputs, entry.inputs, strict=True) if now.facts() != then), None)
     if changed is not None:
         why = " and the bake has no record" if assigned.record else ""
         entry.warnings.append(f"{changed.path!r} is not as it was in the bake{why}.")
         return entry
-    others = [each for each in found if each.path not in named]
+    others = [each for each in inputs if each.path not in named]
     finish_record(assigned, entry, others, hashes, is_pictured=is_pictured)
     return entry
 
@@ -471,7 +471,12 @@ def _check_written(
         bounds.check_write(each["path"], "a file")
     for path in unplanned(sorted(paths)):
         raise BakeError(f"{path!r} is not a file that it may write.")
-    named = {path for each in entry.reports for found in run_report.written_paths(each).values() for path in found}
+    named = {
+        path
+        for each in entry.reports
+        for paths_of_kind in run_report.written_paths(each).values()
+        for path in paths_of_kind
+    }
     if more := named - paths:
         raise BakeError(f"a report names {min(more)!r}, which is not among its files.")
     for each in entry.files:

@@ -49,16 +49,16 @@ def _read_parts(path: str) -> list[_Part]:
     A report of an earlier second than that call is not read: the call would have replaced it.
     """
     lines = path if path.endswith(LINES) else path + LINES
-    found = []
+    parts = []
     if path != lines and Path(path).exists():
         values = _json(path, Path(path).read_bytes())
-        found.append(_part(path, values, values.get("bakes") if isinstance(values, dict) else None))
+        parts.append(_part(path, values, values.get("bakes") if isinstance(values, dict) else None))
     if Path(lines).exists():
         # The first line is the head of the report. The last one may have been cut off.
         first, *rest = Path(lines).read_bytes().split(b"\n")[:-1] or [b""]
         left = _part(lines, _json(lines, first), [_json(lines, line) for line in rest])
-        found = [*(part for part in found if part.started >= left.started), left]
-    return found
+        parts = [*(part for part in parts if part.started >= left.started), left]
+    return parts
 
 
 def _json(path: str, content: bytes) -> Any:
@@ -83,8 +83,8 @@ def _part(path: str, head: Any, entries: Any) -> _Part:
 def _all_parts(paths: Sequence[str]) -> tuple[list[_Part], list[str]]:
     """The reports, and a sentence for each that is not there. Raises BakeError if none is."""
     by_path = {path: _read_parts(path) for path in paths}
-    warnings = [f"There is no report {path!r}." for path, found in by_path.items() if not found]
-    parts = [part for found in by_path.values() for part in found]
+    warnings = [f"There is no report {path!r}." for path, of_path in by_path.items() if not of_path]
+    parts = [part for of_path in by_path.values() for part in of_path]
     if not parts:
         raise BakeError(" ".join(warnings))
     return parts, warnings

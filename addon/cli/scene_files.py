@@ -99,11 +99,11 @@ class SceneLoader:
         """
         lows = {job.low.data.session_uid for job in jobs if job.low.data is not None}  # a check names others
         highs = dict.fromkeys(high for job in jobs for high in job.highs if high.type == "MESH")
-        found = [high for high in highs if high.data.session_uid in self._without_normals - lows]
+        unshaded = [high for high in highs if high.data.session_uid in self._without_normals - lows]
         for data in bpy.data.meshes:
             if data.session_uid in self._without_normals:
-                importing.smooth(data, degrees if any(high.data == data for high in found) else 0)
-        return {high.name: degrees for high in found if degrees}
+                importing.smooth(data, degrees if any(high.data == data for high in unshaded) else 0)
+        return {high.name: degrees for high in unshaded if degrees}
 
     def changed(self, names: Iterable[str]) -> None:
         """Remember that a bake changed these objects."""

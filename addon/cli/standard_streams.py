@@ -98,9 +98,9 @@ def _lines(output: int) -> list[str]:
     """The different lines in a file, at most MOST_LINES of them, and how many more there are."""
     flush()
     text = os.pread(output, 1 << 20, 0).decode(errors="replace")
-    found = list(dict.fromkeys(line.strip() for line in text.splitlines() if line.strip()))
-    more = len(found) - MOST_LINES
-    return found if more <= 0 else [*found[:MOST_LINES], f"and {more:,} more lines"]
+    printed = list(dict.fromkeys(line.strip() for line in text.splitlines() if line.strip()))
+    more = len(printed) - MOST_LINES
+    return printed if more <= 0 else [*printed[:MOST_LINES], f"and {more:,} more lines"]
 
 
 def _is(stream, number: int) -> bool:

@@ -202,12 +202,12 @@ def _check_file(path: str, title: str) -> None:
     """Raise WrongPlace for pipes, devices and folders, whose opening may never return, and for a file that takes very long to
     read. What is missing is left to its reader."""
     try:
-        found = os.stat(path)
+        state = os.stat(path)
     except (OSError, ValueError):
         return
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(state.st_mode):
         raise WrongPlace(f"{_subject(title)}, {path!r}, is not a file.")
-    if found.st_size > MOST_READ:
+    if state.st_size > MOST_READ:
         raise WrongPlace(
             f"{_subject(title)}, {path!r}, has more than {MOST_READ >> 30} GiB, the most that --untrusted reads."
         )
@@ -416,14 +416,14 @@ class Sandbox:
 
 def processes_in(number: int) -> list[int]:
     """The processes in the sandbox that the process `number` waits for: first its init, then the command, then others."""
-    found, places = [], [number]
+    numbers, places = [], [number]
     while places:
         place = places.pop(0)
         with suppress(OSError, ValueError):
             children = Path(f"/proc/{place}/task/{place}/children").read_text(encoding="ascii").split()
-            found += map(int, children)
+            numbers += map(int, children)
             places += map(int, children)
-    return found
+    return numbers
 
 
 _SYSTEMD = "systemd-run"

@@ -241,8 +241,8 @@ class ResumeQueue(WorkQueue):
         for name in (limits.DEVIATION, limits.APPEARANCE):
             if name in limits.needs(plan.options.strict) and not all(each.get(name) for each in record.result.reports):
                 return f"--strict now limits {name}, which that bake did not measure."
-        found = next(self._changes(plan, record), "")
-        return found or resumed(plan, record.result)
+        change = next(self._changes(plan, record), "")
+        return change or resumed(plan, record.result)
 
     def _changes(self, plan: Plan, record: Record) -> Iterator[str]:
         """What is no longer as it was for the bake, in sentences. What takes long comes last."""
@@ -259,7 +259,7 @@ class ResumeQueue(WorkQueue):
         files = list(plans.input_paths(options, self._open_file))
         if [(_name(path), what) for path, what in files] != [(_name(each.path), each.what) for each in old.inputs]:
             yield "It was baked from other files."
-        pairs = [(before, before.path) for before in record.found]
+        pairs = [(before, before.path) for before in record.others]
         pairs += [(before, path) for before, (path, _) in zip(old.inputs, files, strict=False)]
         for before, path in pairs:
             is_elsewhere = self._bounds is not None and not self._bounds.may_read(path)

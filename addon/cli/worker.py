@@ -142,8 +142,8 @@ class _Files:
     def exported(self, name: str, path: str) -> None:
         self._ask(FilesFound(export=path))
 
-    def _ask(self, found: FilesFound) -> None:
-        self._parent.send(found)
+    def _ask(self, message: FilesFound) -> None:
+        self._parent.send(message)
         answer: Answer = self._parent.receive()
         if answer.problem:
             raise WrongPlace(answer.problem)

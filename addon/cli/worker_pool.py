@@ -328,12 +328,12 @@ class WorkerPool:
         return self._ended(plan, entry, worker.log)
 
 
-def _problem(files: clashes.RunFiles, plan: Plan, found: FilesFound) -> str:
+def _problem(files: clashes.RunFiles, plan: Plan, message: FilesFound) -> str:
     try:
-        if found.export:
-            files.exported(plan.name, found.export)
+        if message.export:
+            files.exported(plan.name, message.export)
         else:
-            files.opened(plan.name, plan.options, found.lows, found.used)
+            files.opened(plan.name, plan.options, message.lows, message.used)
     except WrongPlace as problem:
         return str(problem)
     return ""

@@ -42,22 +42,22 @@ def memory_of(number: int) -> int:
             return pages * os.sysconf("SC_PAGE_SIZE")
         if os.name == "nt":
             return _on_windows(number)
-        found = subprocess.run(["ps", "-o", "rss=", "-p", str(number)], capture_output=True, text=True, check=False)
-        return int(found.stdout) * 1024
+        listed = subprocess.run(["ps", "-o", "rss=", "-p", str(number)], capture_output=True, text=True, check=False)
+        return int(listed.stdout) * 1024
     return 0
 
 
 def unnamed_memory_of(numbers: Sequence[int]) -> int:
     """The bytes of files without a name that processes have open, as those of memfd_create, which are memory. Of Linux."""
-    found = {}
+    sizes = {}
     for number in numbers:
         with suppress(OSError):
             for each in os.scandir(f"/proc/{number}/fd"):
                 with suppress(OSError):
                     status = os.stat(each.path)
                     if stat.S_ISREG(status.st_mode) and not status.st_nlink:
-                        found[status.st_dev, status.st_ino] = 512 * status.st_blocks
-    return sum(found.values())
+                        sizes[status.st_dev, status.st_ino] = 512 * status.st_blocks
+    return sum(sizes.values())
 
 
 def kills() -> int:
@@ -89,8 +89,8 @@ def _on_windows(number: int) -> int:
         return 0
     try:
         counters = _Counters(length=ctypes.sizeof(_Counters))
-        found = ctypes.windll.psapi.GetProcessMemoryInfo(handle, ctypes.byref(counters), counters.length)
-        return counters.working_set if found else 0
+        is_known = ctypes.windll.psapi.GetProcessMemoryInfo(handle, ctypes.byref(counters), counters.length)
+        return counters.working_set if is_known else 0
     finally:
         ctypes.windll.kernel32.CloseHandle(handle)
 

@@ -69,9 +69,9 @@ class Listener:
         lacking = dependencies.lacking(dependencies.of(objects, for_render=for_render))
         self._paths = {each.path for each in lacking}
         owners = [block for block in self._used if isinstance(block, bpy.types.Object)]
-        found = [(obj, modifier) for obj in owners for modifier in obj.modifiers]
-        found = [each for each in found if (each[1].show_render if for_render else each[1].show_viewport)]
-        self._shown = [each for each in found if not self._paths & set(dependencies.paths_of_modifier(each[1]))]
+        modifiers = [(obj, modifier) for obj in owners for modifier in obj.modifiers]
+        modifiers = [each for each in modifiers if (each[1].show_render if for_render else each[1].show_viewport)]
+        self._shown = [each for each in modifiers if not self._paths & set(dependencies.paths_of_modifier(each[1]))]
         self._said = b""
 
     @contextmanager
@@ -88,13 +88,15 @@ class Listener:
 
     def complaints(self) -> list[str]:
         """The modifiers that were left out, in sentences. Those that lack a file are left out, which `of_files` names."""
-        found = [Complaint(obj.name, modifier.name, text) for obj, modifier in self._shown if (text := _lack(modifier))]
-        found += self._printed()
+        listed = [
+            Complaint(obj.name, modifier.name, text) for obj, modifier in self._shown if (text := _lack(modifier))
+        ]
+        listed += self._printed()
         for obj, modifier in self._shown:
             for each in modifier.node_warnings if modifier.type == "NODES" else ():
                 if each.type == "ERROR":
-                    found.append(Complaint(obj.name, modifier.name, each.message.rstrip(".")))
-        once = {(each.owner, each.modifier): each for each in reversed(found)}
+                    listed.append(Complaint(obj.name, modifier.name, each.message.rstrip(".")))
+        once = {(each.owner, each.modifier): each for each in reversed(listed)}
         return [*(str(each) for each in reversed(once.values())), *_unread_images(self._used, self._paths)]
 
     def _printed(self) -> Iterator[Complaint]:

@@ -75,13 +75,13 @@ def of(
     """
     used = _Uses()
     blocks = used.by(objects)
-    found = [each for block in blocks for each in _of_block(block, for_render=for_render)]
-    found += _libraries(blocks)
-    found += _others(blocks)
+    files = [each for block in blocks for each in _of_block(block, for_render=for_render)]
+    files += _libraries(blocks)
+    files += _others(blocks)
     of_materials = used.by_materials(used.by(shown))
-    found += [each for block in of_materials for each in _of_block(block, is_surface=True)]
+    files += [each for block in of_materials for each in _of_block(block, is_surface=True)]
     once: dict[str, Dependency] = {}
-    for each in sorted(found, key=lambda each: not each.is_needed):
+    for each in sorted(files, key=lambda each: not each.is_needed):
         once.setdefault(each.path, each)
     return list(once.values())
 
@@ -95,20 +95,20 @@ def not_to_replace(
     low object's materials may be replaced, also where the high objects show the same materials.
     """
     bakes, used = list(bakes), _Uses()
-    found = of([each for low, highs, others in bakes for each in (low, *highs, *others)])
+    read = of([each for low, highs, others in bakes for each in (low, *highs, *others)])
     for low, highs, _ in bakes:
         own = used.materials_of(low)
         shown = [block for block in used.by(highs) if isinstance(block, bpy.types.Material)]
         for is_shared in (False, True):
             images = used.by_materials(each for each in shown if (each in own) == is_shared)
             surfaces = (each for image in images for each in _of_block(image, is_surface=True))
-            found += [each for each in surfaces if not (is_shared and each.is_own_map)]
-    return list({each.path: each for each in reversed(found)}.values())
+            read += [each for each in surfaces if not (is_shared and each.is_own_map)]
+    return list({each.path: each for each in reversed(read)}.values())
 
 
-def lacking(found: Iterable[Dependency]) -> list[Lacking]:
+def lacking(files: Iterable[Dependency]) -> list[Lacking]:
     """The files that are needed, and missing or not whole, also those in folders."""
-    return [each for wanted in found if wanted.is_needed for each in _lacking(wanted)]
+    return [each for wanted in files if wanted.is_needed for each in _lacking(wanted)]
 
 
 def _lacking(wanted: Dependency) -> Iterator[Lacking]:
@@ -129,12 +129,12 @@ def _lacking(wanted: Dependency) -> Iterator[Lacking]:
 def _unreadable(path: str) -> str:
     """A clause if an image gives no pixels, and only who decodes it sees that; else empty."""
     try:
-        found = os.stat(path)
+        state = os.stat(path)
         if whole_files.says_end(path):
             return ""
     except OSError:
         return ""
-    return "" if _has_pixels(path, found.st_size, found.st_mtime_ns) else whole_files.NO_PIXELS
+    return "" if _has_pixels(path, state.st_size, state.st_mtime_ns) else whole_files.NO_PIXELS
 
 
 @lru_cache(maxsize=4096)
@@ -172,19 +172,19 @@ def used_by(objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
 def paths_of_modifier(modifier: bpy.types.Modifier) -> list[str]:
     """The files that a modifier reads, also those of its nodes, its cache and its volume."""
     owner = modifier.id_data
-    found = [each.path for each in _of_modifier(owner, modifier, is_on=True)]
+    paths = [each.path for each in _of_modifier(owner, modifier, is_on=True)]
     blocks = [getattr(modifier, "node_group", None), getattr(modifier, "cache_file", None)]
     if modifier.type == "VOLUME_TO_MESH" and modifier.object:
         blocks.append(modifier.object.data)
     for block in filter(None, blocks):
-        found += [each.path for inner in _Uses().by([block]) for each in _of_block(inner)]
-    return found
+        paths += [each.path for inner in _Uses().by([block]) for each in _of_block(inner)]
+    return paths
 
 
 def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
     """Clauses about files that `objects` are made from and whose paths are only known while they are evaluated."""
     blocks = _Uses().by(objects)
-    found = [
+    clauses = [
         f"the node {node.name!r} of {tree.name!r} computes the path of its file"
         for tree in blocks
         if isinstance(tree, bpy.types.NodeTree)
@@ -192,7 +192,7 @@ def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
         if _paths_of(node.inputs[0]) is None
     ]
     caches = [block for block in blocks if isinstance(block, bpy.types.CacheFile)]
-    return [*found, *filter(None, (usd_layers.named(absolute(each.filepath, each)).unknown for each in caches))]
+    return [*clauses, *filter(None, (usd_layers.named(absolute(each.filepath, each)).unknown for each in caches))]
 
 
 class _Uses:
@@ -210,10 +210,10 @@ class _Uses:
 
     def materials_of(self, obj: bpy.types.Object) -> set[bpy.types.ID]:
         """The materials of an object: of its slots, and those that its modifiers set."""
-        found = self._walk(
+        reached = self._walk(
             [obj], lambda block: block == obj or not isinstance(block, bpy.types.Material | bpy.types.Object)
         )
-        return {block for block in found if isinstance(block, bpy.types.Material)}
+        return {block for block in reached if isinstance(block, bpy.types.Material)}
 
     def by_materials(self, blocks: Iterable[bpy.types.ID]) -> list[bpy.types.ID]:
         """The images that the materials among `blocks` use, also in groups of nodes."""
@@ -237,13 +237,13 @@ class _Uses:
         return list(seen)
 
     def _used_by(self, block: bpy.types.ID) -> list[bpy.types.ID]:
-        found = self._uses.get(block, [])
+        used = self._uses.get(block, [])
         if not isinstance(block, bpy.types.Object):
-            return found
+            return used
         if block.type == "EMPTY":  # it shows an image, which is no part of a mesh
-            return [each for each in found if each != block.data]
+            return [each for each in used if each != block.data]
         noted = _noted_by(block)
-        return [each for each in found if each not in noted] if noted else found
+        return [each for each in used if each not in noted] if noted else used
 
 
 def _noted_by(obj: bpy.types.Object) -> set[bpy.types.ID]:
@@ -423,7 +423,7 @@ def _frame_of(user: bpy.types.ImageUser) -> int | None:
 def _numbered(path: str, frame: int) -> str:
     """`path` with the number of another frame."""
     stem, ending = os.path.splitext(path)
-    return _NUMBER.sub(lambda found: f"{frame:0{len(found[0])}}", stem, count=1) + ending
+    return _NUMBER.sub(lambda digits: f"{frame:0{len(digits[0])}}", stem, count=1) + ending
 
 
 def _libraries(blocks: Iterable[bpy.types.ID]) -> Iterator[Dependency]:
@@ -437,14 +437,14 @@ def _libraries(blocks: Iterable[bpy.types.ID]) -> Iterator[Dependency]:
 
 def _others(blocks: Sequence[bpy.types.ID]) -> list[Dependency]:
     """Files of datablocks as Blender lists them, for what this module does not know."""
-    found, wanted = [], {block for block in blocks if not isinstance(block, bpy.types.Image)}
+    others, wanted = [], {block for block in blocks if not isinstance(block, bpy.types.Image)}
 
     def visit(owner: bpy.types.ID, path: str, _about: object) -> None:
         if owner in wanted and path and path != _BUILT_IN:
-            found.append(Dependency(absolute(path, owner), f"a file of {owner.name!r}", is_needed=False))
+            others.append(Dependency(absolute(path, owner), f"a file of {owner.name!r}", is_needed=False))
 
     older_blender.visit_file_paths(visit)
-    return found
+    return others
 
 
 def _import_nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
@@ -471,7 +471,7 @@ def _paths_of(socket: bpy.types.NodeSocket) -> list[tuple[bpy.types.ID, str]] | 
 
 def _given(tree: bpy.types.NodeTree, identifier: str) -> list[tuple[bpy.types.ID, str]] | None:
     """The texts that the users of a group of nodes give to an input; None if nodes compute one."""
-    found: list[tuple[bpy.types.ID, str]] = []
+    given: list[tuple[bpy.types.ID, str]] = []
     for other in bpy.data.node_groups:
         for node in other.nodes if isinstance(other, bpy.types.GeometryNodeTree) else ():
             if node.type == "GROUP" and node.node_tree == tree:
@@ -479,9 +479,9 @@ def _given(tree: bpy.types.NodeTree, identifier: str) -> list[tuple[bpy.types.ID
                 paths = _paths_of(socket) if socket is not None else []
                 if paths is None:
                     return None
-                found += paths
+                given += paths
     for obj in bpy.data.objects:
         for modifier in obj.modifiers:
             if modifier.type == "NODES" and modifier.node_group == tree:
-                found.append((obj, str(older_blender.modifier_input(modifier, identifier) or "")))
-    return [each for each in found if each[1]]
+                given.append((obj, str(older_blender.modifier_input(modifier, identifier) or "")))
+    return [each for each in given if each[1]]

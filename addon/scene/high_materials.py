@@ -49,11 +49,11 @@ def read_layers(
     for_render: whether `data` has the modifiers that renders see.
     """
     generated = partial(mesh_elements.generated_by_corner, obj, data, for_render=for_render)
-    found = {
+    layers = {
         key: generated() if key[0] == GENERATED else READERS[key[0]](data, key[1])
         for key in _needed(materials, map_settings)
     }
-    return {key: values for key, values in found.items() if values is not None}
+    return {key: values for key, values in layers.items() if values is not None}
 
 
 def _needed(materials: Iterable[HighMaterial], map_settings: MapSettings) -> dict[tuple[str, str], None]:
@@ -137,18 +137,18 @@ class MaterialNumbers:
         if key not in self._found:
             is_bare = isinstance(material, Bare)
             plain = None if is_bare else material
-            found = read_materials([plain], self.images, self.sockets, is_exact=self.is_exact)[0]
+            surface = read_materials([plain], self.images, self.sockets, is_exact=self.is_exact)[0]
             if material is Bare.COLORED:
-                found = replace(found, feeds=found.feeds | {BASE_COLOR.socket: AttributeFeed("")})
+                surface = replace(surface, feeds=surface.feeds | {BASE_COLOR.socket: AttributeFeed("")})
             if material in self._of_low:
                 is_hooked_up = _is_hooked_up(material)
-                detail = None if is_hooked_up else self._replaced(found.detail)
+                detail = None if is_hooked_up else self._replaced(surface.detail)
                 # What the nodes of an earlier bake do to normals is no loss.
                 notes = {
-                    socket: text for socket, text in found.notes.items() if not (is_hooked_up and socket == NORMAL)
+                    socket: text for socket, text in surface.notes.items() if not (is_hooked_up and socket == NORMAL)
                 }
-                found = replace(found, detail=detail, notes=notes | self._notes_on_maps(found))
-            self._found[key] = replace(found, key=key)
+                surface = replace(surface, detail=detail, notes=notes | self._notes_on_maps(surface))
+            self._found[key] = replace(surface, key=key)
         return self._found[key]
 
     def give_up(self, numbers: Collection[int], is_unknown: Callable[[ExactFeed], bool], why: str) -> None:

@@ -26,13 +26,13 @@ def replace_placeholders(images: Iterable[bpy.types.Image], named: Mapping[str, 
     No image is loaded. An image whose file is missing gets the path where it should be.
     """
     for image in images:
-        found = named.get(os.path.basename(image.filepath))
-        if found is None:
+        named_image = named.get(os.path.basename(image.filepath))
+        if named_image is None:
             continue
-        path = found.path or found_files.expected_path(found.name, folder)
+        path = named_image.path or found_files.expected_path(named_image.name, folder)
         image.filepath = str(path)
         image.name = path.name
-        if not found.is_color:
+        if not named_image.is_color:
             image.colorspace_settings.is_data = True
         elif path.suffix.lower() in _LINEAR:
             image.colorspace_settings.name = "Linear Rec.709"
@@ -48,8 +48,8 @@ def find_missing_files(images: Iterable[bpy.types.Image], folder: Path) -> None:
     for image in images:
         if image.source == "FILE" and not image.packed_file and image.filepath:
             is_there = found_files.is_file(Path(location(image, 0)))
-            if not is_there and (found := found_files.find_file(image.filepath, [folder])):
-                image.filepath = str(found)
+            if not is_there and (elsewhere := found_files.find_file(image.filepath, [folder])):
+                image.filepath = str(elsewhere)
         if image.has_data and not image.is_dirty and image.source in {"FILE", "TILED"}:
             image.buffers_free()
 
@@ -100,7 +100,7 @@ def _images(material: bpy.types.Material | None) -> Iterator[bpy.types.Image]:
 
 def missing_tiles(objects: Iterable[bpy.types.Object]) -> list[str]:
     """The files of tiles on which faces have UVs, and which the tiled images of their materials do not have."""
-    found = []
+    paths = []
     for obj in objects:
         for number, slot in enumerate(obj.material_slots):
             tiled = [image for image in _images(slot.material) if image.source == "TILED" and image.filepath]
@@ -108,8 +108,8 @@ def missing_tiles(objects: Iterable[bpy.types.Object]) -> list[str]:
             numbers = {udim.number(u, v) for u, v in used if 0 <= u < udim.COLUMNS and 0 <= v < udim.ROWS}
             for image in tiled:
                 missing = sorted(numbers - {tile.number for tile in image.tiles})
-                found += [udim.fill_all(bpy.path.abspath(image.filepath), tile) for tile in missing]
-    return list(dict.fromkeys(found))
+                paths += [udim.fill_all(bpy.path.abspath(image.filepath), tile) for tile in missing]
+    return list(dict.fromkeys(paths))
 
 
 def _tiles_of(data: bpy.types.Mesh, material: int) -> list[tuple[int, int]]:
@@ -163,9 +163,9 @@ def _has_corners(data: bpy.types.Mesh, corners: np.ndarray) -> bool:
     """Whether the faces of a mesh are these triangles (T, 3) of points, in this order: the importer may leave some out."""
     if len(data.loops) != corners.size or len(data.polygons) != len(corners):
         return False
-    found = np.empty(len(data.loops), np.int32)
-    data.loops.foreach_get("vertex_index", found)
-    return np.array_equal(found, corners.ravel())
+    vertices = np.empty(len(data.loops), np.int32)
+    data.loops.foreach_get("vertex_index", vertices)
+    return np.array_equal(vertices, corners.ravel())
 
 
 def _material(name: str, node_type: str, **values) -> bpy.types.Material:

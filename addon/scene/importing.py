@@ -43,8 +43,8 @@ def check_messages(path: Path) -> Iterator[None]:
             yield
         file.seek(0)
         printed = file.read(_MOST)
-    if found := _UNREAD.search(printed):
-        raise UnreadReference(str(path), found[1].decode(errors="backslashreplace"))
+    if unread := _UNREAD.search(printed):
+        raise UnreadReference(str(path), unread[1].decode(errors="backslashreplace"))
     if count := len(_LEFT_OUT.findall(printed)):
         faces = "1 face" if count == 1 else f"{count:,} faces"
         raise BakeError(
@@ -265,8 +265,8 @@ def _cause(error: RuntimeError | OSError, path: Path) -> str:
             f"its meshes are compressed with {' and '.join(packed)}, which Blender's Python package lacks. Bake in an "
             "installed Blender, which has it, or save the file without compression"
         )
-    if found := _NOT_READ.search(str(error)):
-        return f"it needs {found[1]} of glTF, which Blender does not read. Save the file without it"
+    if unknown := _NOT_READ.search(str(error)):
+        return f"it needs {unknown[1]} of glTF, which Blender does not read. Save the file without it"
     if "Traceback" not in str(error):
         return reason(error)
     last = [line for line in str(error).splitlines() if line.strip() and not line.startswith((" ", "Location"))][-1]

@@ -117,7 +117,7 @@ def may_differ(low: bpy.types.Object, highs: Sequence[bpy.types.Object], *, for_
     pair = [low, *meshes]
     deformers = {obj: _deformers(obj, for_render) for obj in pair}
     has = {obj: _all_of(obj, deformers, pair) for obj in pair}
-    found = []
+    posed_objects = []
     for obj in pair:
         others = meshes if obj == low else [low]
         own = [
@@ -127,8 +127,8 @@ def may_differ(low: bpy.types.Object, highs: Sequence[bpy.types.Object], *, for_
         ]
         lacking = [one for one in others if any(each.what not in has[one] for each in own)]
         if own:
-            found.append(Posed(obj, own, lacking))
-    return found
+            posed_objects.append(Posed(obj, own, lacking))
+    return posed_objects
 
 
 def find(
@@ -150,7 +150,7 @@ def find(
         faces = _faces(low) if is_whole and len(low.data.polygons) <= MOST_FACES else None
         normals = {posed.obj: copies.normals(posed.obj) for posed in suspects}
     diagonal = float(np.linalg.norm(np.ptp(before[low], axis=0))) if len(before[low]) else 0.0
-    found, farthest = [], 0.0
+    differing, farthest = [], 0.0
     for posed in suspects:
         if before[posed.obj].shape != after[posed.obj].shape:  # its nodes make another mesh
             continue
@@ -160,11 +160,11 @@ def find(
             up = normals[posed.obj]
             ways, least = ways - up * (ways * up).sum(axis=1, keepdims=True), MOVED_ALONG * diagonal
         if np.linalg.norm(ways, axis=1).max(initial=0.0) > least:
-            found.append(posed)
+            differing.append(posed)
             farthest = max(farthest, float(far[far > MOVED * diagonal].mean()))
-    if found and faces is not None and _gain(low, meshes, before, after, faces) < -BETTER * farthest:
+    if differing and faces is not None and _gain(low, meshes, before, after, faces) < -BETTER * farthest:
         return []
-    return found
+    return differing
 
 
 @contextmanager
@@ -186,7 +186,7 @@ def at_rest(
 
 def _mute(obj: bpy.types.Object, deformer: Deformer, restore: ExitStack) -> None:
     if deformer.kind == "rig":
-        rig = next(found for found in bpy.data.objects if found.session_uid == deformer.what[1])
+        rig = next(each for each in bpy.data.objects if each.session_uid == deformer.what[1])
         evaluation.set_until(rig.data, "pose_position", "REST", restore)
     elif deformer.kind == "key":
         evaluation.set_until(obj.data.shape_keys.key_blocks[deformer.name], "mute", True, restore)
@@ -197,15 +197,15 @@ def _mute(obj: bpy.types.Object, deformer: Deformer, restore: ExitStack) -> None
 
 
 def _deformers(obj: bpy.types.Object, for_render: bool) -> list[Deformer]:
-    found = [_of_rig(rig) for rig in dict.fromkeys(_rigs(obj, for_render)) if rig.data.pose_position == "POSE"]
+    deformers = [_of_rig(rig) for rig in dict.fromkeys(_rigs(obj, for_render)) if rig.data.pose_position == "POSE"]
     keys = obj.data.shape_keys
     for key in keys.key_blocks[1:] if keys is not None else ():
         if key.value and not key.mute:
-            found.append(Deformer("key", key.name, ("KEY", key.name, round(key.value, 4))))
+            deformers.append(Deformer("key", key.name, ("KEY", key.name, round(key.value, 4))))
     for modifier in obj.modifiers:
         if modifier.type in (*TARGETS, *PLAIN) and (modifier.show_render if for_render else modifier.show_viewport):
-            found.append(Deformer("modifier", modifier.name, _what(modifier), modifier.type))
-    return found
+            deformers.append(Deformer("modifier", modifier.name, _what(modifier), modifier.type))
+    return deformers
 
 
 def _of_rig(rig: bpy.types.Object) -> Deformer:
@@ -265,12 +265,12 @@ def _all_of(
     obj: bpy.types.Object, deformers: dict[bpy.types.Object, list[Deformer]], pair: Sequence[bpy.types.Object]
 ) -> set[tuple]:
     """What moves an object, also by way of another one of the pair."""
-    found = {each.what for each in deformers[obj]}
+    poses = {each.what for each in deformers[obj]}
     for each in deformers[obj]:
         if _follows(each, pair):
             target = next(other for other in pair if other.session_uid == each.what[1])
-            found |= {other.what for other in deformers[target]} if target != obj else set()
-    return found
+            poses |= {other.what for other in deformers[target]} if target != obj else set()
+    return poses
 
 
 class _Copies:
@@ -306,16 +306,16 @@ class _Copies:
     def points(self, obj: bpy.types.Object) -> np.ndarray:
         """The places (V, 3) float64 of the vertices of an object, in the world."""
         data, matrix = self._shown(obj)
-        found = np.empty((len(data.vertices), 3), np.float32)
-        data.vertices.foreach_get("co", found.reshape(-1))
-        return transformed(found, matrix)
+        positions = np.empty((len(data.vertices), 3), np.float32)
+        data.vertices.foreach_get("co", positions.reshape(-1))
+        return transformed(positions, matrix)
 
     def normals(self, obj: bpy.types.Object) -> np.ndarray:
         """The unit normals (V, 3) float64 of the vertices of an object, in the world."""
         data, matrix = self._shown(obj)
-        found = np.empty((len(data.vertices), 3), np.float32)
-        data.vertex_normals.foreach_get("vector", found.reshape(-1))
-        return unit(found @ np.linalg.pinv(matrix[:3, :3]))
+        directions = np.empty((len(data.vertices), 3), np.float32)
+        data.vertex_normals.foreach_get("vector", directions.reshape(-1))
+        return unit(directions @ np.linalg.pinv(matrix[:3, :3]))
 
     def _shown(self, obj: bpy.types.Object) -> tuple[bpy.types.Mesh, np.ndarray]:
         """The mesh of an object with its deformers, and its matrix (4, 4) float64."""

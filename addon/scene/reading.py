@@ -161,7 +161,7 @@ def differences(
 
 def _shapes(depsgraph: bpy.types.Depsgraph, objects: Sequence[bpy.types.Object]) -> list[tuple[int, int]]:
     """The number of triangles that each object shows, with its instances, and a checksum of all places."""
-    found = [(0, 0)] * len(objects)
+    shapes = [(0, 0)] * len(objects)
     known: dict[int, tuple[int, int]] = {}
 
     def add(number: int, data: bpy.types.Mesh, matrix: Matrix) -> None:
@@ -171,7 +171,7 @@ def _shapes(depsgraph: bpy.types.Depsgraph, objects: Sequence[bpy.types.Object])
             known[key] = triangles, zlib.crc32(mesh_reader.points(data))
         triangles, checksum = known[key]
         checksum = zlib.crc32(np.array(matrix, np.float32).tobytes(), checksum)
-        found[number] = found[number][0] + triangles, found[number][1] ^ checksum
+        shapes[number] = shapes[number][0] + triangles, shapes[number][1] ^ checksum
 
     for number, obj in enumerate(objects):
         if object_checks.shows_itself(obj, for_render=depsgraph.mode == "RENDER"):
@@ -179,7 +179,7 @@ def _shapes(depsgraph: bpy.types.Depsgraph, objects: Sequence[bpy.types.Object])
             add(number, shown.data, shown.matrix_world)
     for number, obj, matrix in high_reader.instances_shown(depsgraph, objects):
         add(number, obj.data, matrix)
-    return found
+    return shapes
 
 
 def _with_kept_uvs(

@@ -40,10 +40,10 @@ def steady(
     with np.errstate(invalid="ignore", over="ignore"):  # corners with NaN or infinite values stay as they are
         parts = [_parts(positions, normals, uv, triangles[start : start + _BLOCK]) for start in blocks]
         sums = [np.bincount(added_to, np.concatenate([part[:, axis] for part in parts]), count) for axis in range(3)]
-        found = _normalized(np.stack(sums, axis=1)).astype(np.float32)[groups]
-        is_near = np.abs(found - tangents[:, :3]).max(axis=1) < TOLERANCE
+        means = _normalized(np.stack(sums, axis=1)).astype(np.float32)[groups]
+        is_near = np.abs(means - tangents[:, :3]).max(axis=1) < TOLERANCE
     result = tangents.copy()
-    result[is_near, :3] = found[is_near]
+    result[is_near, :3] = means[is_near]
     return result
 
 

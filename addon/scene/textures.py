@@ -278,8 +278,8 @@ class ImageTextures:
 
     def measured_range(self, key: str, tiles: Collection[int] = ()) -> tuple[float, float]:
         """The smallest and the largest value of the pixels of an image. Loads them."""
-        found = [self.load(key, tile).values for tile in tiles or (SINGLE,)]
-        return min(float(values.min()) for values in found), max(float(values.max()) for values in found)
+        arrays = [self.load(key, tile).values for tile in tiles or (SINGLE,)]
+        return min(float(values.min()) for values in arrays), max(float(values.max()) for values in arrays)
 
     def name(self, key: str) -> str:
         """The name of the image behind a key, for messages. Raises BakeError if the image is gone."""
@@ -306,8 +306,8 @@ class ImageTextures:
             if min(width, height) == 0:
                 raise BakeError(f"A texture is missing: {_missing_tile(image, tile)}.")
             stored = _stored(single)
-            found = prepare_texture(stored, width, single, is_premultiplied=key.endswith(PREMULTIPLIED))
-        return replace(found, values=found.values.reshape(height, width, 4))
+            pixels = prepare_texture(stored, width, single, is_premultiplied=key.endswith(PREMULTIPLIED))
+        return replace(pixels, values=pixels.values.reshape(height, width, 4))
 
     def _size(self, image: Image, tile: int) -> tuple[int, int]:
         known = image.session_uid, tile
@@ -321,9 +321,9 @@ def size_of(image: Image, tile: int = SINGLE) -> tuple[int, int]:
     if not (image.has_data and tile == SINGLE):
         if image.source == "GENERATED":
             return image.generated_width, image.generated_height
-        found = header_size(image, tile)
-        if found is not None:
-            return found
+        size = header_size(image, tile)
+        if size is not None:
+            return size
     with _loaded(image, tile) as single:
         return tuple(single.size)
 
@@ -397,10 +397,10 @@ def stored_tiles(image: Image) -> tuple[int, ...]:
     Raises BakeError for an image without pixels: a missing file, a movie, a render.
     """
     try:
-        found = ImageTextures().texture(image, is_premultiplied=False)
+        texture = ImageTextures().texture(image, is_premultiplied=False)
     except UnreadableError as error:
         raise BakeError(f"No normal map can be read: {error}.") from error
-    return found.tiles or (udim.FIRST,)
+    return texture.tiles or (udim.FIRST,)
 
 
 def read_stored(image: Image, tile: int) -> np.ndarray:

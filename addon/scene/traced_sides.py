@@ -43,12 +43,12 @@ def clear_ways(tree: BVHTree, places: np.ndarray, directions: np.ndarray, far: f
     tree: of the low surface, in the space of the places.
     """
     step = STEP * far
-    found = np.full(len(places), far)
+    distances = np.full(len(places), far)
     for number, (place, direction) in enumerate(zip(places, directions, strict=True)):
         hit = tree.ray_cast(Vector(place + step * direction), Vector(direction), far)
         if hit[0] is not None:
-            found[number] = BEFORE * hit[3]
-    return found
+            distances[number] = BEFORE * hit[3]
+    return distances
 
 
 def shares(

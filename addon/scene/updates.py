@@ -20,7 +20,7 @@ class Shapes:
         """The session_uid of each object whose evaluated shape is another one than before."""
         updates = [update for update in depsgraph.updates if update.is_updated_geometry or update.is_updated_shading]
         shaded = {update.id.original for update in updates if not update.is_updated_geometry}
-        found = set()
+        uids = set()
         for update in updates:
             obj = update.id.original
             if not isinstance(obj, bpy.types.Object) or not update.is_updated_geometry:
@@ -30,5 +30,5 @@ class Shapes:
             was_shown = self._shows_data.get(obj.session_uid, is_shown)
             self._shows_data[obj.session_uid] = is_shown
             if not (is_shown and was_shown and obj.data in shaded):
-                found.add(obj.session_uid)
-        return found
+                uids.add(obj.session_uid)
+        return uids

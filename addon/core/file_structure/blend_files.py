@@ -57,19 +57,19 @@ def object_names(path: Path) -> set[str] | None:
     """
     names = set()
     # A linked object has a block of its own, with its name alone.
-    for layout, block in (found := _Blocks(path, {b"OB": _LONGEST_NAME + 40, b"ID": _LONGEST_NAME + 40})):
+    for layout, block in (blocks := _Blocks(path, {b"OB": _LONGEST_NAME + 40, b"ID": _LONGEST_NAME + 40})):
         name = block[layout.name_at : layout.name_at + _LONGEST_NAME].partition(b"\0")[0]
         if name.startswith(b"OB"):
             names.add(name[2:].decode(errors="surrogateescape"))
-    return names if found.is_complete else None
+    return names if blocks.is_complete else None
 
 
 def libraries(path: Path) -> list[Path]:
     """The libraries that the .blend at `path` links. This reads all its blocks."""
     # Names are in the bytes of the system, as paths are. Opening a file that is not complete will report what is wrong.
-    found = _Blocks(path, {b"LI": _MOST_OF_LIBRARY})
-    names = [os.fsdecode(name) for _, block in found for name in _LIBRARY.findall(block)]
-    return [path.parent / name.removeprefix("//") for name in names] if found.is_complete else []
+    blocks = _Blocks(path, {b"LI": _MOST_OF_LIBRARY})
+    names = [os.fsdecode(name) for _, block in blocks for name in _LIBRARY.findall(block)]
+    return [path.parent / name.removeprefix("//") for name in names] if blocks.is_complete else []
 
 
 def images(path: Path) -> list[str]:
@@ -77,9 +77,9 @@ def images(path: Path) -> list[str]:
 
     Only files of the formats that maps have. This reads all its blocks.
     """
-    found = _Blocks(path, {b"IM": _MOST_OF_LIBRARY, b"DATA": _MOST_OF_IMAGE}, follow=b"IM")
+    blocks = _Blocks(path, {b"IM": _MOST_OF_LIBRARY, b"DATA": _MOST_OF_IMAGE}, follow=b"IM")
     names: list[bytes] = []
-    for layout, block, code in found.with_codes():
+    for layout, block, code in blocks.with_codes():
         if code == b"IM":
             named = _IMAGE.search(
                 block, layout.name_at + layout.name_size
@@ -91,7 +91,7 @@ def images(path: Path) -> list[str]:
             is_own = os.path.basename(packed[0]) == os.path.basename(names[-1])
             names[-1] = b"" if is_own else names[-1]
     texts = [os.fsdecode(name) for name in names if name]
-    return [str(path.parent / text.removeprefix("//")) for text in texts] if found.is_complete else []
+    return [str(path.parent / text.removeprefix("//")) for text in texts] if blocks.is_complete else []
 
 
 class _Blocks:

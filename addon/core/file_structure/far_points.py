@@ -66,14 +66,14 @@ def write_near(source: Path, target: Path, origin: np.ndarray) -> None:
 
 def _obj_points(path: Path) -> np.ndarray:
     """Points (N, 3) float64 of an .obj, from windows that are spread over the file."""
-    size, found = path.stat().st_size, []
+    size, windows = path.stat().st_size, []
     with path.open("rb") as file:
         for start in _windows(0, size):
             file.seek(start)
             text = file.read(WINDOW)
             lines = text.split(b"\n")[1 if start else 0 : None if start + WINDOW >= size else -1]
-            found.append(_points([line for line in lines if line.lstrip().startswith((b"v ", b"v\t"))], _IN_OBJ))
-    return np.concatenate(found) if found else np.empty((0, 3))
+            windows.append(_points([line for line in lines if line.lstrip().startswith((b"v ", b"v\t"))], _IN_OBJ))
+    return np.concatenate(windows) if windows else np.empty((0, 3))
 
 
 def _moved_obj(text: bytes, origin: np.ndarray) -> bytes:
@@ -134,14 +134,14 @@ def _ply_points(path: Path) -> np.ndarray:
         if not header.order:
             lines = file.read(WINDOW).split(b"\n")
             return _points(lines[: min(header.count, len(lines) - 1)], header.columns)
-        found, width = [], header.dtype.itemsize
+        windows, width = [], header.dtype.itemsize
         for start in _windows(0, header.count * width):
             file.seek(header.start + start // width * width)
             content = file.read(WINDOW // width * width)
             points = np.frombuffer(content[: len(content) // width * width], header.dtype)
             left = header.count - start // width
-            found.append(np.stack([points[axis][:left] for axis in _AXES], axis=1).astype(np.float64))
-    return np.concatenate(found) if found else np.empty((0, 3))
+            windows.append(np.stack([points[axis][:left] for axis in _AXES], axis=1).astype(np.float64))
+    return np.concatenate(windows) if windows else np.empty((0, 3))
 
 
 def _move_binary(read: BinaryIO, write: BinaryIO, header: _Points, origin: np.ndarray) -> None:

@@ -38,9 +38,9 @@ def find_file(name: str, folders: Sequence[Path]) -> Path | None:
         starts = [Path(parts[0])] if first == 0 and os.path.isabs(parts[0]) else folders
         rest = parts[1:] if starts is not folders else parts[first:]
         for start in starts if rest else ():
-            found = _below(start, rest)
-            if found is not None:
-                return found
+            path = _below(start, rest)
+            if path is not None:
+                return path
     return None
 
 
@@ -79,17 +79,17 @@ def _below(folder: Path, parts: Sequence[str]) -> Path | None:
     """The file at `parts` below `folder`, in any letter case."""
     *between, last = parts
     for part in between:
-        found = folder.parent if part == ".." else _entry(folder, part)
-        if found is None:
+        inner = folder.parent if part == ".." else _entry(folder, part)
+        if inner is None:
             return None
-        folder = found
+        folder = inner
     if udim.is_tiled(last):
         numbered = next((entry for entry in _entries(folder) if udim.tile_of(entry, last, any_case=True)), None)
         if numbered is None or not is_file(folder / numbered):
             return None
         return folder / udim.spelled(last, numbered)
-    found = _entry(folder, last)
-    return found if found is not None and is_file(found) else None
+    file = _entry(folder, last)
+    return file if file is not None and is_file(file) else None
 
 
 def _entry(folder: Path, name: str) -> Path | None:

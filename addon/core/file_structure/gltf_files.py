@@ -45,5 +45,5 @@ def _table_of(path: Path) -> object:
 
 
 def _list_in(table: object, key: str) -> list:
-    found = table.get(key, []) if isinstance(table, dict) else []
-    return found if isinstance(found, list) else []
+    items = table.get(key, []) if isinstance(table, dict) else []
+    return items if isinstance(items, list) else []

@@ -36,8 +36,8 @@ def image_size(file: BinaryIO) -> tuple[int, int] | None:
         if start[:3] == _JPEG:
             return _jpeg_size(file)
         if start[:4] in {b"II*\0", b"MM\0*"}:
-            found = tiff_values(file, {_WIDTH, _HEIGHT})
-            return found[_WIDTH][0], found[_HEIGHT][0]
+            tags = tiff_values(file, {_WIDTH, _HEIGHT})
+            return tags[_WIDTH][0], tags[_HEIGHT][0]
     except (struct.error, KeyError):
         return None
     return None
@@ -124,26 +124,26 @@ def tiff_values(file: BinaryIO, wanted: Container[int]) -> dict[int, tuple[int, 
     (at,) = unpack(file, order + wide, head - inline)
     (count,) = unpack(file, order + ("Q" if is_big else "H"), at)
     at += 8 if is_big else 2
-    found: dict[int, tuple[int, ...]] = {}
+    values: dict[int, tuple[int, ...]] = {}
     for row in range(count):
         tag, kind, length, value = unpack(file, order + entry, at + row * struct.calcsize(order + entry))
         if tag in wanted and kind in _TYPES and length <= MOST_PARTS:
             layout = f"{order}{length}{_TYPES[kind]}"
             if struct.calcsize(layout) <= inline:
-                found[tag] = struct.unpack(layout, value[: struct.calcsize(layout)])
+                values[tag] = struct.unpack(layout, value[: struct.calcsize(layout)])
             else:
-                found[tag] = unpack(file, layout, struct.unpack(order + wide, value)[0])
-    return found
+                values[tag] = unpack(file, layout, struct.unpack(order + wide, value)[0])
+    return values
 
 
 def tiff_is_whole(file: BinaryIO, size: int) -> bool:
     """The ends of all strips or tiles of the first image are in the file, and so is its directory."""
-    found = tiff_values(file, {tag for pair in _PARTS for tag in pair})
+    tags = tiff_values(file, {tag for pair in _PARTS for tag in pair})
     for starts, lengths in _PARTS:
-        parts = zip(found.get(starts, ()), found.get(lengths, ()), strict=False)
+        parts = zip(tags.get(starts, ()), tags.get(lengths, ()), strict=False)
         if any(first + length > size for first, length in parts):
             return False
-    return bool(found)
+    return bool(tags)
 
 
 # OpenEXR
@@ -183,12 +183,12 @@ def _exr_header(file: BinaryIO) -> Iterator[tuple[str, bytes]]:
 
 
 def _text(file: BinaryIO) -> str:
-    found = b""
+    letters = b""
     while (letter := file.read(1)) != b"\0":
-        if not letter or len(found) > 255:
+        if not letter or len(letters) > 255:
             raise struct.error("no end of a name")
-        found += letter
-    return found.decode(errors="replace")
+        letters += letter
+    return letters.decode(errors="replace")
 
 
 def _exr_blocks(header: dict[str, bytes], is_tiled: int) -> int:

@@ -46,8 +46,8 @@ def libraries(path: Path, *, is_whole: bool = True) -> list[str]:
             point = None if is_whole else _POINT.search(text, 0, stop)
             if point and not _LIBRARY.search(text, 0, point.start()):
                 return []
-            found = _LIBRARY.finditer(text, 0, stop)
-            return [_decoded(each[1]) for each in found if _begins_line(text, each.start())]
+            matches = _LIBRARY.finditer(text, 0, stop)
+            return [_decoded(each[1]) for each in matches if _begins_line(text, each.start())]
 
 
 def _begins_line(text: mmap.mmap, at: int) -> bool:
@@ -169,18 +169,18 @@ def missing_libraries(path: Path) -> list[str]:
 def _libraries(path: Path) -> tuple[list[Path], list[str]]:
     """The libraries of an .obj, and the names of those that do not exist."""
     places = folders(path)
-    found, missing = [], []
+    there, missing = [], []
     for name in libraries(path):
         files = [find_file(name, places)]
         if files == [None]:  # several names may be in one line
             files = [find_file(each, places) for each in name.split()]
         if files and all(files):
-            found += files
+            there += files
         else:
             missing.append(name)
     # As in Blender's importer, one with the name of the .obj counts even if no line names it.
     own = find_file(f"{path.stem}.mtl", places)
-    return list(dict.fromkeys([*found, *([own] if own else [])])), [] if own else missing
+    return list(dict.fromkeys([*there, *([own] if own else [])])), [] if own else missing
 
 
 def _with_placeholder(line: bytes, places: list[Path], known: dict[tuple, tuple[str, NamedImage]]) -> bytes:

@@ -48,18 +48,18 @@ class Member(NamedTuple):
 
 def members(content: mmap.mmap) -> list[Member]:
     """The files in an archive, also those of archives in it. Raises Refused, and struct.error for one that ends too early."""
-    found: list[Member] = []
+    files: list[Member] = []
     parts = [(0, len(content))]
     for number, (start, stop) in enumerate(parts):  # it grows
         for each in _of_one(content, start, stop, number):
-            found.append(each)
-            if len(found) > MOST_FILES:
+            files.append(each)
+            if len(files) > MOST_FILES:
                 raise Refused(f"holds more than {MOST_FILES:,} files")
             if each.name.lower().endswith(ENDING):
                 parts.append((each.start, each.stop))
-    if not found or not found[0].is_layer:
+    if not files or not files[0].is_layer:
         raise Refused("is no archive of USD, whose first file is a .usd, .usda or .usdc")
-    return found
+    return files
 
 
 def _of_one(content: mmap.mmap, start: int, stop: int, number: int) -> Iterator[Member]:

@@ -62,11 +62,11 @@ def named(path: str) -> Named:
     assets: dict[str, None] = {}
     unknown, has_variants, left = "", False, [path] if is_usd(path) else []
     while left and len(layers) < _MOST_LAYERS:
-        found = _named_in(left.pop())
-        unknown, has_variants = unknown or found.unknown, has_variants or found.has_variants
-        left += [each for each in found.layers if each not in layers and each != path]
-        layers.update(dict.fromkeys(each for each in found.layers if each != path))
-        assets.update(dict.fromkeys(found.assets))
+        own = _named_in(left.pop())
+        unknown, has_variants = unknown or own.unknown, has_variants or own.has_variants
+        left += [each for each in own.layers if each not in layers and each != path]
+        layers.update(dict.fromkeys(each for each in own.layers if each != path))
+        assets.update(dict.fromkeys(own.assets))
     return Named(tuple(layers), tuple(assets), unknown, has_variants)
 
 
@@ -108,13 +108,13 @@ def _of_archive(path: str, content: mmap.mmap) -> Named:
         return "" if is_there else f"{path}[{inside}]"
 
     layers = [member for member in members if member.is_layer]
-    found = [_of_layer(path, content, each.start, each.stop, partial(beside, each)) for each in layers]
-    assets = [name for each in found for name in each.assets]
+    of_layers = [_of_layer(path, content, each.start, each.stop, partial(beside, each)) for each in layers]
+    assets = [name for each in of_layers for name in each.assets]
     return Named(
-        tuple(dict.fromkeys(name for each in found for name in each.layers)),
+        tuple(dict.fromkeys(name for each in of_layers for name in each.layers)),
         tuple({re.split(r"[/[]", name)[-1]: name for name in reversed(assets)}.values()),
-        next(filter(None, (each.unknown for each in found)), ""),
-        any(each.has_variants for each in found),
+        next(filter(None, (each.unknown for each in of_layers)), ""),
+        any(each.has_variants for each in of_layers),
     )
 
 
@@ -145,8 +145,8 @@ def _of_layer(path: str, content: mmap.mmap, start: int, stop: int, place: Calla
         is_layer = _is_layer(file)
         if text[:1] == text[-1:] == "`" or (is_layer and "://" in text):
             is_computed = True
-        elif found := place(file):
-            (layers if is_layer else assets).append(os.path.normpath(found))
+        elif whole_path := place(file):
+            (layers if is_layer else assets).append(os.path.normpath(whole_path))
     why = f"{path!r} names files in a way that cannot be followed" if is_computed else ""
     return Named(tuple(dict.fromkeys(layers)), tuple(dict.fromkeys(assets)), why, has_variants)
 
