@@ -19,7 +19,7 @@ from ..core.map_types import Map
 from ..core.progress import Progress, Task, part
 from ..core.settings import Settings
 from ..engine import normal_space, separation
-from ..engine.method_choice import Plan
+from ..engine.planning import Plan
 from ..mesh.fitting import Samples
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of

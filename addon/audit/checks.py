@@ -13,8 +13,9 @@ from ..core.errors import Fix, Length, shorten_list
 from ..core.map_types import BY_NAME, WRITTEN
 from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
 from ..engine import ray_casting, separation, uv_agreement
+from ..engine.baking import Drawing
 from ..engine.bands import Band
-from ..engine.method_choice import Plan
+from ..engine.planning import Plan
 from ..engine.ray_casting import RayCast
 from ..engine.sampling import SampledMaps
 from ..engine.stacked_uvs import StackedParts
@@ -241,7 +242,7 @@ def _distances(plan: Plan, settings: Settings, distances: np.ndarray | None) -> 
     """distances: (N,) of the hits of rays, in scene units, or None without rays."""
     meshes, offset = plan.meshes, np.zeros(3, np.float32)
     if distances is None:
-        texels = plan.separation
+        texels = plan.choice.separation
         if texels is None:
             texels = separation.sample(separation.quick_probe(meshes), settings.sampling.size, plan.tiles)
         offset = separation.offset(texels, plan.method)
@@ -400,9 +401,9 @@ DIFFERENT = 2.0
 
 
 def check_stacked(
-    plan: Plan, hidden: StackedParts, drawn: SampledMaps, settings: Settings, materials: np.ndarray | None = None
+    hidden: StackedParts, drawn: Drawing, settings: Settings, materials: np.ndarray | None = None
 ) -> Check:
-    """What Report.checks has of hidden parts, for the check "overlap". drawn: the maps of the bake. materials (T,) int: the
+    """What Report.checks has of hidden parts, for the check "overlap". drawn: the bake, with own hits. materials (T,) int: the
     number of each low triangle's material; None to leave them out."""
     counts = {"hidden": hidden.triangles, "under_others": 0, "differing": 0.0}
     if hidden.share <= MUCH_OVERLAP:  # decimation leaves slivers on other triangles
@@ -414,9 +415,9 @@ def check_stacked(
     compared = differing = 0
     size = min(settings.sampling.width, STACKED_SIDE), min(settings.sampling.height, STACKED_SIDE)
     with target.using(target.TargetPool()):
-        for tile in plan.tiles:
+        for tile in drawn.plan.tiles:
             band = Band(0, size[1], size, 0, tile)
-            shown, is_shown = _detail(drawn, band)
+            shown, is_shown = _detail(drawn.maps, band)
             for layer in hidden.layers:
                 own, is_known = _detail(layer.maps, band)
                 both = is_known & is_shown & hidden.is_hidden(layer, band)

@@ -12,8 +12,8 @@ from ..core.declarations.choices import Space
 from ..core.map_types import WRITTEN, Map
 from ..core.settings import Settings
 from ..engine import bands, normal_space, uv_agreement
+from ..engine.baking import Drawing
 from ..engine.bands import Band
-from ..engine.method_choice import Plan
 from ..engine.sampling import SampledMaps
 from ..engine.stacked_uvs import Layer, StackedParts
 from ..mesh import triangle_mesh
@@ -26,9 +26,13 @@ from .pictures import BakePictures
 class _Drawn:
     """What is measured together: the low mesh, or a layer of hidden parts. meshes, highs: of these triangles."""
 
-    def __init__(self, meshes: Meshes, highs: SampledMaps, layer: Layer | None = None):
-        self.meshes, self.highs, self.layer = meshes, highs, layer
-        self.low = meshes.basis or meshes.low
+    def __init__(self, drawing: Drawing, layer: Layer | None = None):
+        self.meshes, self._drawing, self.layer = drawing.plan.meshes, drawing, layer
+        self.low = self.meshes.basis or self.meshes.low
+
+    @property
+    def highs(self) -> SampledMaps:
+        return self._drawing.maps
 
     def bands(self, size: tuple[int, int], tile: int) -> Iterable[Band]:
         """The bands in which a map of this size is measured."""
@@ -46,27 +50,27 @@ class Deviations:
     """The angles at the centers of texels, with the map as it is kept, and read by its own basis.
 
     Each triangle of the low mesh counts at its own place, also where it shares texels that were drawn for another one. Texels
-    on which Flatten draws another place of the high surface are left out. is_wanted: whether anything is measured. It takes
-    about as long as one sample. pictures: receives them. kept: what images and files keep of rows of the map
-    (rows, width, 4) float32. hidden: the parts of the low mesh that others hide.
+    on which Flatten draws another place of the high surface are left out. drawing: of the bake, with own hits. is_wanted:
+    whether anything is measured. It takes about as long as one sample. pictures: receives them. kept: what images and files
+    keep of rows of the map (rows, width, 4) float32. hidden: the parts of the low mesh that others hide; None to leave them
+    out.
     """
 
     def __init__(
         self,
-        plan: Plan,
-        highs: SampledMaps,
+        drawing: Drawing,
         settings: Settings,
         pictures: BakePictures | None = None,
         *,
         kept: Callable[[np.ndarray], np.ndarray],
         is_wanted: bool,
-        hidden: StackedParts,
+        hidden: StackedParts | None = None,
     ):
         self._kept = kept
-        self._plan, self.settings, self._pictures = plan, settings, pictures
+        self._plan, self.settings, self._pictures = drawing.plan, settings, pictures
         self._counts, self._is_wanted = AngleCounts(), is_wanted
         self._hidden, self._pool = hidden, target.TargetPool()
-        self.whole = _Drawn(plan.meshes, highs)
+        self.whole = _Drawn(drawing)
 
     def add(self, tile: int, stored: Map) -> None:
         """Measure a UDIM tile of the normal map as it is stored, before rounding."""
@@ -81,7 +85,7 @@ class Deviations:
 
     @cached_property
     def _layers(self) -> list[_Drawn]:
-        return [_Drawn(layer.meshes, layer.maps, layer) for layer in self._hidden.layers]
+        return [_Drawn(layer.drawing, layer) for layer in (self._hidden.layers if self._hidden else [])]
 
     def _add(self, tile: int, stored: Map, of_tile: Iterable[Band], drawn: _Drawn) -> None:
         """Measure some bands of a tile."""
@@ -93,7 +97,7 @@ class Deviations:
             texels_of_band = self._kept(np.ascontiguousarray(texels[rows], np.float32))
             angles = self.angles(band.without_halo, texels_of_band, elsewhere[part], drawn)
             is_drawn = state[rows] == WRITTEN
-            if drawn.layer is not None:
+            if drawn.layer is not None and self._hidden is not None:
                 is_drawn &= (angles[..., 3] != 0.0) & self._hidden.is_hidden(drawn.layer, band)
             is_known = is_drawn & (angles[..., 3] > 0.0)
             self._counts.add(angles[is_known][:, 0])
@@ -150,9 +154,8 @@ class BetweenTexels:
     Arguments as in Deviations.
     """
 
-    def __init__(self, plan: Plan, truth: SampledMaps, settings: Settings, *, kept: Callable, is_wanted: bool):
-        nothing = StackedParts(plan, truth.source, settings, is_shared=False)
-        self._of = Deviations(plan, truth, settings, kept=kept, is_wanted=False, hidden=nothing)
+    def __init__(self, drawing: Drawing, settings: Settings, *, kept: Callable, is_wanted: bool):
+        self._of = Deviations(drawing, settings, kept=kept, is_wanted=False)
         self._kept, self._is_wanted, self._counts, self._sums = kept, is_wanted, AngleCounts(), np.zeros(2)
 
     def add(self, tile: int, stored: Map) -> None:

@@ -69,16 +69,16 @@ class Report:
     """The settings of the bake, by the names in settings.Settings."""
     uv_layer: str = _of("meshes.uv_layer", default="")
     """The low mesh's UV map that was used."""
-    why: str = _of("plan.why", default="")
+    why: str = _of("plan.choice.why", default="")
     """Why the bake chose this method; empty if the settings name it."""
     triangles: dict[str, int] = _of("findings.triangles", default_factory=dict)
     """How many triangles: high, low."""
-    mended: dict[str, float] = _of("meshes.mended.to_dict", default_factory=dict)
+    mended: dict[str, float] = _of("plan.told.to_dict", default_factory=dict)
     """What was changed of the high meshes for the bake; empty if nothing was. turned: triangles that were turned over, of so
     many (of). parts: connected parts that have such triangles, of so many (of_parts). undecided: parts whose outer side is
     not known. hidden, twice: triangles that were left out since they lie behind the surface, or in the place of others.
     smoothed_median, smoothed_percentile_95: the degrees by which smoothed normals changed."""
-    turned_parts: list[dict[str, Any]] = _of("meshes.mended.largest_to_dicts", default_factory=list)
+    turned_parts: list[dict[str, Any]] = _of("plan.told.largest_to_dicts", default_factory=list)
     """The largest parts of high meshes that were turned over for the bake: the object's name, triangles of the part, of so many
     in the object (of), and the share of its places on the low mesh that had a hit of their own on it (before) and that have one
     now (after)."""

@@ -2,22 +2,26 @@
 """The engine's door: meshes as arrays in, maps as arrays out, without files and without Blender's data."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
 
 import gpu
 import numpy as np
 
+from ..core.declarations.choices import Hit
 from ..core.errors import BakeError, NoGpuMemory
 from ..core.map_types import NORMAL, WRITTEN, Map
 from ..core.progress import Task, part
 from ..core.settings import Run
 from ..mesh.inputs import Meshes
-from ..passes import target
-from . import margins, orienting, stacked_uvs
+from ..passes import mesh_upload, target
+from . import margins
 from .bands import LEAST_ROWS, Band, BandMaps, bands
 from .margins import PostProcess
-from .method_choice import choose_method, nothing_drawn, tiles_to_bake
-from .sampling import maps_of_bake
-from .sources import normal_source
+from .planning import Plan, nothing_drawn, plan_of
+from .ray_casting import RayCast
+from .sampling import SampledMaps, maps_of_bake
+from .sources import Source, normal_source
 
 Keep = Callable[[str, Band, gpu.types.GPUTexture], None]
 """Takes the name of a map, a band of it, and its texture."""
@@ -36,20 +40,103 @@ def bake(meshes: Meshes, run: Run) -> Task[dict[int, dict[str, Map]]]:
         The maps by UDIM tile (1001 without UDIM) and name: texels (H, W, 4) float32 with row 0 at v = 0, and their states
         (H, W) uint8, see core.map_types.
     """
-    tiles = tiles_to_bake(meshes, run.settings.sampling)
-    meshes = orienting.mended(meshes, run.settings, run.timings)
-    in_order = stacked_uvs.ordered(meshes, tiles, run.settings.sampling)
-    plan = choose_method(in_order, tiles, run.settings.tracing)
-    source = yield from part(normal_source(plan, run), 0.0, READY)
-    renderer = Renderer(maps_of_bake(in_order, source, run), run)
-    processes = margins.for_maps([plan.meshes.low], run.settings)
+    plan = plan_of(meshes, run.settings, run.timings)
+    drawing = yield from part(draw(plan, run), 0.0, READY)
     maps, share = {}, (1.0 - READY) / len(plan.tiles)
     for number, tile in enumerate(plan.tiles):
         start = READY + number * share
-        maps[tile] = yield from part(renderer.texels(tile, processes), start, start + share)
+        maps[tile] = yield from part(drawing.texels(tile), start, start + share)
     if not any(state.any() for of_tile in maps.values() for _, state in of_tile.values()):
         raise BakeError(nothing_drawn(plan))
     return maps
+
+
+def draw(
+    plan: Plan,
+    run: Run,
+    *,
+    uploads: mesh_upload.UploadCache | None = None,
+    processes: dict[str, PostProcess] | None = None,
+) -> Task["Drawing"]:
+    """Make ready to draw a plan: upload its high meshes, or measure its rays.
+
+    Args:
+        uploads: a cache of uploaded meshes.
+        processes: as margins.for_maps returns them, for a caller that keeps them; None to make them if they are needed.
+
+    Raises BakeError for more triangles than the GPU takes, and for meshes that are far apart, if most rays miss.
+    """
+    source = yield from normal_source(plan, run, uploads=uploads)
+    return Drawing(plan, source, run, uploads=uploads, processes=processes)
+
+
+def draw_own_hits(
+    plan: Plan, run: Run, like: "Drawing | None" = None, *, uploads: mesh_upload.UploadCache | None = None
+) -> Task["Drawing"]:
+    """As `draw`, for normals alone of the hits that belong to their texels, whichever hits the settings choose.
+
+    like: a drawing of this plan, which is returned if it has these hits.
+    """
+    settings = run.settings.without_other_maps()
+    if not (plan.casts_rays and settings.tracing.hit != Hit.OWN):
+        return like or (yield from draw(plan, replace(run, settings=settings), uploads=uploads))
+    return (yield from draw(plan, replace(run, settings=settings.traced(hit=Hit.OWN)), uploads=uploads))
+
+
+class Drawing:
+    """Draws a plan, tile by tile or band by band. Made by `draw`.
+
+    source: of its normals and hits.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        source: Source,
+        run: Run,
+        *,
+        uploads: mesh_upload.UploadCache | None = None,
+        processes: dict[str, PostProcess] | None = None,
+    ):
+        self.plan, self.source, self.run = plan, source, run
+        self._uploads, self._processes = uploads, processes
+
+    @property
+    def ray_cast(self) -> RayCast | None:
+        """Its rays; None if it casts none."""
+        return self.source.ray_cast
+
+    @cached_property
+    def maps(self) -> SampledMaps:
+        """What draws its bands."""
+        return maps_of_bake(self.plan.meshes, self.source, self.run, uploads=self._uploads)
+
+    @cached_property
+    def processes(self) -> dict[str, PostProcess]:
+        """What draws the margins of its maps, by name."""
+        return self._processes or margins.for_maps([self.plan.meshes.low], self.run.settings)
+
+    @cached_property
+    def renderer(self) -> "Renderer":
+        """What draws its tiles."""
+        return Renderer(self.maps, self.run)
+
+    def texels(self, tile: int) -> Task[dict[str, Map]]:
+        """The maps of a tile by name, as they are stored."""
+        return self.renderer.texels(tile, self.processes)
+
+    def with_settings(self, run: Run) -> "Drawing":
+        """The same source, for maps of other settings that take the same rays."""
+        return Drawing(self.plan, self.source, run, uploads=self._uploads)
+
+    def of_part(self, meshes: Meshes, is_drawn: np.ndarray | None, run: Run) -> "Drawing":
+        """The same for some triangles of the low mesh: arguments as in Source.of_part."""
+        return Drawing(self.plan.of_part(meshes), self.source.of_part(meshes, is_drawn, run), run)
+
+
+def texels_of(maps: BandMaps, tile: int, run: Run, processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
+    """The maps of a tile by name, as they are stored, with their margins. processes: as margins.for_maps returns them."""
+    return Renderer(maps, run).texels(tile, processes)
 
 
 class Renderer:
@@ -60,8 +147,6 @@ class Renderer:
 
     def __init__(self, maps: BandMaps, run: Run):
         self.maps, self.stopped = maps, 0
-        self._most_rows: int | None = None
-        """Of a band, once the GPU has refused memory for more."""
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
 
     def texels(self, tile: int, post_processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
@@ -124,9 +209,9 @@ class Renderer:
             yield from self._draw_all(parts, keep)
         except NoGpuMemory:
             rows = parts[0].stop - parts[0].start
-            if self._most_rows is not None or rows <= LEAST_ROWS:
+            if self.maps.most_rows is not None or rows <= LEAST_ROWS:
                 raise
-            self._most_rows = -(-rows // 2)
+            self.maps.most_rows = -(-rows // 2)
         else:
             return
         target.free_current()
@@ -135,7 +220,7 @@ class Renderer:
 
     def _bands(self, tile: int, margin: int | None) -> list[Band]:
         size = self.settings.sampling.size
-        return list(bands(*size, margin, tile, texel_bytes=self.maps.texel_bytes, most_rows=self._most_rows))
+        return list(bands(*size, margin, tile, texel_bytes=self.maps.texel_bytes, most_rows=self.maps.most_rows))
 
     def _draw_all(self, parts: list[Band], keep: Keep) -> Task[None]:
         for number, band in enumerate(parts):

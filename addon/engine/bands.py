@@ -95,6 +95,8 @@ class BandMaps(ABC):
     """Whether a coarse picture is worth its time."""
     texel_bytes = 6 * 16
     """As core.preflight.texel_bytes returns them; of maps that are read from images."""
+    most_rows: int | None = None
+    """Of a band, once the GPU has refused memory for more."""
     stopped: np.ndarray | None = None
     """Which texels (rows, width) bool of the last band, without its halo, took fewer samples than the settings say; None if
     none did."""

@@ -12,7 +12,7 @@ from ..core.settings import Settings
 from ..mesh import corner_normals
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from . import orienting
+from . import orienting, planning
 from .high_patches import HighPatches
 
 MOST_FOR_NOISE = 300_000
@@ -74,16 +74,16 @@ def look(meshes: Meshes, settings: Settings) -> HighLook:
     areas = np.concatenate([some.weights for some in patches.samples])
     distances = _percentiles(np.concatenate(far) * patches.space.size, areas, (0.5, 0.99))
     smooth = [corner_normals.smoothed(_some(high), 1)[1] for high in meshes.highs]
-    mended = orienting.mended(meshes, settings.traced(smooth_high=0), Timings())
+    told = planning.decided(meshes, settings.traced(smooth_high=0), Timings()).told
     return HighLook(
         triangles=sum(len(high.triangles) for high in meshes.highs),
         parts=patches.count,
         closed=sum(int(np.count_nonzero(one.is_closed)) for one in patches.of),
-        mended=mended.mended.to_dict() if mended.mended is not None else {},
+        mended=told.to_dict() if told is not None else {},
         noise=float(np.median(np.concatenate(smooth))),
         distances=(distances[0], distances[1], 2.0 * patches.space.size),
-        notes=tuple(orienting.notes(mended)),
-        largest=mended.mended.largest if mended.mended is not None else (),
+        notes=tuple(orienting.notes(meshes, told)),
+        largest=told.largest if told is not None else (),
     )
 
 

@@ -2,6 +2,7 @@
 """The connected patches of the high meshes, and a sample of their triangles compared with the low mesh."""
 
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 
@@ -137,11 +138,17 @@ class HighPatches:
 
 def patches_of(mesh: Mesh) -> Patches:
     """The patches of a mesh."""
-    return orientation.patches(mesh.positions, np.take(mesh.vertices, mesh.triangles, mode="clip"), _diagonal(mesh))
+    found = orientation.patches(mesh.positions, np.take(mesh.vertices, mesh.triangles, mode="clip"), _diagonal(mesh))
+    mesh.remembered("places", (), lambda: found.places)
+    return found
 
 
 def places_of(mesh: Mesh) -> np.ndarray:
-    """As Patches has them."""
+    """As Patches has them, found once."""
+    return mesh.remembered("places", (), partial(_places, mesh))
+
+
+def _places(mesh: Mesh) -> np.ndarray:
     columns = orientation.columns_of(np.take(mesh.vertices, mesh.triangles, mode="clip"))
     is_open = orientation.open_vertices(columns, len(mesh.positions))
     return topology.places(mesh.positions, orientation.WELD * _diagonal(mesh), is_open)

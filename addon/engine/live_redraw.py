@@ -19,11 +19,10 @@ from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import margin_fill, target
 from ..passes.mesh_upload import UploadCache
-from .baking import Renderer
+from .baking import Drawing
 from .bands import Band, bands
 from .margins import PostProcess
-from .method_choice import Plan
-from .sampling import maps_of_bake
+from .planning import Plan
 from .sources import Flat
 
 TILE = 8
@@ -246,9 +245,9 @@ class MapInBands:
         """As KeptMap has it."""
         return self.map and self.map[0]
 
-    def draw(self, renderer: Renderer, _plan: Plan, process: PostProcess) -> Task[bool]:
+    def draw(self, drawing: Drawing, process: PostProcess) -> Task[bool]:
         """As KeptMap has it."""
-        maps = yield from renderer.texels(udim.FIRST, {NORMAL.name: process})
+        maps = yield from drawing.renderer.texels(udim.FIRST, {NORMAL.name: process})
         texels, state = maps[NORMAL.name]
         is_any = bool((state == WRITTEN).any())
         if is_any:
@@ -293,10 +292,10 @@ class KeptMap:
         """The last map with its state."""
         return None if self.texels is None or self.state is None else (self.texels, self.state)
 
-    def draw(self, renderer: Renderer, plan: Plan, process: PostProcess) -> Task[bool]:
+    def draw(self, drawing: Drawing, process: PostProcess) -> Task[bool]:
         """Draw the whole map. Returns whether any texel was written; if not, the map is gone."""
-        self._meshes = None
-        values = yield from renderer.values(udim.FIRST)
+        self._meshes, plan = None, drawing.plan
+        values = yield from drawing.renderer.values(udim.FIRST)
         is_any = self._store(values, process)
         if is_any and not plan.casts_rays and not plan.meshes.has_detail:
             self._meshes, before = plan.meshes, dict(enumerate(self._drawn))
@@ -326,8 +325,7 @@ class KeptMap:
         for part, highs in around:
             with target.limited_to(part.x, part.y):
                 source = Flat(plan.meshes.low, highs, self.settings.map, run.timings)
-                drawer = maps_of_bake(plan.meshes, source, run, uploads=uploads)
-                ((_, values),) = finish(drawer.of(self.band))
+                ((_, values),) = finish(Drawing(plan, source, run, uploads=uploads).maps.of(self.band))
         if values is not None:
             margin = self.settings.sampling.margin
             reach = None if margin is None or process.borders else margin_fill.farthest_texel(margin) + 1

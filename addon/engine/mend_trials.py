@@ -61,7 +61,7 @@ class Trials:
 
     highs: the meshes as the bake takes them if nothing is turned over. near: patches (count,) bool of each mesh that get places
     of their own, those nearest to them. is_reversed: whether the bake has all triangles in the reverse order, as
-    stacked_uvs.ordered has them: then its tree is used. places: how many are spread over the low mesh.
+    draw_order.ordered has them: then its tree is used. places: how many are spread over the low mesh.
     """
 
     def __init__(
@@ -107,21 +107,13 @@ class Trials:
 
     def shown(self, turned: Sequence[np.ndarray], left_out: Sequence[np.ndarray] | None = None) -> Shown:
         """What places show with some triangles (T,) bool of each mesh turned over, and some left out."""
-        highs = self.turned(turned)
+        highs = [
+            corner_normals.turned_over(high, mask, one.places) if mask.any() else high
+            for high, one, mask in zip(self._patches.meshes.highs, self._patches.of, turned, strict=True)
+        ]
         if left_out is not None:
             highs = [_without(high, mask) for high, mask in zip(highs, left_out, strict=True)]
         return self._shown(tree_cache.variant(self._in_order(highs), self.scene, self._timings))
-
-    def turned(self, masks: Sequence[np.ndarray]) -> list[Mesh]:
-        """The high meshes with some triangles (T,) bool turned over."""
-        return [
-            corner_normals.turned_over(high, mask, one.places) if mask.any() else high
-            for high, one, mask in zip(self._patches.meshes.highs, self._patches.of, masks, strict=True)
-        ]
-
-    def keep_tree(self, highs: Sequence[Mesh]) -> None:
-        """Let the bake find the tree over the high meshes in the cache, whichever of their triangles were turned over."""
-        tree_cache.trees.ray_scene_of(self._in_order(highs), self._timings, like=self.scene)
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
         """Values (count,) of all patches, mesh by mesh."""

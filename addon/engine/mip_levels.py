@@ -12,7 +12,7 @@ from ..core.map_types import BY_NAME, MISSED, NORMAL, WIDENED_ROUGHNESS, WRITTEN
 from ..core.progress import Progress, Task, finish
 from ..core.settings import MapSettings, Run
 from . import margins
-from .baking import Renderer
+from .baking import texels_of
 from .bands import DrawnMaps
 from .normal_space import channels
 
@@ -42,8 +42,8 @@ def of(maps: Mapping[str, Map], tile: int, run: Run) -> Task[list[dict[str, Map]
         # Seams between islands are finer than a texel: the nearest texels are enough.
         of_size = settings.sampled(width=width, height=height, margin_type=MarginType.EXTEND)
         own = of_size.mapped(maps=tuple(raw)[1:])
-        renderer = Renderer(DrawnMaps(raw), replace(run, settings=own))
-        levels.append(finish(renderer.texels(tile, margins.for_maps([], own))))
+        steps = texels_of(DrawnMaps(raw), tile, replace(run, settings=own), margins.for_maps([], own))
+        levels.append(finish(steps))
     return levels
 
 

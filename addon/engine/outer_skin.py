@@ -3,13 +3,12 @@
 the outside from either side, and the low mesh does not need them."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.progress import Timings
-from ..mesh import orientation
-from ..mesh.inputs import Mended, Meshes
+from ..mesh import corner_normals, orientation
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import transformed
 from . import tree_cache
@@ -32,43 +31,59 @@ HARM, SPARE = 1e-3, 0.1
 its hits, and at most the second share of these places needs them."""
 
 
-def one_skin(meshes: Meshes, patches: HighPatches, trials: Trials | None, *, may_be_twice: bool = False) -> Meshes:
-    """`meshes`, whose high meshes have the triangles of those in `patches`, turned over or not, with the outer skin alone.
+@dataclass(frozen=True)
+class Skin:
+    """What is left out of high meshes so that their outer skin stays alone.
 
-    may_be_twice: whether triangles may be there twice.
+    left_out: triangles (T,) bool of each mesh. twice, hidden: how many of them are there twice, and lie behind the surface.
     """
-    kept = [np.ones(len(high.triangles), bool) for high in meshes.highs]
-    hidden = 0
+
+    left_out: list[np.ndarray]
+    twice: int
+    hidden: int
+
+
+def one_skin(
+    patches: HighPatches, turned: Sequence[np.ndarray], trials: Trials | None, *, may_be_twice: bool = False
+) -> Skin:
+    """What is left out of the high meshes of `patches`.
+
+    Args:
+        turned: the triangles (T,) bool of each mesh that are turned over.
+        may_be_twice: whether triangles may be there twice.
+    """
+    highs = [
+        corner_normals.wound_over(high, mask) if mask.any() else high
+        for high, mask in zip(patches.meshes.highs, turned, strict=True)
+    ]
+    left_out, hidden = [np.zeros(len(high.triangles), bool) for high in highs], 0
     if may_be_twice:
-        kept = [~mask for mask in _twice(meshes, patches, trials)]
-    twice = sum(int(np.count_nonzero(~mask)) for mask in kept)
-    found = [] if trials is None else _hidden(meshes, patches, trials)
-    for mask, one, each in zip(kept, patches.of, found, strict=False):
-        left_out = mask & each[one.labels]
-        if np.array_equal(left_out, mask):  # a whole object was meant
+        left_out = _twice(highs, turned, patches, trials)
+    twice = sum(int(np.count_nonzero(mask)) for mask in left_out)
+    found = [] if trials is None else _hidden(highs, turned, patches, trials)
+    for mask, one, each in zip(left_out, patches.of, found, strict=False):
+        more = ~mask & each[one.labels]
+        if np.array_equal(more, ~mask):  # a whole object was meant
             continue
-        mask[left_out] = False
-        hidden += int(np.count_nonzero(left_out))
-    if not (twice or hidden):
-        return meshes
-    highs = [high if mask.all() else high.with_triangles(mask) for high, mask in zip(meshes.highs, kept, strict=True)]
-    masks = tuple(None if mask.all() else mask for mask in kept)
-    mended = replace(meshes.mended or Mended.nothing(patches.meshes.highs), kept=masks, hidden=hidden, twice=twice)
-    return replace(meshes, highs=highs, mended=mended)
+        mask[more] = True
+        hidden += int(np.count_nonzero(more))
+    return Skin(left_out, twice, hidden)
 
 
-def _twice(meshes: Meshes, patches: HighPatches, trials: Trials | None) -> list[np.ndarray]:
+def _twice(
+    highs: Sequence[Mesh], turned: Sequence[np.ndarray], patches: HighPatches, trials: Trials | None
+) -> list[np.ndarray]:
     """Which triangles (T,) bool of each mesh are in the place of an earlier one that points to the same side, or of one that
     points to the other side and that the low mesh needs more: rays that start between the two go nowhere."""
-    corners = [high.vertices[high.triangles] for high in meshes.highs]
-    found = [orientation.copies(high.positions, each)[0] for high, each in zip(meshes.highs, corners, strict=True)]
+    corners = [high.vertices[high.triangles] for high in highs]
+    found = [orientation.copies(high.positions, each)[0] for high, each in zip(highs, corners, strict=True)]
     if trials is None:
         return found
-    pairs = [orientation.opposites(high.positions, each) for high, each in zip(meshes.highs, corners, strict=True)]
+    pairs = [orientation.opposites(high.positions, each) for high, each in zip(highs, corners, strict=True)]
     pairs = [each[~same[each].any(axis=1)] for each, same in zip(pairs, found, strict=True)]
     if not any(len(each) for each in pairs):
         return found
-    turned, worth = _turned(meshes, patches), []
+    worth = []
     before = trials.shown(turned)
     shows = trials.split(before.counts(np.ones(len(before.patches), bool), trials.count))
     for side in range(2):
@@ -90,15 +105,17 @@ def _twice(meshes: Meshes, patches: HighPatches, trials: Trials | None) -> list[
     return found
 
 
-def _hidden(meshes: Meshes, patches: HighPatches, trials: Trials) -> list[np.ndarray]:
-    """Which patches (count,) bool of each mesh are left out."""
-    found, turned = [], _turned(meshes, patches)
+def _hidden(
+    highs: Sequence[Mesh], turned: Sequence[np.ndarray], patches: HighPatches, trials: Trials
+) -> list[np.ndarray]:
+    """Which patches (count,) bool of each mesh are left out. highs: with their triangles turned over."""
+    found = []
     for number, one in enumerate(patches.of):
         asked = _may_be_hidden(patches, number)
         if one.pairs is None:  # what was turned over is right now
             asked[one.labels[turned[number]]] = False
         if asked.any() and one.pairs is not None:
-            asked &= ~sees_outside_of(patches, number, meshes.highs[number], asked, trials.scene)
+            asked &= ~sees_outside_of(patches, number, highs[number], asked, trials.scene)
         found.append(np.zeros(one.count, bool) if asked.all() else asked)
     if not any(each.any() for each in found):
         return found
@@ -131,13 +148,6 @@ def _may_be_hidden(patches: HighPatches, number: int) -> np.ndarray:
         return patches.is_dirty(number) | ~patches.is_outward(number, one.is_closed)
     volumes = patches.volumes(number, one.is_closed)
     return (volumes < 0.0) | (~one.is_closed & (patches.agreements[number] < -SURE))
-
-
-def _turned(meshes: Meshes, patches: HighPatches) -> list[np.ndarray]:
-    masks = meshes.mended.turned if meshes.mended is not None else (None,) * len(meshes.highs)
-    return [
-        np.zeros(len(one.labels), bool) if mask is None else mask for one, mask in zip(patches.of, masks, strict=True)
-    ]
 
 
 def _triangles(patches: HighPatches, chosen: Sequence[np.ndarray]) -> list[np.ndarray]:

@@ -9,11 +9,11 @@ from typing import TypeAlias
 import gpu
 import numpy as np
 
-from ..core.declarations.choices import Hit, Method, Space
+from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME
 from ..core.progress import STEP, Progress, Task, Timings, costs_of_rows
-from ..core.settings import MapSettings, Run, TracingSettings
+from ..core.settings import MapSettings, Run
 from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -22,7 +22,7 @@ from ..passes.samples import Active
 from . import ray_casting, ray_distances, tree_cache
 from .bands import Band
 from .high_meshes import HighBatches, HighSurface
-from .method_choice import Plan
+from .planning import Plan
 
 Slices: TypeAlias = Generator[tuple[gpu.types.GPUTexture, range], None, None]
 """Normals, and the rows of them that are ready, slice by slice."""
@@ -59,6 +59,15 @@ class Source(ABC):
     def covered(self, band: Band) -> np.ndarray:
         """How many texels (N,) of each STEP rows of a band have hits, about."""
 
+    @abstractmethod
+    def of_part(self, meshes: Meshes, is_drawn: np.ndarray | None, run: Run) -> "Source":
+        """The same for some triangles of the low mesh.
+
+        Args:
+            meshes: with these triangles alone; by Flatten, with those triangles of the high meshes that are drawn for them.
+            is_drawn: which triangles (T,) bool of the high meshes, mesh after mesh, these are; None with rays.
+        """
+
     def drawn(self, slot: int = 0) -> target.Target:
         """The target of the last `normals` with this slot."""
         return target.get(_role("high", slot), *self._size, "RGBA32F")
@@ -92,18 +101,7 @@ def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | No
         raise BakeError(plan.apart)
     if plan.has_rays:
         return FlatAndRays(meshes, ray_cast, run)
-    return Rays(meshes.low, ray_cast, meshes.highs, run)
-
-
-def hits_are_chosen(plan: Plan, tracing: TracingSettings) -> bool:
-    """Whether rays have another hit than that which belongs to their texel, since the settings name another rule."""
-    return plan.casts_rays and tracing.hit != Hit.OWN
-
-
-def own_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | None = None) -> Task[Source]:
-    """The source of normals alone of a bake with the rule OWN, which no settings choose: what belongs to each texel."""
-    own = run.settings.without_other_maps().traced(hit=Hit.OWN)
-    return (yield from normal_source(plan, replace(run, settings=own), uploads=uploads))
+    return Rays(meshes, ray_cast, run)
 
 
 def _flat_surface(highs: Sequence[Mesh], map_settings: MapSettings, timings: Timings) -> HighSurface:
@@ -142,6 +140,17 @@ class Flat(Source):
         """For hits, and the number of its triangles."""
         self._covered = CoveredRows(highs)
 
+    def of_part(self, meshes: Meshes, is_drawn: np.ndarray | None, run: Run) -> "Flat":
+        return Flat(
+            meshes.low,
+            meshes.highs,
+            run.settings.map,
+            run.timings,
+            surface=self.surface,
+            is_drawn=is_drawn,
+            is_changed_later=meshes.has_detail,
+        )
+
     def covered(self, band: Band) -> np.ndarray:
         return self._covered.of(band)
 
@@ -172,7 +181,7 @@ class Flat(Source):
 
 
 class Rays(Source):
-    """Casts the rays of `ray_cast` from `low` to `highs`."""
+    """Casts the rays of `ray_cast` from the low mesh to the high ones."""
 
     takes_time = True
     is_within_low = True
@@ -181,12 +190,16 @@ class Rays(Source):
     ray_cast: ray_casting.RayCast
     surface: HighSurface
 
-    def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], run: Run):
+    def __init__(self, meshes: Meshes, ray_cast: ray_casting.RayCast, run: Run):
+        low = meshes.low
         self.ray_cast, self.settings, self.pace = ray_cast, run.settings.sampling, run.pace
-        self.surface = HighSurface(highs, ray_cast.ray_scene)
+        self.surface = HighSurface(meshes.highs, ray_cast.ray_scene)
         self.to_space = world_to_space(low, run.settings.map)
         self.low, self._near = low, NearTriangles(low)
         self._covered = CoveredRows([low])
+
+    def of_part(self, meshes: Meshes, _is_drawn: np.ndarray | None, run: Run) -> "Rays":
+        return Rays(meshes, self.ray_cast.of(meshes), run)
 
     def covered(self, band: Band) -> np.ndarray:
         return self._covered.of(band)
@@ -263,13 +276,18 @@ class FlatAndRays(Rays):
     """
 
     def __init__(self, meshes: Meshes, ray_cast: ray_casting.RayCast, run: Run):
-        super().__init__(meshes.low, ray_cast, meshes.highs, run)
+        super().__init__(meshes, ray_cast, run)
+        self._whole = meshes.whole
         numbers = self.surface.numbers if meshes.is_drawn is None else self.surface.numbers[meshes.is_drawn]
         uv = self.surface.uv
         numbers = numbers[np.isfinite(uv).reshape(-1, 6).all(axis=1)[numbers]]
         with run.timings.timed("upload"):
             self._in_uv = high_in_uv.upload_for_hits(uv, numbers), len(numbers)
         self._counts: dict[tuple[int, int], np.ndarray] = {}
+
+    def of_part(self, meshes: Meshes, _is_drawn: np.ndarray | None, run: Run) -> "FlatAndRays":
+        # All of the high meshes are drawn that the bake draws; which of it is a texel's own is seen there.
+        return FlatAndRays(replace(meshes, whole=self._whole), self.ray_cast.of(meshes), run)
 
     @property
     def share_of_rays(self) -> float:

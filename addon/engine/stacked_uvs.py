@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parts of a low mesh that share texels: which of them the map is made for, and which are hidden and show its detail."""
+"""Parts of a low mesh that are hidden on its map, since others share their texels: in layers, with what each would show."""
 
-import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -10,127 +9,16 @@ import gpu
 import numpy as np
 
 from ..core import threads, udim
-from ..core.declarations.choices import Stacked
 from ..core.settings import Run, SamplingSettings, Settings
-from ..mesh import uv_islands, uv_layout
+from ..mesh import uv_islands
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..passes import audit, low_in_uv, mesh_upload, target
+from .baking import Drawing
 from .bands import Band, bands
-from .method_choice import Plan
-from .sampling import SampledMaps, maps_of_bake
-from .sources import Flat, FlatAndRays, Rays, Source
-
-PROBE = 1024
-"""Texels a side, at most, on which triangles that share some are looked for."""
-
-COPIED = 1.25
-"""How many times the area in UV space of its base mesh a surface has at least that has copies of parts of it."""
-
-
-def ordered(
-    meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings, before: tuple[Meshes, Meshes] | None = None
-) -> Meshes:
-    """`meshes` with their triangles in another order where parts of the low mesh share texels; otherwise as they are.
-
-    What is drawn last stays: everywhere on the map, that is the part that the settings choose, and for Flatten the high
-    triangles of that part. The high meshes are in another order, too. A surface that is baked onto its own base mesh shows what
-    comes before the copies that its modifiers make, which the base mesh does not have. before: earlier meshes, as they were
-    read and the result; what was not read again stays the same.
-    """
-    if before is not None:
-        return _ordered(meshes, tiles, sampling, before)
-    key = (*tiles,), sampling.size, sampling.stacked
-    return _last.of(meshes, key) or _last.keep(meshes, key, _ordered(meshes, tiles, sampling))
-
-
-class _Last:
-    """The last result of `ordered`, as long as its meshes are there. A bake asks twice: before its high meshes are mended, and
-    after that."""
-
-    def __init__(self):
-        self._meshes: weakref.ref[Meshes] | None = None
-        self._key: tuple | None = None
-        self._changed: Meshes | None = None
-        """None if the meshes stayed as they were: they would never be freed."""
-
-    def of(self, meshes: Meshes, key: tuple) -> Meshes | None:
-        """The result for these very meshes, or None."""
-        if self._meshes is None or self._meshes() is not meshes or key != self._key:
-            return None
-        return self._changed or meshes
-
-    def keep(self, meshes: Meshes, key: tuple, result: Meshes) -> Meshes:
-        """Remember a result, and return it."""
-        self._meshes, self._key = weakref.ref(meshes, self._forget), key
-        self._changed = None if result is meshes else result
-        return result
-
-    def _forget(self, gone: weakref.ref) -> None:
-        if gone is self._meshes:
-            self._meshes = self._changed = None
-
-
-_last = _Last()
-
-
-def _ordered(
-    meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings, before: tuple[Meshes, Meshes] | None = None
-) -> Meshes:
-    low, is_first = meshes.low, meshes.is_own_base or sampling.stacked == Stacked.FIRST
-    if before is not None and before[0].low is low:
-        is_same, (low, basis, kept) = before[1] is before[0], (before[1].low, before[1].basis, before[1].kept)
-    else:
-        basis, kept, is_same = meshes.basis, meshes.kept, not _has_copies(meshes)
-        if overlap_depth(low, (min(sampling.width, PROBE), min(sampling.height, PROBE)), tiles) > 1:
-            is_same = False
-            order = _order(low, is_first=is_first)
-            if basis is not None:
-                # The same triangles in the same order, except those without finite tangents.
-                is_whole = len(basis.triangles) == len(low.triangles)
-                basis = basis.with_triangles(order if is_whole else _order(basis, is_first=is_first))
-            kept = None if kept is None else kept[order]
-            low = low.with_triangles(order)
-    if is_same:
-        return meshes
-    changed = replace(meshes, low=low, basis=basis, kept=kept)
-    if not is_first:
-        return changed
-    # Copies of modifiers are in the same order in both meshes. Finding the parts of many triangles takes long.
-    highs = [high.with_triangles(np.arange(len(high.triangles))[::-1]) for high in reversed(meshes.highs)]
-    return replace(changed, highs=highs, is_reversed=True)
-
-
-def overlap_depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
-    """The most triangles of `low` on one texel of a map of this size."""
-    drawn = target.get("overlap", *size, "R16F")
-    uploaded, most = mesh_upload.upload(low.triangles, uv=low.uv), 0
-    for tile in tiles:
-        audit.draw_overlap(drawn, uploaded, udim.uv_to_clip(tile))
-        most = max(most, int(drawn.texels().max()))
-    return most
-
-
-def _has_copies(meshes: Meshes) -> bool:
-    """Whether modifiers make copies of a surface, with its UVs, that is baked onto its own base mesh.
-
-    What they add with other UVs is detail, which rays find.
-    """
-    (high, *_) = meshes.highs
-    if not meshes.is_own_base or high.uv is None:
-        return False
-    of_high, of_low = (np.nansum(np.abs(uv_layout.areas(mesh))) for mesh in (high, meshes.low))
-    if of_high <= COPIED * of_low:
-        return False
-    return uv_islands.points_at_a_place(high) > COPIED * uv_islands.points_at_a_place(meshes.low)
-
-
-def _order(mesh: Mesh, *, is_first: bool) -> np.ndarray:
-    """The triangles (T,) int of a mesh, part by part: that whose first triangle is the first, or the last one, comes last."""
-    parts = uv_islands.parts(mesh)
-    return np.argsort(-parts if is_first else parts, kind="stable")
-
+from .draw_order import overlap_depth
+from .sampling import SampledMaps
 
 HIDDEN_PROBE = 512
 """Texels a side, at most, on which hidden parts are looked for."""
@@ -144,14 +32,22 @@ ROOM = 2
 class Layer:
     """Hidden parts that share no texels with each other.
 
-    number: from 1. triangles (N,) int: in the low mesh. meshes: of the bake, with only these triangles of the low mesh and its
-    basis, on the tile that they are drawn on. maps: draws the high surface at their own places.
+    number: from 1. triangles (N,) int: in the low mesh. drawing: of the high surface at their own places.
     """
 
     number: int
     triangles: np.ndarray
-    meshes: Meshes
-    maps: SampledMaps
+    drawing: Drawing
+
+    @property
+    def meshes(self) -> Meshes:
+        """Of the bake, with only these triangles of the low mesh and its basis, on the tile that they are drawn on."""
+        return self.drawing.plan.meshes
+
+    @property
+    def maps(self) -> SampledMaps:
+        """What draws the high surface."""
+        return self.drawing.maps
 
     def bands(self, size: tuple[int, int], tile: int = udim.FIRST) -> Iterator[Band]:
         """The rows of a map of this size that the layer may cover."""
@@ -165,17 +61,17 @@ class Layer:
 
 
 class StackedParts:
-    """The hidden parts of the low mesh of `plan`, in layers. source: of the bake. is_shared: whether triangles share texels.
+    """The hidden parts of the low mesh of a bake, in layers.
 
     share: of the covered texels, those that hide a part. Parts that were moved by whole tiles are hidden as well. Parts that
     hide themselves are not found, and no more than DEEPEST of those on one place.
     """
 
-    def __init__(self, plan: Plan, source: Source, settings: Settings, *, is_shared: bool):
-        self._plan, self._source = plan, source
+    def __init__(self, drawing: Drawing, settings: Settings):
+        self._drawing, self._plan = drawing, drawing.plan
         self._settings = settings.without_other_maps()
         self._numbered: gpu.types.GPUBatch | None = None
-        low = plan.meshes.low
+        low = self._plan.meshes.low
         self._tiles = np.zeros((len(low.triangles), 2), np.float32)
         if not settings.sampling.udim:
             moved = uv_islands.moved_copies(low)
@@ -183,12 +79,12 @@ class StackedParts:
         is_moved = self._tiles.any(axis=1)
         self._layers, self._parts = np.zeros((2, len(low.triangles)), np.int64)
         self._pairs, self.share = np.empty((0, 2), np.int64), 0.0
-        if is_shared or is_moved.any():
+        if self._plan.order.is_any or is_moved.any():
             # The map does not have those that were moved: all others hide them.
             order = np.argsort(~is_moved, kind="stable")
             drawn = _moved_back(low, self._tiles).with_triangles(order)
             parts = self._parts[order] = uv_islands.parts(drawn)
-            self._pairs, self.share = _hiding(drawn, parts, _size(settings.sampling, HIDDEN_PROBE), plan.tiles)
+            self._pairs, self.share = _hiding(drawn, parts, _size(settings.sampling, HIDDEN_PROBE), self._plan.tiles)
             self._layers[order] = _layers(self._pairs, int(parts.max()) + 1)[parts]
 
     @property
@@ -227,33 +123,13 @@ class StackedParts:
             for mesh in (meshes.low, meshes.basis)
         )
         meshes = replace(meshes, low=low, basis=basis)
-        if self._source.ray_cast is None:
-            meshes = replace(meshes, highs=self._highs(number), whole=None, kept=None)
+        is_drawn = None
+        if self._drawing.ray_cast is None:
+            meshes, is_drawn = replace(meshes, highs=self._highs(number), whole=None, kept=None), self._is_of(number)
         else:
-            meshes = replace(
-                meshes, whole=meshes.whole_low, kept=chosen if meshes.kept is None else meshes.kept[chosen]
-            )
-        run = Run(self._settings)
-        return Layer(number, chosen, meshes, maps_of_bake(meshes, self._source_of(meshes, number, run), run))
-
-    def _source_of(self, meshes: Meshes, number: int, run: Run) -> Source:
-        """What draws the high surface at the places of a layer, as the bake does."""
-        ray_cast = self._source.ray_cast
-        if ray_cast is None:
-            return Flat(
-                meshes.low,
-                meshes.highs,
-                run.settings.map,
-                run.timings,
-                surface=self._source.surface,
-                is_drawn=self._is_of(number),
-                is_changed_later=meshes.has_detail,
-            )
-        ray_cast = ray_cast.of(meshes)
-        if self._plan.has_rays:
-            flat = replace(meshes, whole=self._plan.meshes.whole)
-            return FlatAndRays(flat, ray_cast, run)
-        return Rays(meshes.low, ray_cast, meshes.highs, run)
+            kept = chosen if meshes.kept is None else meshes.kept[chosen]
+            meshes = replace(meshes, whole=meshes.whole_low, kept=kept)
+        return Layer(number, chosen, self._drawing.of_part(meshes, is_drawn, Run(self._settings)))
 
     def _highs(self, number: int) -> list[Mesh]:
         """The high meshes with their triangles of one layer, without those that have none."""

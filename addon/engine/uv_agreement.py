@@ -2,7 +2,6 @@
 """Measures whether high and low meshes share their UV layout: whether their points on the same texel are close in space."""
 
 import math
-import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -54,37 +53,8 @@ class Agreement:
     is_everywhere: bool = False
 
 
-class _Last:
-    """The last result of `measure`. A bake asks twice: before its high meshes are mended, and after that."""
-
-    def __init__(self):
-        self._meshes: list[weakref.ref[Mesh]] = []
-        self._tiles: tuple[int, ...] = ()
-        self._agreement: Agreement | None = None
-
-    def of(self, meshes: Sequence[Mesh], tiles: Sequence[int]) -> Agreement | None:
-        """The result for these very meshes and tiles, or None."""
-        is_same = len(meshes) == len(self._meshes) and self._tiles == tuple(tiles)
-        is_same = is_same and all(mesh is known() for mesh, known in zip(meshes, self._meshes, strict=True))
-        return self._agreement if is_same else None
-
-    def keep(self, meshes: Sequence[Mesh], tiles: Sequence[int], agreement: Agreement) -> Agreement:
-        """Remember a result, and return it."""
-        self._meshes, self._tiles, self._agreement = [weakref.ref(mesh) for mesh in meshes], tuple(tiles), agreement
-        return agreement
-
-
-_last = _Last()
-
-
 def measure(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> Agreement:
     """Compare the UV layouts on these UDIM tiles. They are not shared if a single high mesh has another one."""
-    meshes = [low, *highs]
-    known = _last.of(meshes, tiles)
-    return known if known is not None else _last.keep(meshes, tiles, _measure(low, highs, tiles))
-
-
-def _measure(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> Agreement:
     no_uv = next((high for high in highs if high.uv is None), None)
     if no_uv is not None:
         instances = f"is made of {no_uv.instances:,} instances, which have no UVs of their own"

@@ -22,15 +22,12 @@ from ..core.map_types import NORMAL
 from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
 from ..core.settings import Run, Settings
-from ..engine import gpu_memory, margins, mip_levels, orienting, sources, stacked_uvs
-from ..engine.baking import Renderer
-from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
+from ..engine import baking, gpu_memory, mip_levels, orienting
+from ..engine.baking import Drawing
+from ..engine.planning import Plan, nothing_drawn, plan_of
 from ..engine.ray_casting import RayCast
-from ..engine.sampling import SampledMaps, maps_of_bake
-from ..engine.sources import Source, normal_source
 from ..engine.stacked_uvs import StackedParts
 from ..mesh.edges import is_without_area
-from ..mesh.inputs import Meshes
 from ..output.materials import into_materials
 from ..output.outputs import Outputs, kept
 from ..scene import object_checks, reading
@@ -57,10 +54,10 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
             ready = yield from part(_prepare(context, request, run), 0.0, READY)
-            tally, post_processes = Tally(), margins.for_maps([ready.plan.meshes.low], settings)
-            outputs.sample_onto(job.low, ready.meshes.uv_layer, is_own_base=ready.meshes.is_own_base, slots=job.slots)
+            tally, read = Tally(), ready.plan.read
+            outputs.sample_onto(job.low, read.uv_layer, is_own_base=read.is_own_base, slots=job.slots)
             for tile, start, stop in _shares(ready.plan):
-                maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
+                maps = yield from part(ready.drawing.texels(tile), start, stop)
                 tally.add(maps[NORMAL.name], settings.map)
                 with timings.timed("audit"):
                     ready.others.add(tile, maps[NORMAL.name])
@@ -83,16 +80,13 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
 
 @dataclass(frozen=True)
 class _Ready:
-    """A bake that is ready to be drawn. meshes: all, as they were read. warnings: about the objects. length: a length in
-    scene units as text."""
+    """A bake that is ready to be drawn. warnings: about the objects. truth: the same with own hits, for what is measured.
+    length: a length in scene units as text."""
 
-    meshes: Meshes
     warnings: list[Warned]
-    plan: Plan
-    source: Source
-    renderer: Renderer
+    drawing: Drawing
     others: OtherEngines
-    truth: SampledMaps
+    truth: Drawing
     hidden: StackedParts
     deviations: Deviations
     between: BetweenTexels
@@ -100,54 +94,44 @@ class _Ready:
     pictures: BakePictures
     length: Length
 
+    @property
+    def plan(self) -> Plan:
+        return self.drawing.plan
+
 
 def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[_Ready]:
     job, wants, settings, timings = request.job, request.wants, run.settings, run.timings
     name, length = job.low.name, reading.lengths_of(context.scene)
     yield Progress(f"Reading {name}", 0.0)
-    meshes = read_meshes(context, request, timings)
     with timings.timed("extract"):
-        warnings = [*map(Warned, meshes.lacks), *map(Warned, object_checks.warnings(job.low, job.highs))]
-        warnings += map(Warned, orienting.notes(meshes))
-    tiles = tiles_to_bake(meshes, settings.sampling)
+        meshes = read_meshes(context, request)
     yield Progress(f"Looking at {name}", 0.5)
-    with timings.timed("method"):
-        in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
-        plan = choose_method(in_order, tiles, settings.tracing, length)
+    plan = plan_of(meshes, settings, timings, length=length)
+    notes = [*meshes.lacks, *object_checks.warnings(job.low, job.highs), *orienting.notes(meshes, plan.told)]
     with timings.timed("audit"):
-        found = checks.flipped_findings(meshes, timings, has_rays=plan.casts_rays)
+        found = checks.flipped_findings(plan, timings)
         if wants.for_others:
             others = checks.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
             found += checks.unsolved_by_export(others, is_exported=wants.exported)
         early = [*map(Warned, checks.pose_notes(context, job, settings)), *checks.finding_warnings(found)]
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
-    source = yield from part(normal_source(plan, run), 0.5, 1.0)
-    drawn, others = maps_of_bake(in_order, source, run), OtherEngines(in_order.basis, settings)
-    low = in_order.basis or in_order.low
-    pictures = BakePictures(low, tiles, settings, is_wanted=wants.pictured)
+    truth = drawing = yield from part(baking.draw(plan, run), 0.5, 1.0)
+    others = OtherEngines(plan.meshes.basis, settings)
+    low = plan.meshes.basis or plan.meshes.low
+    pictures = BakePictures(low, plan.tiles, settings, is_wanted=wants.pictured)
     is_wanted = (wants.measured or wants.pictured) and settings.map.normal
-    truth = drawn
-    if is_wanted and sources.hits_are_chosen(plan, settings.tracing):
-        source_of_truth = yield from part(sources.own_source(plan, run), 1.0, 1.0)
-        truth = maps_of_bake(in_order, source_of_truth, replace(run, settings=settings.without_other_maps()))
-    hidden = StackedParts(plan, truth.source, settings, is_shared=in_order is not meshes)
-    deviations = Deviations(
-        plan, truth, settings, pictures, kept=partial(kept, settings=settings), is_wanted=is_wanted, hidden=hidden
-    )
-    between = BetweenTexels(
-        plan, truth, settings, kept=partial(kept, settings=settings), is_wanted=wants.measured and settings.map.normal
-    )
-    warnings = [*warnings, *early, *map(Warned, others.warnings)]
+    if is_wanted:
+        truth = yield from part(baking.draw_own_hits(plan, run, drawing), 1.0, 1.0)
+    hidden = StackedParts(truth, settings)
+    as_kept = partial(kept, settings=settings)
+    deviations = Deviations(truth, settings, pictures, kept=as_kept, is_wanted=is_wanted, hidden=hidden)
+    between = BetweenTexels(truth, settings, kept=as_kept, is_wanted=wants.measured and settings.map.normal)
+    warnings = [*map(Warned, notes), *early, *map(Warned, others.warnings)]
     if plan.method == Method.CAST:
         warnings += [Warned(text, severity.UNFIT) for text in wants.hints]
-    seen = SeenBake(
-        plan, settings, kept=partial(kept, settings=settings), is_wanted=settings.map.appearance or wants.seen
-    )
+    seen = SeenBake(plan, settings, kept=as_kept, is_wanted=settings.map.appearance or wants.seen)
     warnings += map(Warned, seen.warnings)
-    renderer = Renderer(drawn, run)
-    return _Ready(
-        meshes, warnings, plan, source, renderer, others, truth, hidden, deviations, between, seen, pictures, length
-    )
+    return _Ready(warnings, drawing, others, truth, hidden, deviations, between, seen, pictures, length)
 
 
 def _audit(request: Request, run: Run, ready: _Ready, tally: Tally) -> Task[Baked]:
@@ -158,25 +142,25 @@ def _audit(request: Request, run: Run, ready: _Ready, tally: Tally) -> Task[Bake
         is_set = tracing.extrusion is not None or tracing.max_distance is not None
         can_be_hit = ready.plan.casts_rays and not all(map(is_without_area, ready.plan.meshes.listed_highs))
         raise NothingDrawn(Fix.MEASURE.after(why) if is_set and tally.missed and can_be_hit else why)
-    ray_cast = ready.source.ray_cast
+    ray_cast = ready.drawing.ray_cast
     seen = yield from relay(ready.seen.measured(), within=partial(timings.timed, "audit"))
     with timings.timed("audit"):
         materials = set_numbers(request.job.low, ready.plan.meshes) if not settings.map.texture_sets else None
-        stacked = check_stacked(ready.plan, ready.hidden, ready.truth, settings, materials)
+        stacked = check_stacked(ready.hidden, ready.truth, settings, materials)
         findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
     with timings.timed("audit"):
         picture = ready.pictures.result()
     findings = replace(
         findings,
-        stopped_early=ready.renderer.stopped / tally.written,
-        rays=ready.source.share_of_rays if ready.plan.has_rays else 0.0,
+        stopped_early=ready.drawing.renderer.stopped / tally.written,
+        rays=ready.drawing.source.share_of_rays if ready.plan.has_rays else 0.0,
         targets=ready.others.results(tally.backwards),
         deviation=ready.deviations.results(),
         between=ready.between.results(),
         appearance=seen,
         picture=picture,
     )
-    return Baked(request, ready.meshes, ready.plan, ray_cast, findings, timings, ready.warnings)
+    return Baked(request, ready.plan, ray_cast, findings, timings, ready.warnings)
 
 
 def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:
@@ -197,7 +181,7 @@ def draw_raw(
         ready = yield from part(_prepare(context, request, run), 0.0, READY)
         tally, maps = Tally(), {}
         for tile, start, stop in _shares(ready.plan):
-            maps[tile] = yield from part(ready.renderer.raw(tile), start, stop)
+            maps[tile] = yield from part(ready.drawing.renderer.raw(tile), start, stop)
             tally.add_raw(maps[tile][NORMAL.name], run.settings.map)
             with run.timings.timed("audit"):
                 ready.others.add_raw(tile, maps[tile][NORMAL.name])
@@ -224,7 +208,5 @@ def measure_rays(
     check_job(context, job, settings)
     meshes = read_meshes(context, Request(job, settings))
     with gpu_memory.trimmed():
-        tiles = tiles_to_bake(meshes, settings.sampling)
-        in_order = stacked_uvs.ordered(meshes, tiles, settings.sampling)
-        plan = choose_method(in_order, tiles, settings.tracing, reading.lengths_of(context.scene))
-        return progress.finish(normal_source(plan, Run(settings))).ray_cast
+        plan = plan_of(meshes, settings, length=reading.lengths_of(context.scene))
+        return progress.finish(baking.draw(plan, Run(settings))).ray_cast

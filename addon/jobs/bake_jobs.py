@@ -24,7 +24,7 @@ from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import Run, Settings, TracingSettings
 from ..engine import coverage, gpu_memory, margins, mip_levels
-from ..engine.baking import Renderer
+from ..engine.baking import texels_of
 from ..engine.bands import DrawnMaps
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, map_names, materials, outputs, shared_maps
@@ -107,8 +107,7 @@ class Atlas:
                 run, is_kept = Run(self.settings, timings=timings), None
                 if self.kept:
                     maps = margins.with_owner(maps, self._of_others(tile, maps))  # noqa: PLW2901 - the same, with more
-                renderer = Renderer(DrawnMaps(maps), run)
-                finished = progress.finish(renderer.texels(tile, post_processes))
+                finished = progress.finish(texels_of(DrawnMaps(maps), tile, run, post_processes))
                 if self.kept:
                     is_kept = margins.without_others(finished, post_processes)
                 state = finished[NORMAL.name][1]

@@ -15,7 +15,7 @@ from ..core.map_types import BY_NAME, Labeled
 from ..core.progress import Timings
 from ..core.settings import MapSettings, Settings
 from ..engine import ray_maps
-from ..engine.method_choice import Plan
+from ..engine.planning import Plan
 from ..engine.ray_casting import RayCast
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
@@ -31,8 +31,6 @@ class Baked:
     """A bake whose maps are drawn and checked. core.report says which field of a report is read from where."""
 
     request: Request
-    meshes: Meshes
-    """All that were read."""
     plan: Plan
     ray_cast: RayCast | None
     """None for Flatten."""
@@ -53,6 +51,11 @@ class Baked:
     @property
     def settings(self) -> Settings:
         return self.request.settings
+
+    @property
+    def meshes(self) -> Meshes:
+        """All that were read."""
+        return self.plan.read
 
     @property
     def labels(self) -> dict[Labeled, list[str]]:

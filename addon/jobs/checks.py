@@ -5,7 +5,7 @@ which texels of the map, and on which faces of the low mesh."""
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import bpy
 import numpy as np
@@ -23,12 +23,10 @@ from ..core.material_feeds import ExactFeed, HighMaterial
 from ..core.progress import Progress, Task, Timings
 from ..core.report import Report, evaluated
 from ..core.settings import MapSettings, Run, SamplingSettings, Settings
-from ..engine import baking, gpu_memory, high_look, own_hits, separation, stacked_uvs
+from ..engine import baking, gpu_memory, high_look, own_hits, separation
 from ..engine.bands import Band
 from ..engine.high_look import HighLook
-from ..engine.method_choice import Plan, choose_method
-from ..engine.sampling import maps_of_bake
-from ..engine.sources import Source, normal_source
+from ..engine.planning import Plan, plan_of
 from ..engine.unsure_texels import Explorer
 from ..mesh import edges, face_shapes, topology, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
@@ -42,7 +40,7 @@ from ..scene.high_materials import MaterialNumbers
 from ..scene.textures import ImageTextures
 from ..scene.traced_sides import Surface
 from . import material_inputs, unwrapping
-from .job import Job, PastBake, Request, check_job, read_as_is, read_meshes
+from .job import Job, PastBake, Request, check_job, read_meshes
 
 __all__ = ["FLIPPED", "HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
 UNWRAP = "UNWRAP"
@@ -58,7 +56,7 @@ def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> Hi
     settings = settings.without_file()
     check_job(context, job, settings.without_other_maps())
     with gpu_memory.trimmed():
-        meshes = read_as_is(context, Request(job, settings))
+        meshes = read_meshes(context, Request(job, settings))
         found = high_look.look(meshes, settings.without_other_maps())
     inputs = [*evaluated(material_inputs.ways(meshes, settings.map)), *material_inputs.notes(meshes, settings.map)]
     inputs = [*pose_notes(context, job, settings), *inputs]
@@ -114,22 +112,22 @@ def viewport_findings(
         return mesh_findings(mesh, low, layer, settings.sampling) if len(mesh.triangles) else []
 
 
-def flipped_findings(meshes: Meshes, timings: Timings, *, has_rays: bool) -> list[Finding]:
+def flipped_findings(plan: Plan, timings: Timings) -> list[Finding]:
     """A finding if the faces of the meshes of a bake pointed to opposite sides when they were read. That of high meshes that
     were turned over is none.
 
-    has_rays: whether the bake casts rays. Without them, a tree would be built for this alone, and the nearest faces have to
-    raise the question.
+    Without rays, a tree would be built for this alone, and the nearest faces have to raise the question.
     """
+    meshes = replace(plan.read, highs=plan.highs)
     if meshes.is_own_base or not len(meshes.low.triangles):
         return []
     low = before_bake.faces_of_mesh(meshes.low, before_bake.LOW_FACES, least=before_bake.LEAST_FACES)
     each = max(1, before_bake.HIGH_FACES // len(meshes.highs))
-    turned = meshes.mended.turned_of_kept if meshes.mended is not None else [None] * len(meshes.highs)
+    turned = [one.turned_of_kept for one in plan.masks] or [None] * len(meshes.highs)
     faces = (before_bake.faces_of_mesh(high, each, mask) for high, mask in zip(meshes.highs, turned, strict=True))
     highs = before_bake.joined_faces(list(faces))
     names = shorten_list(repr(high.name) for high in meshes.highs)
-    against = before_bake.suspicion(len(meshes.low.triangles)) if has_rays else before_bake.MAYBE
+    against = before_bake.suspicion(len(meshes.low.triangles)) if plan.casts_rays else before_bake.MAYBE
     found = before_bake.find_flipped(low, highs, repr(meshes.low.name), names, against=against)
     is_mended = any(mask is not None for mask in turned)
     found = [each for each in found if not (is_mended and each.values["is_high"])]
@@ -587,9 +585,10 @@ class _View:
     def size(self) -> tuple[int, int]:
         return self.settings.sampling.width, self.settings.sampling.height
 
-    def source(self) -> Source:
-        """A source as the bake used it."""
-        return progress.finish(normal_source(self.plan, Run(self.settings.traced(**self.distances))))
+    @cached_property
+    def drawing(self) -> baking.Drawing:
+        """What draws it as the bake did."""
+        return progress.finish(baking.draw(self.plan, Run(self.settings.traced(**self.distances))))
 
 
 def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
@@ -599,9 +598,8 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     settings = past.settings.without_other_maps().without_file().without_materials().mapped(space=space)
     settings = settings.stored(image=f"{settings.storing.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
-    meshes = read_meshes(context, Request(past.job, settings))
-    meshes = stacked_uvs.ordered(meshes, past.tiles, settings.sampling)
-    return _View(past.job, choose_method(meshes, past.tiles, settings.tracing), settings, past.distances)
+    plan = plan_of(read_meshes(context, Request(past.job, settings)), settings, tiles=past.tiles)
+    return _View(past.job, plan, settings, past.distances)
 
 
 def _triangles(view: _View, kind: str) -> np.ndarray:
@@ -667,7 +665,7 @@ def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
 
 def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
     """The texels that are uncovered or far, as `_masks` has them."""
-    ray_cast = view.source().ray_cast
+    ray_cast = view.drawing.ray_cast
     probe = separation.full_probe(view.meshes, ray_cast)
     texels = separation.sample(probe, view.size, view.plan.tiles)
     method = Method.CAST if ray_cast else Method.FLATTEN
@@ -680,7 +678,7 @@ def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band
 
 def _unsure(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
     """The texels that may show the wrong layer, as `_masks` has them; none without rays."""
-    ray_cast = view.source().ray_cast
+    ray_cast = view.drawing.ray_cast
     explorer = Explorer(ray_cast, view.meshes.whole_low) if ray_cast else None
     for band in bands:
         size = band.width, band.height
@@ -689,7 +687,7 @@ def _unsure(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
 
 def _skewed(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
     """The texels whose rays lean, as `_masks` has them; none without rays."""
-    ray_cast, low = view.source().ray_cast, view.meshes.whole_low
+    ray_cast, low = view.drawing.ray_cast, view.meshes.whole_low
     corners = local_space_of([low]).points(low)[low.vertices[low.front_triangles]]
     normals, _ = unit_normals(corners)
     for band in bands:
@@ -715,10 +713,8 @@ def _close(view: _View) -> Iterator[np.ndarray]:
 
 def _backwards(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool whose normal points into the low mesh: drawn as in the bake."""
-    run = Run(view.settings.without_other_maps())
-    renderer = baking.Renderer(maps_of_bake(view.meshes, view.source(), run), run)
     for tile in view.plan.tiles:
-        normals = progress.finish(renderer.raw(tile))[NORMAL.name]
+        normals = progress.finish(view.drawing.renderer.raw(tile))[NORMAL.name]
         yield (normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)
 
 

@@ -21,7 +21,7 @@ from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.settings import Run, SamplingSettings, Settings
 from ..core.stored_normals import ConversionReport, StoredNormals, in_words
 from ..engine import gpu_memory, margins, mip_levels
-from ..engine.baking import Renderer
+from ..engine.baking import texels_of
 from ..engine.converted_map import ConvertedMap, Fit
 from ..mesh import uv_layout
 from ..mesh.triangle_mesh import Mesh
@@ -191,12 +191,11 @@ def _work(context: bpy.types.Context, conversion: Conversion, run: Run) -> Task[
         with gpu_memory.trimmed():
             drawn = ConvertedMap(mesh, ready.before, settings.map)
             run = replace(run, settings=settings)
-            renderer = Renderer(drawn, run)
             post_processes = margins.for_maps([mesh], settings)
             for number, (tile, values) in enumerate(ready.source.tiles.items()):
                 drawn.texels = values
                 share = number / len(ready.source.tiles), (number + 1) / len(ready.source.tiles)
-                maps = yield from part(renderer.texels(tile, post_processes), *share)
+                maps = yield from part(texels_of(drawn, tile, run, post_processes), *share)
                 counts += _counts(maps[NORMAL.name][1])
                 levels = yield from part(mip_levels.of(maps, tile, run), share[1], share[1])
                 with timings.timed("image"):

@@ -31,11 +31,10 @@ from ..core.material_feeds import (
 from ..core.progress import Pace, Task
 from ..core.settings import Run, Settings
 from ..core.udim import FIRST
-from ..engine import baking, normal_space, stacked_uvs
+from ..engine import baking, normal_space
 from ..engine.bands import Band
-from ..engine.method_choice import choose_method
-from ..engine.sampling import maps_of_bake
-from ..engine.sources import normal_source
+from ..engine.planning import plan_of
+from ..engine.stacked_uvs import StackedParts
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER, Mesh
 from ..output import value_encoding
@@ -206,13 +205,10 @@ ANGLES = "median", "percentile_95", "percentile_99", "maximum"
 
 def _deviations(meshes: Meshes, run: Run) -> Task[Maps]:
     """The median, two percentiles and the largest angle, if the low mesh had a map of flat normals."""
-    in_order = stacked_uvs.ordered(meshes, [FIRST], run.settings.sampling)
-    plan = choose_method(in_order, [FIRST], run.settings.tracing)
-    source = yield from normal_source(plan, run)
-    drawn = maps_of_bake(in_order, source, run)
-    hidden = stacked_uvs.StackedParts(plan, source, run.settings, is_shared=in_order is not meshes)
+    drawn = yield from baking.draw(plan_of(meshes, run.settings), run)
+    hidden = StackedParts(drawn, run.settings)
     measured = Deviations(
-        plan, drawn, run.settings, kept=lambda texels: np.full_like(texels, FLAT_COLOR), is_wanted=True, hidden=hidden
+        drawn, run.settings, kept=lambda texels: np.full_like(texels, FLAT_COLOR), is_wanted=True, hidden=hidden
     )
     measured.add(FIRST, (np.zeros((SIZE, SIZE, 4), np.float32), np.full((SIZE, SIZE), WRITTEN, np.uint8)))
     results = measured.results()

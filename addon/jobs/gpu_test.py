@@ -24,10 +24,9 @@ from ..core.errors import BakeError, NoGpu
 from ..core.gpu_report import GpuReport, Outcome, Timed, Verdict
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Run, Settings
-from ..engine import gpu_memory, margins
+from ..engine import baking, gpu_memory, margins
 from ..engine.bands import Band
-from ..engine.method_choice import choose_method
-from ..engine.sources import normal_source
+from ..engine.planning import plan_of
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import data_texture, hemisphere, margin_fill, shader, target
@@ -263,8 +262,7 @@ def _rays() -> Task[list[Timed]]:
     low, high = _sheet("low", 16, 0.0), _sheet("high", 100, 0.03)
     meshes = replace(Meshes.of(low, [high]), basis=low)
     run = Run(Settings(method=Method.CAST, space=Space.WORLD, maps=("AO",), width=SIDES[0], height=SIDES[0], margin=0))
-    plan = choose_method(meshes, [1001], run.settings.tracing)
-    source = yield from normal_source(plan, run)
+    source = (yield from baking.draw(plan_of(meshes, run.settings), run)).source
     pace = Pace()
 
     def cast(side: int) -> Callable[[], None]:

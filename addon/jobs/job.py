@@ -17,10 +17,9 @@ from ..core import naming, udim
 from ..core.declarations.choices import Method, Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
 from ..core.naming import MATERIAL, Suffixes, match
-from ..core.progress import Progress, Timings
+from ..core.progress import Progress
 from ..core.report import Report
 from ..core.settings import SamplingSettings, Settings, StorageSettings
-from ..engine import orienting
 from ..engine.bands import bands
 from ..mesh.inputs import Meshes
 from ..output import datablocks, materials, outputs, vertex_attributes
@@ -271,16 +270,8 @@ class PastBake:
         return cls(job, settings, report.distances, report.tiles)
 
 
-def read_meshes(context: bpy.types.Context, request: Request, timings: Timings | None = None) -> Meshes:
-    """Read the objects of a bake, and mend the high meshes. Errors: as scene.reading.read."""
-    timings = timings or Timings()
-    with timings.timed("extract"):
-        meshes = read_as_is(context, request)
-    return orienting.mended(meshes, request.settings, timings)
-
-
-def read_as_is(context: bpy.types.Context, request: Request) -> Meshes:
-    """Read the objects of a bake as they are. Errors: as scene.reading.read."""
+def read_meshes(context: bpy.types.Context, request: Request) -> Meshes:
+    """Read the objects of a bake. Errors: as scene.reading.read."""
     job = request.job
     return reading.read(
         context,

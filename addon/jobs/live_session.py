@@ -2,7 +2,6 @@
 """Live's maps, which are drawn again when their objects change. Only objects that changed are read and uploaded again."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from functools import partial
 
 import bpy
@@ -14,17 +13,16 @@ from ..audit.severity import Warned
 from ..audit.tally import Tally
 from ..core import progress, udim
 from ..core.declarations.choices import ExactMaterials, Modifiers, VertexDomain
-from ..core.errors import BakeError
+from ..core.errors import BakeError, Length
 from ..core.map_types import BY_NAME, NORMAL, Labeled, Map
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.report import Report
 from ..core.settings import Run, Settings
-from ..engine import baking, live_redraw, margins, orienting, sampling, sources, stacked_uvs
+from ..engine import baking, live_redraw, margins, orienting, sampling
+from ..engine.baking import Drawing
 from ..engine.bands import Band
-from ..engine.method_choice import Plan, choose_method, nothing_drawn
+from ..engine.planning import Plan, nothing_drawn, plan_of
 from ..engine.ray_casting import RayCast
-from ..engine.sampling import maps_of_bake
-from ..engine.sources import Source
 from ..engine.stacked_uvs import StackedParts
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -66,17 +64,15 @@ class LiveMaps:
         """Whether a map changes with the materials of the high objects."""
         return any(BY_NAME[name].family.shows_materials for name in self.settings.map.drawn_maps)
 
-    def work(self, source: sources.Source | None, plan: Plan, uploads: UploadCache, pace: Pace) -> Task[None]:
-        """Draw the maps. source, plan: of the session's last normal map; the source is None if its memory was freed. Raises
+    def work(self, drawing: Drawing | None, plan: Plan, uploads: UploadCache, pace: Pace) -> Task[None]:
+        """Draw the maps. plan: of the session's last normal map. drawing: of that map; None if its memory was freed. Raises
         BakeError."""
         run = Run(self.settings.traced(method=plan.method), pace)
-        if source is None or not plan.casts_rays:  # that of Flatten may have no surface, and no tree
-            preparing = sources.normal_source(plan, run, uploads=uploads)
-            source = yield from part(preparing, 0.0, READY)
-        renderer = baking.Renderer(maps_of_bake(plan.meshes, source, run, uploads=uploads), run)
-        maps = yield from part(
-            renderer.texels(udim.FIRST, margins.for_maps([plan.meshes.low], run.settings)), READY, 1.0
-        )
+        if drawing is None or not plan.casts_rays:  # that of Flatten may have no surface, and no tree
+            drawing = yield from part(baking.draw(plan, run, uploads=uploads), 0.0, READY)
+        else:
+            drawing = drawing.with_settings(run)
+        maps = yield from part(drawing.texels(udim.FIRST), READY, 1.0)
         del maps[NORMAL.name]
         self.drawn = maps
 
@@ -139,13 +135,12 @@ class Session:
         self.plan: Plan | None = None
         self.meshes: Meshes | None = None
         self._as_read: Meshes | None = None
-        self._mended: Meshes | None = None
-        self._meshes: Meshes | None = None
-        self._method = settings.tracing.method
         self._post_processes: dict[str, margins.PostProcess] = {}
         self._uploads = UploadCache()
-        self._source: sources.Source | None = None
-        self._drawer: sampling.SampledMaps | None = None
+        self._drawing: Drawing | None = None
+        """Of the last map; None where only a part of it was drawn."""
+        self._own_hits: Drawing | None = None
+        """The same with the hits that belong to the texels, once it was asked for."""
         self._pool = target.TargetPool()
         self._coarse_pool = target.TargetPool()
         self._coarse: gpu.types.GPUTexture | None = None
@@ -171,24 +166,17 @@ class Session:
         run = Run(self.settings.traced(method=self._method), self.pace, self._timings)
         length = reading.lengths_of(context.scene)
         yield Progress(f"Reading {self.job.low.name}", 0.0)
-        meshes = self._read(context, changed, self.others.settings.traced(method=self._method))
-        plan = choose_method(meshes, [udim.FIRST], run.settings.tracing, length)
-        if self.plan is not None and self.plan.has_rays:
-            plan = replace(plan, method=self.plan.method, has_rays=True)  # the method stays while meshes change
-        elif not plan.has_rays:
-            self._method = plan.method
+        plan = self._planned(context, changed, length)
         if self._kept.redraw(plan, self._post_processes[NORMAL.name], self._uploads):
-            self._finish(plan, None, None)
+            self._finish(plan, None)
             return
-        preparing = sources.normal_source(plan, run, uploads=self._uploads)
-        source = yield from progress.part(preparing, 0.0, READY)
-        if source.takes_time and self.pace.has_listener:
-            yield self._draw_coarse(source, run.settings)
-        drawer = maps_of_bake(meshes, source, run, uploads=self._uploads)
-        drawing = self._kept.draw(baking.Renderer(drawer, run), plan, self._post_processes[NORMAL.name])
-        if not (yield from progress.part(drawing, READY, 1.0)):
+        drawing = yield from progress.part(baking.draw(plan, run, uploads=self._uploads), 0.0, READY)
+        if drawing.source.takes_time and self.pace.has_listener:
+            yield self._draw_coarse(drawing)
+        steps = self._kept.draw(drawing, self._post_processes[NORMAL.name])
+        if not (yield from progress.part(steps, READY, 1.0)):
             raise BakeError(nothing_drawn(plan, length))
-        self._finish(plan, source, drawer)
+        self._finish(plan, drawing)
 
     def adopt(self, context: bpy.types.Context, texels: np.ndarray) -> None:
         """Take a normal map that was baked before as the last one, instead of drawing it. Nothing is drawn.
@@ -199,14 +187,13 @@ class Session:
 
         Raises BakeError for objects that cannot be baked.
         """
-        meshes = self._read(context, None, self.others.settings.traced(method=self._method))
-        tracing = self.settings.traced(method=self._method).tracing
+        plan = self._planned(context, None, reading.lengths_of(context.scene))
         self._adopted = data_texture.image(texels)
-        self._finish(choose_method(meshes, [udim.FIRST], tracing, reading.lengths_of(context.scene)), None, None)
+        self._finish(plan, None)
 
-    def _finish(self, plan: Plan, source: Source | None, drawer: sampling.SampledMaps | None) -> None:
+    def _finish(self, plan: Plan, drawing: Drawing | None) -> None:
         """Note what the map that is done was drawn with; None where only a part was drawn."""
-        self.plan, self._source, self._drawer = plan, source, drawer
+        self.plan, self._drawing, self._own_hits = plan, drawing, None
         self.drawn += 1
         self._coarse = None
 
@@ -215,10 +202,26 @@ class Session:
         """The last normal map, (height, width, 4) float32 as it is stored, or None. It is read when it is first asked for."""
         return self._kept.texels
 
+    @property
+    def _method(self) -> str:
+        """That of the settings, or which was chosen; AUTO if texels choose."""
+        is_chosen = self.plan is not None and not self.plan.has_rays
+        return self.plan.method if is_chosen else self.settings.tracing.method
+
+    def _planned(self, context: bpy.types.Context, changed: Collection[int] | None, length: Length) -> Plan:
+        """Read the objects that changed, and decide how their map is drawn; `changed` as in `work`."""
+        settings, before = self.others.settings.traced(method=self._method), self._as_read
+        self._as_read = meshes = self._read(context, changed, settings)
+        plan = plan_of(meshes, settings, before=self.plan, length=length)
+        self.meshes = plan.listed
+        if not self._post_processes or before is None or meshes.low is not before.low:
+            self._post_processes = margins.for_maps([plan.meshes.low], settings)
+        return plan
+
     def _read(self, context: bpy.types.Context, changed: Collection[int] | None, settings: Settings) -> Meshes:
         """Read the objects that changed; `changed` as in `work`."""
         if not self._is_followed:
-            return self._taken(reading.read(context, *self._objects, settings), settings, None)
+            return reading.read(context, *self._objects, settings)
         low, highs, cage = self._objects
         reason = object_checks.problem(context, low, highs, cage, self._method)
         if reason:
@@ -233,35 +236,20 @@ class Session:
         before = None if changed is None else self._as_read
         changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
         self._shown_by = object_checks.shown_by(highs)
-        meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
-        return self._taken(meshes, settings, before)
+        return reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
 
     @property
     def _objects(self) -> tuple[bpy.types.Object, list[bpy.types.Object], bpy.types.Object | None]:
         return self.job.low, self.job.highs, self.job.cage
 
-    def _taken(self, meshes: Meshes, settings: Settings, before: Meshes | None) -> Meshes:
-        """Keep `meshes` as they were read, and mended, in the order in which they are drawn. Returns the last."""
-        known = before and (before, self._mended)
-        mended = orienting.mended(meshes, settings, Timings(), known)
-        in_order = stacked_uvs.ordered(mended, [udim.FIRST], settings.sampling, before and (self._mended, self._meshes))
-        self._as_read, self._mended, self._meshes = meshes, mended, in_order
-        is_same = in_order is mended
-        self.meshes = mended if is_same else replace(mended, low=in_order.low, basis=in_order.basis)
-        if not self._post_processes or before is None or meshes.low is not before.low:
-            self._post_processes = margins.for_maps([in_order.low], settings)
-        return in_order
-
-    def _draw_coarse(self, source: Source, settings: Settings) -> Progress:
+    def _draw_coarse(self, drawing: Drawing) -> Progress:
         """Draw a coarse map to show until the whole one is done."""
+        settings = drawing.run.settings
         width, height = (max(16, texels // sampling.COARSE) for texels in settings.sampling.size)
         small = settings.sampled(width=width, height=height, samples=1)
         # It has its own pool, so that the targets of the whole map keep their size.
         with target.using(self._coarse_pool):
-            run = Run(small)
-            drawer = maps_of_bake(self._meshes, source, run, uploads=self._uploads)
-            renderer = baking.Renderer(drawer, run)
-            progress.finish(renderer.texels(udim.FIRST, margins.for_maps([self._meshes.low], small)))
+            progress.finish(drawing.with_settings(Run(small)).texels(udim.FIRST))
         self._coarse = self._coarse_pool.find("map").texture
         return Progress("Drawing", READY, self._coarse)
 
@@ -285,14 +273,14 @@ class Session:
         return progress.relay(self._draw_others(), within=partial(target.using, self.others.pool))
 
     def _draw_others(self) -> Task[None]:
-        return self.others.work(self._source, replace(self.plan, meshes=self._meshes), self._uploads, self.pace)
+        return self.others.work(self._drawing, self.plan, self._uploads, self.pace)
 
     def shows(self, changed: bpy.types.ID) -> bool:
         """Whether maps of the session show this datablock: a material of the high objects. Blender reports a change of an image
         as one of the materials that show it."""
-        if self._meshes is None or not (self.others.show_materials or self._meshes.has_detail):
+        if self._as_read is None or not (self.others.show_materials or self._as_read.has_detail):
             return False
-        keys = {material.key for material in self._meshes.materials}
+        keys = {material.key for material in self._as_read.materials}
         return isinstance(changed, bpy.types.Material) and changed.session_uid in keys
 
     def is_moved(self, uid: int) -> bool:
@@ -324,7 +312,7 @@ class Session:
         self.others.pool.free()
         self._coarse = self._adopted = None
         self._post_processes = {}
-        self._uploads, self._source, self._drawer = UploadCache(), None, None
+        self._uploads, self._drawing, self._own_hits = UploadCache(), None, None
 
     def advance(self, work: Task[None], seconds: float) -> Progress:
         """As progress.run_for, but with the session's own textures, so that other bakes can run in between."""
@@ -334,7 +322,7 @@ class Session:
     @property
     def ray_cast(self) -> RayCast | None:
         """The rays of the last map; None for Flatten and before the first map."""
-        return self._source.ray_cast if self._source is not None else None
+        return self._drawing.ray_cast if self._drawing is not None else None
 
     @property
     def map(self) -> gpu.types.GPUTexture | None:
@@ -355,24 +343,20 @@ class Session:
         The texture is in the current pool.
         """
         size = self.settings.sampling.width, self.settings.sampling.height
-        return self._true_drawer().high_normals(Band(0, size[1], size, 0))
+        return self._with_own_hits().maps.high_normals(Band(0, size[1], size, 0))
 
     def hidden_parts(self) -> StackedParts:
         """The parts of the low mesh that show texels of other parts on the last map."""
-        is_shared = self._meshes is not self._mended
-        return StackedParts(self.plan, self._true_drawer().source, self.settings, is_shared=is_shared)
+        return StackedParts(self._with_own_hits(), self.settings)
 
-    def _true_drawer(self) -> sampling.SampledMaps:
+    def _with_own_hits(self) -> Drawing:
         """What draws a whole map, with the hits that belong to the texels; for the last map, it is made once."""
-        is_other = sources.hits_are_chosen(self.plan, self.settings.tracing)
-        if self._drawer is None or (is_other and self._drawer.source is self._source):
-            make = sources.own_source if is_other else sources.normal_source
-            run = Run(self.settings)
-            source = progress.finish(make(self.plan, run, uploads=self._uploads))
-            if not is_other:
-                self._source = source
-            self._drawer = maps_of_bake(self.plan.meshes, source, run, uploads=self._uploads)
-        return self._drawer
+        if self._own_hits is None:
+            making = baking.draw_own_hits(self.plan, Run(self.settings), self._drawing, uploads=self._uploads)
+            self._own_hits = progress.finish(making)
+            if self._own_hits.run.settings.tracing == self.settings.tracing:
+                self._drawing = self._own_hits
+        return self._own_hits
 
     def store(self) -> None:
         """Put the last normal map into its image datablock, and the image into the material if it is new."""
@@ -385,13 +369,13 @@ class Session:
         if is_new or not self._is_stored:
             datablocks.note_maps(self.job.low, [image])
         if settings.storing.material and (is_new or not self._is_stored):
-            layer, is_own_base = self._meshes.uv_layer, self._meshes.is_own_base
+            layer, is_own_base = self._as_read.uv_layer, self._as_read.is_own_base
             materials.show_normal_map(self.job.low, image, layer, settings, is_own_base=is_own_base)
         self._is_stored = True
 
     def store_others(self) -> None:
         """Put the other maps into their image datablocks and, the first time, into the material if the settings say so."""
-        self.others.store(self._kept.map, self._labels, self.job.low, self._meshes)
+        self.others.store(self._kept.map, self._labels, self.job.low, self._as_read)
 
     def commit(self) -> outputs.Stored | None:
         """Store the last maps as a bake does: in their files, or packed. Returns None if there is none. Raises BakeError."""
@@ -402,7 +386,7 @@ class Session:
         with outputs.Outputs(settings) as writers:
             writers.add(udim.FIRST, {NORMAL.name: self._kept.map, **self.others.copies()})
             stored = writers.commit(self._labels, [low])
-            layer, is_own_base = self._meshes.uv_layer, self._meshes.is_own_base
+            layer, is_own_base = self._as_read.uv_layer, self._as_read.is_own_base
             materials.into_materials(low, stored, layer, settings, is_own_base=is_own_base)
         return stored
 
@@ -416,26 +400,27 @@ class Session:
         tally = Tally()
         tally.add(self._kept.map, self.settings.map)
         with target.using(self._pool):
-            drawer, hidden = self._true_drawer(), self.hidden_parts()
-            rays = self.ray_cast if self._source is not None else drawer.source.ray_cast
+            own, hidden = self._with_own_hits(), self.hidden_parts()
+            rays = (self._drawing or own).ray_cast
             numbers = set_numbers(self.job.low, self.plan.meshes)
-            stacked = check_stacked(self.plan, hidden, drawer, self.settings, numbers)
+            stacked = check_stacked(hidden, own, self.settings, numbers)
             length = reading.lengths_of(context.scene)
             findings = audit(self.plan, tally, self.settings, rays, length=length, stacked=stacked)
         request = Request(self.job, self._stored_settings)
         timings, warnings = self._timings, self._warnings()
-        baked = Baked(request, self._mended, self.plan, rays, findings, timings, warnings, stored, stored.warnings)
+        baked = Baked(request, self.plan, rays, findings, timings, warnings, stored, stored.warnings)
         return Report.of(baked)
 
     def _warnings(self) -> list[Warned]:
         """Those about the objects, as a bake has them."""
-        found = [*self.differences, *self._mended.lacks, *object_checks.warnings(self.job.low, self.job.highs)]
-        return [Warned(text) for text in (*found, *orienting.notes(self._mended))]
+        read = self.plan.read
+        found = [*self.differences, *read.lacks, *object_checks.warnings(self.job.low, self.job.highs)]
+        return [Warned(text) for text in (*found, *orienting.notes(read, self.plan.told))]
 
     @property
     def _labels(self) -> dict[Labeled, list[str]]:
         """As Outputs.commit takes them."""
-        materials = [material.name for material in self._meshes.materials]
+        materials = [material.name for material in self._as_read.materials]
         return {Labeled.OBJECTS: self._high_names, Labeled.MATERIALS: materials}
 
     @property

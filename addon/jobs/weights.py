@@ -16,9 +16,8 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.settings import Run, Settings
-from ..engine import gpu_memory, unsure_texels
-from ..engine.method_choice import choose_method
-from ..engine.sources import normal_source
+from ..engine import baking, gpu_memory, unsure_texels
+from ..engine.planning import plan_of
 from ..mesh.inputs import Meshes
 from ..scene.mesh_elements import GROUPS, UNPAINTED, without_missing, write_weights
 from .job import Job, PastBake, Request, check_job, read_meshes
@@ -89,9 +88,10 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
         raise BakeError(
             f"The modifiers of {low.name!r} add or remove vertices: apply them to get weights for its mesh."
         )
-    plan = choose_method(meshes, past.tiles, settings.tracing)
     with gpu_memory.trimmed():
-        ray_cast = progress.finish(normal_source(plan, Run(settings))).ray_cast
+        plan = plan_of(meshes, settings, tiles=past.tiles)
+        meshes = plan.meshes
+        ray_cast = progress.finish(baking.draw(plan, Run(settings))).ray_cast
         views = [udim.uv_to_clip(tile) for tile in past.tiles]
 
         def trace(painted: Meshes, most: int) -> unsure_texels.Traced:

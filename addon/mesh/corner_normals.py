@@ -17,8 +17,7 @@ SMOOTH_COSINE = float(np.cos(np.radians(30.0)))
 
 def turned_over(mesh: Mesh, is_turned: np.ndarray, places: np.ndarray) -> Mesh:
     """`mesh` with some triangles (T,) bool turned over, and normals that fit. places: as Patches has them."""
-    triangles = mesh.triangles.copy()
-    triangles[is_turned, 1], triangles[is_turned, 2] = mesh.triangles[is_turned, 2], mesh.triangles[is_turned, 1]
+    triangles = wound_over(mesh, is_turned).triangles
     layers = {
         key: _mirrored(values, mesh.triangles[is_turned]) if key[0] == TANGENTS else values
         for key, values in mesh.layers.items()
@@ -33,6 +32,13 @@ def turned_over(mesh: Mesh, is_turned: np.ndarray, places: np.ndarray) -> Mesh:
         beside[vertices[~is_turned]] = True
         is_mixed &= beside
     return _rebuilt(mesh, places, is_mixed | _is_split(mesh, places), is_turned)
+
+
+def wound_over(mesh: Mesh, is_turned: np.ndarray) -> Mesh:
+    """`mesh` with some triangles (T,) bool turned over, for what asks for no normals."""
+    triangles = mesh.triangles.copy()
+    triangles[is_turned, 1], triangles[is_turned, 2] = mesh.triangles[is_turned, 2], mesh.triangles[is_turned, 1]
+    return replace(mesh, triangles=triangles, face_corners=None)
 
 
 def joined(mesh: Mesh, places: np.ndarray) -> Mesh:

@@ -2,14 +2,12 @@
 """The meshes of one bake."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..core.material_feeds import ExactFeed, HighMaterial, ImagePixels
-from ..core.parts_turned import PartTurned
-from .triangle_mesh import MaybeArray, Mesh
+from .triangle_mesh import Mesh
 
 LoadImage = Callable[[str, int], ImagePixels]
 
@@ -42,67 +40,6 @@ def _no_values(wanted: Sequence[HitsOfFeed]) -> list[np.ndarray]:
 
 
 @dataclass(frozen=True)
-class Mended:
-    """What was changed of the high meshes after they were read.
-
-    turned: for each mesh, which of its triangles (T,) bool were turned over; None for none. kept: for each mesh, which of them
-    (T,) bool are left; None for all. parts: the number of connected parts that have turned triangles, of_parts: of all.
-    of_triangles: the number of triangles that there were. undecided: for each mesh, the number of parts whose outer side is not
-    known, and undecided_share: of the area of all meshes that they have. contradicting: for each mesh, the number of parts that
-    cannot point to one side, as a Möbius strip. hidden: the number of triangles left out since they lie behind the surface,
-    twice: since they are there twice. degrees: by how much normals were smoothed, in the median and at the 95th percentile, or
-    empty. low_differs: whether the faces of the low mesh itself point to different sides, so that it cannot tell.
-    low_is_inside_out: whether the low mesh is closed, and all of it points inward. largest: of the parts that were turned over,
-    those with most triangles.
-    """
-
-    turned: tuple[MaybeArray, ...] = ()
-    kept: tuple[MaybeArray, ...] = ()
-    parts: int = 0
-    of_parts: int = 0
-    of_triangles: int = 0
-    undecided: tuple[int, ...] = ()
-    undecided_share: float = 0.0
-    contradicting: tuple[int, ...] = ()
-    hidden: int = 0
-    twice: int = 0
-    degrees: tuple[float, ...] = ()
-    low_differs: bool = False
-    low_is_inside_out: bool = False
-    largest: tuple[PartTurned, ...] = ()
-
-    @classmethod
-    def nothing(cls, highs: Sequence[Mesh]) -> "Mended":
-        """Nothing that was changed of these meshes."""
-        return cls((None,) * len(highs), of_triangles=sum(len(high.triangles) for high in highs))
-
-    @property
-    def turned_of_kept(self) -> list[MaybeArray]:
-        """`turned` of the triangles that are left of each mesh, (N,) bool."""
-        kept = self.kept or [None] * len(self.turned)
-        return [
-            mask if mask is None or some is None else mask[some] for mask, some in zip(self.turned, kept, strict=True)
-        ]
-
-    def largest_to_dicts(self) -> list[dict[str, Any]]:
-        """`largest`, as core.report.Report has it."""
-        return list(map(asdict, self.largest))
-
-    def to_dict(self) -> dict[str, float]:
-        """The numbers, as core.report.Report has them."""
-        numbers = {
-            "turned": sum(int(np.count_nonzero(mask)) for mask in self.turned if mask is not None),
-            "of": self.of_triangles,
-            "parts": self.parts,
-            "of_parts": self.of_parts,
-            "undecided": sum(self.undecided),
-            "hidden": self.hidden,
-            "twice": self.twice,
-        }
-        return numbers | dict(zip(("smoothed_median", "smoothed_percentile_95"), self.degrees, strict=False))
-
-
-@dataclass(frozen=True)
 class Meshes:
     """All meshes that a bake reads: of the low-poly object ("low"), of the high-poly objects ("high") and of the cage.
 
@@ -115,8 +52,7 @@ class Meshes:
     whole, kept, material: for a texture set, `low` has only the triangles of one material; then the low mesh with all of them,
     the indices of those that were kept, and the material's name. shown: with is_own_base, the high mesh with the UVs that
     modifiers moved, as the viewport shows it; None if no modifier moves UVs. lacks: what the objects lack, in sentences.
-    is_reversed: whether `highs` are in the reverse order of the objects, so that Flatten draws the first one last. mended: what
-    was changed of them after they were read; None if nothing was.
+    is_reversed: whether `highs` are in the reverse order of the objects, so that Flatten draws the first one last.
 
     Painted by corner of `low`, (C,) float32, or None without a painted group. offset: factors from 0 to 2 on the extrusion.
     straight: from -1 to 1, added to the share of the mesh's own normals in the directions.
@@ -141,7 +77,6 @@ class Meshes:
     material: str = ""
     lacks: list[str] = field(default_factory=list)
     is_reversed: bool = False
-    mended: Mended | None = None
 
     @classmethod
     def of(cls, low: Mesh, highs: list[Mesh]) -> "Meshes":

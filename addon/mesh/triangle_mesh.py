@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A triangle mesh as numpy arrays, and the spaces of its normals and tangents."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -64,6 +65,7 @@ UV_LAYER, ATTRIBUTE, TANGENTS, GENERATED = "UV map", "attribute", "tangents", "g
 """The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), tangents (C, 4) of a UV map, w the sign of the bitangent, and
 generated texture coordinates (C, 3)."""
 
+Made = TypeVar("Made")
 TRIANGLES_AT_ONCE = 2**20
 """Triangles that Mesh.box looks at together."""
 
@@ -102,6 +104,8 @@ class Mesh:
     normals_domain: str = ""
     face_corners: FaceCorners | None = None
     stretch: np.ndarray | None = None
+    _made: dict[str, tuple] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """What was made of this mesh, by name, and of which objects besides."""
 
     @classmethod
     def of_arrays(cls, name: str, positions: np.ndarray, triangles: np.ndarray, uv: np.ndarray | None = None) -> "Mesh":
@@ -153,6 +157,16 @@ class Mesh:
         """What shaders that read a map take by corner: uv, normal and tangent, which is 0 if there are no tangents."""
         tangents = np.zeros((len(self.normals), 4), np.float32) if self.tangents is None else self.tangents
         return {"uv": self.uv, "normal": self.normals, "tangent": tangents}
+
+    def remembered(self, name: str, of: tuple, make: Callable[[], Made]) -> Made:
+        """The result of `make` for this mesh and these very objects, which is kept with the mesh until others are given.
+
+        make: must not return this mesh, which would never be freed.
+        """
+        known = self._made.get(name)
+        if known is None or not all(one is other for one, other in zip(known[0], of, strict=True)):
+            known = self._made[name] = of, make()
+        return known[1]
 
     def with_triangles(self, kept: np.ndarray | slice) -> "Mesh":
         """This mesh with some of its triangles. kept: their indices, or (T,) bool, or a slice."""

@@ -8,8 +8,9 @@ import pytest
 from addon.core import progress, udim
 from addon.core.settings import Run, Settings
 from addon.engine import low_offset, separation
-from addon.engine.method_choice import choose_method
-from addon.engine.sources import normal_source
+from addon.engine.baking import draw
+from addon.engine.method_choice import Choice
+from addon.engine.planning import Plan
 from addon.scene import reading
 from tests.support import angles, maps, scenes, zoo
 
@@ -108,8 +109,8 @@ def test_moving_takes_back_what_moved_the_mesh(mirror):
 def rays_of(low, high):
     settings = Settings(method="CAST", space="WORLD", width=64, height=64)
     meshes = reading.read(bpy.context, low, [high], None, settings)
-    plan = choose_method(meshes, [udim.FIRST], settings.tracing)
-    return meshes, progress.finish(normal_source(plan, Run(settings))).ray_cast
+    plan = Plan(meshes, (udim.FIRST,), Choice("CAST"))
+    return meshes, progress.finish(draw(plan, Run(settings))).ray_cast
 
 
 def test_distances_are_told_from_the_low_mesh_as_it_is():

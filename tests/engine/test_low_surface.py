@@ -13,8 +13,9 @@ from addon.core.declarations.choices import Hit
 from addon.core.errors import BakeError
 from addon.core.progress import Timings
 from addon.core.settings import Run, Settings
-from addon.engine.method_choice import choose_method
-from addon.engine.sources import normal_source
+from addon.engine.baking import draw
+from addon.engine.method_choice import Choice
+from addon.engine.planning import Plan
 from addon.engine.tree_cache import TreeCache
 from addon.mesh.local_space import LocalSpace
 from addon.passes import target
@@ -26,8 +27,8 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 def ray_cast(low, high, **values):
     settings = Settings(method="CAST", width=32, height=32, **values)
-    plan = choose_method(reading.read(bpy.context, low, [high], None, settings), [udim.FIRST], settings.tracing)
-    return progress.finish(normal_source(plan, Run(settings))).ray_cast
+    plan = Plan(reading.read(bpy.context, low, [high], None, settings), (udim.FIRST,), Choice("CAST"))
+    return progress.finish(draw(plan, Run(settings))).ray_cast
 
 
 SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]

@@ -196,8 +196,10 @@ def test_live_does_not_look_for_turned_faces_again_where_a_bent_quad_is_cut_alon
     session = Session(bpy.context, Job(low, [high]), settings, progress.Pace())
     session.run(bpy.context)
     first, looked = session.meshes.highs[0], []
-    oriented = orienting._oriented
-    monkeypatch.setattr(orienting, "_oriented", lambda *given: looked.append(given) or oriented(*given))
+    found = orienting.orientation_of
+    monkeypatch.setattr(
+        orienting, "orientation_of", lambda *given, **more: looked.append(given) or found(*given, **more)
+    )
     high.data.attributes["position"].data[8 * 17 + 8].vector[2] += 0.5
     high.data.update()
     bpy.context.view_layer.update()
@@ -444,8 +446,8 @@ def test_uv_layouts_with_shared_texels_are_compared_once(monkeypatch):
         bpy.ops.object.join()
     for each in (low, high):
         stack_halves(each)
-    meant, asked = uv_agreement._measure, []
-    monkeypatch.setattr(uv_agreement, "_measure", lambda *args: asked.append(args) or meant(*args))
+    meant, asked = uv_agreement.measure, []
+    monkeypatch.setattr(uv_agreement, "measure", lambda *args: asked.append(args) or meant(*args))
     report = scenes.bake(low, high, method="AUTO")
     assert report.mended == {}
     assert len(asked) == 1

@@ -9,7 +9,7 @@ from addon.core.progress import Timings
 from addon.core.settings import Settings
 from addon.engine import own_hits
 from addon.jobs import Job
-from addon.jobs.job import Request, read_as_is
+from addon.jobs.job import Request, read_meshes
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 def read(low, *highs):
     bpy.context.view_layer.update()
-    return read_as_is(bpy.context, Request(Job(low, highs), Settings(method="CAST")))
+    return read_meshes(bpy.context, Request(Job(low, highs), Settings(method="CAST")))
 
 
 def test_places_cover_the_area_evenly():

@@ -10,8 +10,9 @@ import pytest
 from addon.core import progress, udim
 from addon.core.declarations.choices import Hit
 from addon.core.settings import Run, Settings
-from addon.engine.method_choice import choose_method
-from addon.engine.sources import normal_source
+from addon.engine.baking import draw
+from addon.engine.method_choice import Choice
+from addon.engine.planning import Plan
 from addon.passes import target
 from addon.scene import reading
 from tests.support import counting, lanes
@@ -39,8 +40,8 @@ def counts(folder, name, monkeypatch, *, has_packets=False):
     bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
     low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
     settings = Settings(method="CAST", space="WORLD", width=SIZE, height=SIZE)
-    plan = choose_method(reading.read(bpy.context, low, [high], None, settings), [udim.FIRST], settings.tracing)
-    ray_cast = progress.finish(normal_source(plan, Run(settings))).ray_cast
+    plan = Plan(reading.read(bpy.context, low, [high], None, settings), (udim.FIRST,), Choice("CAST"))
+    ray_cast = progress.finish(draw(plan, Run(settings))).ray_cast
     drawn = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
     ray_cast.draw(drawn, udim.uv_to_clip(udim.FIRST))
     places = np.empty((SIZE, SIZE, 4), np.float32)

@@ -10,8 +10,9 @@ import pytest
 from addon.core import progress, udim
 from addon.core.settings import Run, Settings
 from addon.engine import unsure_texels
-from addon.engine.method_choice import choose_method
-from addon.engine.sources import normal_source
+from addon.engine.baking import draw
+from addon.engine.method_choice import Choice
+from addon.engine.planning import Plan
 from addon.engine.unsure_texels import Doubts, Explorer
 from addon.scene import reading
 from tests.support import zoo
@@ -30,8 +31,8 @@ def rays():
     high.location.z = 0.1
     settings = Settings(method="CAST", width=SIZE, height=SIZE, extrusion=0.2, max_distance=0.4)
     meshes = reading.read(bpy.context, low, [high], None, settings)
-    plan = choose_method(meshes, [udim.FIRST], settings.tracing)
-    return progress.finish(normal_source(plan, Run(settings))).ray_cast, meshes.low
+    plan = Plan(meshes, (udim.FIRST,), Choice("CAST"))
+    return progress.finish(draw(plan, Run(settings))).ray_cast, meshes.low
 
 
 def trace(rays):

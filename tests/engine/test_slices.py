@@ -12,9 +12,9 @@ from addon.core.map_types import NAMES
 from addon.core.material_feeds import BumpFeed, HighMaterial, ImageFeed, ImagePixels, NormalMapFeed
 from addon.core.progress import Pace, finish
 from addon.core.settings import Run, Settings
-from addon.engine import bands, margins, ray_distances, sources
-from addon.engine.method_choice import choose_method
-from addon.engine.sampling import maps_of_bake
+from addon.engine import baking, bands, ray_distances, sources
+from addon.engine.method_choice import Choice
+from addon.engine.planning import Plan
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import TANGENTS, UV_LAYER, Mesh
 from addon.passes import allocation, high_in_uv, target
@@ -91,18 +91,18 @@ def draw(simulated, rectangles, size, pace, *, combined=False, **values):
     run = Run(settings, pace)
     meshes = meshes_of(rectangles, has_detail=settings.map.detail_maps)
     meshes = meshes if settings.map.space == "TANGENT" else replace(meshes, basis=None)
-    plan = choose_method(meshes, [1001], settings.tracing)
+    plan = Plan(meshes, (1001,), Choice(settings.tracing.method))
     if combined:
         rays = finish(ray_distances.measured_rays(plan.meshes, [1001], settings, run.timings))
-        source = sources.FlatAndRays(plan.meshes, rays, run)
+        drawing = baking.Drawing(plan, sources.FlatAndRays(plan.meshes, rays, run), run)
     else:
-        source = finish(sources.normal_source(plan, run))
-    maps, processes = maps_of_bake(plan.meshes, source, run), margins.for_maps([plan.meshes.low], settings)
+        drawing = finish(baking.draw(plan, run))
+    maps = drawing.maps
     of_map = list(bands.bands(size, size, settings.sampling.margin, texel_bytes=maps.texel_bytes))
     for band in of_map:
         simulated.covered = covered_by(rectangles, band)
         for name, drawn in finish(maps.of(band)):
-            processes[name].draw(band, drawn).finish()
+            drawing.processes[name].draw(band, drawn).finish()
     return of_map[0].height, maps.texel_bytes
 
 

@@ -12,8 +12,9 @@ from mathutils.bvhtree import BVHTree
 from addon.core import progress, udim
 from addon.core.settings import Run, Settings
 from addon.engine import separation
-from addon.engine.method_choice import choose_method
-from addon.engine.sources import normal_source
+from addon.engine.baking import draw
+from addon.engine.method_choice import Choice
+from addon.engine.planning import Plan
 from addon.engine.unsure_texels import Explorer
 from addon.mesh.local_space import local_space_of
 from addon.passes import audit
@@ -74,8 +75,8 @@ def explore(low, high, **changes):
     settings = Settings(method="CAST", space="WORLD", width=SIZE[0], height=SIZE[1], **changes)
     # With Cast, the UVs of high meshes are not read.
     meshes = reading.read(bpy.context, low, [high], None, replace(settings, method="FLATTEN"))
-    plan = choose_method(meshes, [udim.FIRST], settings.tracing)
-    ray_cast = progress.finish(normal_source(plan, Run(settings))).ray_cast
+    plan = Plan(meshes, (udim.FIRST,), Choice("CAST"))
+    ray_cast = progress.finish(draw(plan, Run(settings))).ray_cast
     return meshes, ray_cast, Explorer(ray_cast, meshes.low).doubts(SIZE, VIEW)
 
 

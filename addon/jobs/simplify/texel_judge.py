@@ -13,12 +13,12 @@ from ...core.map_types import NORMAL
 from ...core.progress import Pace, Progress, Task, Timings, part
 from ...core.settings import Run, Settings
 from ...core.simplify import Limit
-from ...engine import baking, margins, normal_space, ray_casting, ray_distances, separation, sources, tree_cache
+from ...engine import baking, normal_space, ray_casting, ray_distances, separation, tree_cache
 from ...engine.bands import Band
 from ...engine.high_meshes import HighBatches
-from ...engine.method_choice import Plan
+from ...engine.method_choice import Choice
+from ...engine.planning import Plan
 from ...engine.ray_casting import RayCast
-from ...engine.sampling import maps_of_bake
 from ...mesh import triangle_mesh
 from ...mesh.inputs import Meshes
 from ...mesh.triangle_mesh import Mesh
@@ -94,8 +94,8 @@ def measure(
     meshes = Meshes(low, [original], basis, mesh_reader.smooth_normals(level, low), None, layer, False, [])
     normal_map = yield from part(_flattened(meshes, settings, pace), 0.0, FLAT)
     casting = settings.traced(method=Method.CAST)
-    plan = Plan(Method.CAST, (udim.FIRST,), meshes)
-    source = yield from part(sources.normal_source(plan, Run(casting, pace)), FLAT, TREES)
+    plan = Plan(meshes, (udim.FIRST,), Choice(Method.CAST))
+    source = (yield from part(baking.draw(plan, Run(casting, pace)), FLAT, TREES)).source
     size = settings.sampling.width, settings.sampling.height
     for _, rows in source.normals(Band(0, size[1], size, 0)):
         yield Progress("Measuring", TREES + (1.0 - TREES) * rows.stop / size[1])
@@ -121,12 +121,9 @@ def longest_side(mesh: Mesh) -> float:
 
 def _flattened(meshes: Meshes, settings: Settings, pace: Pace) -> Task[gpu.types.GPUTexture]:
     """The normal map of the level as it is stored, but not yet rounded."""
-    run = Run(settings, pace)
-    plan = Plan(Method.FLATTEN, (udim.FIRST,), meshes)
-    source = yield from part(sources.normal_source(plan, run), 0.0, 0.5)
-    renderer = baking.Renderer(maps_of_bake(meshes, source, run), run)
-    drawing = renderer.texels(udim.FIRST, margins.for_maps([meshes.low], settings))
-    maps = yield from part(drawing, 0.5, 1.0)
+    plan = Plan(meshes, (udim.FIRST,), Choice(Method.FLATTEN))
+    drawing = yield from part(baking.draw(plan, Run(settings, pace)), 0.0, 0.5)
+    maps = yield from part(drawing.texels(udim.FIRST), 0.5, 1.0)
     return data_texture.image(maps[NORMAL.name][0])
 
 

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Parts of a low mesh that share texels: the order in which triangles are drawn decides for which of them the map is made."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ..core import udim
+from ..core.declarations.choices import Stacked
+from ..core.settings import SamplingSettings
+from ..core.values import ComparedByValue
+from ..mesh import uv_islands, uv_layout
+from ..mesh.inputs import Meshes
+from ..mesh.triangle_mesh import MaybeArray, Mesh
+from ..passes import audit, mesh_upload, target
+
+PROBE = 1024
+"""Texels a side, at most, on which triangles that share some are looked for."""
+
+COPIED = 1.25
+"""How many times the area in UV space of its base mesh a surface has at least that has copies of parts of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Order(ComparedByValue):
+    """The order in which triangles are drawn. What is drawn last stays on the map.
+
+    low (T,) int: of those of the low mesh; None for their own. basis: of those of the basis. is_reversed: whether the high
+    meshes, and the triangles of each, are in the reverse order.
+    """
+
+    low: MaybeArray = None
+    basis: MaybeArray = None
+    is_reversed: bool = False
+
+    @property
+    def is_any(self) -> bool:
+        """Whether it is another one than that of the meshes."""
+        return self.low is not None or self.is_reversed
+
+    def of(self, meshes: Meshes) -> Meshes:
+        """The meshes in this order. They are made once for each mesh."""
+        low, basis, kept, highs = meshes.low, meshes.basis, meshes.kept, meshes.highs
+        if self.low is not None:
+            low = low.remembered("in order", (self.low,), lambda: meshes.low.with_triangles(self.low))
+            kept = None if kept is None else kept[self.low]
+        if basis is not None and self.basis is not None:
+            basis = basis.remembered("in order", (self.basis,), lambda: meshes.basis.with_triangles(self.basis))
+        if self.is_reversed:
+            highs = [high.remembered("reversed", (), partial(_reversed, high)) for high in reversed(highs)]
+        if not self.is_any:
+            return meshes
+        return replace(meshes, low=low, basis=basis, kept=kept, highs=highs, is_reversed=self.is_reversed)
+
+
+def _reversed(mesh: Mesh) -> Mesh:
+    return mesh.with_triangles(np.arange(len(mesh.triangles))[::-1])
+
+
+def order_of(meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings) -> Order:
+    """The order in which meshes are drawn where parts of the low mesh share texels.
+
+    Everywhere on the map, the part that the settings choose is drawn last, and for Flatten the high triangles of that part. A
+    surface that is baked onto its own base mesh shows what comes before the copies that its modifiers make, which the base mesh
+    does not have.
+    """
+    low, is_first = meshes.low, meshes.is_own_base or sampling.stacked == Stacked.FIRST
+    order = of_basis = None
+    if overlap_depth(low, (min(sampling.width, PROBE), min(sampling.height, PROBE)), tiles) > 1:
+        order = _order(low, is_first=is_first)
+        basis = meshes.basis
+        if basis is not None:
+            # The same triangles in the same order, except those without finite tangents.
+            is_whole = len(basis.triangles) == len(low.triangles)
+            of_basis = order if is_whole else _order(basis, is_first=is_first)
+    # Copies of modifiers are in the same order in both meshes. Finding the parts of many triangles takes long.
+    return Order(order, of_basis, is_first and (order is not None or _has_copies(meshes)))
+
+
+def overlap_depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
+    """The most triangles of `low` on one texel of a map of this size."""
+    drawn = target.get("overlap", *size, "R16F")
+    uploaded, most = mesh_upload.upload(low.triangles, uv=low.uv), 0
+    for tile in tiles:
+        audit.draw_overlap(drawn, uploaded, udim.uv_to_clip(tile))
+        most = max(most, int(drawn.texels().max()))
+    return most
+
+
+def _has_copies(meshes: Meshes) -> bool:
+    """Whether modifiers make copies of a surface, with its UVs, that is baked onto its own base mesh.
+
+    What they add with other UVs is detail, which rays find.
+    """
+    (high, *_) = meshes.highs
+    if not meshes.is_own_base or high.uv is None:
+        return False
+    of_high, of_low = (np.nansum(np.abs(uv_layout.areas(mesh))) for mesh in (high, meshes.low))
+    if of_high <= COPIED * of_low:
+        return False
+    return uv_islands.points_at_a_place(high) > COPIED * uv_islands.points_at_a_place(meshes.low)
+
+
+def _order(mesh: Mesh, *, is_first: bool) -> np.ndarray:
+    """The triangles (T,) int of a mesh, part by part: that whose first triangle is the first, or the last one, comes last."""
+    parts = uv_islands.parts(mesh)
+    return np.argsort(-parts if is_first else parts, kind="stable")
