@@ -30,6 +30,7 @@ class RayCast:
 
     ray_mesh: from `upload_ray_mesh`. extrusion, max_distance: in scene units; with a cage, rays start on it and extrusion is 0.
     hit: which hit counts. is_measured: whether at least one of the two distances was measured, not set.
+    by_order: as cast.Search has it.
     offset: in local space. The high meshes lie so far outside the low one everywhere, which was moved to them. Rays, heights
     and `low` are those of the moved mesh, the two distances are not.
     """
@@ -45,6 +46,7 @@ class RayCast:
     has_cage: bool
     is_measured: bool = False
     offset: float = 0.0
+    by_order: bool = False
 
     def moved(self, meshes: Meshes) -> Meshes:
         """`meshes` with their low mesh where the rays start from."""
@@ -116,6 +118,7 @@ class RayCast:
             # Painting moves where rays start, not where they end. From a cage, they have a length instead.
             max_t=self.max_distance / unit if self.has_cage else FARTHEST,
             facing_only=self.facing_only,
+            by_order=self.by_order,
         )
         tables, owners = self.ray_scene.tables, self.low.owners
         yield from cast.trace_in_slices(hits, drawn, tables, owners, search, pace=pace, some=some, covered=covered)

@@ -39,6 +39,10 @@ MOST_INSIDE = 0.5
 """The share of rays that may start inside of solid parts."""
 PART_RESERVE = 1.1
 """Factor on the measured height of parts that stand off."""
+MOST_STRAYS = 0.05
+"""The largest share of hits that belong to no texel. With more, layers may lie closer together than the two meshes do: they are
+told apart by their order if that leaves less than half of these hits. Of hair cards over a scalp, it leaves 0.4 % of 16 to 26 %.
+Nine real pairs have at most 2.3 %."""
 DIGITS = 3
 """The significant digits of measured distances on which all rays depend. GPUs round measurements differently."""
 
@@ -55,7 +59,7 @@ def measured_rays(
     yield Progress("Measuring distances", 0.5)
     # With a cage, rays start exactly on it.
     extrusion, max_distance = 0.0 if has_cage else tracing.extrusion, tracing.max_distance
-    off, unit = 0.0, ray_scene.local_space.size
+    off, by_order, unit = 0.0, False, ray_scene.local_space.size
     is_measured = extrusion is None or max_distance is None
     if extrusion is None or max_distance is None:
         with timings.timed("distances"):
@@ -66,7 +70,7 @@ def measured_rays(
             if tracing.hit in _WITH_PARTS and not has_cage:
                 length = None if max_distance is None else max_distance / unit
                 widened = _WITH_PARTS[Hit(tracing.hit)]
-                outside, inside = widened((outside, inside), length, start.probe, start.low_surface.owners)
+                outside, inside, by_order = widened((outside, inside), length, start.probe, start.low_surface.owners)
             room = start.low_surface.owners.room
             if not has_cage and len(heights) and np.mean(heights > room) > MOST_INSIDE:
                 outside = out_of_solids(start.probe, outside)
@@ -86,6 +90,7 @@ def measured_rays(
         has_cage,
         is_measured,
         off,
+        by_order=by_order,
     )
 
 
@@ -194,30 +199,36 @@ def distances(heights: np.ndarray, *, has_cage: bool) -> tuple[float, float]:
 
 def with_room(
     measured: tuple[float, float], max_distance: float | None, probe: Probe, owners: Owners
-) -> tuple[float, float]:
-    """The two distances that were measured, with room for all parts of the high meshes that belong to the low mesh.
+) -> tuple[float, float, bool]:
+    """The two distances that were measured, with room for all parts of the high meshes that belong to the low mesh, and whether
+    their layers are told apart by their order.
 
     max_distance: the length of the rays in units of their local space, if the settings have one.
     """
     outside, inside = measured
     farthest = max(outside, FARTHEST_PART * owners.room)
-    heights, texels = _own_heights(probe, owners, farthest=farthest, inside=max(inside, owners.room))
+    inside = max(inside, owners.room)
+    heights, texels, strays = _own_heights(probe, owners, farthest=farthest, inside=inside)
+    by_order = strays > MOST_STRAYS
+    if by_order:
+        *_, left = _own_heights(probe, owners, farthest=farthest, inside=inside, by_order=True)
+        by_order = left < 0.5 * strays
     parts = heights[heights > owners.room]
     height = float(parts.max(initial=0.0)) if len(parts) <= MOST_PARTS * texels else 0.0
     extrusion = max(owners.room, min(rounded(PART_RESERVE * height), farthest))
-    return max(outside, _within(extrusion, inside, max_distance)), max(inside, owners.room)
+    return max(outside, _within(extrusion, measured[1], max_distance)), inside, by_order
 
 
 def with_outermost(
     measured: tuple[float, float], max_distance: float | None, probe: Probe, owners: Owners
-) -> tuple[float, float]:
+) -> tuple[float, float, bool]:
     """The two distances that were measured to the nearest surface, with room for the outermost one that belongs to the low
-    mesh, however much of it that covers. max_distance: as `with_room` has it."""
+    mesh, however much of it that covers. max_distance, and the last value: as `with_room` has them."""
     outside, inside = measured
     farthest = max(outside, FARTHEST_PART * owners.room)
-    heights, _ = _own_heights(probe, owners, farthest=farthest, inside=inside)
+    heights, *_ = _own_heights(probe, owners, farthest=farthest, inside=inside)
     extrusion = min(rounded(PART_RESERVE * _highest(heights)), farthest)
-    return max(outside, _within(extrusion, inside, max_distance)), inside
+    return max(outside, _within(extrusion, inside, max_distance)), inside, False
 
 
 _WITH_PARTS = {Hit.OWN: with_room, Hit.OUTERMOST: with_outermost}
@@ -279,19 +290,23 @@ def rounded(distance: float) -> float:
     return float(f"{distance:.{DIGITS}g}")
 
 
-def _own_heights(probe: Probe, owners: Owners, *, farthest: float, inside: float) -> tuple[np.ndarray, int]:
-    """How high above the low surface the outermost hits are that belong to it, (N,) float32, and the number of texels.
+def _own_heights(
+    probe: Probe, owners: Owners, *, farthest: float, inside: float, by_order: bool = False
+) -> tuple[np.ndarray, int, float]:
+    """How high above the low surface the outermost hits are that belong to it, (N,) float32, the number of texels, and the
+    share of hits that belong to none.
 
     Rays run from `farthest` outside it to `inside` it.
     """
-    found, texels_of_low = [], 0
+    found, texels_of_low, hit = [], 0, 0
     for drawn in probe.drawn(start_offset=farthest, most=PART_PROBE_SIZE):
-        search = cast.Search(Hit.OWN, inside, FARTHEST, facing_only=True)
+        search = cast.Search(Hit.OWN, inside, FARTHEST, facing_only=True, by_order=by_order)
         texels = hit_heights(probe.tables, owners, drawn, search)
         heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)
         found.append(heights[(alpha > 0.0) & (is_not_owned == 0.0)])
-        texels_of_low += np.count_nonzero(alpha)
-    return np.concatenate(found), texels_of_low
+        texels_of_low, hit = texels_of_low + np.count_nonzero(alpha), hit + np.count_nonzero(alpha > 0.0)
+    own = np.concatenate(found)
+    return own, texels_of_low, 1.0 - len(own) / max(1, hit)
 
 
 def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:

@@ -145,6 +145,8 @@ TRACE = Program(
 TRACE_FIRST_LEFT = replace(TRACE_FIRST, compute="bake/cast_first_left_comp.glsl")
 TRACE_LEFT = replace(TRACE, compute="bake/cast_left_comp.glsl")
 """They go on with rays that the others have left unfinished."""
+TRACE_ORDERED = replace(TRACE, compute="bake/cast_ordered_comp.glsl", cost=3.0)
+"""It goes on with its own rays."""
 LOOKUP = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/cast_lookup_frag.glsl",
@@ -220,12 +222,21 @@ class Search:
     Attributes:
         rule: OWN needs owners.
         facing_only: Ignore triangles whose back faces the ray.
+        by_order: With OWN, match as many layers of the high meshes as the low mesh has along the ray by their order.
     """
 
     rule: Hit
     inside: float
     max_t: float
     facing_only: bool
+    by_order: bool = False
+
+    @property
+    def program(self) -> Program:
+        """What casts the rays."""
+        if self.rule != Hit.OWN:
+            return TRACE_FIRST
+        return TRACE_ORDERED if self.by_order else TRACE
 
 
 def upload(
@@ -268,7 +279,7 @@ def trace_in_slices(
     height = some.rows if some else rays.height
     if covered is None or some:
         covered = np.full(-(-height // STEP), float(STEP * rays.width))
-    program = TRACE if search.rule == Hit.OWN else TRACE_FIRST
+    program = search.program
 
     def draw(rows: range) -> None:
         trace(into, rays, tables, owners, search, rows=rows, some=some)
@@ -337,7 +348,8 @@ def trace(
         raise ValueError("the rule OWN needs owners")
     else:
         own = {"normals": tables.normals, "near": owners.room, **owners.bindings}
-        unfinished.dispatch(TRACE, TRACE_LEFT, rays.width, rows, parts=PARTS_OWN, **own, **searched)
+        program, again = (TRACE_ORDERED, TRACE_ORDERED) if search.by_order else (TRACE, TRACE_LEFT)
+        unfinished.dispatch(program, again, rays.width, rows, parts=PARTS_OWN, **own, **searched)
 
 
 def look_up(

@@ -2,6 +2,7 @@
 // texel.
 
 const bool CARRIED_GOES_ON = false;
+const bool CAST_BY_ORDER = false;
 #include "lib/cast_lib.glsl"
 
 void main()

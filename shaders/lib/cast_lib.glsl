@@ -4,6 +4,7 @@
 #include "lib/carried_lib.glsl"
 #include "lib/search_lib.glsl"
 #include "lib/owner_lib.glsl"
+#include "lib/order_lib.glsl"
 #include "lib/hit_lib.glsl"
 
 // The most hits of a ray that are asked for their owner, so that no ray takes long.
@@ -16,6 +17,39 @@ const int CAST_PARTS = 5;
 const int CAST_NEW = 0;
 const int CAST_SEARCHES = 1;
 const int CAST_ASKS = 2;
+
+// The hit that has as many others before it as the texel's point has layers of the low mesh, if there are as many hits as layers,
+// and at least two. Otherwise, and if no turns are left, x is 0.
+uvec4 cast_by_order(ivec2 texel, vec3 origin, vec3 direction, float start, float end, inout int turns)
+{
+  uvec4 result = uvec4(0u);
+  if (start < 0.0 || start > end) {  // the texel's point is not on the ray
+    return result;
+  }
+  ivec2 layers = order_layers(origin, direction, start, end, turns);
+  if (layers.x < 2 || layers.x > ORDER_MOST) {
+    return result;
+  }
+  SearchWalk walk;
+  walk.node = -1;
+  walk.trail = uvec2(0u);
+  walk.hit = uvec4(0u);
+  float first = 0.0;
+  int count = 0;
+  bool is_end = false;
+  while (!is_end && count <= layers.x) {
+    search_hit(texel, origin, direction, first, 0.0, end, true, true, walk, turns);
+    is_end = walk.node >= 0 || walk.hit.x == 0u;
+    if (!is_end) {
+      if (count == layers.y) {
+        result = walk.hit;
+      }
+      count++;
+      first = uintBitsToFloat(walk.hit.w) * (1.0 + OVERLAP_ROUNDING) + CAST_BEYOND;
+    }
+  }
+  return walk.node < 0 && count == layers.x ? result : uvec4(0u);
+}
 
 void cast_own()
 {
@@ -63,6 +97,10 @@ void cast_own()
       asked.found = int(left.w);
       asked.closest = uintBitsToFloat(closest.xyz);
       asked.best = uintBitsToFloat(closest.w);
+    }
+    if (CAST_BY_ORDER && carried_stage() != CARRIED_ON) {
+      chosen = cast_by_order(texel, origin, direction, start, end, turns);
+      search = chosen.x != 0u ? CAST_CANDIDATES + 1 : 0;
     }
     for (; search <= CAST_CANDIDATES; search++) {
       // The hit nearest to `wanted` on the ray is searched for, which is its beginning until no hit that faces it belongs to the texel.

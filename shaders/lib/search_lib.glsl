@@ -19,18 +19,39 @@ int search_leaf(uint entry)
   return packet_node(entry) * 4 + 1 - first_leaf;
 }
 
+// One over the direction of a ray in grid steps, in which boxes have integer coordinates.
+vec3 search_inverse(vec3 direction, vec3 scale)
+{
+  // A zero component would give 0 * infinity for a ray inside a slab.
+  vec3 grid_direction = direction * scale;
+  grid_direction = mix(grid_direction, vec3(1e-12), lessThan(abs(grid_direction), vec3(1e-12)));
+  return 1.0 / grid_direction;
+}
+
+// A bit for each box that a ray crosses between two distances from `grid_start`. inverse: as search_inverse has it.
+uint search_boxes(TreeBoxes boxes, vec3 grid_start, vec3 inverse, float from, float to)
+{
+  bvec3 forward = greaterThan(inverse, vec3(0.0));
+  vec4 x_low = (boxes.x_low - grid_start.x) * inverse.x;
+  vec4 y_low = (boxes.y_low - grid_start.y) * inverse.y;
+  vec4 z_low = (boxes.z_low - grid_start.z) * inverse.z;
+  vec4 x_high = (boxes.x_high - grid_start.x) * inverse.x;
+  vec4 y_high = (boxes.y_high - grid_start.y) * inverse.y;
+  vec4 z_high = (boxes.z_high - grid_start.z) * inverse.z;
+  // Select by the ray's direction instead of min and max: then the ray leaves a missing box before it enters it.
+  vec4 enter = max(max(forward.x ? x_low : x_high, forward.y ? y_low : y_high), max(forward.z ? z_low : z_high, vec4(from)));
+  vec4 leave = min(min(forward.x ? x_high : x_low, forward.y ? y_high : y_low), min(forward.z ? z_high : z_low, vec4(to)));
+  return tree_mask(lessThanEqual(enter, leave));
+}
+
 // Searches until the end, or until no turns are left. The hit is as lib/hit_lib.glsl reads it, but with the distance from `origin`
 // in w. Of the hits from `first` to `end`, it is the one nearest to `wanted`. facing: ignore triangles whose back faces the ray.
 // is_new: start, rather than go on with `walk`.
 void search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wanted, float end, bool facing, bool is_new,
                 inout SearchWalk walk, inout int turns)
 {
-  // In grid steps, boxes have integer coordinates. A zero component would give 0 * infinity for a ray inside a slab.
   vec3 grid_start = (origin - grid_origin.xyz) * grid_scale.xyz;
-  vec3 grid_direction = direction * grid_scale.xyz;
-  grid_direction = mix(grid_direction, vec3(1e-12), lessThan(abs(grid_direction), vec3(1e-12)));
-  vec3 inverse = 1.0 / grid_direction;
-  bvec3 forward = greaterThan(inverse, vec3(0.0));
+  vec3 inverse = search_inverse(direction, grid_scale.xyz);
 
   uvec4 listed = uvec4(packet_entry(0, 0u), 0u, 0u, 0u), later = uvec4(0u);  // the root
   if (has_packets != 0) {
@@ -59,19 +80,8 @@ void search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wan
     // that have found triangles would wait for the others at every step.
     while (node >= 0 && found == 0u && turns > 0) {
       turns--;
-      TreeBoxes boxes = TREE_BOXES(nodes, node);
-      vec4 x_low = (boxes.x_low - grid_start.x) * inverse.x;
-      vec4 y_low = (boxes.y_low - grid_start.y) * inverse.y;
-      vec4 z_low = (boxes.z_low - grid_start.z) * inverse.z;
-      vec4 x_high = (boxes.x_high - grid_start.x) * inverse.x;
-      vec4 y_high = (boxes.y_high - grid_start.y) * inverse.y;
-      vec4 z_high = (boxes.z_high - grid_start.z) * inverse.z;
-      // Select by the ray's direction instead of min and max: then the ray leaves a missing box before it enters it.
-      vec4 enter = max(max(forward.x ? x_low : x_high, forward.y ? y_low : y_high),
-                       max(forward.z ? z_low : z_high, vec4(from)));
-      vec4 leave = min(min(forward.x ? x_high : x_low, forward.y ? y_high : y_low),
-                       min(forward.z ? z_high : z_low, vec4(to)));
-      found = tree_step(tree_mask(lessThanEqual(enter, leave)), first_leaf, node, trail, leaf);
+      uint mask = search_boxes(TREE_BOXES(nodes, node), grid_start, inverse, from, to);
+      found = tree_step(mask, first_leaf, node, trail, leaf);
     }
     while (found != 0u) {
       int triangle = leaf + findLSB(found);

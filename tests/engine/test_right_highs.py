@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+from mathutils.bvhtree import BVHTree
 
 from tests.support import layer_pairs, maps, random_cases, scenes, spoiled, zoo
 from tests.support.spoiled import Soup
@@ -18,8 +19,8 @@ EDGE_TEXELS = 14
 
 def baked(low, highs, **settings):
     """The report, the normals and the positions."""
-    wanted = {"maps": ("POSITION",), "size": 64, "method": "CAST", "space": "OBJECT"}
-    report, found = maps.bake_all_maps(low, *highs, **wanted, **settings)
+    wanted = {"maps": ("POSITION",), "size": 64, "method": "CAST", "space": "OBJECT", **settings}
+    report, found = maps.bake_all_maps(low, *highs, **wanted)
     return report, maps.pixels(bpy.data.images["map"]), found["position"]
 
 
@@ -147,6 +148,24 @@ def test_an_inverted_copy_inside_does_not_take_right_layers_with_it(is_inward):
     _, truth, _ = baked(low, [spoiled.build("clean", right)], keep_faces=True)
     _, found, _ = baked(low, [spoiled.build("hi", spoiled.joined(right, copy))])
     assert spoiled.wrong(truth, found) <= MORE_WRONG
+
+
+def test_hair_cards_show_themselves():
+    """Before layers were matched by their order, 14 percent of the texels showed another card or the scalp, and 33 were unsure.
+    On 5 percent, the low cards lie in another order than the high ones, since they are coarse: from them, no rule can know."""
+    size = 128
+    parts, highs = layer_pairs.hair(np.random.default_rng(1))
+    low, hair = spoiled.build("lo", all_of(parts)), all_of(highs)
+    high = spoiled.build("hi", Soup(hair.points, hair.triangles))
+    report, _, places = baked(low, [high], size=size)
+    is_covered = places[..., 3] > 0.0
+    right = np.kron(layer_pairs.CELLS, np.ones((size // 8, size // 8), int))[is_covered]
+    of_triangles = np.repeat(np.arange(len(highs)), [len(part.triangles) for part in highs])
+    tree = BVHTree.FromPolygons(hair.points.tolist(), hair.triangles.tolist())
+    shown = of_triangles[[tree.find_nearest(place)[2] for place in places[is_covered][:, :3].tolist()]]
+    assert is_covered.mean() > 0.7
+    assert (shown != right).mean() < 0.06
+    assert report.checks["unsure"]["share"] < 0.12
 
 
 def test_seams_of_a_clean_mesh_stay():

@@ -29,7 +29,7 @@ NORMAL_P99 = 0.02
 CANDIDATES = int(re.search(r"CAST_CANDIDATES = (\d+)", shader.source("bake/cast_comp.glsl"))[1])
 
 
-def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False, room=1e8):
+def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False, room=1e8, by_order=False):
     """Heights (N,), whether there is a hit, is not owned, is from behind (N,) bool, and the unit normals (N, 3)."""
     high_tree, low_tree = (bvh.build(c.reshape(-1, 3), np.arange(c.size // 3).reshape(-1, 3)) for c in (high, low))
     numbers = np.arange(high.size // 3).reshape(-1, 3)[high_tree.order]
@@ -57,7 +57,8 @@ def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False, 
             (SIZE, SIZE), format="RGBA32F", data=gpu.types.Buffer("FLOAT", texels.shape, texels)
         )
     hits, found = target.Target(SIZE, SIZE, ("RGBA32UI",)), target.Target(SIZE, SIZE, ("RGBA32F",))
-    cast.trace(hits, drawn, tables, uploaded, cast.Search(rule, rays.inside, 1e8, facing_only), rows=range(SIZE))
+    search = cast.Search(rule, rays.inside, 1e8, facing_only, by_order)
+    cast.trace(hits, drawn, tables, uploaded, search, rows=range(SIZE))
     heights, looked_up = (np.empty((SIZE, SIZE, 4), np.float32) for _ in range(2))
     cast.heights(found, hits, drawn)
     found.read(heights)
@@ -92,7 +93,7 @@ def same(a, b, tolerance):
     )
 
 
-def check(rng, rays, high, normals, low, *, expect, rule=Hit.OWN, facing_only=False):
+def check(rng, rays, high, normals, low, *, expect, rule=Hit.OWN, facing_only=False, by_order=False):
     """Compare with the oracle where it is steady. expect: the least share of rays by outcome."""
     high, normals, low = (np.ascontiguousarray(values, np.float32) for values in (high, normals, low))
     across = edges.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
@@ -101,7 +102,15 @@ def check(rng, rays, high, normals, low, *, expect, rule=Hit.OWN, facing_only=Fa
         if rule == Hit.NEAREST:
             return owner_oracle.nearest_hits(rays, high, facing_only=facing_only)
         return owner_oracle.own_hits(
-            rays, high, normals.astype(np.float64), low, across, most=CANDIDATES + 1, facing_only=facing_only, tie=tie
+            rays,
+            high,
+            normals.astype(np.float64),
+            low,
+            across,
+            most=CANDIDATES + 1,
+            facing_only=facing_only,
+            tie=tie,
+            by_order=by_order,
         )
 
     double = in_double(rays)
@@ -110,7 +119,7 @@ def check(rng, rays, high, normals, low, *, expect, rule=Hit.OWN, facing_only=Fa
         places, away = (v + NUDGE * rng.normal(size=v.shape) for v in (double.places, double.away))
         is_steady &= same(truth, truth_of(replace(double, places=places, away=away), tie), 1e-3)
     height, is_hit, is_not_owned, is_from_behind, found = trace(
-        rays, high, normals, low, across, rule=rule, facing_only=facing_only
+        rays, high, normals, low, across, rule=rule, facing_only=facing_only, by_order=by_order
     )
     ours = owner_oracle.Chosen(np.where(is_hit, 0, -1), height, truth.weights, is_not_owned, is_from_behind)
     is_same = same(truth, ours, HEIGHT)
@@ -161,6 +170,15 @@ def test_own_hits_in_rough_shells_seeds_2_to_4(seed):
     low = np.concatenate([shell(1, radius, 0.12, seed) for radius in (0.6, 0.7, 0.8)])
     high = np.concatenate([shell(2, radius, 0.08, seed + 9) for radius in (0.5, 0.62, 0.75, 0.83)])
     check(rng, rays_from(rng, low, 0.6), high, smooth(high), low, expect={"own": 0.5, "not owned": 0.02})
+
+
+def test_hits_by_their_order_in_rough_shells_seed_11():
+    """The layers of the two meshes are farther apart than each mesh's own, which cross each other here and there."""
+    rng = np.random.default_rng(11)
+    low = np.concatenate([shell(1, radius, 0.05, 11) for radius in (0.6, 0.7, 0.8)])
+    high = np.concatenate([shell(2, radius, 0.02, 12) for radius in (0.67, 0.77, 0.87)])
+    high = high[rng.random(len(high)) < 0.8]  # where one is missing, there are not as many
+    check(rng, rays_from(rng, low, 0.1), high, smooth(high), low, by_order=True, expect={"own": 0.5, "not owned": 0.05})
 
 
 @pytest.mark.parametrize("facing_only", [False, True])
@@ -263,7 +281,7 @@ def sheets(*heights, up=True):
     return np.concatenate([sheet(height, up=up) for height in heights])
 
 
-def height_over(low, high, own=0, *, start=0.5, facing_only=False, rule=Hit.OWN):
+def height_over(low, high, own=0, *, start=0.5, **options):
     """What a ray upwards from (0.3, 0.2) on the triangle `own` of `low` finds: its height or None, and its flags."""
     normals = np.repeat(np.cross(high[:, 1] - high[:, 0], high[:, 2] - high[:, 0])[:, None], 3, axis=1)
     across = edges.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
@@ -271,7 +289,7 @@ def height_over(low, high, own=0, *, start=0.5, facing_only=False, rule=Hit.OWN)
     away = np.tile(np.float32((0, 0, 1)), (SIZE * SIZE, 1))
     rays = owner_oracle.Rays(places, away, np.full(SIZE * SIZE, own), start, INSIDE)
     height, is_hit, is_not_owned, is_from_behind, _ = (
-        values[0] for values in trace(rays, high, normals, low, across, facing_only=facing_only, rule=rule)
+        values[0] for values in trace(rays, high, normals, low, across, **options)
     )
     return (round(float(height), 5) if is_hit else None), bool(is_not_owned), bool(is_from_behind)
 
@@ -281,6 +299,18 @@ def test_each_low_layer_takes_its_high_layer():
     assert height_over(low, high) == (0.05, False, False)
     assert height_over(low, high, own=2) == (0.02, False, False)
     assert height_over(low, high, rule=Hit.OUTERMOST) == (0.32, False, False)
+
+
+def test_as_many_layers_of_both_meshes_are_matched_by_their_order():
+    """All high layers lie farther outside than half the gap between two of them."""
+    low, high = sheets(0.0, 0.1, 0.2), sheets(0.07, 0.17, 0.27)
+    assert [height_over(low, high, own=own)[:2] for own in (0, 2)] == [(0.07, True), (-0.03, False)]
+    assert [height_over(low, high, own=own, by_order=True) for own in (0, 2, 4)] == [(0.07, False, False)] * 3
+    for others in (sheets(0.07, 0.17), sheets(0.07, 0.17, 0.27, 0.37)):  # not as many: the owners decide
+        assert height_over(low, others, own=2, by_order=True) == height_over(low, others, own=2)
+    for below in (True, False):  # a ray that does not meet the place itself
+        options = {"own": 2, "start": -0.02 if below else 0.5}
+        assert height_over(low, high[:4], by_order=True, **options) == height_over(low, high[:4], **options)
 
 
 def test_what_stands_off_wins_over_what_lies_below_it():

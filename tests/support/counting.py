@@ -14,7 +14,7 @@ COUNTS = ("nodes", "candidates", "queries", "low nodes")
 """What is counted for each texel: nodes of the high tree, hits that are asked for their owner, searches for the point on
 the low mesh closest to a hit, and nodes of the low tree that these visit."""
 _COUNTED = (
-    "TreeBoxes boxes = TREE_BOXES(nodes, node);",
+    "uint mask = search_boxes(TREE_BOXES(nodes, node), grid_start, inverse, from, to);",
     "if (owner_has_hit(",
     "closest = below;",
     "uint mask = tree_closer(TREE_BOXES(low_nodes, node), grid_point, unit, best);",

@@ -106,6 +106,47 @@ SPOILERS = {
 }
 
 
+# Hair
+
+
+CELLS = np.zeros((8, 8), int)
+"""The number of the part in each cell of a map, by rows: a quarter has the scalp, the others a card each."""
+CELLS[4:], CELLS[:4, 4:] = np.arange(1, 33).reshape(4, 8), np.arange(33, 49).reshape(4, 4)
+
+
+def hair(rng: np.random.Generator) -> tuple[list[Soup], list[Soup]]:
+    """The parts of a low mesh and a high one: a scalp and 48 curved cards over it, which overlap, two thousandths of the
+    diagonal apart. CELLS has their places in the map."""
+
+    def over_scalp(down: np.ndarray, around: np.ndarray, far: np.ndarray) -> tuple:
+        return far * np.sin(down) * np.cos(around), far * np.sin(down) * np.sin(around), far * np.cos(down)
+
+    scalp = [_sheet(lambda u, v: over_scalp(0.05 + 1.45 * (1 - v), 2 * np.pi * u, 1.0 + 0.0 * u), n) for n in (16, 80)]
+    lows, highs = [], []
+    for count, top in ((4, 0.1), (10, 0.4), (16, 0.7), (18, 1.0)):
+        for number in range(count):
+            middle, turn = 2 * np.pi * (number + 0.5 * rng.random()) / count, 0.15 * rng.normal()
+            lift, (wide, long) = 1.009 + 0.0055 * (number % 3 - 1), (0.34, 0.55) * rng.uniform(0.9, 1.15, 2)
+
+            def card(u: np.ndarray, v: np.ndarray, waves: float, each=(middle, turn, lift, wide, long, top)) -> tuple:
+                middle, turn, lift, wide, long, top = each
+                down = top + 0.02 + long * (1 - v)
+                around = middle + ((u - 0.5) * wide + turn * long * (1 - v)) / np.maximum(np.sin(down), 0.35)
+                return over_scalp(down, around, lift + 0.014 * (1 - v) + waves * np.sin(8 * np.pi * u))
+
+            lows.append(_sheet(lambda u, v, card=card: card(u, v, 0.0), 3))
+            highs.append(_sheet(lambda u, v, card=card: card(u, v, 0.001), 20))
+    cells = [np.argwhere(number == CELLS)[0][::-1] for number in range(1, 49)]
+    return tuple(
+        [Soup(whole.points, whole.triangles, (0.02 + 0.96 * whole.uv) / 2.0)]
+        + [
+            Soup(each.points, each.triangles, (0.05 + 0.9 * each.uv + cell) / 8.0)
+            for each, cell in zip(cards, cells, strict=True)
+        ]
+        for whole, cards in zip(scalp, (lows, highs), strict=True)
+    )
+
+
 # Families: the layers of the low mesh, those of the high one, and the gap
 
 

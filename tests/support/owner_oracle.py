@@ -10,6 +10,8 @@ FOLDED = np.cos(np.radians(120.0))
 """The cosine of the angle between two faces from which one is folded back on the other."""
 CLOSER = 2e-5
 """Share of a squared distance: other triangles count as closer only if they are closer by about this."""
+SAME = 1e-5
+"""In the units of the positions. Layers of the low mesh this close to the place are its own one."""
 TIE = 1e-6
 """In the units of the positions. Two closest points whose distances differ by less are both closest, and a point this little
 beyond an edge is on it: closest points lie on edges that two triangles share."""
@@ -52,8 +54,10 @@ class Chosen:
     is_from_behind: np.ndarray
 
 
-def own_hits(rays, high, normals, low, neighbors, *, most, facing_only=False, tie=None):
+def own_hits(rays, high, normals, low, neighbors, *, most, facing_only=False, tie=None, by_order=False):
     """The outermost owned hit, else the nearest one that faces the ray, else the nearest back unless facing_only.
+
+    by_order: where a ray has as many hits that face it as layers of the low mesh, and more than one, they are matched instead.
 
     high, low: corners (T, 3, 3). normals (T, 3, 3): of the high corners. neighbors (T, 3) int: across the edges of `low` from
     corner k to the next one, or -1. most: how many hits that face the ray are asked for their owner. tie: as in `owned`.
@@ -66,11 +70,31 @@ def own_hits(rays, high, normals, low, neighbors, *, most, facing_only=False, ti
     smooth = np.einsum("nk,nkc->nc", fronts.weights, normals[fronts.triangle])
     is_own = owned(points, smooth, rays.own[fronts.ray], low, neighbors, tie=tie)
     own = _first(fronts[is_own])
+    if by_order:
+        ordered = _by_order(rays, hits[hits.faces], low)
+        own = _joined(own[~np.isin(own.ray, ordered.ray)], ordered)
     others = _nearest(fronts)
     others = others[~np.isin(others.ray, own.ray)]
     backs = _nearest(hits[~hits.faces & (not facing_only)])
     backs = backs[~np.isin(backs.ray, fronts.ray)]
     return _chosen(len(rays.places), own, others, backs)
+
+
+def _by_order(rays, fronts, low):
+    """Of the rays with as many `fronts`, sorted by height, as layers of the low mesh, those that come where the place does."""
+    layers = all_hits(rays, low)
+    layers = layers[layers.faces & (np.abs(layers.height) > SAME)]
+    count = len(rays.places)
+    total, outside = (
+        1 + np.bincount(layers.ray, minlength=count),
+        np.bincount(layers.ray[layers.height > 0.0], minlength=count),
+    )
+    is_matched = (total > 1) & (np.bincount(fronts.ray, minlength=count) == total)
+    return fronts[is_matched[fronts.ray] & (_rank(fronts.ray) == outside[fronts.ray])]
+
+
+def _joined(*parts):
+    return Hits(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Hits)))
 
 
 def nearest_hits(rays, high, *, facing_only=False):
