@@ -241,17 +241,6 @@ def test_meshes_side_by_side():
     assert not any("apart as a whole" in line for line in bake(low, high).summary())
 
 
-def test_auto_probes_once(monkeypatch):
-    """The measurement that chose the method also gives the distances."""
-    low, high = zoo.terrain("lo", 8), zoo.terrain("hi", 32)
-    size = separation.PROBE_SIZE, separation.PROBE_SIZE
-    expected = bake(low, high, method="FLATTEN", size=size).checks["far"]
-    monkeypatch.setattr(separation, "full_probe", None)
-    found = bake(low, high, method="AUTO", size=size).checks["far"]
-    assert found == expected
-    assert 0.0 < found["percentile_99"] < found["maximum"] < 0.2
-
-
 def test_only_some_triangles_of_a_large_high_mesh_are_probed(monkeypatch):
     low, high = zoo.plane("lo"), zoo.plane("hi", 16)
     high.data.vertices[140].co.z = 0.5
@@ -496,14 +485,6 @@ def test_a_single_texel_with_detail_between_the_compared_ones_is_found():
     normals[1, 1, :3] = (0.6, 0.0, 0.8)
     one.add_raw(normals, Settings().map)
     assert (flat.leaning, one.leaning) == (0, 1)
-
-
-# Severity
-
-
-def severities(report):
-    """The severity of each check that is not GOOD."""
-    return {kind: check["severity"] for kind, check in report.checks.items() if check["severity"] != "GOOD"}
 
 
 # Overlapping UVs, and parts moved by whole tiles
@@ -829,7 +810,3 @@ MEANINGS = [
 @pytest.mark.parametrize(("kind", "check", "settings", "expected"), MEANINGS)
 def test_what_a_number_means(kind, check, settings, expected):
     assert severity.rate(kind, check, Settings(**{"method": "FLATTEN"} | settings)) == expected
-
-
-def test_each_kind_has_a_meaning():
-    assert {kind for kind, *_ in MEANINGS} == set(checks.KINDS)

@@ -15,8 +15,6 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 EIGHT_BITS_P99 = 0.35
 """Degrees, as in test_glb."""
-POSED = 0.5
-"""Degrees that a pose may add to them."""
 
 
 def surface(height):

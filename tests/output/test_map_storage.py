@@ -103,11 +103,6 @@ def test_a_new_image_has_the_texels(texels, storage, depth, step):
     assert len(bpy.data.images) == 1
 
 
-def test_the_image_gets_the_name_in_the_settings(texels):
-    assert store(texels, image="Bark").name == "Bark"
-    assert list(bpy.data.images.keys()) == ["Bark"]
-
-
 @pytest.mark.parametrize(("depth", "step"), [(8, STEP_8), (16, EXACT), (32, EXACT)])
 def test_a_packed_image_survives_saving(texels, depth, step, tmp_path):
     store(texels, storage="PACK", depth=depth)
@@ -150,10 +145,6 @@ def test_a_path_relative_to_the_saved_scene(texels, tmp_path):
     assert (tmp_path / "map.png").is_file()
     assert image.filepath == "//map.png"
     assert_texels(image, texels, STEP_16)
-
-
-def test_endings_may_be_in_upper_case(texels, tmp_path):
-    assert_texels(store(texels, storage="FILE", output=str(tmp_path / "MAP.PNG")), texels, STEP_16)
 
 
 def test_names_may_be_as_long_as_the_file_system_takes(texels, tmp_path):

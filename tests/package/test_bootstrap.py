@@ -15,7 +15,6 @@ from pathlib import Path
 import pytest
 
 from scripts import imprint
-from scripts.imprint import ROOT
 
 OLDEST = (3, 9)
 SEGFAULT = -11
@@ -54,16 +53,6 @@ def finish_environment():
 class TestOldPythons:
     def test_syntax(self):
         ast.parse(Path(imprint.__file__).read_text(), feature_version=OLDEST)
-
-    @pytest.mark.parametrize("version", ["3.6", "3.8"])
-    def test_one_that_is_too_old_says_so(self, version):
-        ast.parse(Path(imprint.__file__).read_text(), feature_version=(3, 6))
-        found = [path for root in imprint.pyenv_roots() for path in root.glob(f"versions/{version}.*/bin/python3")]
-        if not found:
-            pytest.skip(f"no Python {version} here")
-        done = subprocess.run([found[0], imprint.__file__, "bake"], stderr=subprocess.PIPE, check=False)
-        message = f"imprint: Python 3.9 or later has to start this, and this is Python {version}\n"
-        assert (done.returncode, done.stderr.decode()) == (1, message)
 
 
 class TestOtherSettings:
@@ -229,11 +218,6 @@ class TestStamp:
         for thread in both:
             thread.join()
         assert made == [1]
-
-    def test_every_requirement_is_pinned(self):
-        lines = [line for line in imprint.REQUIREMENTS.read_text().splitlines() if line and not line.startswith("#")]
-        assert "bpy==5.2.3" in lines
-        assert [line for line in lines if line.count("==") != 1] == []
 
 
 def tree(folder):
@@ -456,45 +440,6 @@ class TestProbe:
         assert "to fix it: apt-get install --no-install-recommends libsm6" in capfd.readouterr().err
 
 
-class TestTestPrograms:
-    """`test` wants bubblewrap, which tests of --untrusted run, compilers, which check the shaders, and a driver."""
-
-    @pytest.fixture
-    def commands(self, linux, monkeypatch, tmp_path):
-        """The commands that are started where apt-get is there and none of the programs is."""
-        commands = []
-        monkeypatch.setattr(imprint, "VULKAN_DRIVERS", tmp_path)
-        monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
-        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
-        return commands
-
-    def test_root_installs_them(self, commands, monkeypatch):
-        monkeypatch.setattr(imprint, "IS_ROOT", True)
-        imprint.require_test_programs()
-        assert [command[1] for command in commands] == ["update", "install"]
-        packages = commands[1][commands[1].index("install") + 2 : -3]
-        assert packages == ["bubblewrap", "clang", "glslang-tools", "mesa-vulkan-drivers", "spirv-cross", "spirv-tools"]
-
-    def test_others_are_told_the_command(self, commands, monkeypatch, capfd):
-        monkeypatch.setattr(imprint, "IS_ROOT", False)
-        imprint.require_test_programs()
-        assert commands == []
-        assert "sudo apt-get install --no-install-recommends bubblewrap clang glslang-tools" in capfd.readouterr().err
-
-    def test_only_what_is_missing_is_named(self, commands, monkeypatch, capfd, tmp_path):
-        (tmp_path / "lvp_icd.x86_64.json").touch()
-        monkeypatch.setattr(imprint, "IS_ROOT", False)
-        monkeypatch.setattr(imprint.shutil, "which", lambda name: None if name in {"clang", "apt-get"} else name)
-        imprint.require_test_programs()
-        assert "tests need clang, missing here; to fix it: sudo dnf install clang\n" in capfd.readouterr().err
-
-    def test_nothing_is_done_where_they_are(self, commands, monkeypatch, capfd, tmp_path):
-        (tmp_path / "lvp_icd.json").touch()
-        monkeypatch.setattr(imprint.shutil, "which", lambda name: name)
-        imprint.require_test_programs()
-        assert (commands, capfd.readouterr().err) == ([], "")
-
-
 @pytest.fixture
 def ready(bare, monkeypatch):
     """A checkout with an environment. Returns the list of commands that are started, and a dict with their exit code."""
@@ -691,48 +636,3 @@ class TestSignals:
 
 
 # Lanes
-
-
-WITHOUT_BLENDER = """
-import sys
-
-import pytest
-
-for name in ("bpy", "gpu", "bmesh", "mathutils"):
-    sys.modules[name] = None  # importing it is an ImportError
-sys.exit(pytest.main(sys.argv[1:]))
-"""
-
-
-def run(*arguments):
-    """Run pytest without Blender's modules. Returns its exit code and output."""
-    command = [sys.executable, "-c", WITHOUT_BLENDER, "-q", "-p", "no:cacheprovider", *arguments]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    return done.returncode, done.stdout + done.stderr
-
-
-@pytest.mark.slow
-def test_pure_tests_are_found_without_blender():
-    """While they run, Blender's modules are missing as well: tests/pure/conftest.py."""
-    code, output = run("--collect-only", "tests/pure")
-    assert code == pytest.ExitCode.OK, output
-    assert " tests collected" in output
-
-
-def test_pure_tests_skip_nothing_on_any_system():
-    """Tests that need links, locks or signals of POSIX are in other folders."""
-    texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "tests" / "pure").glob("*.py")}
-    assert texts
-    assert [name for name, text in texts.items() if "skip" in text] == []
-
-
-def test_no_two_files_have_the_same_name():
-    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
-    assert len(set(names)) == len(names)
-
-
-def test_other_tests_need_blender():
-    """Otherwise the test of the pure ones would show nothing."""
-    code, output = run("--collect-only", "tests/passes/test_shader.py")
-    assert code != pytest.ExitCode.OK
-    assert "bpy" in output or "gpu" in output

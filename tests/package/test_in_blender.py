@@ -85,24 +85,6 @@ def test_rays_that_miss_are_a_failure(stand_in, tmp_path):
         check(command, None, tmp_path)
 
 
-@pytest.mark.parametrize(("backend", "has_driver"), [(None, False), ("opengl", False), ("vulkan", True)])
-def test_root_gets_the_packages_of_a_backend(monkeypatch, backend, has_driver):
-    commands = []
-    monkeypatch.setattr(in_blender.imprint, "installer", lambda: "apt-get")
-    monkeypatch.setattr(in_blender.imprint, "install", lambda command, *_, **__: commands.append(command))
-    in_blender.install_packages(backend)
-    (command,) = commands
-    assert {"libegl1", "libgl1-mesa-dri", "libxxf86vm1"} <= set(command)
-    assert ("mesa-vulkan-drivers" in command) == has_driver
-
-
-def test_other_installers_are_left_alone(monkeypatch):
-    monkeypatch.setattr(in_blender.imprint, "install", pytest.fail)
-    for name in ("dnf", None):
-        monkeypatch.setattr(in_blender.imprint, "installer", lambda name=name: name)
-        in_blender.install_packages("opengl")
-
-
 # Releases
 
 

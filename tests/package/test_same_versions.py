@@ -155,29 +155,3 @@ def test_the_command_line_bakes_in_other_versions(version, tmp_path):
     for name in ("one", "two"):
         assert (tmp_path / f"{name}.png").stat().st_size > 0
         assert (tmp_path / f"{name}_baked.blend").stat().st_size > 0
-
-
-def test_differences_are_found():
-    one = {"a": np.zeros((2, 2, 4)), "b": np.zeros((2, 2, 4)), "c": np.zeros((2, 2, 4)), "d": np.zeros((2, 2, 4))}
-    other = {name: texels.copy() for name, texels in one.items()}
-    other["a"][0, 1, 2] = 2.0 * same_versions.TOLERANCE
-    other["b"][0, 1, 2] = 0.5 * same_versions.TOLERANCE
-    other["c"][0, 1, 2] = np.nan
-    other["d"] = other["d"][:1]
-    assert [line.partition(":")[0] for line in same_versions.compare(one, other)] == ["a", "c", "d"]
-    del other["b"]
-    assert "b: only one version has it" in same_versions.compare(one, other)
-
-
-def test_other_compilers_may_differ_by_a_step():
-    one = {"exr 32: a.exr": np.ones((1, 1, 4)), "exr 16: a.exr": np.ones((1, 1, 4)), "cast": np.ones((1, 1, 4))}
-    for difference, names in ((2e-5, []), (2e-4, ["cast", "exr 32"]), (1e-3, ["cast", "exr 16", "exr 32"])):
-        other = {name: texels - difference for name, texels in one.items()}
-        assert [line.partition(":")[0] for line in same_versions.compare(one, other, "vulkan")] == names
-        assert len(same_versions.compare(one, other)) == 3
-
-
-def test_all_cases_can_be_baked(tmp_path):
-    """As far as their settings go."""
-    for name in same_versions.CASES:
-        same_versions.settings_of(name, tmp_path, SMALL)[2].check()

@@ -86,22 +86,6 @@ def test_drawing_some_rows_does_not_limit_later_drawing(kind):
     assert is_whole(square(kind(*SIZE, ("RGBA32F",))))
 
 
-def test_no_framebuffer_is_bound_a_second_time():
-    """On OpenGL a framebuffer belongs to the window in which it was first bound; the next block may run in another one."""
-    into = target.Target(4, 4, ("RGBA32F", "DEPTH_COMPONENT32F"))
-    bound = []
-    for value in (0.25, 0.75):
-        with into.bound() as framebuffer:
-            framebuffer.clear(color=(value,) * 4, depth=1.0)
-            bound.append(framebuffer)
-            assert into.framebuffer is framebuffer
-    assert bound[0] is not bound[1]
-    texels = np.empty((4, 4, 4), np.float32)
-    into.read(texels)
-    assert (texels == 0.75).all()
-    assert into.framebuffer not in bound
-
-
 # Offscreen
 
 
@@ -151,11 +135,6 @@ def test_flatten_draws_into_a_gpuoffscreen(made, samples):
     assert np.allclose(stored[..., :3], held[..., :3] * 0.5 + 0.5, rtol=0, atol=1e-6)
 
 
-def test_cast_creates_no_gpuoffscreen(made):
-    maps.bake(zoo.plane("lo"), zoo.plane("hi"), method="CAST")
-    assert made == []
-
-
 def test_an_offscreen_and_a_framebuffer_get_the_same_bits():
     drawn = [triangle(kind(*OFFSCREEN_SIZE, ("RGBA32F",))) for kind in (target.Target, target.Offscreen)]
     assert 0 < np.count_nonzero(drawn[0][..., 3]) < OFFSCREEN_SIZE[0] * OFFSCREEN_SIZE[1]
@@ -172,19 +151,6 @@ def test_the_depth_buffer_hides_nothing_after_a_script_left_depth_tests_on():
     finally:
         gpu.state.depth_test_set("NONE")
         gpu.state.depth_mask_set(False)
-
-
-def test_an_offscreen_is_kept_for_its_role_and_not_mixed_with_other_targets():
-    with target.using(target.TargetPool()):
-        plain = target.get("high", *OFFSCREEN_SIZE, "RGBA32F")
-        own = target.offscreen("high", *OFFSCREEN_SIZE, "RGBA32F")
-        assert own is not plain
-        assert (
-            target.offscreen("high", *OFFSCREEN_SIZE, "RGBA32F")
-            is target.get("high", *OFFSCREEN_SIZE, "RGBA32F")
-            is own
-        )
-        assert target.offscreen("high", *OFFSCREEN_SIZE[::-1], "RGBA32F") is not own
 
 
 def test_the_texture_stays_valid_after_the_offscreen_is_freed():

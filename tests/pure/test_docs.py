@@ -12,7 +12,6 @@ import pytest
 
 from addon.cli import arguments, job_file, run_report
 from addon.cli.commands import ASSET, BAKE, CHECK, COMMANDS, FARM, GPU, LOD, REPORT
-from addon.core import map_types
 from addon.core.declarations import targets
 from scripts import imprint
 from scripts.imprint import ROOT
@@ -221,25 +220,6 @@ def test_the_table_of_packages_has_the_permitted_imports():
     assert found == {package: (MAY_IMPORT[package], WITHOUT.get(package, set())) for package in MAY_IMPORT}
 
 
-def test_the_tree_has_all_folders():
-    (tree,) = (text for _, text in blocks(ROOT / "docs" / "architecture.md") if text.startswith("__init__.py"))
-    named = set(re.findall(r"\b(\w+)/", tree))
-    top, packages, passes = (
-        {path.name for path in folder.iterdir() if path.is_dir() and re.match("[a-z]", path.name)}
-        for folder in (ROOT, ROOT / "addon", ROOT / "addon" / "passes")
-    )
-    top -= {"out", "dist"}
-    assert top | packages <= named
-    assert named <= top | packages | passes | {"imprint", "lib", "dev", "bench", "farm", "pure", "support"}
-
-
-def test_the_table_of_states_has_the_values_in_the_code():
-    cells = rows(section(ROOT / "docs" / "shaders.md", "## States"))
-    assert {name: int(number) for number, name, _ in cells if name} == {
-        name: value for name, value in vars(map_types).items() if isinstance(value, int)
-    }
-
-
 def test_the_version_is_the_same_everywhere():
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
@@ -249,12 +229,6 @@ def test_the_version_is_the_same_everywhere():
         name for page in PAGES for name in re.findall(r"imprint-(\d+\.\d+\.\d+)\.zip", page.read_text(encoding="utf-8"))
     }
     assert zips <= {manifest}
-
-
-def test_the_packages_to_install_are_those_of_the_script():
-    text = section(ROOT / "docs" / "command-line.md", "## Servers and containers")
-    (line,) = re.findall(r"apt-get install --no-install-recommends ((?:.|\\\n)*?)\n```", text)
-    assert set(line.replace("\\\n", " ").split()) == {debian for debian, _ in imprint.PACKAGES.values()}
 
 
 def test_the_table_of_exit_codes_has_those_of_the_command():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli import arguments, commands, job_file
+from addon.cli import arguments, job_file
 from addon.cli.arguments import WrongUsage
 from addon.cli.job_file import KEYS
 from addon.cli.options import RunOptions
@@ -131,11 +131,6 @@ def test_axes_whose_names_look_like_options(channel, axis, joint):
     assert settings(*f"--{channel}{joint}{axis.lower()}".split()).flat()[channel] == axis
 
 
-def test_all_three_axes_can_be_set():
-    found = settings("--red", "-x", "--green", "-y", "--blue", "-z")
-    assert found.map.channels == ("-X", "-Y", "-Z")
-
-
 def test_every_map_has_a_word():
     words = ",".join(name.lower().replace("_", "-") for name in map_types.NAMES)
     assert settings("--maps", words).map.maps == map_types.NAMES
@@ -166,13 +161,6 @@ def test_the_default_depth_is_16_or_the_highest_below_that(ending):
     found = settings("--output", f"m{ending.upper()}")
     found.check()
     assert found.storing.depth == (16 if 16 in file_formats.BY_ENDING[ending].depths else 8)
-
-
-def test_help_has_every_map_and_ending():
-    text = arguments.parser("imprint").format_help()
-    assert all(name.lower().replace("_", "-") in "".join(text.split()) for name in map_types.NAMES)
-    assert all(ending in text for ending in file_formats.BY_ENDING)
-    assert all(title in text for title in ("what to bake:", "rays:", "map:", "output:"))
 
 
 WRONG = {
@@ -529,19 +517,6 @@ def test_all_mistakes_of_a_set_are_reported(write):
     assert third.endswith("set 3: low: text is expected, not 3; output is required")
 
 
-def test_many_sets_are_read_with_one_parser_and_progress(write, monkeypatch):
-    """Ten thousand sets take seconds."""
-    made, progress = [], []
-    real = commands.Parser.__init__
-    monkeypatch.setattr(
-        commands.Parser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1]
-    )
-    sets = [{"file": "a.blend", "low": "a", "output": f"{number}.png"} for number in range(1000)]
-    assert len(job_file.read(write({"bake": sets}, "jobs/jobs.json"), on_progress=progress.append)) == 1000
-    assert len(made) <= 2  # a parser for each program name in --help
-    assert progress == [number / 10 for number in range(1, 11)]
-
-
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -565,29 +540,6 @@ def test_other_mistakes_in_job_files(write, name, content, message):
 def test_a_missing_job_file(tmp_path):
     with pytest.raises(WrongUsage, match="cannot be read: No such file"):
         job_file.read(str(tmp_path / "none.toml"))
-
-
-DERIVED = {
-    "nothing": ({}, set()),
-    "a job file": ({"jobs": "j.toml"}, {"may_have_many", "has_table", "has_workers"}),
-    "a folder": ({"folder": "d"}, {"may_have_many", "has_table", "has_workers"}),
-    "a folder in this process": ({"folder": "d", "workers": 0}, {"may_have_many", "has_table"}),
-    "records": ({"resume": True}, {"has_records", "has_table"}),
-    "records of all": ({"force": True}, {"has_records", "has_table"}),
-    "a page": ({"sheet": "s.html"}, {"has_pictures", "has_table"}),
-    "pictures": ({"pictures": "p"}, {"has_pictures", "has_hashes", "has_table"}),
-    "a report": ({"report": "-"}, {"has_hashes"}),
-    "a limit": ({"timeout": 9.0}, {"needs_worker", "has_workers", "has_table"}),
-    "a log": ({"log": "l"}, {"needs_worker", "has_workers", "has_table"}),
-    "untrusted files": ({"untrusted": True}, {"needs_worker", "has_workers", "has_table", "has_hashes"}),
-}
-
-
-@pytest.mark.parametrize(("given", "expected"), DERIVED.values(), ids=DERIVED)
-def test_what_follows_from_the_options_of_a_run(given, expected):
-    found = RunOptions(**given)
-    names = set().union(*(names for _, names in DERIVED.values()))
-    assert {name for name in names if getattr(found, name)} == expected
 
 
 @pytest.mark.parametrize(("given", "has_files"), [({"folder": "d"}, False), ({"jobs": "j"}, False), ({}, True)])

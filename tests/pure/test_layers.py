@@ -7,7 +7,6 @@ import graphlib
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import PurePath
 
 import pytest
@@ -17,9 +16,6 @@ from scripts.imprint import ROOT
 from tests.support import programs
 
 ADDON = ROOT / "addon"
-TESTS_IN_THE_WINDOW = sorted(
-    path.relative_to(ROOT) for folder in ("ui", "window") for path in (ROOT / "tests" / folder).glob("*.py")
-)
 MODULES = sorted(path.relative_to(ROOT) for path in ADDON.rglob("*.py"))
 
 MAY_IMPORT = {
@@ -116,15 +112,6 @@ def test_the_table_names_each_package():
     assert {package(path) for path in MODULES} == set(MAY_IMPORT)
 
 
-def test_the_table_has_no_circle():
-    left = dict(MAY_IMPORT)
-    while left:
-        free = [name for name, others in left.items() if not others & set(left)]
-        assert free, f"these import each other: {left}"
-        for name in free:
-            del left[name]
-
-
 def test_imports_run_one_way():
     wrong = [
         (path.as_posix(), name)
@@ -168,27 +155,6 @@ def test_state_is_in_objects():
     assert found == []
 
 
-def test_tests_of_the_window_use_public_names():
-    private = [
-        (path.as_posix(), node.attr) for path in TESTS_IN_THE_WINDOW for node in attributes(path) if is_private(node)
-    ]
-    assert private == []
-
-
-def is_private(attribute):
-    """Whether an attribute is private to another object: `x._y`, but not `self._y`."""
-    is_own = isinstance(attribute.value, ast.Name) and attribute.value.id == "self"
-    return attribute.attr.startswith("_") and not attribute.attr.startswith("__") and not is_own
-
-
-def test_blenders_entry_point_imports_nothing_until_it_is_called():
-    tree = ast.parse((ROOT / "__init__.py").read_text(encoding="utf-8"))
-    imported = [ast.unparse(node) for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
-    assert imported == ["from typing import TYPE_CHECKING, Any"]
-    functions = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
-    assert functions == {"register", "unregister", "__getattr__"}
-
-
 # Older blender
 
 
@@ -211,22 +177,6 @@ def test_each_function_is_called_and_says_what_5_2_does():
     assert [name for name, text in functions.items() if not text.startswith("In 5.2: ")] == []
 
 
-def test_no_other_module_asks_for_the_version_of_blender():
-    found = [
-        (path.as_posix(), node.attr)
-        for path in OTHERS
-        for node in attributes(path)
-        if node.attr in {"version", "version_string"} and "app" in ast.unparse(node)
-    ]
-    assert found == [("addon/core/versions.py", "version")]  # for reports
-
-
-def test_new_materials_get_nodes():
-    makers = [path for path in OTHERS if "bpy.data.materials.new" in ends_of(path, "new")]
-    assert makers
-    assert [path for path in makers if "switch_on_nodes" not in calls_of(path)] == []
-
-
 def test_no_other_module_starts_the_gpu():
     assert [path for path in OTHERS if "gpu.init" in ends_of(path, "init")] == []
 
@@ -234,11 +184,6 @@ def test_no_other_module_starts_the_gpu():
 def ends_of(path, name):
     """What a module takes by this name, from whatever: {"gpu.init", "bpy.data.x.init"}."""
     return {ast.unparse(node) for node in attributes(path) if node.attr == name}
-
-
-def test_the_manifest_names_the_oldest_version():
-    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
-    assert manifest["blender_version_min"] == "4.5.0"
 
 
 # Program

@@ -11,11 +11,10 @@ from argparse import Namespace
 
 import pytest
 
-from addon.cli import arguments, clashes, command, job_file, listing, plans
+from addon.cli import arguments, command, job_file, listing, plans
 from addon.cli.arguments import WrongUsage
 from addon.cli.plans import Plan
 from addon.cli.run_report import FAILED, WRONG_USAGE
-from addon.core.file_structure import mesh_references
 from scripts.imprint import ROOT
 
 BLOCK = "<4siQii"
@@ -355,22 +354,6 @@ def test_a_check_looks_for_the_ends_of_files(capsys, here):
         f"{cut!r} ends too early.",
         f"{root!r} refers to {part!r}, which cannot be found.",
     ]
-
-
-def test_what_a_mesh_refers_to_is_read_once(here, monkeypatch):
-    (here / "a_high.obj").write_text("mtllib a.mtl\nv 0 0 0\n")
-    (here / "a.mtl").write_text("newmtl a\nmap_Kd 3.png\n")
-    sets = [{**SET, "output": f"{number}.png"} for number in range(5)]
-    (here / "jobs.json").write_text(json.dumps({"bake": sets}))
-    planned, _ = plans.plans_of(job_file.read("jobs.json"))
-    read = []
-    real = mesh_references.of
-    monkeypatch.setattr(mesh_references, "of", lambda path: read.append(path) or real(path))
-    (problem,) = clashes.RunFiles().add([(plan.name, plan.options) for plan in planned])
-    assert problem.startswith(
-        "set 4 (a_low): The normal map of set 4 (a_low) would overwrite what 'a_high.obj' refers to"
-    )
-    assert sorted(read) == [str(here / name) for name in ("a_high.obj", "a_low.obj")]
 
 
 @pytest.mark.slow

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that a report is written once, at the end of a bake, and that no step of the bake reads it."""
 
-import ast
 import base64
 import dataclasses
 import errno
-import functools
 import html.parser
 import json
 import os
@@ -22,22 +20,12 @@ from addon.cli import sheet as sheet_module
 from addon.cli.arguments import WrongUsage
 from addon.cli.run_report import Cause, Entry, Only, ReportFile, State, Totals, ranges
 from addon.cli.sheet import SheetFile
-from addon.core import asset, report
+from addon.core import report
 from addon.core.errors import BakeError
 from addon.core.report import Report
 from addon.output import png_writer
 from scripts.dev import report_schema
-from scripts.imprint import ROOT
 from tests.support import json_schema, reports
-
-PAST_BAKES = {
-    "addon/jobs/job.py": "finds the objects of a past bake, to locate its issues",
-    "addon/jobs/bake_jobs.py": "shows the frames that are done",
-    "addon/jobs/asset.py": "adds how the low mesh was made, and which limits it does not keep",
-    "addon/jobs/lod.py": "finds the levels that are done, to put them side by side",
-}
-"""Modules below ui/ and cli/ that read a report, and why."""
-BELOW = ("mesh", "passes", "engine", "audit", "scene", "output", "jobs")
 
 
 @pytest.fixture
@@ -61,13 +49,6 @@ def test_the_keys_of_a_report_start_with_their_version(done):
     assert data["version"] == report.VERSION
     del data["readers"]  # the earlier name of a key
     assert Report(**data).to_dict() == done.to_dict() | {"size": [16, 16]}
-
-
-def test_the_summary_has_the_width_of_a_blend(done):
-    plain = dataclasses.replace(done, triangles={"high": 1, "low": 1})
-    assert not any("hard edges" in line for line in plain.summary())
-    blended = dataclasses.replace(plain, blend_width=0.125)
-    assert "Directions blend within 0.125 of hard edges" in blended.summary()
 
 
 def test_the_summary_says_what_black_and_white_stand_for(done):
@@ -96,17 +77,6 @@ def test_the_stages_add_up_to_the_total(done):
     assert lines[-1] == "2.00 s (draw 1.00, audit 0.50, other 0.50)"
 
 
-def test_a_long_bake_says_minutes_and_its_longest_stage(done):
-    seconds = dict.fromkeys((*report.STAGES, "total"), 0.0) | {"draw": 100.0, "audit": 5.0, "total": 300.0}
-    of_low = dict.fromkeys(asset.STAGES, 0.0) | {"decimate": 60.0, "look": 70.0, "total": 150.0}
-    how = {"seconds": of_low}
-    lines = dataclasses.replace(done, triangles={"high": 1, "low": 1}, seconds=seconds, asset=how).summary()
-    assert "Low mesh: 150 s, which is 2.5 minutes (decimate 60.00, look 70.00, other 20.00; longest: look)" in lines
-    assert lines[-1] == (
-        "300 s, which is 5.0 minutes (low mesh 150.00, draw 100.00, audit 5.00, other 45.00; longest: low mesh)"
-    )
-
-
 @pytest.mark.parametrize(
     ("normal", "maps", "is_told"), [(True, ["ao"], True), (False, ["ao"], False), (False, ["ao", "bent_normal"], True)]
 )
@@ -132,50 +102,6 @@ def test_the_summary_has_the_rays_without_an_own_hit(done):
     ):
         report_of_counts = dataclasses.replace(rays, checks={"unsure": {"of": 100} | counts} if counts else {})
         assert f"Rays: extrusion 0.5 and max distance 1; 1.00% missed{expected}" in report_of_counts.summary()
-
-
-@functools.cache
-def modules():
-    """The path and the syntax tree of each module below ui/ and cli/."""
-    paths = [path for package in BELOW for path in sorted((ROOT / "addon" / package).rglob("*.py"))]
-    return [(path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
-
-
-def imports_report(tree):
-    return any(
-        isinstance(node, ast.ImportFrom)
-        and ((node.module or "").endswith("report") or any(alias.name == "report" for alias in node.names))
-        for node in ast.walk(tree)
-    )
-
-
-def is_report(annotation):
-    """Whether the annotation is Report, or a list of them, but not a task that returns one."""
-    names = {node.id for node in ast.walk(annotation) if isinstance(node, ast.Name)} if annotation else set()
-    return "Report" in names and "Task" not in names
-
-
-def reads_of_reports(tree):
-    """The attributes that functions read of arguments annotated as Report."""
-    for function in ast.walk(tree):
-        if isinstance(function, ast.FunctionDef):
-            arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
-            names = {argument.arg for argument in arguments if is_report(argument.annotation)} | {"report", "reports"}
-            for node in ast.walk(function):
-                value = node.value if isinstance(node, ast.Attribute) else None
-                value = value.value if isinstance(value, ast.Subscript) else value
-                if isinstance(value, ast.Name) and value.id in names:
-                    yield f"{value.id}.{node.attr}"
-
-
-def test_only_jobs_imports_reports():
-    assert [path for path, tree in modules() if imports_report(tree) and not path.startswith("addon/jobs/")] == []
-
-
-def test_no_step_of_a_bake_reads_a_report():
-    lists = {"reports.append"}
-    found = {path: set(reads_of_reports(tree)) - lists for path, tree in modules()}
-    assert {path for path, reads in found.items() if reads} <= set(PAST_BAKES), found
 
 
 # Report merge

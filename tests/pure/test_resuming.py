@@ -269,15 +269,6 @@ def test_a_record_whose_key_was_changed_does_not_count(folder):
     assert why(plan(folder)) == "Its record was changed."
 
 
-def test_a_file_that_is_done_is_opened_once(folder, monkeypatch):
-    run([plan(folder)])
-    asked = []
-    real = Contents.of
-    monkeypatch.setattr(Contents, "of", lambda self, path, what="": asked.append(path) or real(self, path, what))
-    assert why(plan(folder)) == ""
-    assert sorted(map(os.path.basename, asked)) == ["a_high.ply", "a_low.ply"]
-
-
 # Files that are not trusted, whose records are in a folder of the caller
 
 
@@ -495,18 +486,6 @@ def test_tiles_count_together(folder):
     (folder / "n.1003.png").write_text("")
     assert not Contents().of(path).is_same(first)
     assert Contents().of(str(folder / "m.<UDIM>.png")).sha256 is None
-
-
-def test_a_file_is_read_once(folder, monkeypatch):
-    hashes, read = Contents(), []
-    real = Contents._hash
-    monkeypatch.setattr(Contents, "_hash", lambda *more: read.append(1) or real(*more))
-    path = str(folder / "in" / "a_low.ply")
-    assert hashes.of(path).is_same(hashes.of(path))
-    assert len(read) == 1
-    Path(path).write_text("other")
-    hashes.of(path)
-    assert len(read) == 2
 
 
 # Records

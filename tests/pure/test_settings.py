@@ -8,12 +8,12 @@ from dataclasses import fields
 
 import pytest
 
-from addon.cli import arguments, option_types
+from addon.cli import option_types
 from addon.cli.job_file import KEYS
 from addon.cli.options import FILES, OBJECTS, OPTIONS
 from addon.core import file_formats, map_types
-from addon.core.declarations import bases, kinds
-from addon.core.declarations.all_settings import DECLARED, PANELS
+from addon.core.declarations import bases
+from addon.core.declarations.all_settings import DECLARED
 from addon.core.declarations.choices import Pack
 from addon.core.declarations.map_settings import CONVERT, MAX_SIZE, MIN_SIZE
 from addon.core.errors import BakeError
@@ -121,12 +121,6 @@ def test_the_manuals_tables_are_up_to_date():
     assert [page.name for page in tables.outdated()] == []
 
 
-def test_the_manual_has_each_table_once():
-    text = "".join(page.read_text(encoding="utf-8") for page in tables.PAGES)
-    found = [place[2] or place[3] for place in tables.PLACE.finditer(text)]
-    assert sorted(found) == sorted(tables.TABLES)
-
-
 @pytest.mark.parametrize("name", FIELDS)
 def test_each_field_of_the_settings_is_declared(name):
     assert FIELDS[name].default == DECLARED[name].default
@@ -139,39 +133,10 @@ def test_each_declaration_is_a_field_or_used_only_by_the_panel():
     assert {name for name in FIELDS if not DECLARED[name].option} == {"width", "height", "storage", "low_suffix"}
 
 
-def test_no_two_panels_show_the_same_setting():
-    assert sum(len(panel.settings) for panel in PANELS.values()) == len(DECLARED)
-
-
-@pytest.mark.parametrize("name", DECLARED)
-def test_texts_have_no_full_stop_at_their_end(name):
-    setting = DECLARED[name]
-    items = setting.items if isinstance(setting, kinds.Choice) else ()
-    for text in (
-        setting.label,
-        setting.panel_tooltip,
-        *(text for item in items for text in (item.label, item.tooltip)),
-    ):
-        assert text
-        assert not text.endswith(".")
-        assert text[0].isupper() or not text[0].isalpha() or text.startswith(("glTF", "three.js", "xNormal"))
-
-
 @pytest.mark.parametrize("name", [name for name, setting in DECLARED.items() if setting.switch])
 def test_a_switch_decides_whether_a_number_is_none(name):
     switch = DECLARED[DECLARED[name].switch]
     assert (switch.default == switch.empties) == (DECLARED[name].default is None)
-
-
-@pytest.mark.parametrize("name", OPTIONAL)
-def test_help_tooltip_and_manual_have_the_same_text(name):
-    setting = OPTIONAL[name]
-    text = setting.option.off or setting.tooltip
-    help_text = plain(arguments.parser("imprint").format_help()).replace("- ", "-")
-    panels = plain((tables.ROOT / "docs" / "panels.md").read_text(encoding="utf-8"))
-    assert text.replace("- ", "-") in help_text
-    assert setting.tooltip in panels
-    assert f"--{setting.option.word or name.replace('_', '-')}" in panels
 
 
 def test_each_option_comes_from_a_declaration_or_is_in_the_list_of_others():
@@ -242,10 +207,6 @@ def test_the_shader_has_the_declared_flags_of_bases(name):
     assert set(constants("basis_lib", "BASIS")) == {flag.upper() for flag in FLAGS}
 
 
-def test_each_basis_has_rules_of_its_own():
-    assert len({one.flags for one in bases.BASES}) == len(bases.BASES) == 4
-
-
 def test_files_of_blender_keep_their_basis():
     """They hold the place in the list."""
     assert DECLARED["basis"].values[:3] == (bases.AUTO, "CYCLES", "MIKKTSPACE")
@@ -264,18 +225,7 @@ def test_earlier_names_of_a_basis_are_read_as_its_name():
         read("blend")
 
 
-def test_each_render_engine_has_one_basis():
-    engines = [engine for one in bases.BASES for engine in one.engines]
-    assert len(set(engines)) == len(engines)
-    assert all(bases.of_engine(engine).engines.count(engine) for engine in engines)
-
-
 # Map types
-
-
-def test_names_and_suffixes_are_unique():
-    declared = [map_types.NORMAL, map_types.MASK, *map_types.OTHERS]
-    assert len(map_types.BY_NAME) == len({map_type.suffix for map_type in declared}) == len(declared)
 
 
 def test_the_shader_has_the_declared_indices_of_maps():
@@ -296,24 +246,6 @@ def test_only_label_maps_have_labels_and_they_are_not_deep(map_type):
 AMBIENT, ROUGH, METAL = (Channel(kind.name) for kind in (AO, ROUGHNESS, METALLIC))
 SMOOTH = Channel(ROUGHNESS.name, is_inverted=True)
 BLACK, WHITE = Channel(constant=0.0), Channel(constant=1.0)
-LAYOUTS = {
-    Pack.GLTF: ("orm", AMBIENT, ROUGH, METAL, WHITE),
-    Pack.UNREAL: ("orm", AMBIENT, ROUGH, METAL, WHITE),
-    Pack.GODOT: ("orm", AMBIENT, ROUGH, METAL, WHITE),
-    Pack.URP: ("metallic_smoothness", METAL, BLACK, BLACK, SMOOTH),
-    Pack.HDRP: ("mask", METAL, AMBIENT, WHITE, SMOOTH),
-}
-
-
-@pytest.mark.parametrize("pack", LAYOUTS)
-def test_the_channels_of_each_engine(pack):
-    packing = Settings(pack=pack).map.packing
-    assert (packing.suffix, *packing.channels) == LAYOUTS[pack]
-    assert list(packing.by_name()) == ["red", "green", "blue", "alpha"]
-
-
-def test_every_choice_but_none_has_a_layout():
-    assert [pack for pack in Pack if Settings(pack=pack).map.packing is None] == [Pack.NONE]
 
 
 def test_a_layout_of_ones_own():

@@ -19,8 +19,6 @@ from addon.output.atomic_file import Partial
 from addon.output.write_queue import MOST_UNFINISHED, Content, WriteQueue
 
 SIZES = [(1, 1), (1, 7), (300, 1), (2, 3), (17, 33), (129, 65)]
-PNG_CHANNELS = {True: (6, 4), False: (2, 3)}
-"""The color type of a PNG and its number of channels, by whether it has alpha."""
 
 
 def texels_of(width, height, seed):

@@ -55,15 +55,6 @@ def refusal(low, highs, **settings):
     return message
 
 
-def into_collection(obj):
-    """Move an object into a new collection. Returns the collection and its view layer collection."""
-    collection = bpy.data.collections.new("Shelf")
-    bpy.context.scene.collection.children.link(collection)
-    bpy.context.scene.collection.objects.unlink(obj)
-    collection.objects.link(obj)
-    return collection, bpy.context.view_layer.layer_collection.children["Shelf"]
-
-
 def remove_uvs(obj):
     obj.data.uv_layers.remove(obj.data.uv_layers[0])
 

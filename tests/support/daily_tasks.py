@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The presses that ten daily tasks take, as scripts/dev/presses.py counts them and tests/window/artist.py makes them."""
+"""The presses that ten daily tasks take, as tests/window/artist.py makes them. scripts/dev/presses.py counts them, too."""
 
 PRESSES = {
     "bake a normal map of a pair": 2,  # the low object, whose high one is found by its name, and Bake
@@ -13,5 +13,3 @@ PRESSES = {
     "export a .glb": 2,
     "bake a high mesh that is inside out": 1,
 }
-BEFORE = 48
-"""All presses of version 0.2: `presses.py --before` counts them."""

@@ -304,43 +304,6 @@ def test_the_panel_shows_an_icon_and_a_number_for_each_check(baked):
         assert sorted(given) == sorted(kind.upper() for kind in kinds)
 
 
-def test_distances_have_their_unit(baked):
-    low, high = baked
-    high.location.z, high.data.vertices[0].co.z = 0.5, 3.0
-    bake("lo", "hi", method="CAST", limit=0.1)
-    units = bpy.context.scene.unit_settings
-    assert any(label.startswith("Over 10 cm; 99 % within ") for label in draw(low).labels)
-    units.system = "IMPERIAL"
-    assert any(label.startswith("Over 3.937") for label in draw(low).labels)
-    units.system = "NONE"
-    assert any(label.startswith("Over 0.1; 99 %") for label in draw(low).labels)
-    narrow = next(label for label in draw(low, 200).labels if label.startswith("Over 0.1"))
-    assert "at most" not in narrow  # it wraps where it would be cut off
-
-
-def test_reasons_to_be_unsure_have_a_line(baked):
-    low, high = baked
-    before = draw(low).labels
-    assert not any(label.startswith("Only backs") for label in before)
-    high.data.flip_normals()
-    bake("lo", "hi", method="CAST", keep_faces=True)
-    labels = draw(low).labels
-    number = labels.index("Unsure layers") + 1
-    assert labels[number : number + 2] == [labels[number], f"Only backs: {labels[number]}"]
-    assert float(labels[number].removesuffix("%")) > 40.0
-
-
-def test_mirrored_islands_have_a_line(baked):
-    low, _ = baked
-    for corner in low.data.uv_layers.active.uv:
-        corner.vector.x = 1.0 - corner.vector.x
-    bake("lo", "hi")
-    labels = draw(low).labels
-    number = labels.index("Mirrored UVs") + 1
-    assert labels[number].isdecimal()
-    assert labels[number + 1] == "UV islands: 1"
-
-
 def test_every_enabled_button_works(baked):
     for name, arguments in enabled(draw(baked[0])):
         assert getattr(bpy.ops.imprint, name.removeprefix("imprint."))(**arguments) == {"FINISHED"}

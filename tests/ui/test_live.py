@@ -213,21 +213,6 @@ def test_live_follows_the_settings(pair):
         assert live.message == ""
 
 
-def test_live_names_the_present_problem_of_the_settings(pair):
-    switch(True)
-    follow()
-    settings = bpy.context.scene.imprint
-    settings.udim = True
-    follow()
-    settings.udim, settings.texture_sets = False, True
-    follow()
-    assert "turn Texture Sets off" in live.message
-    settings.texture_sets, settings.width = False, 48
-    follow()
-    assert live.message == ""
-    assert is_fresh()
-
-
 def test_a_change_that_is_not_stored_yet_is_stored_before_the_settings_change(pair, monkeypatch):
     _, high = pair
     switch(True)
@@ -550,14 +535,6 @@ def test_states_of_live_in_order(pair, monkeypatch):
     assert live.state is LiveState.OFF
 
 
-def test_the_description_has_the_present_names(pair):
-    """Objects may be renamed while Live is on."""
-    assert live.description == ""
-    switch(True)
-    pair[1].name = "renamed"
-    assert live.description == "Live: 'lo' follows 'renamed'."
-
-
 def test_live_follows_the_render_engine_of_the_scene(pair):
     """The render engine decides the basis of the map."""
     low, _ = pair
@@ -730,13 +707,6 @@ def test_sculpting_an_instance_does_not_end_live(pair):
     bpy.ops.object.mode_set(mode="OBJECT")
     follow()
     assert not np.array_equal(live.session.texels, before)
-
-
-def test_live_writes_the_same_file_as_a_bake(pair, tmp_path):
-    use(storage="FILE", output=str(tmp_path / "{low}.png"))
-    switch(True)
-    switch(False)
-    assert [path.name for path in tmp_path.iterdir()] == ["lo.png"]
 
 
 def test_live_overwrites_no_file_that_the_scene_uses(pair, tmp_path):

@@ -5,25 +5,12 @@ import bpy
 import pytest
 
 from addon.core import map_types
-from addon.core.map_types import BY_NAME, Family
 from addon.ui import bake_results, declared_properties
 from tests.support import zoo
 from tests.support.panel import use
 from tests.support.panel_layout import draw
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
-
-NEEDS = {
-    "AO": {"rays", "ao_limited", "bias_angle", "occluders", "floor", "two_sided"},
-    "BENT_NORMAL": {"rays", "ao_limited", "bias_angle", "occluders", "floor", "two_sided"},
-    "THICKNESS": {"rays", "thickness_limited"},
-    "CURVATURE": {"rays", "curvature_limited"},
-    "CONVEXITY": {"rays", "curvature_limited"},
-    "CAVITY": {"rays", "curvature_limited"},
-    "ATTRIBUTE": {"attribute"},
-}
-"""The settings of the maps that have any."""
-OF_MAPS = set().union(*NEEDS.values())
 
 
 @pytest.fixture
@@ -41,18 +28,6 @@ def test_a_switch_adds_and_removes_its_map(settings):
             setattr(settings, declared_properties.map_switch(name), is_on)
             assert settings.maps == {"POSITION", "AO"} - {name} | ({name} if is_on else set())
             assert getattr(settings, declared_properties.map_switch(name)) == is_on
-
-
-def test_a_chosen_map_shows_its_settings_and_no_others(settings):
-    for name in map_types.NAMES:
-        settings.maps = {name}
-        assert {*draw().properties} & OF_MAPS == NEEDS.get(name, set()), name
-
-
-def test_a_map_that_is_only_packed_shows_its_settings(settings):
-    assert not {*draw().properties} & OF_MAPS
-    settings.pack = "GLTF"
-    assert {*draw().properties} & OF_MAPS == NEEDS["AO"]
 
 
 def test_adaptive_samples_look_off_where_they_have_no_effect(settings):
@@ -73,14 +48,6 @@ def test_adaptive_samples_look_off_where_they_have_no_effect(settings):
     assert "adaptive" in draw().dim
     settings.detail_maps = False
     assert "adaptive" not in draw().dim
-
-
-def test_only_a_custom_layout_shows_its_channels(settings):
-    channels = {"pack_red", "pack_green", "pack_blue", "pack_alpha"}
-    settings.pack = "GLTF"
-    assert not {*draw().properties} & channels
-    settings.pack = "CUSTOM"
-    assert {*draw().properties} >= channels
 
 
 @pytest.mark.parametrize(
@@ -121,13 +88,6 @@ def test_the_panel_names_all_images(settings):
     assert drawn.icons[drawn.labels.index("lo_ao")] == "FILE_REFRESH"
     settings.storage, settings.output = "FILE", "maps/{low}.png"
     assert "lo_ao (lo_ao.png)" in draw().labels
-
-
-def test_without_any_map_the_panel_says_so(settings):
-    settings.normal = False
-    drawn = draw()
-    assert "No map is chosen" in drawn.text
-    assert not dict(drawn.buttons)["imprint.bake"]
 
 
 def test_a_bake_takes_the_settings_of_its_arguments():
@@ -236,9 +196,3 @@ def test_texture_sets_show_the_images_of_each_material(settings):
     for material in materials:
         found = [node.image.name for node in material.node_tree.nodes if node.type == "TEX_IMAGE"]
         assert found == [f"lo_{material.name}_height"]
-
-
-def test_families_of_rays_are_those_that_have_settings():
-    """A new family that casts rays needs its settings in the panel."""
-    families = {BY_NAME[name].family for name in NEEDS if name != "ATTRIBUTE"}
-    assert families == {Family.OPENNESS, Family.THICKNESS, Family.CURVATURE}

@@ -16,7 +16,7 @@ from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
 from scripts.imprint import ROOT
-from tests.support import glb, maps, panel_layout, zoo
+from tests.support import glb, maps, zoo
 from tests.support.manual import blocks
 from tests.support.panel import add, refusal, select, use
 from tests.support.panel_layout import draw
@@ -96,16 +96,6 @@ def test_several_high_arguments(pair):
     assert bake(low="lo", high=[{"name": "hi"}, {"name": "third"}])[8, 8, 0] > 0.8  # the last one is on top
 
 
-def test_nothing_to_bake(pair):
-    assert refusal(bpy.ops.imprint.bake).startswith("No low object")
-
-
-def test_no_high_object(pair):
-    low, _ = pair
-    select(low)
-    assert refusal(bpy.ops.imprint.bake).startswith("No high object for 'lo'")
-
-
 @pytest.mark.parametrize("arguments", [{"low": "lol"}, {"low": "lo", "high": [{"name": "hih"}]}])
 def test_typos_get_a_hint(pair, arguments):
     assert "did you mean" in refusal(bpy.ops.imprint.bake, **arguments)
@@ -141,11 +131,6 @@ def test_an_argument_may_be_the_default_value(pair):
 def test_settings_that_do_not_fit_together(pair, tmp_path):
     output = str(tmp_path / "map.png")
     assert "8 or 16 bits" in refusal(bpy.ops.imprint.bake, **NAMES, storage="FILE", output=output, depth="32")
-
-
-def test_a_file_is_written(pair, tmp_path):
-    bake(**NAMES, storage="FILE", output=str(tmp_path / "map.exr"), depth="32")
-    assert (tmp_path / "map.exr").is_file()
 
 
 def test_a_targa_has_8_bits_unless_more_are_set(pair, tmp_path):
@@ -473,18 +458,6 @@ def test_the_menu_of_sizes(pair, before, arguments, after):
 # While a bake is running
 
 
-def test_the_bar_replaces_the_button(pair, monkeypatch):
-    """Nothing in the panel moves when a bake begins or ends."""
-    select(*pair)
-    bake()
-    before = draw()
-    monkeypatch.setattr(display, "current", progress.Progress("Drawing", 0.25))
-    during = draw()
-    assert {name for name, _ in before.buttons} - {name for name, _ in during.buttons} == {"imprint.bake"}
-    bar = next(label for label in during.labels if label.startswith("25%"))
-    assert [label for label in during.labels if label != bar] == before.labels
-
-
 def test_the_bar_is_where_the_button_is_that_was_pressed(pair, monkeypatch):
     low, high = pair
     low.name, high.name = "a_low", "a_high"
@@ -498,42 +471,7 @@ def test_the_bar_is_where_the_button_is_that_was_pressed(pair, monkeypatch):
     assert buttons - {name for name, _ in draw().buttons} == {"imprint.bake"}
 
 
-def test_settings_look_off_while_a_bake_runs(pair, monkeypatch):
-    select(*pair)
-    bpy.context.scene.imprint.maps = {"AO"}
-    assert draw().bright
-    monkeypatch.setattr(display, "current", progress.Progress("Drawing", 0.25))
-    of_scene = bpy.context.scene.imprint.bl_rna.properties.keys()
-    assert {*draw().bright}.isdisjoint(of_scene)
-
-
-def test_objects_look_off_while_live_follows_them(pair):
-    select(*pair)
-    assert {"low", "highs"} <= {*draw().bright}
-    assert bpy.ops.imprint.live() == {"FINISHED"}
-    try:
-        assert not {"low", "highs"} & {*draw().bright}
-        assert "samples" in draw().bright
-    finally:
-        live.stop()
-
-
 # Where things are
-
-
-def test_the_tab_has_five_panels_and_the_first_one_the_order_of_work():
-    top = [panel for panel in panel_layout.PANELS if not getattr(panel, "bl_parent_id", "")]
-    assert [panel.bl_label for panel in sorted(top, key=lambda panel: getattr(panel, "bl_order", 0))] == [
-        "Imprint",
-        "View",
-        "Results",
-        "Pairs by Name",
-        "More",
-    ]
-    of_main = [
-        panel.bl_label for panel in panel_layout.PANELS if getattr(panel, "bl_parent_id", "") == "IMPRINT_PT_bake"
-    ]
-    assert of_main == ["Maps", "Map", "Output"]
 
 
 @pytest.mark.parametrize("make", [case[0] for case in MISSING.values()], ids=MISSING)
@@ -590,12 +528,6 @@ def settings():
     """The settings of the scene, for small maps of an active terrain."""
     bpy.context.view_layer.objects.active = zoo.terrain("Hill", 12)
     return use(size=64, storage="MEMORY")
-
-
-def test_the_panel_shows_the_limits_and_the_button(settings):
-    drawn = draw()
-    assert {"level_degrees", "level_distance", "level_beside", "export"} <= set(drawn.properties)
-    assert ("imprint.make_levels", True) in drawn.buttons
 
 
 def test_the_button_makes_a_level_for_each_limit(settings):
@@ -688,12 +620,6 @@ def test_the_usual_limits_are_valid_and_wrong_ones_are_reported(settings):
 
 
 # Game Asset panel
-
-
-def test_the_panel_shows_the_limits_of_an_asset_and_the_button(settings):
-    drawn = draw()
-    assert {"asset_triangles", "asset_degrees", "asset_fits_size"} <= set(drawn.properties)
-    assert any(name == "imprint.make_asset" for name, _ in drawn.buttons)
 
 
 def test_the_button_makes_an_asset_and_its_file(settings, tmp_path):

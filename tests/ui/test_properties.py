@@ -13,7 +13,7 @@ from addon.core import naming
 from addon.core.declarations import kinds, targets
 from addon.core.declarations.all_settings import DECLARED, FORMER
 from addon.core.errors import BakeError
-from addon.ui import declared_properties, engine_choice, object_pairs, presets
+from addon.ui import object_pairs, presets
 from tests.support import maps, older_file, panel_layout, zoo
 from tests.support.maps import pixels
 from tests.support.panel import refusal
@@ -21,25 +21,8 @@ from tests.support.panel import refusal
 pytestmark = pytest.mark.usefixtures("registered")
 
 
-OWN = {
-    "rna_type",
-    "name",
-    "active_high",
-    "convert_image",
-    "names",
-    "engine",
-    "engine_name",
-    *declared_properties.MapList.__annotations__,
-}
-"""Properties that are not settings, or that stand for a part of one."""
-
-
 def holders():
     return [bpy.context.scene.imprint.bl_rna, bpy.ops.imprint.bake.get_rna_type()]
-
-
-def test_a_scene_has_each_setting():
-    assert {prop.identifier for prop in bpy.context.scene.imprint.bl_rna.properties} - OWN == {*DECLARED, *FORMER}
 
 
 @pytest.mark.parametrize("name", DECLARED)
@@ -136,9 +119,6 @@ def test_a_bake_takes_the_old_image_and_leaves_a_pair(opened, gpu_context):
 # The setting Engine, and presets
 
 
-CHOSEN = targets.CHOICES["Unreal Engine"]
-
-
 def choose(name, settings=None):
     (settings or bpy.context.scene.imprint).engine = name
 
@@ -186,13 +166,6 @@ def test_names_of_an_engine_are_not_shown_as_a_mistake():
     assert panel_layout.draw().red == []
     settings.uv_layer = "missing"
     assert panel_layout.draw().red == ["uv_layer"]
-
-
-def test_each_target_has_a_choice():
-    assert set(targets.CHOICES) == {targets.OF_SCENE, *(target.preset for target in targets.TARGETS)}
-    shown = bpy.context.scene.imprint.bl_rna.properties["engine"]
-    assert shown.type == "ENUM"
-    assert bpy.context.scene.imprint.engine == targets.OF_SCENE  # a new file
 
 
 @pytest.mark.parametrize("name", targets.CHOICES)
@@ -245,12 +218,6 @@ def test_a_targa_sets_8_bits_with_and_without_a_preset(tmp_path, engine):
         settings.to_settings().check()
     presets.apply_preset(settings, {"depth": "16", "storage": "FILE", "output": "//a.png"})
     assert (settings.depth, settings.output) == ("16", "//a.png")
-
-
-def test_an_engine_says_what_it_sets():
-    items = engine_choice.engine_items(None, None)
-    (line,) = [tooltip for name, _, tooltip, _ in items if name == "Unreal Engine"]
-    assert line == "Green -Y (DirectX), Basis MikkTSpace, Depth 16, Pack Unreal, T_{name}_N, .fbx"
 
 
 def test_a_file_that_was_never_saved_is_named_with_a_button(tmp_path):

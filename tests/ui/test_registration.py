@@ -2,19 +2,16 @@
 """Registering and unregistering leave nothing behind, and each operator and property has a tooltip."""
 
 import atexit
-from types import SimpleNamespace
 
 import bpy
 import pytest
 
 import addon
 from addon.cli import command
-from addon.core.settings import Settings
 from addon.passes import shader, target
-from addon.ui import bake_operators, modal, preferences, presets, properties, settings_panels, view_gizmos, view_panel
+from addon.ui import bake_operators, modal, preferences, presets, settings_panels, view_gizmos
 from addon.ui.callbacks import DrawCallbacks, Events, Key, Timer
-from addon.ui.texts import SidebarPanel
-from tests.support import maps, panel_layout, zoo
+from tests.support import maps, zoo
 
 MODULES = [module for module in addon.modules() if hasattr(module, "CLASSES")]
 OPERATORS = [cls.__name__ for module in MODULES for cls in module.CLASSES if issubclass(cls, bpy.types.Operator)]
@@ -96,49 +93,6 @@ def test_errors_while_registering_are_raised_and_leave_nothing(monkeypatch, modu
     assert traces() == set()
     assert not command.is_registered()
     assert [list(each) for each in handlers] == before
-
-
-@pytest.mark.usefixtures("registered")
-class TestWords:
-    def test_everything_has_a_tooltip(self):
-        buttons = [getattr(bpy.ops.imprint, name).get_rna_type() for name in dir(bpy.ops.imprint)]
-        assert len(buttons) == len(OPERATORS)
-        for button in buttons:
-            assert button.description, button.identifier
-        structs = [*buttons, properties.ImprintSettings.bl_rna, properties.ImprintHigh.bl_rna]
-        structs.append(view_panel.ImprintView.bl_rna)
-        for struct in structs:
-            for prop in struct.properties:
-                if prop.identifier not in {"rna_type", "name"}:
-                    assert prop.description, f"{struct.identifier}.{prop.identifier}"
-                    assert not prop.description.endswith("."), prop.description  # Blender adds the full stop
-                for item in prop.enum_items if prop.type == "ENUM" else ():
-                    assert item.description, f"{struct.identifier}.{prop.identifier} {item.identifier}"
-
-    def test_the_properties_are_the_settings(self):
-        """They have the same names and defaults, and the basis is that of the scene's render engine."""
-        settings = bpy.context.scene.imprint.to_settings()
-        assert settings == Settings().read_by(bpy.context.scene.render.engine)
-        settings.check()
-
-    def test_the_panels_are_one_tab(self):
-        for cls in PANELS:
-            assert issubclass(cls, SidebarPanel)
-            assert (cls.bl_space_type, cls.bl_region_type, cls.bl_category) == ("VIEW_3D", "UI", "Imprint")
-
-
-def test_what_is_registered_first_is_unregistered_last(monkeypatch):
-    seen = []
-    modules = tuple(
-        SimpleNamespace(
-            register=lambda name=name: seen.append(f"+{name}"), unregister=lambda name=name: seen.append(f"-{name}")
-        )
-        for name in "abc"
-    )
-    monkeypatch.setattr(addon, "modules", lambda: modules)
-    addon.register()
-    addon.unregister()
-    assert seen == ["+a", "+b", "+c", "-c", "-b", "-a"]
 
 
 # Callbacks
@@ -230,24 +184,6 @@ def test_a_key_is_added_once_and_removed(keymap, space_type):
 
 
 # First steps
-
-
-def test_the_entry_of_the_extension_shows_the_way_to_the_panel_and_the_manual(registered):
-    layout = panel_layout.Layout()
-    preferences.IMPRINT_AP_preferences.draw(SimpleNamespace(layout=layout, bl_rna=Entry), bpy.context)
-    assert "press N there, then the tab Imprint" in layout.drawn.labels[0]
-    assert [name for name, is_on in layout.drawn.buttons if is_on] == [
-        "imprint.show_panel",
-        "imprint.open_manual",
-        "imprint.test_gpu",
-    ]
-    assert layout.drawn.properties == ["gpu_memory", "flamenco"]
-
-
-class Entry:
-    """What Blender makes of the entry only where the extension is installed."""
-
-    properties = ("gpu_memory", "flamenco")
 
 
 def test_a_button_opens_the_sidebar(registered):

@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.errors import Fix
 from addon.scene.object_checks import ObjectRef
-from addon.ui import bake_operators, bake_panel, bake_results, object_pairs, results_panel
+from addon.ui import bake_operators, bake_panel, bake_results, object_pairs, results_panel, texts
 from addon.ui.bake_results import results
 from tests.export.test_glb import bent_pair
 from tests.support import panel_layout, zoo
@@ -189,14 +189,6 @@ def test_the_main_panel_says_after_a_batch_what_is_wrong(batch):
     assert bpy.ops.imprint.bake(low="a_low", high=[{"name": "a_high"}]) == {"FINISHED"}
     assert not {"And 4 more in Results", "With warnings: 1 of 13 pairs"} & {*main().labels}
     assert len(results.batch().left_out) == 10
-
-
-def test_the_main_panel_says_nothing_of_a_batch_without_faults(batch):
-    bpy.data.objects["b_high"].scale.x = 1.0
-    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
-    assert results.batch().baked == ["a_low", "b_low", "c_low"]
-    drawn = panel_layout.draw(width=2000, panels=[bake_panel.IMPRINT_PT_bake])
-    assert not any("pairs" in label for label in drawn.labels)
 
 
 def make_empty(high):
@@ -564,7 +556,12 @@ def test_the_panel_keeps_the_warnings_of_the_file(tmp_path):
     assert "Engines make their own tangents of this file" not in panel_layout.draw(width=2000).text
 
 
-def test_the_file_browser_lists_the_formats_and_warns_of_existing_files():
-    kind = bpy.ops.imprint.export.get_rna_type().properties
-    assert kind["filter_glob"].default == "*.glb;*.usd;*.usda;*.usdc;*.fbx"
-    assert kind["check_existing"].default
+def test_paragraphs_are_as_wide_as_there_is_room():
+    size = texts.font_size(1.0)
+    text = "WWWW " * 20 + "iiii " * 20 + "/a/path/without/a/space" * 6
+    lines = texts.wrapped(text, 200.0, size)
+    assert "".join(lines).replace(" ", "") == text.replace(" ", "")
+    widths = [texts.text_width(line, size) for line in lines]
+    assert max(widths) <= 200.0
+    assert sum(widths) > 0.75 * 200.0 * len(lines)
+    assert texts.wrapped("", 200.0, size) == []

@@ -356,15 +356,6 @@ def test_side_by_side_shows_the_same_camera_twice(pair, monkeypatch):
         assert (np.abs(found[backdrop][:, :3] - view_shading.BACKDROP[:3]).max(axis=-1) < 1e-6).mean() > 0.9
 
 
-def test_panes_fill_the_viewport_and_center_in_what_is_visible():
-    high, low = view_shading.panes(Mode.SIDES, (1000, 400), 0.5, (100, 700))
-    assert (high.columns, low.columns) == (range(400), range(400, 1000))
-    assert (high.scale, low.scale) == (0.75, 0.75)
-    assert np.allclose([high.shift, low.shift], [2 * 0.25 - 1, 2 * 0.55 - 1])
-    high, low = view_shading.panes(Mode.SPLIT, (1000, 400), 1.5)
-    assert (high.columns, low.columns) == (range(1000), range(1000, 1000))
-
-
 @pytest.mark.usefixtures("no_bake")
 def test_deviations_are_those_of_the_stored_map(pair, monkeypatch):
     bake(depth="16", width=128, height=128)

@@ -4,10 +4,9 @@
 from types import SimpleNamespace
 
 import bpy
-import gpu
 import numpy as np
 import pytest
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 import addon
 from addon.core.errors import BakeError
@@ -24,8 +23,6 @@ from tests.support.snapshot import difference, snapshot
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
 SIZE = (160, 120)
-PIXELS = Matrix.Translation((-1.0, -1.0, 0.0)) @ Matrix.Diagonal((2.0 / SIZE[0], 2.0 / SIZE[1], 1.0, 1.0))
-"""The matrix from pixels to clip space."""
 
 
 @pytest.fixture
@@ -151,38 +148,6 @@ def test_a_map_of_the_view_is_as_large_as_fits_on_the_gpu_at_once(pair, monkeypa
     assert viewer.message == ""
     assert viewer.session.settings.sampling.size == (512, 512)  # 158 bytes a texel
     assert drawn_pixels().any()
-
-
-@pytest.mark.parametrize(
-    ("zone", "share", "free", "x"),
-    [
-        (range(300), 1.0, (0, 900), 190.0),  # at the line
-        (range(300, 600), 0.5, (0, 900), 400.0),
-        (range(600, 900), 0.0, (0, 900), 610.0),
-        (range(300), 1.0, (150, 900), 190.0),  # beside the toolbar
-        (range(300), 1.0, (200, 900), None),  # under it
-        (range(600, 900), 0.0, (0, 700), None),
-        (range(300, 600), 0.5, (400, 900), 450.0),
-        (range(0), 1.0, (0, 900), None),
-    ],
-)
-def test_a_label_stays_where_it_can_be_read(zone, share, free, x):
-    assert view_labels.label_position(zone, 100.0, share, free, 10.0) == x
-
-
-def test_labels_avoid_the_toolbar_and_the_sidebar():
-    def region(kind, alignment, x, width):
-        return SimpleNamespace(type=kind, alignment=alignment, x=x, width=width)
-
-    window = region("WINDOW", "NONE", 20, 900)
-    bars = [region("HEADER", "TOP", 20, 900), region("TOOLS", "LEFT", 20, 60), region("UI", "RIGHT", 700, 220)]
-    area = SimpleNamespace(regions=[window, *bars])
-    assert progress_display.visible_columns(area, window) == (60, 680)
-    quarters = [region("WINDOW", "NONE", x, 450) for x in (20, 470)]
-    assert [progress_display.visible_columns(area, quarter) for quarter in quarters] == [(60, 450), (0, 230)]
-    for bar in bars[1:]:
-        bar.width = 1
-    assert progress_display.visible_columns(area, window) == (0, 900)
 
 
 def test_the_picture_of_a_bake_is_in_one_part_of_quad_view():
@@ -319,21 +284,6 @@ def test_a_light_of_the_scene_lights_the_view(kind, pair):
     assert np.array_equal(drawn_pixels(), by_the_view)
 
 
-def test_the_default_light_comes_from_above_and_from_the_left():
-    data = region_view()
-    light = views.eye(data, None, HEADLIGHT).light
-    assert light[3] == 0.0
-    x, y, z = data.view_matrix.to_3x3() @ Vector(light[:3])
-    assert (x < 0.0, y > 0.0, z > max(-x, y)) == (True, True, True)
-
-
-def test_the_range_of_the_colors_can_be_set(pair):
-    view().mode = "BARE_DEVIATION"
-    before = drawn_pixels()
-    view().limit = 30.0
-    assert not np.array_equal(drawn_pixels(), before)
-
-
 def test_the_line_of_the_split_can_be_moved(pair):
     view().mode = "SPLIT"
     pictures = []
@@ -370,26 +320,3 @@ def test_a_key_shows_the_next_view():
         assert not [item for item in keymap.keymap_items if item.idname.startswith("imprint.")]
     finally:
         addon.register()
-
-
-def test_text_is_readable_over_a_white_mesh():
-    into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
-    pixels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
-    with target.drawing(into):
-        into.framebuffer.clear(color=(1.0, 1.0, 1.0, 1.0), depth=1.0)
-        with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
-            gpu.matrix.load_matrix(Matrix.Identity(4))
-            gpu.matrix.load_projection_matrix(PIXELS)
-            progress_display.write_text("Low with Map", 30.0, 50.0, 1.0)
-        into.read(pixels)
-    end = 30 + int(progress_display.text_width("Low with Map", 1.0))
-    gray = pixels[..., :3].mean(axis=2)
-    box = gray[48:60, 28 : end + 2]
-    assert box.min() < 0.4
-    assert np.median(box) < 0.4
-    assert box.max() > 0.9
-    assert (gray[:40] == 1.0).all()
-    assert (gray[70:] == 1.0).all()
-    assert (gray[:, : 30 - 8] == 1.0).all()
-    assert (gray[:, end + 8 :] == 1.0).all()
-    assert gpu.state.blend_get() == "NONE"
