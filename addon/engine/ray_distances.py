@@ -41,7 +41,7 @@ PART_RESERVE = 1.1
 """Factor on the measured height of parts that stand off."""
 MOST_STRAYS = 0.05
 """The largest share of hits that belong to no texel. With more, layers may lie closer together than the two meshes do: they are
-told apart by their order if that leaves less than half of these hits. Of hair cards over a scalp, it leaves 0.4 % of 16 to 26 %.
+told apart by their order if that leaves less than half of these hits. Of hair cards over a scalp, it leaves 0.4 of 16 to 26 %.
 Nine real pairs have at most 2.3 %."""
 DIGITS = 3
 """The significant digits of measured distances on which all rays depend. GPUs round measurements differently."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from addon.mesh import orientation
+from addon.mesh import topology
 from tests.support import random_cases, spoiled
 from tests.support.spoiled import Soup
 
@@ -418,5 +418,5 @@ def _is_solid(soup: Soup) -> bool:
     ends = np.sort(np.concatenate([soup.triangles[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
     edges, counts = np.unique(ends, axis=0, return_counts=True)
     a, b, c = (soup.points - soup.points.mean(axis=0))[soup.triangles].transpose(1, 0, 2)
-    is_one = len(np.unique(orientation.connected(len(soup.points), *edges.T))) == 1
+    is_one = len(np.unique(topology.connected(len(soup.points), *edges.T))) == 1
     return is_one and bool((counts == 2).all()) and float((a * np.cross(b, c)).sum()) > 0.0
