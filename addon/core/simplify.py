@@ -77,7 +77,7 @@ class Deviation(Protocol):
         """How much of a limit it takes: more than 1 beyond it."""
 
     def spent(self, limit: Limit) -> float:
-        """The share of texels that are beyond a limit, of which a few may be."""
+        """The share of texels that are beyond a limit, of which a few may be. For StepSearch alone."""
 
 
 Judge = Callable[[Any], Task[Any]]
@@ -210,19 +210,37 @@ class Search:
     def min_triangles(self, maker: Maker, first: int, most: int) -> Task[Candidate]:
         """The mesh of the fewest triangles within the limit, or the nearest to it if none is within it.
 
+        The number of triangles of the next try is where the excess, a power of it, meets the limit.
+
         Args:
             maker: makes meshes of any number of triangles anew.
             first: the triangles of the first try.
             most: the most of any.
         """
-
-        def attempt(wanted: int) -> Task[Candidate]:
-            return part(self.tried(maker, wanted), *next(self._shares))
-
-        within, _ = yield from search_min_triangles(first, most, attempt)
-        found = within or min(self._made, key=lambda each: each.excess)
-        self.keep_only([found])
-        return found
+        within, beyond, wanted = None, None, min(first, most)
+        for _ in range(TRIES):
+            last = yield from part(self.tried(maker, wanted), *next(self._shares))
+            if last.excess <= 1.0:
+                if within is not None and last.triangles >= within.triangles:
+                    break  # there is no coarser mesh
+                within = last
+            else:
+                beyond = last
+            if within is None:
+                if wanted >= most:
+                    break
+                wanted = min(most, int(wanted * min(max(last.excess**2, CLOSER), 4.0)) + 1)
+            elif beyond is None or beyond.triangles >= within.triangles:
+                wanted = max(LEAST, int(within.triangles / min(max(last.excess**-2.0, CLOSER), 4.0)))
+                if wanted >= within.triangles:
+                    break
+            elif beyond.triangles >= FEWER * within.triangles - ODD:
+                break
+            else:
+                wanted = _between(beyond, within)
+        best = within or min(self._made, key=lambda each: each.excess)
+        self.keep_only([best])
+        return best
 
 
 class StepSearch(Search):
@@ -254,13 +272,29 @@ class StepSearch(Search):
             maker: of the coarser ones.
         """
         self._maker = maker
-        within, beyond = yield from part(search_by_steps(start, self._step), 0.0, 0.9)
+        within, beyond = yield from part(self._by_steps(start), 0.0, 0.9)
         within, beyond = yield from part(self._confirmed(start, within, beyond), 0.9, 1.0)
         self.keep_only([within])
         return within, beyond
 
-    def _step(self, base: Candidate, wanted: int, is_last: bool) -> Task[list[Candidate]]:
-        """The candidates of a step, as search_by_steps takes it."""
+    def _by_steps(self, start: Candidate, share: float = STRIDE) -> Task[tuple[Candidate, Candidate | None]]:
+        """As `coarsest`, by the quick judge. share: of triangles, that the first step leaves."""
+        within = start
+        while True:
+            wanted = max(min(int(share * within.triangles), within.triangles - ODD), LEAST)
+            made = yield from self._step(within, wanted, is_last=share >= FEWER)
+            coarser = [each for each in made if each.triangles < within.triangles]
+            good = [each for each in coarser if each.excess <= 1.0]
+            if good:
+                within = min(good, key=lambda each: (each.spent, each.excess))
+            elif share >= FEWER:
+                return within, min(coarser, key=lambda each: each.excess, default=None)
+            else:
+                is_far = min((each.excess for each in coarser), default=1.0) > FAR
+                share = min(share ** (0.25 if is_far else 0.5), FEWER)
+
+    def _step(self, base: Candidate, wanted: int, *, is_last: bool) -> Task[list[Candidate]]:
+        """Coarser meshes of one, of about as many triangles as wanted, in one or several ways, or with more if it cannot be."""
         self.keep_only([base, *self._passed])
         start, stop = next(self._shares)
         result: list[Candidate] = []
@@ -298,7 +332,7 @@ class StepSearch(Search):
                     self._learn(within, exact)
                     finer = self._coarsest_passed(start)
                     share = min(max(math.sqrt(exact.triangles / finer.triangles), STRIDE), FEWER)
-                    within, beyond = yield from search_by_steps(finer, self._step, share)
+                    within, beyond = yield from self._by_steps(finer, share)
                     continue
                 within = exact
             if beyond is None:
@@ -308,7 +342,7 @@ class StepSearch(Search):
                 return within, exact
             self._learn(beyond, exact)
             start = exact
-            within, beyond = yield from search_by_steps(exact, self._step, FEWER)
+            within, beyond = yield from self._by_steps(exact, FEWER)
 
     def _measured_exactly(self, candidate: Candidate) -> Task[Candidate]:
         deviation = yield from part(self._exact(candidate.mesh), *next(self._shares))
@@ -334,68 +368,6 @@ def _shares_of_tries() -> Iterator[tuple[float, float]]:
     while True:
         yield 1.0 - left, 1.0 - SHARE_LEFT * left
         left *= SHARE_LEFT
-
-
-def search_by_steps(
-    start: Candidate, attempt: Callable[[Candidate, int, bool], Task[Sequence[Candidate]]], share: float = STRIDE
-) -> Task[tuple[Candidate, Candidate | None]]:
-    """The coarsest mesh within the limit, and the mesh with FEWER of its triangles that is beyond it; None if there is none.
-
-    Args:
-        start: a mesh within the limit.
-        attempt: makes coarser meshes of one of about as many triangles as it is given, in one or several ways, or with more if
-            it cannot; it is also told whether the step is the last one.
-        share: of triangles, that the first step leaves.
-    """
-    within = start
-    while True:
-        wanted = max(min(int(share * within.triangles), within.triangles - ODD), LEAST)
-        made = yield from attempt(within, wanted, share >= FEWER)
-        coarser = [each for each in made if each.triangles < within.triangles]
-        good = [each for each in coarser if each.excess <= 1.0]
-        if good:
-            within = min(good, key=lambda each: (each.spent, each.excess))
-        elif share >= FEWER:
-            return within, min(coarser, key=lambda each: each.excess, default=None)
-        else:
-            is_far = min((each.excess for each in coarser), default=1.0) > FAR
-            share = min(share ** (0.25 if is_far else 0.5), FEWER)
-
-
-def search_min_triangles(
-    first: int, most: int, attempt: Callable[[int], Task[Candidate]]
-) -> Task[tuple[Candidate | None, Candidate | None]]:
-    """The mesh with the fewest triangles within a limit, and the one with more than FEWER of them that is beyond it.
-
-    Each is None if there is none. The number of triangles of the next try is where the excess, a power of it, meets the limit.
-
-    Args:
-        first: the triangles of the first try.
-        most: the most of any.
-        attempt: makes a mesh of about as many triangles.
-    """
-    within, beyond, wanted = None, None, min(first, most)
-    for _ in range(TRIES):
-        last = yield from attempt(wanted)
-        if last.excess <= 1.0:
-            if within is not None and last.triangles >= within.triangles:
-                break  # there is no coarser mesh
-            within = last
-        else:
-            beyond = last
-        if within is None:
-            if wanted >= most:
-                break
-            wanted = min(most, int(wanted * min(max(last.excess**2, CLOSER), 4.0)) + 1)
-        elif beyond is None or beyond.triangles >= within.triangles:
-            wanted = max(LEAST, int(within.triangles / min(max(last.excess**-2.0, CLOSER), 4.0)))
-            if wanted >= within.triangles:
-                break
-        elif beyond.triangles >= FEWER * within.triangles - ODD:
-            break
-        else:
-            wanted = _between(beyond, within)
-    return within, beyond
 
 
 def _between(beyond: Candidate, within: Candidate) -> int:

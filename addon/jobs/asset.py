@@ -6,8 +6,8 @@ Each low mesh that the search tries is baked and looked at from all sides, so th
 
 import math
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -24,12 +24,13 @@ from ..core.settings import Settings
 from ..core.simplify import Candidate, Search
 from ..output.atomic_file import all_or_none
 from ..scene import mesh_reader
+from ..scene.object_checks import ObjectRef
 from . import bake_jobs, temporary, unwrapping
 from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
 from .simplify import appearance_judge, high_surface
 from .simplify.appearance_judge import AppearanceJudge
 from .simplify.high_surface import HighSurface
-from .simplify.low_meshes import DecimationSource, LowMaker, LowMesh
+from .simplify.low_meshes import DecimationSource, LowMesh
 
 SEARCHED = 0.8
 """The share of the work that is done before the maps are baked."""
@@ -85,9 +86,9 @@ def work(
             check_gpu()
             yield Progress("Reading the high objects", 0.0)
             with timings.timed("read"):
-                high = high_surface.read(context, job, settings)
-            making = _Making(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
-            lows = yield from part(making.lows(lows, wanted, suffixes), 0.05, SEARCHED)
+                high = high_surface.read(context, job, settings, timings)
+            judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
+            lows = yield from part(_Making(context, high, judge).lows(job, lows, wanted, suffixes), 0.05, SEARCHED)
         with timings.timed("unwrap"):
             lows = [_unwrapped(low, settings, stack) for low in lows]
         jobs = [_job_of(low, job, context, settings, high) for low in lows]
@@ -122,69 +123,68 @@ def _check(job: Job, wanted: Wanted, settings: Settings) -> None:
         raise BakeError(f"{job.low.name!r} is no mesh: choose a mesh as the low object.")
 
 
+@dataclass(frozen=True)
 class _Making:
-    """Makes low objects of the high ones of a request. Arguments: as LowMaker and AppearanceJudge have them."""
+    """Makes low objects of a high surface."""
 
-    def __init__(self, context: bpy.types.Context, request: Request, pace: Pace, high: HighSurface, timings: Timings):
-        self._context, self._high = context, high
-        self._first = request.job.high_refs[0]
-        self._judge = AppearanceJudge(context, request, pace, high, timings)
-        self._makers = [LowMaker(source, context, high.origin, timings) for source in high.sources]
+    context: bpy.types.Context
+    high: HighSurface
+    judge: AppearanceJudge
 
-    def lows(self, known: Sequence[Low], wanted: Wanted, suffixes: Suffixes) -> Task[list[Low]]:
+    def lows(self, job: Job, known: Sequence[Low], wanted: Wanted, suffixes: Suffixes) -> Task[list[Low]]:
         """`known`, or a new low object in its place, and levels of detail. Raises BakeError."""
-        first, found = self._first.resolve(), list(known)
+        first, found = job.highs[0], list(known)
         name = known[0].obj.name if known else naming.low_name_of(first.name, suffixes)
         names = [name, *naming.level_names(name, wanted.levels)]
         home = next(iter(first.users_collection), None)
         maker, left = None, range(len(known), 1 + wanted.levels)
         for done, level in enumerate(left):
             limit = wanted.of_level(level, mesh_reader.count_triangles(found[-1].obj.data) if found else 0)
-            making = part(self._low(limit, maker), done / len(left), (done + 1) / len(left))
-            mesh, maker, measured = yield from making
-            self._keep(mesh.obj, names[level], home)
-            found.append(Low(mesh.obj, limit, self._how(mesh.source, measured, limit)))
-        self._judge.free()
+            low, maker, measured = yield from part(self._low(limit, maker), done / len(left), (done + 1) / len(left))
+            obj = self._object(low.data, names[level], home)
+            found.append(Low(obj, limit, self._how(low.source, measured, limit)))
+        self.judge.free()
         return found
 
-    def _low(self, wanted: Wanted, maker: LowMaker | None) -> Task[tuple[LowMesh, LowMaker, int]]:
+    def _low(self, wanted: Wanted, maker: DecimationSource | None) -> Task[tuple[LowMesh, DecimationSource, int]]:
         """A low mesh within its limits, or as near as can be, its maker, and how many were measured. maker: None for the
         best."""
-        most = max(each.triangles for each in self._high.sources)
+        most = max(each.triangles for each in self.high.sources)
         most = min(most, wanted.triangles) if wanted.triangles else most
-        first = most if wanted.has_count else min(most, max(FEWEST, round(SHARE * len(self._high.triangles))))
-        compared = Search(wanted.search_limit, self._judge.quickly, LowMesh.remove)
+        first = most if wanted.has_count else min(most, max(FEWEST, round(SHARE * len(self.high.triangles))))
+        compared = Search(wanted.search_limit, self.judge.quickly, LowMesh.remove)
         best, begin = None, 0.0
         if maker is None:
             begin = 0.5
-            best = yield from part(compared.best_of(self._makers, first, _cost, CORRECTIONS), 0.0, begin)
+            best = yield from part(compared.best_of(self.high.sources, first, _cost, CORRECTIONS), 0.0, begin)
             maker = best.maker
         if not wanted.has_count:
-            search = Search(wanted.search_limit, partial(self._judge.within, wanted), LowMesh.remove)
+            search = Search(wanted.search_limit, partial(self.judge.within, wanted), LowMesh.remove)
             found = yield from part(search.min_triangles(maker, first, most), begin, 1.0)
             compared.keep_only([])
             return found.mesh, maker, compared.count + search.count
         yield Progress(f"Decimating to {first:,} triangles", begin)
         return best.mesh if best else maker.make(first)[0], maker, compared.count
 
-    def _keep(self, low: bpy.types.Object, name: str, home: bpy.types.Collection | None) -> None:
-        low.name = low.data.name = name
-        low.hide_set(False)
-        root = self._context.scene.collection
+    def _object(self, data: bpy.types.Mesh, name: str, home: bpy.types.Collection | None) -> bpy.types.Object:
+        """The object of a finished mesh, without the UV map by which it was judged."""
+        data.name = name
+        low, root = self.high.new_object(self.context, name, data), self.context.scene.collection
         if home is not None and home != root:
             home.objects.link(low)
             root.objects.unlink(low)
-        for layer in list(low.data.uv_layers):
-            low.data.uv_layers.remove(layer)
+        for layer in list(data.uv_layers):
+            data.uv_layers.remove(layer)
+        return low
 
     def _how(self, source: DecimationSource, measured: int, wanted: Wanted) -> HowMade:
         return HowMade(
             is_made=True,
             is_remeshed=source.is_remeshed,
             is_collapsed=source.is_collapsed,
-            of=self._high.count,
-            inside=self._high.hidden_share,
-            faults=self._high.bad_edge_share,
+            of=self.high.count,
+            inside=self.high.hidden_share,
+            faults=self.high.bad_edge_share,
             measured=measured,
             limits=wanted.to_dict(),
         )
@@ -192,29 +192,22 @@ class _Making:
 
 def _cost(candidate: Candidate) -> float:
     """How wrong a low mesh looks, by how sure that is."""
-    return candidate.deviation.cost * candidate.maker.source.bias
+    return candidate.deviation.cost * candidate.maker.bias
 
 
 def _unwrapped(low: Low, settings: Settings, stack: ExitStack) -> Low:
     """A low object with a UV map. stack: removes the map again if it fails."""
-    stack.enter_context(_uv_map_of(low.obj))
-    text = "" if low.obj.data.uv_layers else unwrapping.unwrap(low.obj, settings)
+    if low.obj.data.uv_layers:
+        return low
+    ref, text = ObjectRef.of(low.obj), unwrapping.unwrap(low.obj, settings)
+
+    def undo(kind: type[BaseException] | None, *_: object) -> None:
+        obj = ref.find()
+        if kind is not None and obj is not None:
+            obj.data.uv_layers.remove(obj.data.uv_layers[0])
+
+    stack.push(undo)
     return replace(low, how=replace(low.how, unwrapped=text))
-
-
-@contextmanager
-def _uv_map_of(low: bpy.types.Object) -> Iterator[None]:
-    """Remove the UV maps that the block gives to an object, if it fails."""
-    uid, before = low.session_uid, {layer.name for layer in low.data.uv_layers}
-    is_finished = False
-    try:
-        yield
-        is_finished = True
-    finally:
-        if not is_finished:
-            for obj in [obj for obj in bpy.data.objects if obj.session_uid == uid]:
-                for name in [layer.name for layer in obj.data.uv_layers if layer.name not in before]:
-                    obj.data.uv_layers.remove(obj.data.uv_layers[name])
 
 
 def _job_of(low: Low, job: Job, context: bpy.types.Context, settings: Settings, high: HighSurface | None) -> Job:

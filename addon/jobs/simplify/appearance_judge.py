@@ -2,7 +2,8 @@
 """Judges low meshes of game assets: by what a viewer sees of them with their map, and by their distance from the high mesh."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import bpy
@@ -24,10 +25,12 @@ from ...mesh.fitting import Samples
 from ...mesh.triangles import face_areas
 from ...output.outputs import kept
 from ...scene import mesh_reader
+from ...scene.object_checks import ObjectRef
 from .. import unwrapping
 from ..bake import draw_raw
 from ..baked import Baked
 from ..job import Request, check_job
+from ..temporary import TEMPORARY
 from .high_surface import HighSurface
 from .low_meshes import LowMesh
 
@@ -58,10 +61,6 @@ class Seen:
             return NOT_DRAWN
         return limit.excess(self.appearance.percentile_99 if self.appearance is not None else 0.0, self.distance)
 
-    def spent(self, limit: Limit) -> float:
-        """As simplify.Deviation.spent: no texel may be beyond the limit here, as its 99th percentile of pixels says."""
-        return 0.0
-
     @property
     def cost(self) -> float:
         """How wrong it looks, in degrees."""
@@ -83,37 +82,47 @@ class AppearanceJudge:
 
     def quickly(self, low: LowMesh) -> Task[Seen]:
         """What a viewer sees of a low mesh, on a small map with one sample."""
-        found = yield from self._seen(low, self._settings.of_at_most(QUICK_SIDE).sampled(samples=1))
-        low.obj.hide_set(True)
-        return found
+        with self._object_of(low) as obj:
+            return (yield from self._seen(obj, low, self._settings.of_at_most(QUICK_SIDE).sampled(samples=1)))
 
     def within(self, wanted: Wanted, low: LowMesh) -> Task[Seen]:
         """What has a limit, of a low mesh with the samples and the size of the finished one. Raises NoGpu."""
-        distance, found = self._high.distance(low.obj) if wanted.distance < math.inf else 0.0, Seen(None)
-        if wanted.degrees < math.inf:
-            texel = texel_side(wanted, self._context, lambda: self._high.edge) if wanted.finds_size else None
-            found = yield from self._seen(low, self._settings, texel)
-            if found.appearance is None and found.is_drawn:
-                raise NoGpu(
-                    "This GPU cannot measure the shading error: give a number of triangles in place of degrees."
-                )
-        low.obj.hide_set(True)
+        with self._object_of(low) as obj:
+            distance, found = self._high.distance(obj) if wanted.distance < math.inf else 0.0, Seen(None)
+            if wanted.degrees < math.inf:
+                texel = texel_side(wanted, self._context, lambda: self._high.edge) if wanted.finds_size else None
+                found = yield from self._seen(obj, low, self._settings, texel)
+                if found.appearance is None and found.is_drawn:
+                    raise NoGpu(
+                        "This GPU cannot measure the shading error: give a number of triangles in place of degrees."
+                    )
         return replace(found, distance=distance)
+
+    @contextmanager
+    def _object_of(self, low: LowMesh) -> Iterator[bpy.types.Object]:
+        """An object of the scene with a low mesh, which is removed again."""
+        obj = self._high.new_object(self._context, TEMPORARY, low.data)
+        ref = ObjectRef.of(obj)
+        try:
+            yield obj
+        finally:
+            if ref.find() is not None:
+                bpy.data.objects.remove(ref.find())
 
     def free(self) -> None:
         """Free the pictures of the high meshes."""
         self._seen_highs = None
 
-    def _seen(self, low: LowMesh, settings: Settings, texel: float | None = None) -> Task[Seen]:
+    def _seen(self, obj: bpy.types.Object, low: LowMesh, settings: Settings, texel: float | None = None) -> Task[Seen]:
         """Give a low mesh a UV map, bake its normals, and look at it. texel: the side of one; None for the size that is set."""
         yield Progress(f"Unwrapping {low.triangles:,} triangles", 0.0)
         with self._timings.timed("unwrap"):
-            unwrapping.unwrap(low.obj, settings, is_quick=True)
+            unwrapping.unwrap(obj, settings, is_quick=True)
         if texel is not None:
-            side = map_side(low.obj, texel)
+            side = map_side(obj, texel)
             settings = settings.sampled(width=side, height=side)
         settings = settings.of_at_most(SIDE)
-        request = replace(self._request, job=self._request.job.but(low=low.obj), settings=settings)
+        request = replace(self._request, job=self._request.job.but(low=obj), settings=settings)
         check_job(self._context, request.job, settings)
         try:
             drawing = self._timed(draw_raw(self._context, request, Run(settings, self._pace)), "draw")

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ...core.errors import BakeError
 from ...core.progress import Timings
@@ -90,13 +91,24 @@ class HighSurface:
         far = max(math.sqrt(float(np.percentile(surface.closest(places)[2], PERCENTILE))) for surface, places in pairs)
         return far / float(np.ptp(self.points, axis=0).max())
 
+    def new_object(self, context: bpy.types.Context, name: str, data: bpy.types.Mesh) -> bpy.types.Object:
+        """An object of the scene with a mesh that is relative to `origin`."""
+        obj = bpy.data.objects.new(name, data)
+        context.scene.collection.objects.link(obj)
+        obj.matrix_world = Matrix.Translation(self.origin)
+        context.view_layer.update()
+        return obj
+
     @cached_property
     def _surface(self) -> Surface:
         return Surface(self.points, self.triangles)
 
 
-def read(context: bpy.types.Context, job: Job, settings: Settings) -> HighSurface:
-    """Read the high objects of a job with their modifiers and instances. Raises BakeError."""
+def read(context: bpy.types.Context, job: Job, settings: Settings, timings: Timings) -> HighSurface:
+    """Read the high objects of a job with their modifiers and instances. Raises BakeError.
+
+    timings: get the time of this, as "read", and of low meshes, as their sources say.
+    """
     points, triangles = _triangles(context, job, settings)
     name, origin = job.highs[0].name, np.array(job.highs[0].matrix_world.translation, np.float64)
     count, edge = len(triangles), _edge(face_areas(points, triangles))
@@ -117,12 +129,12 @@ def read(context: bpy.types.Context, job: Job, settings: Settings) -> HighSurfac
         raise BakeError(f"{name!r} is too small for its normals: scale the mesh itself up.")
     is_seen = _seen(data, points, triangles, samples)
     hidden, outer = 1.0 - float(is_seen[samples.triangles].mean()), samples.chosen(is_seen[samples.triangles])
-    sources = _sources(data, is_seen, outer, hidden=hidden, bad=bad)
+    sources = _sources(data, is_seen, outer, timings, hidden=hidden, bad=bad)
     return HighSurface(points, triangles, origin, sources, outer, hidden, bad, edge, count)
 
 
 def _sources(
-    data: bpy.types.Mesh, is_seen: np.ndarray, outer: Samples, *, hidden: float, bad: float
+    data: bpy.types.Mesh, is_seen: np.ndarray, outer: Samples, timings: Timings, *, hidden: float, bad: float
 ) -> list[DecimationSource]:
     """What low meshes are made of.
 
@@ -130,6 +142,7 @@ def _sources(
         data: the whole surface.
         is_seen: (T,) bool, which triangles see the outside.
         outer: places on those.
+        timings: as DecimationSource has them.
         hidden, bad: as HighSurface has these shares.
     """
     points, triangles = arrays(data)
@@ -139,10 +152,10 @@ def _sources(
     if bad > MOST_BAD_EDGES or hidden > MOST_HIDDEN:
         voxels = remeshed(data, float(face_areas(points, triangles).sum()) * (1.0 - hidden), outer)
         if voxels is not None:
-            result += sources_of(voxels, outer, is_remeshed=True)
+            result += sources_of(voxels, outer, timings, is_remeshed=True)
     # The faces of a soup can point to any side, so that only the remeshed one has an outside.
     if not result or EdgeTable.of(triangles[is_seen]).bad_edge_share <= MOST_BAD_EDGES:
-        result += sources_of(outside, outer, bias=REMESH_BIAS if result else 1.0)
+        result += sources_of(outside, outer, timings, bias=REMESH_BIAS if result else 1.0)
     return result
 
 

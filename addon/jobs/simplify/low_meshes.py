@@ -58,6 +58,7 @@ class DecimationSource:
     dense: of as many of them as the way needs for most low meshes.
     places: on the surface, in the triangles of `dense`: low meshes are fitted to them.
     seen_samples: places on all of the surface that see the outside: they tell what is folded.
+    timings: get the time of what is made, as "decimate".
     is_remeshed: whether it is made of voxels.
     bias: a factor on what a viewer sees wrong of its low meshes.
     weights: of the triangles of `dense`, if edges collapse to the best places by them, as mesh/collapse.py does; without them,
@@ -69,6 +70,7 @@ class DecimationSource:
     dense: bpy.types.Mesh
     places: Samples
     seen_samples: Samples
+    timings: Timings
     is_remeshed: bool = False
     bias: float = 1.0
     weights: np.ndarray | None = None
@@ -87,20 +89,29 @@ class DecimationSource:
         weights = face_weights.by_bending(*arrays(self.dense))
         return replace(self, bias=self.bias * COLLAPSE_BIAS, weights=weights, partial=[])
 
-    def corrected(self, nearest: np.ndarray, errors: np.ndarray) -> "DecimationSource":
-        """The same mesh, whose edges collapse by what a viewer saw of a low one.
+    def make(self, triangles: int) -> list["LowMesh"]:
+        """A low mesh of about this many triangles."""
+        with self.timings.timed("decimate"):
+            data = self._unfolded_low(triangles)
+            points, nearest = fitting.fit(*arrays(data), self.places)
+            data.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
+        data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
+        data.update()
+        data.set_sharp_from_angle(angle=SHARP)
+        return [LowMesh(data, self, nearest)]
 
-        Args:
-            nearest: (N,) int, the triangle of the low mesh at each place.
-            errors: (N,), what viewers saw at each place.
-        """
-        sums = np.bincount(nearest, errors * self.places.shares)
+    def corrected(self, candidate: Candidate) -> "DecimationSource | None":
+        """The same mesh, whose edges collapse by what a viewer saw of a low one that its edges became."""
+        appearance, nearest = candidate.deviation.appearance, candidate.mesh.nearest
+        if not self.is_collapsed or appearance is None:
+            return None
+        sums = np.bincount(nearest, appearance.places * self.places.shares)
         excess = sums / max(float(sums.mean()), 1e-300)
         _, triangles = arrays(self.dense)
         weights = face_weights.by_error(self.weights, triangles, self.places.triangles, excess[nearest])
         return replace(self, weights=weights)
 
-    def low(self, triangles: int) -> bpy.types.Mesh:
+    def _unfolded_low(self, triangles: int) -> bpy.types.Mesh:
         """A mesh of about this many triangles, without folds."""
         data, folded = self._unfolded(self._coarse(triangles))
         if not folded or len(data.polygons) > (1.0 - OFF / 2.0) * triangles:
@@ -142,71 +153,32 @@ class DecimationSource:
             self.partial.extend(found)
         return min(found, key=lambda each: len(each.triangles))
 
-    def fitted(self, low: bpy.types.Mesh) -> np.ndarray:
-        """Move the vertices of a low mesh to where this surface is nearest. Returns its triangle at each place, (N,) int."""
-        points, nearest = fitting.fit(*arrays(low), self.places)
-        low.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
-        return nearest
-
 
 @dataclass(frozen=True, eq=False)
 class LowMesh:
     """A low mesh.
 
-    obj: the object of the scene that has it.
+    data: the mesh, relative to the origin of the high surface.
     source: what it is made of.
     nearest: (N,) int, its triangle at each place of the source.
     """
 
-    obj: bpy.types.Object
+    data: bpy.types.Mesh
     source: DecimationSource
     nearest: np.ndarray
 
     @property
     def triangles(self) -> int:
-        return len(self.obj.data.polygons)
+        return len(self.data.polygons)
 
     def remove(self) -> None:
-        bpy.data.meshes.remove(self.obj.data)  # and the object with it
-
-
-@dataclass(frozen=True, eq=False)
-class LowMaker:
-    """Makes low objects of a source.
-
-    context: of the scene that gets them.
-    origin: (3,), where they lie in it.
-    timings: get the time that it takes, as "decimate".
-    """
-
-    source: DecimationSource
-    context: bpy.types.Context
-    origin: np.ndarray
-    timings: Timings
-
-    def make(self, triangles: int) -> list[LowMesh]:
-        with self.timings.timed("decimate"):
-            data = self.source.low(triangles)
-            nearest = self.source.fitted(data)
-        data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
-        data.update()
-        data.set_sharp_from_angle(angle=SHARP)
-        low = bpy.data.objects.new(TEMPORARY, data)
-        self.context.scene.collection.objects.link(low)
-        low.matrix_world = Matrix.Translation(self.origin)
-        self.context.view_layer.update()
-        return [LowMesh(low, self.source, nearest)]
-
-    def corrected(self, candidate: Candidate) -> "LowMaker | None":
-        appearance = candidate.deviation.appearance
-        if not self.source.is_collapsed or appearance is None:
-            return None
-        return replace(self, source=self.source.corrected(candidate.mesh.nearest, appearance.places))
+        bpy.data.meshes.remove(self.data)
 
 
 def sources_of(
     data: bpy.types.Mesh,
     seen_samples: Samples,
+    timings: Timings,
     *,
     bias: float = 1.0,
     is_remeshed: bool = False,
@@ -221,7 +193,7 @@ def sources_of(
         places = seen_samples.spread(FITTED[1])
         nearest, _, _ = Surface(*arrays(dense)).closest(places.points.astype(np.float32))
         places = replace(places, triangles=nearest)
-    plain = DecimationSource(data, dense, places, seen_samples, is_remeshed, bias)
+    plain = DecimationSource(data, dense, places, seen_samples, timings, is_remeshed, bias)
     return [plain, plain.weighted()]
 
 
