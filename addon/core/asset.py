@@ -127,32 +127,32 @@ class Wanted:
 
 @dataclass(frozen=True)
 class HowMade:
-    """How the low mesh of an asset was made, as Report.asset has it. None stands for what does not apply.
-
-    is_made: whether it is new, or was there.
-    is_remeshed: whether it is made of voxels.
-    is_collapsed: whether the last edges collapsed by quadrics.
-    of: the triangles of the high meshes.
-    inside: the share of their area that sees nothing of the outside.
-    faults: the share of their edges of more than two triangles, or of two that point to different sides.
-    measured: how many low meshes were compared.
-    limits: those that are set, as Wanted.to_dict has them.
-    unwrapped: a sentence about the new UV map; empty for one that was there.
-    missed: a sentence for each limit that it does not keep.
-    distance: from the high mesh, if that has a limit.
-    """
+    """How the low mesh of a game asset was made, as Report.asset has it. None stands for what does not apply."""
 
     is_made: bool
+    """Whether the low mesh is new, or was there."""
     is_remeshed: bool | None = None
+    """Whether it is made of voxels."""
     is_collapsed: bool | None = None
+    """Whether the last edges collapsed by quadrics."""
     of: int | None = None
+    """The triangles of the high meshes."""
     inside: float | None = None
+    """The share of their area that sees nothing of the outside."""
     faults: float | None = None
+    """The share of edges of more than two triangles, or of two that point to different sides."""
     measured: int | None = None
-    limits: dict[str, float | int] | None = None
+    """How many low meshes were compared."""
+    limits: dict[str, float] | None = None
+    """Those that are set: degrees, distance, triangles."""
     unwrapped: str = ""
+    """A sentence about the new UV map; empty for one that was there."""
     missed: list[str] = field(default_factory=list)
+    """A sentence for each limit that it does not keep."""
     distance: float | None = None
+    """From the high mesh, if that has a limit."""
+    seconds: dict[str, float] | None = None
+    """Of each stage before the bakes, and their total, in the report of the first low mesh."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, without what does not apply."""

@@ -154,13 +154,7 @@ class Report:
     an engine with this basis shows of the file and those that were baked; targets: the same of the target engines that the
     settings name. Empty without such a file."""
     asset: dict[str, Any] = field(default_factory=dict)
-    """How a game asset was made: is_made, whether the low mesh is new, or was there; is_remeshed, whether it is made of
-    voxels; is_collapsed, whether the last edges collapsed by quadrics; of how many triangles of the high meshes;
-    inside, the share of their area that sees nothing of the outside; faults, that of edges of more than two triangles, or of
-    two that point to different sides; measured, how many low meshes were compared; limits, those that are set: degrees,
-    distance, triangles; distance, from the high mesh, if that has a limit; missed, a sentence for each limit that it does not
-    keep; unwrapped, a sentence about the new UV map; seconds, of each
-    stage before the bakes, and their total. Empty for other bakes."""
+    """How the low mesh of a game asset was made. Empty for other bakes."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""

@@ -21,6 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from addon.cli import run_report  # noqa: E402
 from addon.cli.run_report import Entry, FileNote, ThisCall  # noqa: E402
+from addon.core.asset import HowMade  # noqa: E402
 from addon.core.levels import ChainReport, Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402
 from addon.core.stored_normals import ConversionReport  # noqa: E402
@@ -91,6 +92,9 @@ SPECIAL[Entry] = {
     "chain": {"anyOf": [of_class(ChainReport), {"type": "object", "maxProperties": 0}]},
     "reports": {"type": "array", "items": {"anyOf": [{"$ref": "#/$defs/bake"}, {"$ref": "#/$defs/conversion"}]}},
 }
+
+
+SPECIAL[Report] = {"asset": {"type": "object", "properties": of_class(HowMade)["properties"]}}
 
 
 def schema() -> dict[str, Any]:
