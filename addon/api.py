@@ -122,8 +122,8 @@ def bake(
         with _without_users(low_object):
             (report,) = bake_all(bpy.context, [job], asked, on_progress=on_progress and made_by_caller(on_progress))
             report = replace(report, smooth_files=smooth_highs)
-            maps = _named(_arrays(report, asked), names)
-            return Result(maps, list(report.output), list(report.warnings), report.to_dict())
+            texels = _named(_arrays(report, asked), names)
+            return Result(texels, list(report.output), list(report.warnings), report.to_dict())
 
 
 class _Maps(dict[str, np.ndarray]):
@@ -233,10 +233,11 @@ _ANGLE = kinds.WholeNumber(label="smooth_files", tooltip="", default=SMOOTH_BELO
 def _smoothed(source: Source, objects: Sequence[bpy.types.Object], degrees: int) -> dict[str, int]:
     """Shade objects of a file as `smooth_files` says. Returns the degrees by their names."""
     path = Path(os.fspath(source)) if isinstance(source, str | os.PathLike) else None
-    unshaded = [obj for obj in objects if path and degrees and importing.lacks_normals(path, obj.data)]
-    for obj in unshaded:
-        importing.smooth(obj.data, degrees)
-    return {obj.name: degrees for obj in unshaded}
+    meshes = [(obj, obj.data) for obj in objects if isinstance(obj.data, bpy.types.Mesh)]
+    unshaded = [(obj, data) for obj, data in meshes if path and degrees and importing.lacks_normals(path, data)]
+    for _, data in unshaded:
+        importing.smooth(data, degrees)
+    return {obj.name: degrees for obj, _ in unshaded}
 
 
 def _only(objects: Sequence[bpy.types.Object], role: str) -> bpy.types.Object:

@@ -300,7 +300,7 @@ class Tiles(Setting):
         parts = [int(word) if len(word) == 4 and word.isdecimal() else None for word in words] or listed(value)
         if parts is None or not all(_is_number(part, numbers.Integral) and part in udim.TILES for part in parts):
             self._refuse(value, f"a list of UDIM tiles: their numbers are {udim.TILES[0]} to {udim.TILES[-1]}")
-        return tuple(map(int, parts))
+        return tuple(int(part) for part in parts if part is not None)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,12 +51,9 @@ def write_near(source: Path, target: Path, origin: np.ndarray) -> None:
             for lines in _blocks(read):
                 write.write(_moved_obj(lines, origin))
             return
-        header = _Points.of(source)
-        write.write(read.read(header.start))
-        if header.order:
-            _move_binary(read, write, header, origin)
-        else:
-            _move_text(read, write, header, origin)
+        if header := _Points.of(source):
+            write.write(read.read(header.start))
+            (_move_binary if header.order else _move_text)(read, write, header, origin)
         while content := read.read(CHUNK):
             write.write(content)
 

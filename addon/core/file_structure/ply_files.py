@@ -85,7 +85,8 @@ class Header:
 
 def read_header(path: Path) -> Header | None:
     """The header of the .ply at `path`; None if it cannot be read. Raises OSError."""
-    order, start, elements, textures = None, 0, [], []
+    order: str | None = None
+    start, elements, textures = 0, [], []
     with path.open("rb") as file:
         for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), b"")):
             start += len(line)
@@ -93,8 +94,9 @@ def read_header(path: Path) -> Header | None:
             if (number == 0 and words != ["ply"]) or number > MOST_LINES:
                 return None
             if words == ["end_header"]:
-                valid = order is not None and all(len(set(each.names)) == len(each.names) for each in elements)
-                return Header(order, start, elements, textures) if valid else None
+                if order is None or any(len(set(each.names)) < len(each.names) for each in elements):
+                    return None
+                return Header(order, start, elements, textures)
             match words:
                 case ["format", name, _]:
                     order = _ORDERS.get(name)
@@ -159,10 +161,10 @@ def _rows(path: Path, header: Header, face: Element) -> tuple[np.ndarray, np.nda
     if dtype is None:
         return None
     if header.order:
-        widths = [each.dtype(header.order) for each in before]
-        if any(width is None for width in widths):
+        rows = [(each.count, each.dtype(header.order)) for each in before]
+        start = header.start + sum(count * row.itemsize for count, row in rows if row is not None)
+        if any(row is None for _, row in rows):
             return None
-        start = header.start + sum(each.count * width.itemsize for each, width in zip(before, widths, strict=True))
         if path.stat().st_size < start + face.count * dtype.itemsize:
             return None
         table = np.fromfile(path, dtype, face.count, offset=start)
