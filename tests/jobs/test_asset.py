@@ -7,10 +7,10 @@ import pytest
 
 from addon import older_blender
 from addon.audit import appearance
-from addon.core.asset import Wanted
+from addon.core.asset import STAGES, Wanted
 from addon.core.errors import BakeError, NothingDrawn
 from addon.core.naming import Suffixes
-from addon.core.progress import Pace, finish
+from addon.core.progress import Pace, Timings, finish
 from addon.core.settings import Settings
 from addon.jobs import asset, temporary
 from addon.jobs.job import Job
@@ -194,7 +194,7 @@ def finned(size=1.0):
 def test_soups_of_any_size_are_remeshed(size):
     soup = finned(size)
     with temporary.meshes():
-        found = high_surface.read(bpy.context, Job(soup, [soup]), SETTINGS)
+        found = high_surface.read(bpy.context, Job(soup, [soup]), SETTINGS, Timings(STAGES))
         (base,) = (base for base in found.sources if base.is_remeshed and not base.is_collapsed)
         far = np.abs(np.linalg.norm(mesh_reader.points(base.data), axis=1) / size - 1.0)
     assert far.max() < FARTHEST
@@ -233,7 +233,7 @@ def test_a_triangle_of_which_a_corner_is_seen_stays():
     plate.scale, block.scale, block.location = (1.0, 1.0, 0.2), (1.0, 1.2, 0.5), (-0.5, 0.0, 0.4)
     bpy.context.view_layer.update()
     with temporary.meshes():
-        base = high_surface.read(bpy.context, Job(plate, [plate, block]), SETTINGS).sources[-1].data
+        base = high_surface.read(bpy.context, Job(plate, [plate, block]), SETTINGS, Timings(STAGES)).sources[-1].data
         points, corners = mesh_reader.points(base), mesh_reader.corner_vertices(base).reshape(-1, 3)
         top = corners[np.abs(points[corners][:, :, 2] - 0.2).max(axis=1) < 1e-6]
     assert len(top) == 2
