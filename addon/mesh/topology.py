@@ -159,7 +159,8 @@ def places(points: np.ndarray, within: float = 0.0, chosen: np.ndarray | None = 
     first = np.arange(len(some))
     # Two grids, shifted by half a step: places on the border of two cells are in one cell of the other grid.
     for shift in (0.0, 0.5):
-        first = first[first_rows(np.floor(cells + shift).astype(np.int64)[first])]
+        keys = hashes(np.floor(cells + shift).astype(np.int64))
+        first = first[firsts(keys[first])]
     numbers[some] = some[first]
     return numbers
 
@@ -219,9 +220,10 @@ def components(triangles: tuple[np.ndarray, ...], count: int) -> tuple[np.ndarra
     # edge alone joins rows, and two join other rows.
     for first, last in ((a, b), (b, c), (a[::3], c[::3])):
         roots[np.maximum(first, last)] = np.minimum(first, last)
-    # What is left to join are few parts, whose tables are small.
-    used, parts = numbered(_flat(roots))
-    if len(used) > 1:
+    roots = _flat(roots)
+    if roots.any():
+        # What is left to join are few parts, whose tables are small.
+        used, parts = numbered(roots)
         here, *others = (np.take(parts, column) for column in triangles)
         apart = [np.flatnonzero(here != other) for other in others]
         first = np.concatenate([here[some] for some in apart])

@@ -138,7 +138,10 @@ def dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-def _columns(points: np.ndarray, triangles: np.ndarray | None, dtype: DTypeLike) -> tuple[np.ndarray, ...]:
+def _columns(points: np.ndarray, triangles: np.ndarray | None, dtype: DTypeLike) -> list[np.ndarray]:
     """The three corners of triangles, (3, T) each."""
-    a, b, c = points.transpose(1, 2, 0) if triangles is None else (points[corner].T for corner in triangles.T)
-    return (a, b, c) if dtype is None else tuple(corner.astype(dtype, copy=False) for corner in (a, b, c))
+    if triangles is None:
+        corners = points.transpose(1, 2, 0)
+    else:
+        corners = [np.take(points, corner, axis=0, mode="clip").T for corner in triangles.T]
+    return [np.ascontiguousarray(corner, dtype) for corner in corners]
