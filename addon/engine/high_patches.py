@@ -12,7 +12,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.orientation import Patches
 from ..mesh.triangle_mesh import Mesh
-from ..mesh.triangles import unit_normals
+from ..mesh.triangles import diagonal, enclosed_volumes, unit_normals
 from .method_choice import FAR_APART
 
 FEW, MANY = 64, 4096
@@ -113,10 +113,7 @@ class HighPatches:
         if not asked.any():
             return np.zeros(one.count)
         some = slice(None) if asked.all() else np.flatnonzero(asked[one.labels])
-        a, b, c = self.corners(number, some).transpose(1, 2, 0)
-        volumes = (
-            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-        )
+        volumes = enclosed_volumes(self.corners(number, some))
         return np.bincount(one.labels[some], volumes * np.where(one.is_against[some], -1.0, 1.0), one.count)
 
     def is_outward(self, number: int, asked: np.ndarray) -> np.ndarray:
@@ -155,7 +152,7 @@ def _places(mesh: Mesh) -> np.ndarray:
 
 
 def _diagonal(mesh: Mesh) -> float:
-    return float(np.linalg.norm(np.ptp(mesh.box, axis=0))) if len(mesh.triangles) else 0.0
+    return diagonal(mesh.box) if len(mesh.triangles) else 0.0
 
 
 def corners_in(mesh: Mesh, chosen: np.ndarray, space: LocalSpace) -> np.ndarray:

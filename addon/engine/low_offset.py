@@ -11,7 +11,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of
 from ..mesh.orientation import WELD
 from ..mesh.triangle_mesh import Mesh, normal_matrix
-from ..mesh.triangles import vertex_normals
+from ..mesh.triangles import diagonal, vertex_normals
 
 LEAST_OFFSET, ALIKE_SHARE = 0.0045, 0.6
 """A low mesh is off if the median of its distances is at least this share of its diagonal, and this share of them is within
@@ -90,7 +90,7 @@ class _Move:
         matrix, place = low.to_world[:3, :3], low.to_world[:3, 3]
         start = low.positions @ matrix.T + place
         # Vertices that are at one place, but not joined, stay together.
-        same = topology.places(start, WELD * float(np.linalg.norm(np.ptp(start, axis=0))))
+        same = topology.places(start, WELD * diagonal(start))
         triangles, places = same[triangles], start[same]
         after = before = vertex_normals(places, triangles)[same]
         for _ in range(STEPS):

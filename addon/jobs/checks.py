@@ -32,7 +32,7 @@ from ..mesh import edges, face_shapes, topology, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from ..mesh.triangles import transformed, unit, unit_normals
+from ..mesh.triangles import diagonal, transformed, unit, unit_normals
 from ..output import outputs
 from ..passes import audit, mesh_upload, target
 from ..scene import evaluation, mesh_elements, mesh_reader, poses, traced_sides
@@ -167,7 +167,7 @@ def _share_from_afar(meshes: Meshes, timings: Timings) -> float:
     places = own_hits.LowPlaces.of(meshes, before_bake.LOW_FACES)
     points = space.points(low)
     tree = BVHTree.FromPolygons(points.tolist(), low.vertices[low.triangles].tolist())
-    far = traced_sides.FAR * float(np.linalg.norm(np.ptp(points, axis=0)))
+    far = traced_sides.FAR * diagonal(points)
     ways = traced_sides.clear_ways(tree, places.points(space).astype(np.float64), places.directions(), far)
     return own_hits.share_facing(meshes, places, ways * space.size, timings)
 
@@ -224,7 +224,7 @@ def viewport_flipped(
 def _size(obj: bpy.types.Object) -> float:
     """The diagonal of the box of an evaluated object, in the world."""
     corners = np.array(obj.bound_box, np.float64) @ np.array(obj.matrix_world, np.float64)[:3, :3].T
-    return float(np.linalg.norm(np.ptp(corners, axis=0)))
+    return diagonal(corners)
 
 
 def viewport_material_notes(

@@ -80,6 +80,12 @@ def degrees_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.degrees(2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(a - b, axis=-1), 1.0)))
 
 
+def diagonal(points: np.ndarray) -> float:
+    """The diagonal of the box around points (..., 3); 0 without any."""
+    points = points.reshape(-1, 3)
+    return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+
+
 def transformed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Points (..., 3) in the space to which a matrix (4, 4) float64 leads: float64."""
     return points @ matrix[:3, :3].T + matrix[:3, 3]

@@ -13,7 +13,7 @@ from ..core.errors import BakeError
 from ..core.map_types import BY_NAME
 from ..core.material_feeds import HighMaterial
 from ..core.settings import Settings
-from ..mesh import joining
+from ..mesh import joining, topology
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import GENERATED, FaceCorners, Mesh, changed_rows, changed_share
 from . import mesh_reader, mesh_writer, object_checks
@@ -316,7 +316,7 @@ def _normals_around(
         return corners, np.repeat(normals, faces.sizes(touched), axis=0)
     corners = faces.corners_at(np.unique(faces.vertices[corners]), len(positions))
     around = faces.faces_of(corners)
-    used, numbers = np.unique(faces.vertices[faces.corners_of(around)], return_inverse=True)
+    used, numbers = topology.numbered(faces.vertices[faces.corners_of(around)])
     normals = _normals_of(positions[used], numbers.astype(np.int32), faces.sizes(around), "vertex_normals")
     return corners, normals[np.searchsorted(used, faces.vertices[corners])]
 

@@ -15,7 +15,7 @@ from mathutils.bvhtree import BVHTree
 
 from .. import older_blender
 from ..core.errors import Fix, shorten_list
-from ..mesh.triangles import transformed, unit
+from ..mesh.triangles import diagonal, transformed, unit
 from . import evaluation, render_view
 
 TARGETS = {
@@ -149,19 +149,19 @@ def find(
         is_whole = all(len(places[low]) == len(low.data.vertices) for places in (before, after))  # nodes may cut it
         faces = _faces(low) if is_whole and len(low.data.polygons) <= MOST_FACES else None
         normals = {posed.obj: copies.normals(posed.obj) for posed in suspects}
-    diagonal = float(np.linalg.norm(np.ptp(before[low], axis=0))) if len(before[low]) else 0.0
+    size = diagonal(before[low])
     differing, farthest = [], 0.0
     for posed in suspects:
         if before[posed.obj].shape != after[posed.obj].shape:  # its nodes make another mesh
             continue
-        ways, least = before[posed.obj] - after[posed.obj], MOVED * diagonal
+        ways, least = before[posed.obj] - after[posed.obj], MOVED * size
         far = np.linalg.norm(ways, axis=1)
         if posed.obj != low and all(each.kind == "key" or each.type == "NODES" for each in posed.own):
             up = normals[posed.obj]
-            ways, least = ways - up * (ways * up).sum(axis=1, keepdims=True), MOVED_ALONG * diagonal
+            ways, least = ways - up * (ways * up).sum(axis=1, keepdims=True), MOVED_ALONG * size
         if np.linalg.norm(ways, axis=1).max(initial=0.0) > least:
             differing.append(posed)
-            farthest = max(farthest, float(far[far > MOVED * diagonal].mean()))
+            farthest = max(farthest, float(far[far > MOVED * size].mean()))
     if differing and faces is not None and _gain(low, meshes, before, after, faces) < -BETTER * farthest:
         return []
     return differing

@@ -78,7 +78,11 @@ def test_what_is_no_mesh_is_refused_in_a_sentence(name, points, triangles, words
 
 def test_lists_and_whole_numbers_are_points():
     points, triangles = verbs.weld([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
-    assert points.tolist() == [[0, 0, 0], [0, 1, 0], [1, 0, 0]] and triangles.tolist() == [[0, 2, 1]]
+    assert (
+        points.dtype == np.float64
+        and points.tolist() == [[0, 0, 0], [0, 1, 0], [1, 0, 0]]
+        and triangles.tolist() == [[0, 2, 1]]
+    )
 
 
 def test_a_mesh_without_triangles_has_none_left():
