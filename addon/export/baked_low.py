@@ -49,8 +49,9 @@ class BakedLow:
     """A low object with the reports of its maps, and its triangles in the order of its material slots.
 
     Attributes:
-        positions, normals (T, 3, 3) float32: By corner.
-        tangents (T, 3, 4) float32: With the sign of the bitangent.
+        vertices (V, 3) float32: Their positions.
+        corners (T, 3): The vertices of each triangle.
+        normals (T, 3, 3), tangents (T, 3, 4) float32: By corner; tangents have the sign of the bitangent.
         uvs: The UVs of each layer by name, that of the maps first.
         slots (T,) int32: The material slot.
         materials: In each slot, also those that modifiers set.

@@ -77,7 +77,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--since", default=RULED_SINCE, metavar="REV", help="check the commits after this one")
     options = parser.parse_args(words)
     if options.message:
-        found = [f"The subject {fault}." for fault in faults(options.message.read_text(encoding="utf-8"))]
+        found = [f"The message {fault}." for fault in faults(options.message.read_text(encoding="utf-8"))]
     else:
         found = list(lines_of(options.since))
     print("\n".join(found), end="\n" if found else "")

@@ -85,10 +85,17 @@ def test_subjects(tmp_path, capsys, subject, fault):
     """In a file with git's comments, as the hook commit-msg has it."""
     path = tmp_path / "COMMIT_EDITMSG"
     path.write_text(f"{subject}{BODY}# On branch main\n", encoding="utf-8")
-    assert check(capsys, str(path)) == (int(bool(fault)), [f"The subject {fault}."] if fault else [])
+    assert check(capsys, str(path)) == (int(bool(fault)), [f"The message {fault}."] if fault else [])
 
 
 def test_a_body_has_an_empty_line_before_it(tmp_path, capsys):
     path = tmp_path / "COMMIT_EDITMSG"
     path.write_text("mesh: fix the table\nBecause it was slow.\n", encoding="utf-8")
-    assert check(capsys, str(path)) == (1, ["The subject has no empty line below it."])
+    assert check(capsys, str(path)) == (1, ["The message has no empty line below it."])
+
+
+@pytest.mark.parametrize("rest", ["", "\n\n\n", "\n\n# On branch main\n"])
+def test_empty_lines_and_comments_are_no_body(tmp_path, capsys, rest):
+    path = tmp_path / "COMMIT_EDITMSG"
+    path.write_text(f"mesh: fix the table{rest}", encoding="utf-8")
+    assert check(capsys, str(path)) == (1, ["The message has no body that says why."])

@@ -113,12 +113,18 @@ def attributes(node):
     return [name for head in heads for name in re.findall(r"[a-z_]\w*", re.sub(r"\([^)]*\)( \w+)?| \w*\d+$", "", head))]
 
 
+def fields(node):
+    """The fields of a class and of those that it is derived from."""
+    own = {each.target.id for each in node.body if isinstance(each, ast.AnnAssign)}
+    bases = [each for base in node.bases for _, each in classes().get(ast.unparse(base).split(".")[-1], ())]
+    return own.union(*map(fields, bases))
+
+
 def run_on(node):
     """The fields of a class that its docstring explains within a paragraph, as `name: what it is`."""
-    fields = {each.target.id for each in node.body if isinstance(each, ast.AnnAssign)}
     text, _, _ = (ast.get_docstring(node) or "").partition("\nAttributes:\n")
     said = re.findall(r"(?:^|[.;] )([a-z_]\w*)(?:, [a-z_]\w*)*(?: \([^)]*\))?(?: \w+)?: ", " ".join(text.split()))
-    return sorted(fields.intersection(said))
+    return sorted(fields(node).intersection(said))
 
 
 def dataclasses():
@@ -134,7 +140,7 @@ def test_documented_fields_are_there():
         (path.name, node.name, name)
         for path, node in dataclasses()
         for name in attributes(node)
-        if name not in members(node)
+        if name not in fields(node)
     ]
     assert wrong == [], wrong
 
