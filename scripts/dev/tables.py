@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from addon.cli.commands import FARM  # noqa: E402
-from addon.cli.limits import COUNT, DEGREES, LENGTH, METRICS, SECONDS, SHARE, TARGETS  # noqa: E402
+from addon.cli.limits import LENGTH, METRICS, SHARE, TARGETS  # noqa: E402
 from addon.cli.option_types import word_for  # noqa: E402
 from addon.cli.options import FILE, JOBS, OBJECTS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption, option_word  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
@@ -255,29 +255,25 @@ def settings_of(own: Sequence[targets.TargetEngine]) -> str:
     return "; ".join(f"{label}: {each}" for each, label in settings.items())
 
 
-UNITS = {SHARE: "%", COUNT: "a number", LENGTH: "scene units", SECONDS: "s", DEGREES: "deg"}
+UNITS = {SHARE: "%", LENGTH: "scene units"}
+"""Of figures whose meaning does not say it."""
 
 
 def figures() -> str:
-    """The figures that can have limits. Those that differ in their end alone are in one row."""
-    rows: dict[tuple[str, str], list[str]] = {}
+    """The figures that can have limits, with their units. Those that differ in their end alone are in one row."""
+    rows: dict[str, list[str]] = {}
     for figure in METRICS.values():
         name, meaning = figure.name, figure.meaning
         if name.startswith(TARGETS):
             name, meaning = (
                 f"{TARGETS}.NAME.{name.rpartition('.')[2]}",
-                "degrees by which a program of --targets is off",
+                "degrees by which an engine of --targets is off",
             )
-        names = rows.setdefault((meaning, UNITS[figure.unit]), [])
+        unit = f" ({UNITS[figure.unit]})" if figure.unit in UNITS else ""
+        names = rows.setdefault(f"{sentence(meaning[0].upper() + meaning[1:])[:-1]}{unit}", [])
         if code(name) not in names:
             names.append(code(name))
-    return table(
-        ("metric", "unit", "what it is"),
-        (
-            (", ".join(names), unit, sentence(meaning[0].upper() + meaning[1:]))
-            for (meaning, unit), names in rows.items()
-        ),
-    )
+    return table(("metric", "what it is"), ((", ".join(names), meaning) for meaning, names in rows.items()))
 
 
 TABLES: dict[str, Callable[[], str]] = {
