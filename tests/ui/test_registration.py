@@ -31,6 +31,9 @@ def traces():
     gizmos = {view_gizmos.IMPRINT_GT_split: bpy.types.Gizmo, view_gizmos.IMPRINT_GGT_split: bpy.types.GizmoGroup}
     found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}
     found |= {f"Scene.{name}" for name in dir(bpy.types.Scene) if name.startswith("imprint")}
+    keymaps = bpy.context.window_manager.keyconfigs.addon.keymaps
+    keys = (key.idname for keymap in keymaps for key in keymap.keymap_items)
+    found |= {f"key of {name}" for name in keys if name.startswith("imprint.")}
     return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
 
 
@@ -48,6 +51,7 @@ def test_registering_twice_leaves_nothing():
             "ImprintSettings",
             "Scene.imprint",
             "IMPRINT_GT_split",
+            "key of imprint.view_next",
         }
         assert command.is_registered()
         addon.unregister()
