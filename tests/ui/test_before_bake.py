@@ -149,6 +149,7 @@ def test_a_mesh_is_looked_at_once_until_it_changes():
         panel_layout.draw()
     settings.samples = "4"
     bpy.data.objects["high"].data.update_tag()
+    low.location.x += 0.1
     bpy.context.view_layer.update()
     panel_layout.draw()
     assert findings.looks == before
