@@ -13,6 +13,7 @@ from addon.core.settings import Settings
 from addon.jobs import bake_jobs, checks
 from addon.ui import bake_panel
 from addon.ui.bake_results import results
+from addon.ui.callbacks import events
 from addon.ui.findings import findings
 from addon.ui.fixes import FIXES
 from addon.ui.properties import Chosen
@@ -157,6 +158,10 @@ def test_a_mesh_is_looked_at_once_until_it_changes():
     low.data.update_tag()
     assert "24 hard edges" in panel_layout.draw(width=2000).text
     assert findings.looks == before + 1
+    for what in ("undo_post", "redo_post", "end"):
+        events.tell(what)
+        panel_layout.draw()
+    assert findings.looks == before + 4
     low.modifiers.new("Triangulate", "TRIANGULATE")
     assert "quads" not in panel_layout.draw(width=2000).text
 
