@@ -81,7 +81,8 @@ def view_after_live():
     press("live")
     taken = yield from wait(lambda: live.state is LiveState.IDLE and viewer.own is None and runner.run is None)
     press("live")
-    given_back = yield from wait(lambda: not live.is_on and viewer.own is not None and runner.run is None)
+    # The map of Live is in the file by then, which the view shows.
+    given_back = yield from wait(lambda: not live.is_on and viewer.stored and runner.run is None)
     return began and taken and given_back
 
 
