@@ -33,12 +33,12 @@ __all__ = ["BakeError", "NoGpu", "Result", "Surface", "bake"]
 class Surface:
     """A triangle mesh as arrays, in one space with the others of the bake, Z up.
 
-    Args:
+    Attributes:
         vertices: (V, 3) floats.
         triangles: (T, 3) indices of vertices, counter-clockwise where seen from the front.
         uv: (V, 2) by vertex, or (T, 3, 2) by corner; row 0 of a map is v = 0. The low mesh needs them.
         normals: (V, 3) by vertex, or (T, 3, 3) by corner. None for smooth normals.
-        name: in messages, and for "{low}" in `output`.
+        name: In messages, and for "{low}" in `output`.
     """
 
     vertices: Any
@@ -58,12 +58,12 @@ class Result:
     """What a bake made.
 
     Attributes:
-        maps: the maps by the names that were asked for, and found in any spelling: (H, W, 4) float32, row 0 at v = 0. Normals
+        maps: The maps by the names that were asked for, and found in any spelling: (H, W, 4) float32, row 0 at v = 0. Normals
             lie in 0 to 1, other values are those of a 32-bit file, or of the files that were written. Empty for UDIM tiles,
             which are in files alone.
-        files: the absolute paths of the files that were written.
-        warnings: sentences.
-        report: everything that is known of the bake, as `bake --report` writes it.
+        files: The absolute paths of the files that were written.
+        warnings: Sentences.
+        report: Everything that is known of the bake, as `bake --report` writes it.
     """
 
     maps: dict[str, np.ndarray]

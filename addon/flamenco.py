@@ -23,7 +23,11 @@ _NOT_FOUND = 404
 
 @dataclass(frozen=True)
 class Job:
-    """A job of the type JOB_TYPE. settings: those that differ from what the job type sets."""
+    """A job of the type JOB_TYPE.
+
+    Attributes:
+        settings: Those that differ from what the job type sets.
+    """
 
     name: str
     settings: dict[str, Any]

@@ -381,7 +381,11 @@ def _show_memory(opened: _Opened, meter: Meter) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class _Baked:
-    """The reports of all jobs, frames or levels that were finished, and whether a signal stopped the bake. chain: of levels."""
+    """The reports of all jobs, frames or levels that were finished, and whether a signal stopped the bake.
+
+    Attributes:
+        chain: Of levels.
+    """
 
     reports: list[Report]
     is_stopped: bool = False

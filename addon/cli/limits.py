@@ -135,7 +135,11 @@ METRICS = {metric.name: metric for metric in _metrics()}
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit on a metric. limit: a share from 0 to 1, or in the metric's unit."""
+    """A limit on a metric.
+
+    Attributes:
+        limit: A share from 0 to 1, or in the metric's unit.
+    """
 
     name: str
     sign: str

@@ -44,8 +44,11 @@ class Answer:
 
 @dataclass(frozen=True)
 class Ready:
-    """To the parent: Blender and its GPU have started. most_bakes: after so many, another worker takes its place; 0 for any
-    number."""
+    """To the parent: Blender and its GPU have started.
+
+    Attributes:
+        most_bakes: After so many, another worker takes its place; 0 for any number.
+    """
 
     most_bakes: int = 0
 
@@ -74,7 +77,11 @@ class FilesFound:
 
 @dataclass(frozen=True)
 class Percent:
-    """To the parent: how far a bake is. done: from 0 to 1."""
+    """To the parent: how far a bake is.
+
+    Attributes:
+        done: From 0 to 1.
+    """
 
     subject: str
     what: str

@@ -32,12 +32,15 @@ MOST_LEVELS = 8
 class Wanted:
     """The limits of an asset.
 
-    degrees: the shading error that 99 % of the pixels may have, infinite for no limit. distance: from the high mesh, that 99 %
-    of the surface may have, as a share of the longest side of the box; infinite for no limit. triangles: how many the low mesh
-    has; with another limit the most of them, 0 for as many as that takes. fits_size: whether the maps are as large as the
-    detail of the high objects needs. levels: how many levels of detail follow the low mesh. density: the texels a meter that
-    the maps have at least; 0 for the size in the settings. is_count_given: whether the user gave the number of triangles, and
-    not the default, which is a most.
+    Attributes:
+        degrees: The shading error that 99 % of the pixels may have, infinite for no limit.
+        distance: From the high mesh, that 99 % of the surface may have, as a share of the longest side of the box; infinite for
+            no limit.
+        triangles: How many the low mesh has; with another limit the most of them, 0 for as many as that takes.
+        fits_size: Whether the maps are as large as the detail of the high objects needs.
+        levels: How many levels of detail follow the low mesh.
+        density: The texels a meter that the maps have at least; 0 for the size in the settings.
+        is_count_given: Whether the user gave the number of triangles, and not the default, which is a most.
     """
 
     degrees: float = math.inf

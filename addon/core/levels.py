@@ -75,9 +75,13 @@ def _numbers(text: str, what: str, most: float) -> list[float]:
 class Level:
     """One level of a chain.
 
-    name: of its object. limit: what it may deviate. degrees, bare_degrees, distance: as in texel_judge.Deviations.
-    beyond: the number of triangles of the coarser mesh that was measured beyond the limit, 0 if there is no coarser one.
-    beyond_degrees, beyond_distance: of that mesh. bake: the report of its map.
+    Attributes:
+        name: Of its object.
+        limit: What it may deviate.
+        degrees, bare_degrees, distance: As in texel_judge.Deviations.
+        beyond: The number of triangles of the coarser mesh that was measured beyond the limit, 0 if there is no coarser one.
+        beyond_degrees, beyond_distance: Of that mesh.
+        bake: The report of its map.
     """
 
     name: str
@@ -101,7 +105,12 @@ class Level:
 
 @dataclass(frozen=True)
 class ChainReport:
-    """The results of a chain. original: the name of its object. measured: how many meshes were measured."""
+    """The results of a chain.
+
+    Attributes:
+        original: The name of its object.
+        measured: How many meshes were measured.
+    """
 
     original: str
     triangles: int

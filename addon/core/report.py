@@ -45,7 +45,11 @@ def _of(path: str, **default: Any) -> Any:
 
 @dataclass(frozen=True)
 class Report:
-    """The results of a bake. Shares are of all texels, unless noted. seconds: of each stage, and in total."""
+    """The results of a bake. Shares are of all texels, unless noted.
+
+    Attributes:
+        seconds: Of each stage, and in total.
+    """
 
     method: str = _of("plan.method")
     """FLATTEN or CAST."""

@@ -26,7 +26,9 @@ REACH = 64
 class Band:
     """Rows `start` to `stop` of a map of `size`, drawn with `halo` more rows on either side for the margin.
 
-    tile: its UDIM number. offset: from the center of each texel to its sample, in texels.
+    Attributes:
+        tile: Its UDIM number.
+        offset: From the center of each texel to its sample, in texels.
     """
 
     start: int

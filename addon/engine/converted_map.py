@@ -27,7 +27,11 @@ NEAR_UNIT = 0.25
 class Fit:
     """How the texels of a map fit the low mesh that it was read on: numbers of texels that the mesh covers.
 
-    directed: those with a normal. missed: with alpha 0. unit: with a length near 1. away: whose normal points into the mesh.
+    Attributes:
+        directed: Those with a normal.
+        missed: With alpha 0.
+        unit: With a length near 1.
+        away: Whose normal points into the mesh.
     """
 
     covered: int = 0

@@ -25,10 +25,14 @@ MANY = 4096
 class HighLook:
     """What high meshes are.
 
-    triangles, parts, closed: how many; parts are connected, closed ones have no open edge. mended: as core.report.Report has
-    it. noise: by how many degrees one round of smoothing turns the normals, in the median. distances: between the high meshes
-    and the low one, in scene units: median, 99th percentile, and the diagonal of the low mesh. notes: sentences. largest: as
-    Mended has it.
+    Attributes:
+        triangles, parts, closed: How many; parts are connected, closed ones have no open edge.
+        mended: As core.report.Report has it.
+        noise: By how many degrees one round of smoothing turns the normals, in the median.
+        distances: Between the high meshes and the low one, in scene units: median, 99th percentile, and the diagonal of the low
+            mesh.
+        notes: Sentences.
+        largest: As Mended has it.
     """
 
     triangles: int

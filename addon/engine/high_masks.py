@@ -19,9 +19,12 @@ from .high_patches import places_of
 class HighMasks(ComparedByValue):
     """What is changed of one high mesh. The masks (T,) bool are of its triangles as they were read; None for none of them.
 
-    copies: left out before all else, since an earlier triangle is in the same place and points to the same side. turned: turned
-    over. left_out: all that are left out. is_joined: whether normals become smooth across vertices that are at one place and
-    not joined; where triangles are turned over, they do.
+    Attributes:
+        copies: Left out before all else, since an earlier triangle is in the same place and points to the same side.
+        turned: Turned over.
+        left_out: All that are left out.
+        is_joined: Whether normals become smooth across vertices that are at one place and not joined; where triangles are
+            turned over, they do.
     """
 
     copies: MaybeArray = None
@@ -90,13 +93,20 @@ def joined(high: Mesh) -> Mesh:
 class Mended:
     """What is told of changes of the high meshes.
 
-    turned: how many triangles were turned over, of_triangles: of how many. parts: in how many connected parts, of_parts: of how
-    many. undecided: for each mesh, the number of parts whose outer side is not known; undecided_share: of the area of all
-    meshes that they have. contradicting: for each mesh, the number of parts that cannot point to one side, as a Möbius strip.
-    hidden: how many triangles were left out since they lie behind the surface, twice: since they are there twice. degrees: by
-    how much normals were smoothed, in the median and at the 95th percentile, or empty. low_differs: whether the faces of the
-    low mesh itself point to different sides, so that it cannot tell. low_is_inside_out: whether the low mesh is closed, and all
-    of it points inward. largest: of the parts that were turned over, those with most triangles.
+    Attributes:
+        turned: How many triangles were turned over.
+        of_triangles: Of how many.
+        parts: In how many connected parts.
+        of_parts: Of how many.
+        undecided: For each mesh, the number of parts whose outer side is not known.
+        undecided_share: Of the area of all meshes that they have.
+        contradicting: For each mesh, the number of parts that cannot point to one side, as a Möbius strip.
+        hidden: How many triangles were left out since they lie behind the surface.
+        twice: How many since they are there twice.
+        degrees: By how much normals were smoothed, in the median and at the 95th percentile, or empty.
+        low_differs: Whether the faces of the low mesh itself point to different sides, so that it cannot tell.
+        low_is_inside_out: Whether the low mesh is closed, and all of it points inward.
+        largest: Of the parts that were turned over, those with most triangles.
     """
 
     turned: int = 0

@@ -138,7 +138,11 @@ def _draw_batch(
 
 @dataclass(frozen=True)
 class HighSurface:
-    """What hits are on. ray_scene: of `highs`, maybe without a tree."""
+    """What hits are on.
+
+    Attributes:
+        ray_scene: Of `highs`, maybe without a tree.
+    """
 
     highs: Sequence[Mesh]
     ray_scene: RayScene

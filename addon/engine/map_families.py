@@ -24,8 +24,11 @@ from .high_meshes import HighSurface
 class Sample:
     """One sample of each texel of a band, whose hits are known.
 
-    number: from 0, among all samples of the band. is_central: whether it is the one nearest to the texel's center. normals,
-    hits, covered: as sources.Source has them. blocks: where in the band its materials are, if images are looked up.
+    Attributes:
+        number: From 0, among all samples of the band.
+        is_central: Whether it is the one nearest to the texel's center.
+        normals, hits, covered: As sources.Source has them.
+        blocks: Where in the band its materials are, if images are looked up.
     """
 
     band: Band

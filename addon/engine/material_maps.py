@@ -35,7 +35,11 @@ from .normal_space import NormalSpace
 
 @dataclass(frozen=True)
 class ImageUse:
-    """One use of an image, on the materials that have `number` in `materials`. draw: draws it at the hits of a sample."""
+    """One use of an image, on the materials that have `number` in `materials`.
+
+    Attributes:
+        draw: Draws it at the hits of a sample.
+    """
 
     feed: ImageFeed
     materials: MaterialTable
@@ -82,7 +86,12 @@ def draw_images(
 
 @dataclass(frozen=True)
 class _Map:
-    """One map. feeds: the number of each image and attribute that feeds it, from 1. table: of all materials."""
+    """One map.
+
+    Attributes:
+        feeds: The number of each image and attribute that feeds it, from 1.
+        table: Of all materials.
+    """
 
     mean: Mean
     table: MaterialTable

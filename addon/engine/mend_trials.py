@@ -28,8 +28,10 @@ LEAST = 2
 class Shown:
     """What the places of the low mesh show.
 
-    patches (N,) int: the patch of each place's own hit, numbered mesh after mesh; -1 for places that own none. heights (N,):
-    of the hits, in local space. spread: how many of the places, the first ones, are spread evenly over the low mesh.
+    Attributes:
+        patches (N,) int: The patch of each place's own hit, numbered mesh after mesh; -1 for places that own none.
+        heights (N,): Of the hits, in local space.
+        spread: How many of the places, the first ones, are spread evenly over the low mesh.
     """
 
     patches: np.ndarray
@@ -61,7 +63,7 @@ class Trials:
 
     highs: the meshes as the bake takes them if nothing is turned over. near: patches (count,) bool of each mesh that get places
     of their own, those nearest to them. is_reversed: whether the bake has all triangles in the reverse order, as
-    draw_order.ordered has them: then its tree is used. places: how many are spread over the low mesh.
+    draw_order.Order has them: then its tree is used. places: how many are spread over the low mesh.
     """
 
     def __init__(

@@ -22,8 +22,11 @@ of a card before a wall."""
 class Choice(ComparedByValue):
     """How the high surface is found from the low one.
 
-    method: FLATTEN or CAST. why: a clause; empty where the settings name the method. has_rays: whether FLATTEN casts rays where
-    the UV layouts do not agree. separation: the result of separation.sample if the choice needed it, or None.
+    Attributes:
+        method: FLATTEN or CAST.
+        why: A clause; empty where the settings name the method.
+        has_rays: Whether FLATTEN casts rays where the UV layouts do not agree.
+        separation: The result of separation.sample if the choice needed it, or None.
     """
 
     method: str

@@ -37,9 +37,11 @@ MUCH = 1e-3
 class Orientation:
     """How the high meshes are meant.
 
-    masks: what is changed of each. told: what the report has of it; None if nothing is to be told. scene: the tree over the
-    high meshes in the order in which the bake casts rays at them, whichever of their triangles are turned over; None if it has
-    other triangles, or if nothing is turned.
+    Attributes:
+        masks: What is changed of each.
+        told: What the report has of it; None if nothing is to be told.
+        scene: The tree over the high meshes in the order in which the bake casts rays at them, whichever of their triangles are
+            turned over; None if it has other triangles, or if nothing is turned.
     """
 
     masks: tuple[HighMasks, ...]

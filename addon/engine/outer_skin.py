@@ -35,7 +35,9 @@ its hits, and at most the second share of these places needs them."""
 class Skin:
     """What is left out of high meshes so that their outer skin stays alone.
 
-    left_out: triangles (T,) bool of each mesh. twice, hidden: how many of them are there twice, and lie behind the surface.
+    Attributes:
+        left_out: Triangles (T,) bool of each mesh.
+        twice, hidden: How many of them are there twice, and lie behind the surface.
     """
 
     left_out: list[np.ndarray]

@@ -28,8 +28,11 @@ STEPS = 0.7548776662466927, 0.5698402909980532
 class LowPlaces:
     """Places on a low mesh, N of them.
 
-    mesh: the low mesh, with all its triangles. triangles (N,) int: those that the places are on. weights (N, 3): of their
-    corners. normals (C, 3) float32: the smooth normals of the mesh's corners, in its own space.
+    Attributes:
+        mesh: The low mesh, with all its triangles.
+        triangles (N,) int: Those that the places are on.
+        weights (N, 3): Of their corners.
+        normals (C, 3) float32: The smooth normals of the mesh's corners, in its own space.
     """
 
     mesh: Mesh
@@ -77,8 +80,10 @@ class LowPlaces:
 class OwnHits:
     """What N places show.
 
-    is_own (N,) bool: whether they own a hit that faces their ray. triangles (N,) int: of the hit, numbered mesh after mesh; -1
-    for a miss. heights (N,) float32: of the hit above the low mesh, in local space.
+    Attributes:
+        is_own (N,) bool: Whether they own a hit that faces their ray.
+        triangles (N,) int: Of the hit, numbered mesh after mesh; -1 for a miss.
+        heights (N,) float32: Of the hit above the low mesh, in local space.
     """
 
     is_own: np.ndarray

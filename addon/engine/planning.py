@@ -32,10 +32,16 @@ are set."""
 class Plan(ComparedByValue):
     """How a bake is done. Plans that decide the same are equal, whatever meshes they are for.
 
-    read: the meshes as they were read. tiles: UDIM numbers. choice: the method. order: in which triangles are drawn. masks:
-    what is changed of each high mesh; empty for nothing. smooth: how many rounds the high normals are smoothed. is_reached:
-    which of the high meshes rays can reach; empty for all. told: what the report has of changes of the high meshes; None for
-    nothing. apart: if the meshes are far apart, and no distance is set, a sentence for rays that miss.
+    Attributes:
+        read: The meshes as they were read.
+        tiles: UDIM numbers.
+        choice: The method.
+        order: In which triangles are drawn.
+        masks: What is changed of each high mesh; empty for nothing.
+        smooth: How many rounds the high normals are smoothed.
+        is_reached: Which of the high meshes rays can reach; empty for all.
+        told: What the report has of changes of the high meshes; None for nothing.
+        apart: If the meshes are far apart, and no distance is set, a sentence for rays that miss.
     """
 
     read: Meshes = field(compare=False)

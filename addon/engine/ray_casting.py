@@ -28,11 +28,14 @@ TOUCHING = 1e-6
 class RayCast:
     """Rays from a low mesh to the high ones.
 
-    ray_mesh: from `upload_ray_mesh`. extrusion, max_distance: in scene units; with a cage, rays start on it and extrusion is 0.
-    hit: which hit counts. is_measured: whether at least one of the two distances was measured, not set.
-    by_order: as cast.Search has it.
-    offset: in local space. The high meshes lie so far outside the low one everywhere, which was moved to them. Rays, heights
-    and `low` are those of the moved mesh, the two distances are not.
+    Attributes:
+        ray_mesh: From `upload_ray_mesh`.
+        extrusion, max_distance: In scene units; with a cage, rays start on it and extrusion is 0.
+        hit: Which hit counts.
+        is_measured: Whether at least one of the two distances was measured, not set.
+        by_order: As cast.Search has it.
+        offset: In local space. The high meshes lie so far outside the low one everywhere, which was moved to them. Rays,
+            heights and `low` are those of the moved mesh, the two distances are not.
     """
 
     ray_scene: RayScene

@@ -96,8 +96,11 @@ def measured_rays(
 
 @dataclass(frozen=True)
 class _Start:
-    """Where rays start: the low mesh as it is, or moved. probe: without what is painted, which scales the distances that are
-    measured and does not change them."""
+    """Where rays start: the low mesh as it is, or moved.
+
+    Attributes:
+        probe: Without what is painted, which scales the distances that are measured and does not change them.
+    """
 
     low_surface: LowSurface
     ray_mesh: gpu.types.GPUBatch
@@ -146,7 +149,9 @@ class _Starts:
 class Probe:
     """Some of the rays of a bake.
 
-    size: width and height of the map. tiles: its UDIM tiles. The others are as rays.draw and cast.trace take them.
+    Attributes:
+        size: Width and height of the map.
+        tiles: Its UDIM tiles. The others are as rays.draw and cast.trace take them.
     """
 
     tables: cast.Tables

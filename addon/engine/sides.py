@@ -48,8 +48,10 @@ NAMED = 5
 class Sides:
     """What is turned over.
 
-    masks: the triangles (T,) bool of each mesh. undecided: the patches (count,) bool of each mesh that have no outer side.
-    before, after: what places showed, and show now; None where no rays can be cast.
+    Attributes:
+        masks: The triangles (T,) bool of each mesh.
+        undecided: The patches (count,) bool of each mesh that have no outer side.
+        before, after: What places showed, and show now; None where no rays can be cast.
     """
 
     masks: list[np.ndarray]

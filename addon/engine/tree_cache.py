@@ -31,9 +31,12 @@ PLACES = 0.2, 0.4, 0.6, 0.8
 class LowSurface:
     """The low mesh as rays see it.
 
-    owners: its tree. numbers (T,) int: of its triangles in the tree, from 1. starts (T,) int: of the triangles where walks for
-    their hits start. edges: its hard edges; none if none of them is a feature of the shape. sharp: points on those that are, or
-    None.
+    Attributes:
+        owners: Its tree.
+        numbers (T,) int: Of its triangles in the tree, from 1.
+        starts (T,) int: Of the triangles where walks for their hits start.
+        edges: Its hard edges; none if none of them is a feature of the shape.
+        sharp: Points on those that are, or None.
     """
 
     owners: cast.Owners
@@ -52,8 +55,11 @@ class LowSurface:
 class SharpPoints:
     """Points on hard edges.
 
-    places (N, 3) float32 in local space. vertices (N, 2) int: the ends of each point's edge. cosines (N,): of half the angle
-    between the faces' normals.
+    places (N, 3) float32 in local space.
+
+    Attributes:
+        vertices (N, 2) int: The ends of each point's edge.
+        cosines (N,): Of half the angle between the faces' normals.
     """
 
     places: np.ndarray
@@ -121,8 +127,10 @@ CACHED_TREES = 4
 class RayScene:
     """What rays can hit: all high meshes.
 
-    local_space: of the tree. tables: the tree on the GPU. order (T,) int: the triangles, numbered mesh after
-    mesh, in the order of the tree.
+    Attributes:
+        local_space: Of the tree.
+        tables: The tree on the GPU.
+        order (T,) int: The triangles, numbered mesh after mesh, in the order of the tree.
     """
 
     local_space: LocalSpace

@@ -41,17 +41,22 @@ STEEP = 2.0
 class Doubts:
     """What speaks against the hits of texels, (height, width) bool each.
 
-    triangles (height, width) int64: the number of the low triangle on each texel, as in LowSurface.starts; 0 for none.
-    heights (height, width) float32: of the hits above the low surface along the rays, in local space. missed: those whose rays
-    hit nothing. not_owned: those that own none of the hits that face their rays, and show the nearest.
+    The others are reasons to be unsure.
 
-    The others are reasons to be unsure. undecided: not_owned, and another hit is about as near, or the hit is on another layer
-    of the low mesh. backs: the ray hits only backs of triangles. contested: the texel owns several hits, and one of them may
-    belong to another layer of the low mesh, which is on the ray as well. jumps: a texel next to it on the surface has a hit
-    at another height, and there are several hits and layers. other_layer: the settings choose hits by another rule than OWN,
-    and the hit is not the texel's own. covered: the texel owns a hit that stands off and one below it, and such parts cover
-    much of the low mesh. beyond: the texel owns a surface farther outside than its ray starts. The last two are reasons only
-    where distances were measured.
+    Attributes:
+        triangles (height, width) int64: The number of the low triangle on each texel, as in LowSurface.starts; 0 for none.
+        heights (height, width) float32: Of the hits above the low surface along the rays, in local space.
+        missed: Those whose rays hit nothing.
+        not_owned: Those that own none of the hits that face their rays, and show the nearest.
+        undecided: not_owned, and another hit is about as near, or the hit is on another layer of the low mesh.
+        backs: The ray hits only backs of triangles.
+        contested: The texel owns several hits, and one of them may belong to another layer of the low mesh, which is on the ray
+            as well.
+        jumps: A texel next to it on the surface has a hit at another height, and there are several hits and layers.
+        other_layer: The settings choose hits by another rule than OWN, and the hit is not the texel's own.
+        covered: The texel owns a hit that stands off and one below it, and such parts cover much of the low mesh.
+        beyond: The texel owns a surface farther outside than its ray starts. The last two are reasons only where distances were
+            measured.
     """
 
     triangles: np.ndarray
@@ -83,7 +88,11 @@ REASONS = tuple(field.name for field in fields(Doubts))[4:]
 
 @dataclass(frozen=True)
 class _Hits:
-    """What rays hit. heights (...) float32: above the low surface along the rays, in local space. The others: (...) bool."""
+    """What rays hit.
+
+    Attributes:
+        heights (...) float32: Above the low surface along the rays, in local space. The others: (...) bool.
+    """
 
     heights: np.ndarray
     is_hit: np.ndarray
@@ -305,10 +314,14 @@ STEEP_TURN = 3.0
 class Traced:
     """The texels of a map that lie on the low mesh, and their rays, in local space.
 
-    triangles (N,) int: of the low mesh. directions, hits (N, 3) float32: of the rays, and the points that they hit. heights
-    (N,) float32: of these points above the low surface. is_missed, is_unsure, is_doubtful (N,) bool: doubtful are misses, hits
-    that their texel does not own, and what Explorer is unsure about. gap: closer hits are the same. count: of the low mesh's
-    triangles.
+    Attributes:
+        triangles (N,) int: Of the low mesh.
+        directions, hits (N, 3) float32: Of the rays, and the points that they hit.
+        heights (N,) float32: Of these points above the low surface.
+        is_missed, is_unsure, is_doubtful (N,) bool: Doubtful are misses, hits that their texel does not own, and what Explorer
+            is unsure about.
+        gap: Closer hits are the same.
+        count: Of the low mesh's triangles.
     """
 
     triangles: np.ndarray

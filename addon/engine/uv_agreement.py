@@ -43,8 +43,9 @@ LARGEST_EXTENT = 2.0
 class Agreement:
     """Whether high and low meshes share their UV layout, and a clause that says why.
 
-    separation: the result of separation.sample on a large map, if they do. is_everywhere: whether they share it on so many
-    texels that nothing is missing or out of place.
+    Attributes:
+        separation: The result of separation.sample on a large map, if they do.
+        is_everywhere: Whether they share it on so many texels that nothing is missing or out of place.
     """
 
     is_shared: bool

@@ -46,8 +46,9 @@ CORRECTIONS = 3
 class Low:
     """A low object of an asset.
 
-    wanted: its limits.
-    how: it was made, so far.
+    Attributes:
+        wanted: Its limits.
+        how: It was made, so far.
     """
 
     obj: bpy.types.Object

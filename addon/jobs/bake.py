@@ -80,8 +80,13 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
 
 @dataclass(frozen=True)
 class _Ready:
-    """A bake that is ready to be drawn. warnings: about the objects. truth: the same with own hits, for what is measured.
-    length: a length in scene units as text."""
+    """A bake that is ready to be drawn.
+
+    Attributes:
+        warnings: About the objects.
+        truth: The same with own hits, for what is measured.
+        length: A length in scene units as text.
+    """
 
     warnings: list[Warned]
     drawing: Drawing

@@ -570,7 +570,12 @@ def _whole_masks(view: "_View", kind: str) -> Task[dict[int, np.ndarray]]:
 
 @dataclass(frozen=True)
 class _View:
-    """A past bake with its objects as they are now. settings: of the mask. distances: of the bake's rays; empty for Flatten."""
+    """A past bake with its objects as they are now.
+
+    Attributes:
+        settings: Of the mask.
+        distances: Of the bake's rays; empty for Flatten.
+    """
 
     job: Job
     plan: Plan

@@ -152,8 +152,13 @@ class Conversion:
 
 @dataclass(frozen=True)
 class _Ready:
-    """All that is read of a conversion. name, origin: of the image, as datablocks.origin has it. mesh: the low mesh,
-    with tangents if one of the spaces is tangent. settings: of the new map, with its names and its size."""
+    """All that is read of a conversion.
+
+    Attributes:
+        name, origin: Of the image, as datablocks.origin has it.
+        mesh: The low mesh, with tangents if one of the spaces is tangent.
+        settings: Of the new map, with its names and its size.
+    """
 
     name: str
     origin: list[str]

@@ -26,8 +26,11 @@ from .job import Job
 
 @dataclass(frozen=True)
 class Kept:
-    """The parts of each map that are not baked, by the map's name, and their low meshes with UVs. tiles: of each map, in which
-    their texels were found."""
+    """The parts of each map that are not baked, by the map's name, and their low meshes with UVs.
+
+    Attributes:
+        tiles: Of each map, in which their texels were found.
+    """
 
     parts: dict[str, list[Part]] = field(default_factory=dict)
     tiles: dict[str, list[int]] = field(default_factory=dict)

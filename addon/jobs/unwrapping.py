@@ -53,7 +53,12 @@ ANGLE = np.radians(66.0)
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """A way to unwrap, and what it gave. mesh: with its UVs. of: the island of each of its triangles."""
+    """A way to unwrap, and what it gave.
+
+    Attributes:
+        mesh: With its UVs.
+        of: The island of each of its triangles.
+    """
 
     name: str
     mesh: Mesh

@@ -64,8 +64,10 @@ ROUNDS = 4
 class Proposal:
     """Weights (V,) float32 by vertex of the low object, by the settings that name their groups.
 
-    They are the present ones where no others are better. before, after: the shares of the checked texels that are doubtful,
-    without and with them.
+    They are the present ones where no others are better.
+
+    Attributes:
+        before, after: The shares of the checked texels that are doubtful, without and with them.
     """
 
     weights: dict[str, np.ndarray]

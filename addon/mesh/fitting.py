@@ -154,8 +154,13 @@ def fit(
 
 @dataclass(frozen=True)
 class _Beside:
-    """The triangles that touch each triangle, and itself. triangles (T, 3) int. beside (N,) int: sorted by the triangle that
-    they touch. firsts (T + 1,): where those of each triangle begin."""
+    """The triangles that touch each triangle, and itself.
+
+    Attributes:
+        triangles: (T, 3) int.
+        beside (N,) int: Sorted by the triangle that they touch.
+        firsts (T + 1,): Where those of each triangle begin.
+    """
 
     triangles: np.ndarray
     beside: np.ndarray

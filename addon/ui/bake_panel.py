@@ -274,7 +274,11 @@ def count_images(low: bpy.types.Object, settings: ImprintSettings) -> str:
 
 @dataclass(frozen=True)
 class PlannedImage:
-    """An image that a bake fills. file: the name of its file; empty without one."""
+    """An image that a bake fills.
+
+    Attributes:
+        file: The name of its file; empty without one.
+    """
 
     name: str
     file: str

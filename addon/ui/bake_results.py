@@ -30,8 +30,9 @@ from .texts import labeled, message, tooltip
 class Batch:
     """The session's last bake of pairs.
 
-    left_out: what it left out: names of low objects, empty where there is no pair, and why in a sentence. baked: the names of
-    the low objects that it baked; empty after a later bake.
+    Attributes:
+        left_out: What it left out: names of low objects, empty where there is no pair, and why in a sentence.
+        baked: The names of the low objects that it baked; empty after a later bake.
     """
 
     left_out: Sequence[tuple[str, str]] = ()

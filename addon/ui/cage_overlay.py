@@ -73,7 +73,12 @@ class RayLengths:
 
 @dataclass(frozen=True)
 class Subject:
-    """What the shells are of. settings: only those of rays that give the shells their shape. blend_width: in scene units."""
+    """What the shells are of.
+
+    Attributes:
+        settings: Only those of rays that give the shells their shape.
+        blend_width: In scene units.
+    """
 
     low: ObjectRef
     cage: ObjectRef | None

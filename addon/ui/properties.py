@@ -196,8 +196,10 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
 class Chosen:
     """The objects that the panel bakes.
 
-    panel: the settings of the scene. pair: the pair of `low` if `highs` are its high objects, else None. missing: the names of
-    high objects that should be among them, and were deleted or did not come along.
+    Attributes:
+        panel: The settings of the scene.
+        pair: The pair of `low` if `highs` are its high objects, else None.
+        missing: The names of high objects that should be among them, and were deleted or did not come along.
     """
 
     panel: ImprintSettings

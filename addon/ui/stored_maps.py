@@ -39,7 +39,10 @@ a second or two for 4096 x 4096 texels on a software driver."""
 class StoredMap:
     """A map in an image of the file.
 
-    name: that of a MapType, or of a packed image. report: of its texture set. tile: of UDIM, or SINGLE.
+    Attributes:
+        name: That of a MapType, or of a packed image.
+        report: Of its texture set.
+        tile: Of UDIM, or SINGLE.
     """
 
     name: str

@@ -44,8 +44,9 @@ PROBES = 1000
 class Eye:
     """A view and its light.
 
-    view, projection (4, 4): from world to view space, and from view to clip space. light (4,): the direction of the
-    light in the world and 0, or its position and 1.
+    Attributes:
+        view, projection (4, 4): From world to view space, and from view to clip space.
+        light (4,): The direction of the light in the world and 0, or its position and 1.
     """
 
     view: np.ndarray
@@ -57,8 +58,10 @@ class Eye:
 class ViewScene:
     """The batches that a view draws, with the normal matrices of their objects.
 
-    local_space: of the batches, around the low mesh. pull: how far the drawing is pulled towards the viewer, in its units.
-    low_to_world (4, 4): the matrix of the low object.
+    Attributes:
+        local_space: Of the batches, around the low mesh.
+        pull: How far the drawing is pulled towards the viewer, in its units.
+        low_to_world (4, 4): The matrix of the low object.
     """
 
     local_space: LocalSpace

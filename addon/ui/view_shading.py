@@ -79,7 +79,10 @@ BACKDROP = (0.045, 0.045, 0.045, 1.0)
 class Pane:
     """A part of the viewport.
 
-    columns: of pixels. shows: what is drawn there, a mode of one picture. scale, shift: of the camera's picture, in clip space.
+    Attributes:
+        columns: Of pixels.
+        shows: What is drawn there, a mode of one picture.
+        scale, shift: Of the camera's picture, in clip space.
     """
 
     columns: range
@@ -211,8 +214,9 @@ MOST_BYTES, LAYER_BYTES = 512 * 2**20, 16
 class Deviations:
     """Degrees between the shaded normals and those of the high surface, with and without the map, over texels of the whole map.
 
-    elsewhere: the share of texels that are not measured, because Flatten has drawn another part of the high surface there.
-    The other values are NaN if no texel is measured.
+    Attributes:
+        elsewhere: The share of texels that are not measured, because Flatten has drawn another part of the high surface there.
+            The other values are NaN if no texel is measured.
     """
 
     mean: float

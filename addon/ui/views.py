@@ -40,8 +40,9 @@ REST = 0.5
 class OwnMap:
     """A normal map that was drawn, or taken from the file, only for the views.
 
-    settings: those of the panel that it was drawn with; None for one from the file. baked: the time of the last bake of its low
-    object, after which it is out of date.
+    Attributes:
+        settings: Those of the panel that it was drawn with; None for one from the file.
+        baked: The time of the last bake of its low object, after which it is out of date.
     """
 
     session: live_session.Session

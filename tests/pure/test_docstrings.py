@@ -147,10 +147,10 @@ def test_documented_fields_are_there():
 
 def test_each_documented_field_has_a_line():
     """Below "Attributes:", or in a text behind the field: nobody finds a field in the middle of a paragraph."""
-    done = {"passes", "output", "export", "audit", "scene"}
+    later = {"draw_order.py", "high_patches.py", "stacked_uvs.py", "simplify.py"}
     wrong = [
         (path.name, node.name, names)
         for path, node in dataclasses()
-        if path.parts[1] in done and (names := run_on(node))
+        if path.name not in later and (names := run_on(node))
     ]
     assert wrong == [], wrong

@@ -46,9 +46,11 @@ SILHOUETTE_PENALTY_DEGREES = 90.0
 class Seen:
     """How a low mesh with its map differs from the high mesh.
 
-    appearance: what a viewer sees; None if it was not looked at, or shows nothing.
-    distance: as HighSurface.distance; 0 if it has no limit.
-    is_drawn: whether a texel of its map shows the high mesh: on a small map, none may be left between the margins of islands.
+    Attributes:
+        appearance: What a viewer sees; None if it was not looked at, or shows nothing.
+        distance: As HighSurface.distance; 0 if it has no limit.
+        is_drawn: Whether a texel of its map shows the high mesh: on a small map, none may be left between the margins of
+            islands.
     """
 
     appearance: Appearance | None

@@ -54,9 +54,10 @@ def remove_group(level: bpy.types.Object) -> None:
 class UvMesh:
     """A mesh with UVs, that coarser ones are made of.
 
-    layer: the UV layer of its map.
-    name: of the object that it stands for.
-    to_world: (4, 4), the matrix of that object.
+    Attributes:
+        layer: The UV layer of its map.
+        name: Of the object that it stands for.
+        to_world: (4, 4), the matrix of that object.
     """
 
     data: bpy.types.Mesh
@@ -102,9 +103,10 @@ class UvMesh:
 class UvDecimation:
     """Makes coarser meshes with the UV layout of an original.
 
-    mesh: what they are made of.
-    original: where their vertices take their UVs from.
-    spared: (height, width) bool, the texels whose triangles keep their vertices.
+    Attributes:
+        mesh: What they are made of.
+        original: Where their vertices take their UVs from.
+        spared: (height, width) bool, the texels whose triangles keep their vertices.
     """
 
     mesh: UvMesh

@@ -55,15 +55,16 @@ PLACES = 20_000
 class HighSurface:
     """The surface that low meshes are made of.
 
-    points: (V, 3) float32, relative to `origin`.
-    triangles: (T, 3) int.
-    origin: (3,), in world space.
-    sources: what low meshes are made of, and in which ways.
-    samples: places on the surface that see the outside.
-    hidden_share: of the area, which does not.
-    bad_edge_share: of the edges, as EdgeTable.bad_edge_share.
-    edge: the side of a triangle of middle size, in scene units.
-    count: the triangles of the high objects, before any are thinned.
+    Attributes:
+        points: (V, 3) float32, relative to `origin`.
+        triangles: (T, 3) int.
+        origin: (3,), in world space.
+        sources: What low meshes are made of, and in which ways.
+        samples: Places on the surface that see the outside.
+        hidden_share: Of the area, which does not.
+        bad_edge_share: Of the edges, as EdgeTable.bad_edge_share.
+        edge: The side of a triangle of middle size, in scene units.
+        count: The triangles of the high objects, before any are thinned.
     """
 
     points: np.ndarray

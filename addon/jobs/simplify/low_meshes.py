@@ -54,16 +54,17 @@ SHARP = math.radians(100.0)
 class DecimationSource:
     """A mesh that low ones are made of, and the way.
 
-    data: of triangles.
-    dense: of as many of them as the way needs for most low meshes.
-    places: on the surface, in the triangles of `dense`: low meshes are fitted to them.
-    seen_samples: places on all of the surface that see the outside: they tell what is folded.
-    timings: get the time of what is made, as "decimate".
-    is_remeshed: whether it is made of voxels.
-    bias: a factor on what a viewer sees wrong of its low meshes.
-    weights: of the triangles of `dense`, if edges collapse to the best places by them, as mesh/collapse.py does; without them,
-        Decimate makes it all.
-    partial: where these collapses go on, so far.
+    Attributes:
+        data: Of triangles.
+        dense: Of as many of them as the way needs for most low meshes.
+        places: On the surface, in the triangles of `dense`: low meshes are fitted to them.
+        seen_samples: Places on all of the surface that see the outside: they tell what is folded.
+        timings: Get the time of what is made, as "decimate".
+        is_remeshed: Whether it is made of voxels.
+        bias: A factor on what a viewer sees wrong of its low meshes.
+        weights: Of the triangles of `dense`, if edges collapse to the best places by them, as mesh/collapse.py does; without
+            them, Decimate makes it all.
+        partial: Where these collapses go on, so far.
     """
 
     data: bpy.types.Mesh
@@ -158,9 +159,10 @@ class DecimationSource:
 class LowMesh:
     """A low mesh.
 
-    data: the mesh, relative to the origin of the high surface.
-    source: what it is made of.
-    nearest: (N,) int, its triangle at each place of the source.
+    Attributes:
+        data: The mesh, relative to the origin of the high surface.
+        source: What it is made of.
+        nearest: (N,) int, its triangle at each place of the source.
     """
 
     data: bpy.types.Mesh

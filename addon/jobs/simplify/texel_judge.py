@@ -46,10 +46,12 @@ ROOM, FAR = 0.03, 0.25
 class Deviations:
     """How a level with its map differs from the original surface, on the texels of its map.
 
-    degrees: between the normals that the level shows with its map and those of the original surface where a ray from the level
-    meets it, at the 99th percentile. bare_degrees: without the map. distance: along those rays, at the 99th percentile, as a
-    share of the longest side of the original's box. by_texel (height, width) float32: the degrees on each texel, 0 on those
-    that are not covered.
+    Attributes:
+        degrees: Between the normals that the level shows with its map and those of the original surface where a ray from the
+            level meets it, at the 99th percentile.
+        bare_degrees: Without the map.
+        distance: Along those rays, at the 99th percentile, as a share of the longest side of the original's box.
+        by_texel (height, width) float32: The degrees on each texel, 0 on those that are not covered.
     """
 
     degrees: float
