@@ -102,7 +102,7 @@ SLOWEST = 10e6
 """The rays that the slowest GPU casts in a second."""
 LONGEST = 0.1
 """Seconds of a slice. Windows resets a GPU that is busy for 2 seconds, other systems for 1 to 10; desktops stutter sooner."""
-STEP = 8
+SLICE_ROWS = 8
 """The rows of a slice are a multiple of this, the height of the workgroups of compute shaders."""
 EMPTY = 1.0 / 64.0
 """The rays of a texel in which nothing is to be drawn."""
@@ -121,13 +121,13 @@ def pieces(count: int, cost: float, step: int = 1) -> list[range]:
 
 
 def costs_of_rows(covered: "np.ndarray", width: int, cost: float) -> "np.ndarray":
-    """The rays of each STEP rows of a map, as Pace.slices takes them.
+    """The rays of each SLICE_ROWS rows of a map, as Pace.slices takes them.
 
     Args:
-        covered: (N,), how many texels of each STEP rows have something to draw.
+        covered: (N,), how many texels of each SLICE_ROWS rows have something to draw.
         cost: the rays of such a texel.
     """
-    return covered * cost + STEP * width * EMPTY
+    return covered * cost + SLICE_ROWS * width * EMPTY
 
 
 class Pace:
@@ -169,9 +169,9 @@ class Pace:
 
         Args:
             work: the name of what is drawn. The first slice has as many rays as suited it before.
-            costs: the rays of each STEP rows.
+            costs: the rays of each SLICE_ROWS rows.
             height: the number of rows.
-            draw: draws the rows that it gets, of which the first is a multiple of STEP, and waits for the GPU, as
+            draw: draws the rows that it gets, of which the first is a multiple of SLICE_ROWS, and waits for the GPU, as
                 target.Target.finish does: drivers draw later than they are called.
         """
         sums = list(itertools.accumulate(costs))
@@ -179,7 +179,7 @@ class Pace:
         while start < len(costs):
             wanted = self._next.get(work, self._first)
             stop = max(start + 1, bisect.bisect_right(sums, before + wanted))
-            rows = range(start * STEP, min(stop * STEP, height))
+            rows = range(start * SLICE_ROWS, min(stop * SLICE_ROWS, height))
             began = time.perf_counter()
             draw(rows)
             stop = min(stop, len(costs))

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from ..core import udim
-from ..core.progress import STEP, Pace
+from ..core.progress import SLICE_ROWS, Pace
 from ..mesh import bvh
 from ..mesh.triangles import face_normals
 from ..passes import cast, hemisphere, high_in_uv, target
@@ -34,13 +34,13 @@ def openness(tables: cast.Tables, corners: np.ndarray, rays: int) -> np.ndarray:
     sums = target.Target(side, side, ("RGBA32F",))
     target.clear(sums)
     lattice, occluders = hemisphere.lattice_of(rays), hemisphere.Occluders(tables, two_sided=True)
-    height = min(side, STEP * -(-count // (STEP * side)))
+    height = min(side, SLICE_ROWS * -(-count // (SLICE_ROWS * side)))
 
     def draw(rows: range, numbers: range, is_first: bool) -> None:
         cast_now = hemisphere.Rays(hits.texture, surface, lattice, numbers, rows, is_first)
         hemisphere.add_openness(sums, cast_now, occluders)
 
-    covered = np.full(height // STEP, float(STEP * side))
+    covered = np.full(height // SLICE_ROWS, float(SLICE_ROWS * side))
     for _ in hemisphere.slices(Pace(), hemisphere.ADD_OPENNESS, (side, height), covered, range(rays), draw=draw):
         pass
     texels = np.empty((side, side, 4), np.float32)

@@ -12,7 +12,7 @@ import numpy as np
 from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME
-from ..core.progress import STEP, Progress, Task, Timings, costs_of_rows
+from ..core.progress import SLICE_ROWS, Progress, Task, Timings, costs_of_rows
 from ..core.settings import MapSettings, Run
 from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
@@ -57,7 +57,7 @@ class Source(ABC):
 
     @abstractmethod
     def covered(self, band: Band) -> np.ndarray:
-        """How many texels (N,) of each STEP rows of a band have hits, about."""
+        """How many texels (N,) of each SLICE_ROWS rows of a band have hits, about."""
 
     @abstractmethod
     def of_part(self, meshes: Meshes, is_drawn: np.ndarray | None, run: Run) -> "Source":
@@ -349,7 +349,7 @@ def world_to_space(low: Mesh, map_settings: MapSettings) -> np.ndarray:
 
 
 class CoveredRows:
-    """How many texels of each STEP rows some meshes cover, for the band that was asked for last."""
+    """How many texels of each SLICE_ROWS rows some meshes cover, for the band that was asked for last."""
 
     def __init__(self, meshes: Sequence[Mesh]):
         self._meshes = meshes
@@ -361,7 +361,7 @@ class CoveredRows:
         band = replace(band, offset=(0.0, 0.0))
         if band != self._band:
             size = band.width, band.height
-            self._band, self._found = band, uv_layout.covered_rows(self._meshes, band.uv_to_clip, size, STEP)
+            self._band, self._found = band, uv_layout.covered_rows(self._meshes, band.uv_to_clip, size, SLICE_ROWS)
         return self._found
 
 

@@ -284,7 +284,7 @@ def _rays() -> Task[list[Timed]]:
         band = Band(0, side, (side, side), 0)
         cast(side)()
         hits, sums = source.hits(band), target.get("sums of the test", side, side, "RGBA32F")
-        covered = np.full(side // progress.STEP, side * progress.STEP)
+        covered = np.full(side // progress.SLICE_ROWS, side * progress.SLICE_ROWS)
 
         def draw(rows: range, some: range, is_first: bool) -> None:
             rays = hemisphere.Rays(hits.texture, source.surface.tables, lattice, some, rows, is_first)

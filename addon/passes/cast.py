@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.declarations.choices import Hit
-from ..core.progress import STEP, Pace, costs_of_rows
+from ..core.progress import SLICE_ROWS, Pace, costs_of_rows
 from . import blender_gpu as gpu
 from . import data_texture, samples, shader, target, unfinished
 from .samples import Active
@@ -274,11 +274,11 @@ def trace_in_slices(
 ) -> Iterator[range]:
     """As `trace`, in slices. Yields the rows that are done; with `some`, rows of its list.
 
-    covered (N,): how many texels of each STEP rows have a ray, about; None for all.
+    covered (N,): how many texels of each SLICE_ROWS rows have a ray, about; None for all.
     """
     height = some.rows if some else rays.height
     if covered is None or some:
-        covered = np.full(-(-height // STEP), float(STEP * rays.width))
+        covered = np.full(-(-height // SLICE_ROWS), float(SLICE_ROWS * rays.width))
     program = search.program
 
     def draw(rows: range) -> None:

@@ -47,7 +47,7 @@ LONG = Program(
     images=(("RGBA32F", "FLOAT_2D", "values", "WRITE"), ("RGBA32UI", "UINT_2D", "numbers", "WRITE")),
     constants=(("INT", "first"), ("INT", "turns")),
 )
-STEP = Program(
+ONE_MORE = Program(
     compute="driver_checks/step_comp.glsl",
     texels=(("RGBA32F", "FLOAT_2D", "source"),),
     images=(("RGBA32F", "FLOAT_2D", "into", "WRITE"),),
@@ -279,7 +279,7 @@ def _dispatches_are_done() -> Check:
     expected = values
     for step in range(STEPS):
         source, into = pair[step % 2], pair[1 - step % 2]
-        _compute(STEP, (40, 24), source=source.texture, into=into.texture)
+        _compute(ONE_MORE, (40, 24), source=source.texture, into=into.texture)
         expected = np.roll(expected, (-3, 1), axis=(0, 1)) + np.float32(1.0)
         if step % 16 == 15:
             _expect(_read(into.texture), expected, f"{step + 1} dispatches in a row")
@@ -292,7 +292,7 @@ def _drawing_sees_computing() -> Check:
     for turn in range(8):
         values = _hashed(40 * 24, turn).reshape(24, 40, 4)
         target.fill(first, target.COPY, source=data_texture.image(values))
-        _compute(STEP, (40, 24), source=first.texture, into=second.texture)
+        _compute(ONE_MORE, (40, 24), source=first.texture, into=second.texture)
         target.fill(first, target.COPY, source=second.texture)
         actual = np.empty_like(values)
         first.read(actual)

@@ -139,7 +139,7 @@ def slices(
 
     Args:
         program: that casts the rays.
-        covered: (N,), how many texels of each STEP rows cast rays, about.
+        covered: (N,), how many texels of each SLICE_ROWS rows cast rays, about.
         draw: gets rows, rays, and whether these are the first rays of the rows. It waits for the GPU.
     """
     parts = -(-len(rays) // IN_A_PART)

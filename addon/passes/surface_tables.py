@@ -170,7 +170,7 @@ def upload_image(image: ImagePixels) -> ImageLevels:
     levels = allocation.texture(extent, "RGBA32F")
     if len(sizes) > 1:
         width_of_first, rows = sizes[1]
-        for piece in progress.pieces(rows, FIRST_LEVEL.cost * width_of_first, progress.STEP):
+        for piece in progress.pieces(rows, FIRST_LEVEL.cost * width_of_first, progress.SLICE_ROWS):
             target.dispatch(FIRST_LEVEL, width_of_first, piece, image_pixels=pixels, levels=levels, image_flags=flags)
             if len(piece) < rows:
                 target.Target.of(*extent, "RGBA32F", levels).finish()

@@ -357,7 +357,9 @@ def _draw_in_pieces(
 ) -> None:
     """Draw these rows of `into`, or all of them, at once or in pieces as core.progress has them; options as in `drawing`."""
     _, drawn = drawn_part(into.width, into.height)
-    pieces = [rows] if rows is not None else progress.pieces(into.height, program.cost * into.width, progress.STEP)
+    pieces = (
+        [rows] if rows is not None else progress.pieces(into.height, program.cost * into.width, progress.SLICE_ROWS)
+    )
     pieces = [piece for piece in pieces if piece.start < drawn.stop and drawn.start < piece.stop]
     for number, piece in enumerate(pieces):
         with drawing(into, piece if len(pieces) > 1 else rows, clear=clear and not number, **options):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.progress import STEP
+from ..core.progress import SLICE_ROWS
 from . import target
 from .shader import Program
 
@@ -39,8 +39,8 @@ def dispatch(program: Program, again: Program, width: int, rows: range, *, parts
     """
     if not _leaves(program, width, rows, stage=ALL, carried=target.get("unfinished", 1, 1, "RGBA32UI"), **bindings):
         return
-    across = -(-width // STEP) * STEP
-    most = max(STEP, min(LANES // across, MOST_ROWS, len(rows) + STEP - 1) // STEP * STEP)
+    across = -(-width // SLICE_ROWS) * SLICE_ROWS
+    most = max(SLICE_ROWS, min(LANES // across, MOST_ROWS, len(rows) + SLICE_ROWS - 1) // SLICE_ROWS * SLICE_ROWS)
     carried = target.get("carried", across, most * parts + 1, "RGBA32UI")
     for start in range(rows.start, rows.stop, most):
         some, stage = range(start, min(start + most, rows.stop)), BEGIN
@@ -50,7 +50,7 @@ def dispatch(program: Program, again: Program, width: int, rows: range, *, parts
 
 def _leaves(program: Program, width: int, rows: range, *, stage: int, carried: target.Target, **bindings) -> bool:
     """Run a stage. Returns whether it left texels unfinished."""
-    row = rows.start + stage  # rows start at multiples of STEP
+    row = rows.start + stage  # rows start at multiples of SLICE_ROWS
     left, texel = target.get("left", 1, 1, "RGBA32F"), np.empty((1, 1, 4), np.float32)
     with target.limited_to(range(1), range(1)):
         target.clear(carried)

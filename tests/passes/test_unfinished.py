@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from addon.core.declarations.choices import Hit
-from addon.core.progress import STEP, Pace
+from addon.core.progress import SLICE_ROWS, Pace
 from addon.mesh import bvh, edges
 from addon.passes import cast, hemisphere, shader, target, unfinished
 from tests.passes import test_owned_hits
@@ -210,7 +210,7 @@ def sums_by(at_once, monkeypatch, corners, points, rays):
         lambda sums, some: hemisphere.add_thickness(sums, some, FARTHEST),
     )
     for add in adds:
-        sums, covered = target.Target(SIDE, SIDE, ("RGBA32F",)), np.full(SIDE // STEP, float(STEP * SIDE))
+        sums, covered = target.Target(SIDE, SIDE, ("RGBA32F",)), np.full(SIDE // SLICE_ROWS, float(SLICE_ROWS * SIDE))
 
         def draw(rows, numbers, is_first, add=add, sums=sums):
             add(sums, hemisphere.Rays(probes.hits, probes.surface, lattice, numbers, rows, is_first))

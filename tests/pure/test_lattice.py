@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from addon.core.progress import STEP, Pace
+from addon.core.progress import SLICE_ROWS, Pace
 from addon.passes import hemisphere
 
 COUNTS = [1, 2, 3, 16, 50, 64, 97, 100, 128, 256, 1000, 1024]
@@ -71,7 +71,7 @@ def test_slices_have_all_rays_of_all_rows_once(rays):
     )
     for rows, numbers, is_first in slices:
         assert drawn[-1] == (rows, numbers, is_first)
-        assert rows.start % STEP == 0
+        assert rows.start % SLICE_ROWS == 0
         assert len(numbers) <= hemisphere.AT_ONCE
         seen[np.ix_(rows, numbers)] += 1
         first[rows] += is_first

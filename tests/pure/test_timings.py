@@ -13,10 +13,10 @@ from addon.core import asset, progress
 from addon.core.progress import (
     BEGUN,
     LONGEST,
+    SLICE_ROWS,
     SLOWEST,
     STAGES,
     STARTUP,
-    STEP,
     Pace,
     Redraws,
     Startup,
@@ -163,11 +163,11 @@ def sliced(clock, costs, rate, pace=None, overhead=0.0):
     found = []
 
     def draw(rows):
-        seconds = overhead + sum(costs[rows.start // STEP : -(-rows.stop // STEP)]) / rate
-        found.append((-(-len(rows) // STEP), seconds))
+        seconds = overhead + sum(costs[rows.start // SLICE_ROWS : -(-rows.stop // SLICE_ROWS)]) / rate
+        found.append((-(-len(rows) // SLICE_ROWS), seconds))
         advance(clock, seconds)
 
-    for _ in (pace or Pace()).slices("rays", costs, STEP * len(costs), draw):
+    for _ in (pace or Pace()).slices("rays", costs, SLICE_ROWS * len(costs), draw):
         advance(clock, 10.0)  # what the caller does between two slices does not count
     assert sum(steps for steps, _ in found) == len(costs)
     return found
