@@ -284,7 +284,7 @@ class AngleCounts:
 
     def __init__(self):
         self._counts = np.zeros(BINS, np.int64)
-        self._largest = 0.0
+        self._largest, self._is_any = 0.0, False
 
     def add(self, angles: np.ndarray, weight: int = 1) -> None:
         """Count angles (N,), each as so many texels."""
@@ -292,7 +292,7 @@ class AngleCounts:
             # The bits of numbers that are not negative have the order of the numbers.
             bins = np.clip(angles, np.float32(0.0), np.float32(180.0)).astype(np.float32).view(np.int32) >> DROPPED
             self._counts += weight * np.bincount(bins, minlength=BINS)
-            self._largest = max(self._largest, float(angles.max()))
+            self._largest, self._is_any = max(self._largest, float(angles.max())), True
 
     def results(self) -> dict[str, float | int]:
         """The median, percentile_95, percentile_99 and maximum, and the number of texels."""
@@ -310,9 +310,9 @@ class AngleCounts:
 
     def with_wrong(self) -> dict[str, float | int]:
         """The results, and the share of the texels that are more than WRONG degrees off (wrong); empty without texels."""
-        results = self.results()
-        if not results["texels"]:
+        if not self._is_any:
             return {}
+        results = self.results()
         first = int(np.float32(WRONG).view(np.int32)) >> DROPPED
         return {**results, "wrong": float(self._counts[first:].sum()) / results["texels"]}
 

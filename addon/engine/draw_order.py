@@ -27,10 +27,11 @@ COPIED = 1.25
 class Order(ComparedByValue):
     """The order in which triangles are drawn. What is drawn last stays on the map.
 
-    low (T,) int: of those of the low mesh; None for their own. basis: of those of the basis. is_reversed: whether the high
-    meshes, and the triangles of each, are in the reverse order.
+    depth: the most triangles of the low mesh on one texel. low (T,) int: of those of the low mesh; None for their own. basis:
+    of those of the basis. is_reversed: whether the high meshes, and the triangles of each, are in the reverse order.
     """
 
+    depth: int = 1
     low: MaybeArray = None
     basis: MaybeArray = None
     is_reversed: bool = False
@@ -68,7 +69,8 @@ def order_of(meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings) -
     """
     low, is_first = meshes.low, meshes.is_own_base or sampling.stacked == Stacked.FIRST
     order = of_basis = None
-    if overlap_depth(low, (min(sampling.width, PROBE), min(sampling.height, PROBE)), tiles) > 1:
+    depth = overlap_depth(low, (min(sampling.width, PROBE), min(sampling.height, PROBE)), tiles)
+    if depth > 1:
         order = _order(low, is_first=is_first)
         basis = meshes.basis
         if basis is not None:
@@ -76,7 +78,7 @@ def order_of(meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings) -
             is_whole = len(basis.triangles) == len(low.triangles)
             of_basis = order if is_whole else _order(basis, is_first=is_first)
     # Copies of modifiers are in the same order in both meshes. Finding the parts of many triangles takes long.
-    return Order(order, of_basis, is_first and (order is not None or _has_copies(meshes)))
+    return Order(depth, order, of_basis, is_first and (order is not None or _has_copies(meshes)))
 
 
 def overlap_depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:

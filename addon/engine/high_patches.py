@@ -96,11 +96,6 @@ class HighPatches:
         """How much the patches (count,) of each mesh agree with the low mesh, from -1 to 1."""
         return [some.means(some.cosines) for some in self.samples]
 
-    def corners(self, number: int, chosen: np.ndarray | slice) -> np.ndarray:
-        """The corners (N, 3, 3) float64 of some triangles of a high mesh, counter-clockwise from the front, in the place of the
-        low mesh and its local space."""
-        return _corners(self.meshes.highs[number], chosen, self.space) + self._aside
-
     def is_dirty(self, number: int) -> np.ndarray:
         """Which patches (count,) bool of a mesh have triangles against others of the patch."""
         one = self.of[number]
@@ -112,8 +107,9 @@ class HighPatches:
         one = self.of[number]
         if not asked.any():
             return np.zeros(one.count)
-        some = slice(None) if asked.all() else np.flatnonzero(asked[one.labels])
-        volumes = enclosed_volumes(self.corners(number, some))
+        high, some = self.meshes.highs[number], slice(None) if asked.all() else np.flatnonzero(asked[one.labels])
+        points = _placed(high, high.positions, self.space) + self._aside
+        volumes = enclosed_volumes(points, high.vertices[high.front_triangles[some]])
         return np.bincount(one.labels[some], volumes * np.where(one.is_against[some], -1.0, 1.0), one.count)
 
     def is_outward(self, number: int, asked: np.ndarray) -> np.ndarray:
@@ -161,7 +157,12 @@ def corners_in(mesh: Mesh, chosen: np.ndarray, space: LocalSpace) -> np.ndarray:
 
 
 def _corners(mesh: Mesh, chosen: np.ndarray | slice, space: LocalSpace) -> np.ndarray:
-    points = mesh.positions[mesh.vertices[mesh.front_triangles[chosen]]].astype(np.float64)
+    return _placed(mesh, mesh.positions[mesh.vertices[mesh.front_triangles[chosen]]], space)
+
+
+def _placed(mesh: Mesh, points: np.ndarray, space: LocalSpace) -> np.ndarray:
+    """Points (..., 3) of a mesh in a local space, float64."""
+    points = points.astype(np.float64)
     return (points @ mesh.to_world[:3, :3].T + (mesh.to_world[:3, 3] - space.origin)) / space.size
 
 

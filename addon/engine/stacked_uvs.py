@@ -84,7 +84,10 @@ class StackedParts:
             order = np.argsort(~is_moved, kind="stable")
             drawn = _moved_back(low, self._tiles).with_triangles(order)
             parts = self._parts[order] = uv_islands.parts(drawn)
-            self._pairs, self.share = _hiding(drawn, parts, _size(settings.sampling, HIDDEN_PROBE), self._plan.tiles)
+            size, depth = _size(settings.sampling, HIDDEN_PROBE), self._plan.order.depth
+            if is_moved.any() or size != settings.sampling.size:
+                depth = overlap_depth(drawn, size, self._plan.tiles)
+            self._pairs, self.share = _hiding(drawn, parts, size, self._plan.tiles, min(depth, DEEPEST))
             self._layers[order] = _layers(self._pairs, int(parts.max()) + 1)[parts]
 
     @property
@@ -214,9 +217,13 @@ def _layers(pairs: np.ndarray, count: int) -> np.ndarray:
     return layers
 
 
-def _hiding(low: Mesh, parts: np.ndarray, size: tuple[int, int], tiles: Sequence[int]) -> tuple[np.ndarray, float]:
-    """Which parts share texels, (N, 2) int, the upper and the lower one, and on which share of the covered texels any do."""
-    depth = min(overlap_depth(low, size, tiles), DEEPEST)
+def _hiding(
+    low: Mesh, parts: np.ndarray, size: tuple[int, int], tiles: Sequence[int], depth: int
+) -> tuple[np.ndarray, float]:
+    """Which parts share texels, (N, 2) int, the upper and the lower one, and on which share of the covered texels any do.
+
+    depth: the most triangles that are looked at on a texel.
+    """
     uploaded, count = audit.upload_with_ids(low.triangles, low.uv), int(parts.max()) + 1
     found, shared, covered = [np.empty(0, np.int64)], 0, 0
     for tile in tiles if depth > 1 else ():

@@ -50,9 +50,9 @@ def face_areas(points: np.ndarray, triangles: np.ndarray | None = None, dtype: D
     return 0.5 * np.linalg.norm(face_normals(points, triangles, dtype), axis=1)
 
 
-def enclosed_volumes(corners: np.ndarray) -> np.ndarray:
-    """Six times the volumes (T,) between triangles (T, 3, 3) and the origin: positive where it lies behind a triangle."""
-    a, b, c = corners.transpose(1, 2, 0)
+def enclosed_volumes(points: np.ndarray, triangles: np.ndarray | None = None) -> np.ndarray:
+    """Six times the volumes (T,) between triangles and the origin: positive where it lies behind a triangle."""
+    a, b, c = _columns(points, triangles, None)
     return dot(a, cross(b, c))
 
 
