@@ -129,6 +129,13 @@ def test_a_signal_after_the_bake_changes_only_the_exit_code(scene, monkeypatch):
     assert files(scene) == ["m.png", "r.json", "s.blend"]
 
 
+def test_a_signal_after_the_only_map_changes_only_the_exit_code(scene, stops_at):
+    stops_at("Storing", number=2)
+    assert command.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + signal.SIGINT
+    assert files(scene) == ["m.png", "r.json", "s.blend"]
+    assert not reports.bake(scene / "r.json")["error"]
+
+
 def test_finished_pairs_are_kept_and_reported(scene, stops_at, capfd):
     stops_at("Reading b_low")
     words = ["s.blend", "--pairs", "--size", "16", "--limit", "9", "--output", "{low}.png", "--report", "r.json"]

@@ -48,7 +48,9 @@ def task(highs, wanted=FEW, settings=SETTINGS, low=None):
 
 
 def made(highs, wanted=FEW, settings=SETTINGS, low=None):
-    (report,) = finish(task(highs, wanted, settings, low))
+    steps = []
+    (report,) = finish(task(highs, wanted, settings, low), steps.append)
+    assert not any(step.finished or step.report for step in steps)  # nothing would stay yet
     return report, bpy.data.objects[report.low]
 
 

@@ -140,3 +140,5 @@ def test_pairs_are_baked_into_one_image():
     jobs = [Job(low, [high]) for low, high in zip(lows, highs, strict=True)]
     reports = bake_jobs.bake_all(bpy.context, jobs, SETTINGS, share_image=True)
     assert not [text for report in reports for text in report.warnings if "overlap" in text.lower()]
+    (margin,) = {report.margin for report in reports}  # of the stored map
+    assert margin > 0.01

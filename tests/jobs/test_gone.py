@@ -119,6 +119,17 @@ def test_maps_of_finished_jobs_stay():
     assert [image.name for image in bpy.data.images] == ["a_normal"]
 
 
+def test_the_others_are_baked_where_a_failure_is_no_end():
+    steps, work = [], bake_jobs.work(bpy.context, pairs("abc"), settings(), Pace(SLICED), goes_on=True)
+    while not (steps and steps[-1].finished):
+        steps.append(next(work))
+    remove("b")
+    result = finish(work, steps.append)
+    assert [report.low for report in result] == [step.report.low for step in steps if step.report] == ["a", "c"]
+    ((name, why),) = [step.failure for step in steps if step.failure]
+    assert name == "b" and "was deleted" in why
+
+
 def test_an_atlas_is_not_replaced():
     gray = np.full((16, 16, 4), 0.5, np.float32)
     datablocks.fill("atlas", gray, is_float=True, pack=False)

@@ -96,9 +96,11 @@ def test_the_frame_number_is_in_the_file_name(name, expected):
 def test_finished_frames_stay_when_a_sequence_is_stopped(job, tmp_path):
     bpy.context.scene.frame_set(3)
     work = work_on_frames(bpy.context, job, settings(tmp_path), range(1, 49), Pace())
-    while next(work).finished < 2:
-        pass
+    steps = []
+    while not (steps and steps[-1].finished == 2):
+        steps.append(next(work))
     work.close()
+    assert [step.report.image for step in steps if step.report] == ["lo_normal"] * 2
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map_0001.exr", "map_0002.exr"]
     assert bpy.context.scene.frame_current == 3
     assert bpy.data.images["lo_normal"].source == "SEQUENCE"

@@ -45,7 +45,9 @@ def bake(low, high, **settings):
 @pytest.mark.parametrize("method", ["AUTO", "FLATTEN", "CAST"])
 def test_each_material_has_its_own_images_and_nodes(pair, method):
     reports = bake(*pair, method=method)
-    assert [report.material for report in reports] == list(COLORS)
+    assert [(report.material, *report.slots) for report in reports] == [
+        (name, number) for number, name in enumerate(COLORS)
+    ]
     for report, color in zip(reports, COLORS.values(), strict=True):
         image = bpy.data.images[report.maps["base_color"]["image"]]
         assert (image.name, report.image) == (f"lo_{report.material}_base_color", f"lo_{report.material}_normal")

@@ -19,6 +19,7 @@ from addon.core.declarations.map_settings import CONVERT, MAX_SIZE, MIN_SIZE
 from addon.core.errors import BakeError
 from addon.core.map_types import AO, METALLIC, ROUGHNESS, Channel, Family, Kind
 from addon.core.settings import PARTS, Settings
+from addon.output import map_names
 from addon.passes import lit
 from scripts.dev import tables
 from scripts.imprint import ROOT
@@ -260,7 +261,6 @@ def test_a_layout_of_ones_own():
 def test_maps_that_are_packed_are_drawn_and_not_stored_alone():
     settings = Settings(maps=("HEIGHT", "ROUGHNESS"), pack=Pack.HDRP)
     assert settings.map.drawn_maps == ("HEIGHT", "AO", "ROUGHNESS", "METALLIC")
-    assert settings.without_other_maps().map.drawn_maps == ()
     assert settings.map.maps == ("HEIGHT", "ROUGHNESS")
     assert Settings(maps=("HEIGHT",)).map.drawn_maps == ("HEIGHT",)
 
@@ -294,3 +294,26 @@ def test_presets_take_the_widened_roughness_if_it_is_chosen(pack):
 def test_a_layout_of_one_s_own_holds_what_it_names():
     settings = Settings(pack=Pack.CUSTOM, pack_green="ROUGHNESS", maps=("WIDENED_ROUGHNESS",))
     assert settings.map.packing.channels[1].map == "ROUGHNESS"
+
+
+# Settings of a part of a bake
+
+ALL = {"normal": False, "mask": True, "maps": ("AO",), "pack": Pack.CUSTOM, "pack_red": "HEIGHT", "connect_maps": True}
+
+
+def test_settings_without_other_maps_are_of_the_normal_map_alone():
+    settings = Settings(**ALL).without_other_maps()
+    assert list(map_names.stored_maps(settings.map)) == ["NORMAL"] and settings.map.drawn_maps == ()
+
+
+def test_settings_without_materials_change_nothing_of_the_low_object():
+    settings = Settings(**ALL, material=True, vertex_domain="CORNER").without_materials()
+    assert not settings.changes_materials and settings.storing.vertex_domain == "NONE"
+    assert settings.map == Settings(**ALL).map
+
+
+@pytest.mark.parametrize(
+    ("size", "most", "found"), [((100, 30), 50, (50, 15)), ((64, 8), 64, (64, 8)), ((9, 1), 3, (3, 1))]
+)
+def test_settings_of_at_most_some_texels_keep_the_proportions(size, most, found):
+    assert Settings(width=size[0], height=size[1]).of_at_most(most).sampling.size == found
