@@ -27,8 +27,11 @@ COPIED = 1.25
 class Order(ComparedByValue):
     """The order in which triangles are drawn. What is drawn last stays on the map.
 
-    depth: the most triangles of the low mesh on one texel. low (T,) int: of those of the low mesh; None for their own. basis:
-    of those of the basis. is_reversed: whether the high meshes, and the triangles of each, are in the reverse order.
+    Attributes:
+        depth: The most triangles of the low mesh on one texel.
+        low (T,) int: The triangles of the low mesh in that order; None for their own.
+        basis: Those of the basis.
+        is_reversed: Whether the high meshes, and the triangles of each, are in the reverse order.
     """
 
     depth: int = 1

@@ -27,9 +27,13 @@ SURE = 0.1
 class Samples:
     """Triangles of a high mesh that are compared with the low mesh.
 
-    triangles, patches (N,) int. weights (N,): areas. cosines (N,): between the triangle's normal, turned as its patch says, and
-    that of the low mesh at the closest point. places (N, 3), on_low (N, 3): the triangle's middle and that point, in the low
-    mesh's local space. closest (N,) int: the triangle of the low mesh. count: of the patches.
+    Attributes:
+        triangles, patches (N,) int: Their numbers, and the patch of each.
+        weights (N,): Areas.
+        cosines (N,): Between the triangle's normal, turned as its patch says, and that of the low mesh at the closest point.
+        places (N, 3), on_low (N, 3): The triangle's middle and that point, in the low mesh's local space.
+        closest (N,) int: The triangle of the low mesh.
+        count: Of the patches.
     """
 
     triangles: np.ndarray

@@ -32,7 +32,10 @@ ROOM = 2
 class Layer:
     """Hidden parts that share no texels with each other.
 
-    number: from 1. triangles (N,) int: in the low mesh. drawing: of the high surface at their own places.
+    Attributes:
+        number: From 1.
+        triangles (N,) int: In the low mesh.
+        drawing: Of the high surface at their own places.
     """
 
     number: int
