@@ -22,6 +22,7 @@ from addon.jobs import Job, Wants, asset, bake_jobs
 from addon.mesh.fitting import Samples
 from addon.scene import reading
 from tests.support import lanes, quick_assets, seen_from_sides, zoo
+from tests.support.real_meshes import PAIRS, open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -91,26 +92,11 @@ def test_each_basis_is_read_by_its_own_rules(basis):
     check_against_rays(*read_and_baked(low, [high], chosen), chosen)
 
 
-PAIRS = [
-    "pairs/helmet_23358_6117",
-    "pairs/kepler_199712_9079",
-    "pairs/king_40480_4000",
-    "pairs/normaltangenttest_published",
-    "pairs/shaderball_48048_23378",
-    "pairs/shaderball_61644_20517",
-    "pairs/spot_1696_536",
-    "pairs/spot_control_vs_subd5",
-    "layers/collar",
-    "layers/fingers",
-]
-
-
 @pytest.mark.slow
 @pytest.mark.shared
-@pytest.mark.parametrize("name", PAIRS)
+@pytest.mark.parametrize("name", [*PAIRS, "collar", "fingers"])
 def test_real_meshes_are_measured_as_rays_see_them(shared_assets, name):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / f"{name}.blend"))
-    low, high = (bpy.data.objects[each] for each in ("lo", "hi"))
+    low, high = open_pair(shared_assets, name, "pairs" if name in PAIRS else "layers")
     for obj, most in ((low, 800), (high, 6000)):
         decimate = obj.modifiers.new("fewer", "DECIMATE")
         decimate.ratio = min(1.0, most / sum(len(polygon.vertices) - 2 for polygon in obj.data.polygons))

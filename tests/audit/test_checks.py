@@ -13,7 +13,7 @@ from addon.core.report import Report
 from addon.core.settings import Settings
 from addon.engine import separation
 from addon.jobs import Job, bake_all, checks
-from tests.support import maps, zoo
+from tests.support import maps, random_cases, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -297,7 +297,7 @@ def triangles_of(polygons):
     return {tuple(sorted(polygon.vertices)) for polygon in polygons}
 
 
-@pytest.mark.parametrize("seed", range(3))
+@random_cases.seeds(3, fast=2)
 @pytest.mark.parametrize("noise", [0.01, 0.1])
 def test_the_modifier_makes_the_triangles_that_blender_draws(seed, noise):
     rng = np.random.default_rng(seed)

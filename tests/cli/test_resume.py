@@ -22,7 +22,7 @@ from addon.cli.records import Contents
 from addon.core import versions
 from addon.core.progress import STARTUP
 from scripts.imprint import ROOT
-from tests.support import json_schema, reports, zoo
+from tests.support import json_schema, random_cases, reports, zoo
 from tests.support.manual import names, rows, section
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -168,7 +168,7 @@ def test_processes_with_the_same_job_do_each_bake_once(folder):
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-@pytest.mark.parametrize("seed", range(3))
+@random_cases.seeds(3, fast=2)
 def test_a_run_after_a_kill_gives_the_same_files(folder, seed):
     expected = bake("--resume") and maps(folder)
     for path in (folder / "out").iterdir():

@@ -19,7 +19,7 @@ from addon.core.preflight import EXACT_POINT, TEXTURE_PIXEL, TEXTURE_PIXEL_ON_GP
 from addon.core.settings import Settings
 from addon.scene import imported_images
 from addon.scene.importing import PLAIN, Space, import_file
-from tests.support import angles, maps, reports, scans
+from tests.support import angles, maps, random_cases, reports, scans
 from tests.support.shader_nodes import add, principled
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -511,7 +511,7 @@ def test_modifiers_leave_the_size_of_a_mesh_open(incomplete):
 
 
 @pytest.mark.parametrize("ending", [".obj", ".mtl"])  # Blender's importer of .ply crashes on some
-@pytest.mark.parametrize("seed", range(12))
+@random_cases.seeds(12, fast=2)
 def test_damaged_files_give_a_mesh_or_one_sentence_by_seed(folder, ending, seed):
     random = np.random.default_rng(seed)
     scans.texture(folder / "a.png", scans.COLORS[0])
@@ -529,7 +529,7 @@ def test_damaged_files_give_a_mesh_or_one_sentence_by_seed(folder, ending, seed)
 
 
 @pytest.mark.parametrize("name", ["scan.ply", "textured.ply"])
-@pytest.mark.parametrize("seed", range(20))
+@random_cases.seeds(20, fast=2)
 def test_damaged_ply_files_are_read_without_an_error_by_seed(folder, name, seed):
     random = np.random.default_rng(seed)
     points, uv, parts = scans.strips(1, FAR)
@@ -812,7 +812,7 @@ def test_a_library_is_found_far_into_a_large_file(room):
     assert read(room, "newmtl x\n", f"{head}mtllib m.mtl\n{head}")[0] == ["newmtl x"]
 
 
-@pytest.mark.parametrize("seed", range(20))
+@random_cases.seeds(20, fast=2)
 def test_random_libraries_never_fail_by_seed(room, seed):
     random = np.random.default_rng(seed)
     words = [

@@ -17,6 +17,7 @@ from addon.engine.normal_space import NormalSpace
 from addon.engine.sampling import SampledMaps
 from addon.mesh import triangle_mesh
 from tests.support import angles, cycles, lanes, maps
+from tests.support.real_meshes import open_pair
 
 pytestmark = pytest.mark.shared
 
@@ -39,11 +40,6 @@ VISIBLY_WRONG = 5.0
 """Degrees."""
 UNEXPLAINED = 5e-5
 """Share of texels that may be visibly wrong outside folded slivers: a few at the borders of folds and islands."""
-
-
-def open_pair(folder, name):
-    bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
-    return bpy.data.objects["lo"], bpy.data.objects["hi"]
 
 
 def bake(low, high, image="map", **settings):

@@ -11,22 +11,13 @@ from addon.jobs import bake_pair
 from addon.mesh import uv_islands
 from addon.scene import mesh_reader
 from tests.support import angles, lanes, maps
+from tests.support.real_meshes import FAST, PAIRS, open_pair
 
 pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
 
-PAIRS = [
-    "pairs/spot_1696_536",
-    "pairs/king_40480_4000",
-    "pairs/helmet_23358_6117",
-    "pairs/shaderball_48048_23378",
-    "pairs/shaderball_61644_20517",
-    "pairs/kepler_199712_9079",
-    "pairs/sthelens_290088_9079",
-    "layers/collar",
-    "layers/fingers",
-    "layers/folds",
-]
-FAST = PAIRS[:1]
+QUICK = [(name, "pairs") for name in FAST]
+FILES = QUICK + [(name, "pairs") for name in PAIRS[:-1] if name not in {*FAST, "spot_control_vs_subd5"}]
+FILES += [(name, "layers") for name in ("collar", "fingers", "folds")]
 BETTER = 0.1
 """Factor on the mean error: Cast's must be this much less than Flatten's where Auto takes Cast."""
 
@@ -56,11 +47,6 @@ CHANGES = {
 }
 
 
-def open_pair(folder, name):
-    bpy.ops.wm.open_mainfile(filepath=str(folder / f"{name}.blend"))
-    return bpy.data.objects["lo"], bpy.data.objects["hi"]
-
-
 def bake(low, high, method):
     values = {"width": 256, "height": 256, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
     report = bake_pair(bpy.context, low, [high], Settings(method=method, space="WORLD", image="map", **values))
@@ -73,20 +59,20 @@ def error(texels, truth):
     return angles.degrees(angles.decode(texels), angles.decode(truth))[both].mean() if both.any() else 180.0
 
 
-@pytest.mark.parametrize("name", lanes.slow_but(FAST, PAIRS))
-def test_shared_uvs_are_flattened(shared_assets, name):
-    _, report = bake(*open_pair(shared_assets, name), "AUTO")
+@pytest.mark.parametrize("file", lanes.slow_but(QUICK, FILES), ids=str)
+def test_shared_uvs_are_flattened(shared_assets, file):
+    _, report = bake(*open_pair(shared_assets, *file), "AUTO")
     assert report.method == "FLATTEN", report.why
 
 
-CHANGED = lanes.in_turn(FAST, PAIRS, CHANGES)
+CHANGED = lanes.in_turn(QUICK, FILES, CHANGES)
 
 
 @pytest.mark.parametrize("case", lanes.slow_but(CHANGED[: len(CHANGES)], CHANGED), ids=str)
 def test_other_uvs_are_cast(shared_assets, case):
     """The truth is Flatten's map with the UVs that the meshes shared."""
-    name, change = case
-    low, high = open_pair(shared_assets, name)
+    file, change = case
+    low, high = open_pair(shared_assets, *file)
     truth, _ = bake(low, high, "FLATTEN")
     layer = high.data.uv_layers.active.uv
     uv = np.empty((len(layer), 2), np.float32)
@@ -100,6 +86,6 @@ def test_other_uvs_are_cast(shared_assets, case):
         flat = error(bake(low, high, "FLATTEN")[0], truth)
     except BakeError:
         flat = 180.0  # no texel in common
-    print(f"{name}, {change}: Cast {cast:.2f} degrees, Flatten {flat:.2f} degrees")
+    print(f"{file}, {change}: Cast {cast:.2f} degrees, Flatten {flat:.2f} degrees")
     assert report.missed < MISSED
     assert cast < BETTER * flat

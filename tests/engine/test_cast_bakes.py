@@ -17,22 +17,10 @@ from addon.engine import tree_cache
 from addon.jobs import Job, bake, bake_all, bake_pair
 from addon.jobs.live_session import Session
 from tests.support import angles, cycles, lanes, maps, oracle, zoo
+from tests.support.real_meshes import FAST, PAIRS, open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-PAIRS = [
-    "kepler_199712_9079",
-    "sthelens_290088_9079",
-    "spot_1696_536",
-    "shaderball_48048_23378",
-    "shaderball_61644_20517",
-    "spot_control_vs_subd5",
-    "king_40480_4000",
-    "helmet_23358_6117",
-    "normaltangenttest_published",
-]
-FAST = ["spot_1696_536"]
-"""The pair with the fastest bakes runs in the fast lane."""
 SIZE = (1024, 1024)
 MEDIAN, P99 = 0.01, 0.1
 """Degrees from Cycles, which casts the same rays from positions that differ in the last bits."""
@@ -45,9 +33,8 @@ SNAP = 1 / 128
 """Texels. Rasterizers snap corners to 1/256 of a texel: an edge this close to a center may pass on either side of it."""
 
 
-def open_pair(folder, name):
-    bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+def pair_and_distances(folder, name):
+    low, high = open_pair(folder, name)
     if name.startswith("normaltangenttest"):
         return low, high, 0.12, 0.3
     extrusion = 0.02 * max(low.dimensions)
@@ -73,7 +60,7 @@ def cast(low, *highs, cage=None, **settings):
 @pytest.mark.shared
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, PAIRS))
 def test_rays_hit_what_cycles_hits(shared_assets, name):
-    low, high, extrusion, reach = open_pair(shared_assets, name)
+    low, high, extrusion, reach = pair_and_distances(shared_assets, name)
     texels, _ = cast(low, high, space="OBJECT", size=SIZE, extrusion=extrusion, max_distance=reach, hit="OUTERMOST")
     expected, written = cycles.bake_normals(
         low, SIZE, space="OBJECT", highs=[high], extrusion=extrusion, max_distance=reach
@@ -106,7 +93,7 @@ def test_rays_hit_what_cycles_hits(shared_assets, name):
 @pytest.mark.shared
 def test_the_published_map_of_the_normal_tangent_test(shared_assets):
     """The map comes from another tool: it checks +Y, MikkTSpace with rotated UVs, and the positions of texels."""
-    low, high, extrusion, reach = open_pair(shared_assets, "normaltangenttest_published")
+    low, high, extrusion, reach = pair_and_distances(shared_assets, "normaltangenttest_published")
     size = (2048, 2048)
     texels, _ = cast(low, high, size=size, extrusion=extrusion, max_distance=reach)
     published = bpy.data.images.load(str(shared_assets / "pairs" / "normaltangenttest_published_normal.png"))
@@ -122,7 +109,7 @@ def test_the_published_map_of_the_normal_tangent_test(shared_assets):
 @pytest.mark.shared
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, PAIRS))
 def test_measured_distances_reach_the_high_mesh(shared_assets, name):
-    low, high, extrusion, reach = open_pair(shared_assets, name)
+    low, high, extrusion, reach = pair_and_distances(shared_assets, name)
     texels, report = cast(low, high, space="OBJECT", size=SIZE)
     by_hand, _ = cast(low, high, space="OBJECT", size=SIZE, extrusion=extrusion, max_distance=reach, image="by hand")
     both = (texels[..., 3] > 0) & (by_hand[..., 3] > 0)

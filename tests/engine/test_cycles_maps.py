@@ -7,21 +7,20 @@ import pytest
 
 from tests.support import angles, cycles, lanes, scenes
 from tests.support.maps import bake, bake_all_maps, texel_uv
+from tests.support.real_meshes import FAST, open_pair
 
 pytestmark = [pytest.mark.shared, pytest.mark.usefixtures("gpu_context")]
 
 SIZE = (512, 512)
 PAIRS = ["spot_1696_536", "king_40480_4000", "helmet_23358_6117"]
-FAST = ["spot_1696_536"]
 COLOR = 2 / 255
 """The limit of stored colors."""
 SHARE = 0.99
 """Of the texels away from borders."""
 
 
-def open_pair(folder, name):
-    bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+def pair_and_distances(folder, name):
+    low, high = open_pair(folder, name)
     extrusion = 0.02 * max(low.dimensions)
     return low, high, {"extrusion": extrusion, "max_distance": 2.0 * extrusion}
 
@@ -50,7 +49,7 @@ def stored(values):
 
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, PAIRS))
 def test_colors_are_those_of_cycles_emission_bake(shared_assets, name):
-    low, high, reach = open_pair(shared_assets, name)
+    low, high, reach = pair_and_distances(shared_assets, name)
     material, node = painted(high)
     _, maps = bake_all_maps(low, high, maps=["BASE_COLOR"], size=SIZE, method="CAST", hit="OUTERMOST", **reach)
     expected, written = cycles.bake_colors(low, SIZE, {material: node.outputs["Color"]}, highs=[high], **reach)
@@ -67,7 +66,7 @@ def test_colors_are_those_of_cycles_emission_bake(shared_assets, name):
 
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, PAIRS))
 def test_the_high_meshes_own_normal_map_is_that_of_cycles(shared_assets, name):
-    low, high, reach = open_pair(shared_assets, name)
+    low, high, reach = pair_and_distances(shared_assets, name)
     material, _ = painted(high)
     turn = texel_uv(1024, 1024) * 2.0 * np.pi * 5.0
     normals = np.concatenate([0.4 * np.sin(turn), np.ones((1024, 1024, 1))], axis=-1)
@@ -113,7 +112,7 @@ def zoom(low):
 @pytest.mark.parametrize("name", ["king_40480_4000", "helmet_23358_6117", "kepler_199712_9079"])
 def test_occlusion_is_nearer_to_the_truth_than_cycles_at_as_many_samples(shared_assets, name):
     """Cycles with many samples is the truth. Its rays start at the same points, and end at both sides of faces."""
-    low, high, reach = open_pair(shared_assets, name)
+    low, high, reach = pair_and_distances(shared_assets, name)
     zoom(low)
     world = bpy.context.scene.world = bpy.data.worlds.new("sky")
     high.shadow_terminator_geometry_offset = 0.0  # Cycles moves points on smooth surfaces off their triangles

@@ -19,7 +19,7 @@ from addon.mesh import bvh
 from addon.mesh.triangle_mesh import Mesh
 from addon.passes import cast, data_texture, high_in_uv, mesh_upload, shader, target
 from addon.scene import reading
-from tests.support import maps, zoo
+from tests.support import maps, random_cases, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -78,7 +78,7 @@ def drawn_whole(monkeypatch, highs, band):
 
 
 @pytest.mark.parametrize("band", BANDS.values(), ids=BANDS)
-@pytest.mark.parametrize("seed", range(5))
+@random_cases.seeds(5, fast=2)
 def test_leaving_out_random_triangles_changes_no_bit(monkeypatch, seed, band):
     highs = [random_mesh(seed), random_mesh(seed + 100)]
     whole, shares = drawn_whole(monkeypatch, highs, band)
@@ -92,7 +92,7 @@ def test_leaving_out_random_triangles_changes_no_bit(monkeypatch, seed, band):
     assert in_parts.tobytes() == whole.tobytes()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@random_cases.seeds(3, fast=2)
 def test_random_triangles_drawn_in_steps_change_no_bit(monkeypatch, seed):
     highs, band = [random_mesh(seed)], BANDS["rows"]
     monkeypatch.setattr(shader, "in_software", lambda: True)
@@ -112,7 +112,7 @@ def side_by_side(mesh):
 
 
 @pytest.mark.parametrize("order", [side_by_side, lambda mesh: mesh], ids=["side by side", "mixed"])
-@pytest.mark.parametrize("seed", range(3))
+@random_cases.seeds(3, fast=2)
 def test_random_triangles_uploaded_in_pieces_change_no_bit(monkeypatch, seed, order):
     highs, band = [order(random_mesh(seed)), order(random_mesh(seed + 100, 900))], BANDS["rows"]
     monkeypatch.setattr(shader, "in_software", lambda: True)
@@ -183,7 +183,7 @@ def test_live_keeps_dense_meshes_on_the_gpu(monkeypatch):
     assert not uploads
 
 
-@pytest.mark.parametrize("seed", range(3))
+@random_cases.seeds(3, fast=2)
 def test_probes_of_random_dense_meshes_are_the_same_to_the_bit(monkeypatch, seed):
     low, high = random_mesh(seed + 50, 200), random_mesh(seed)
     probe = separation.flat_probe(low, [high])

@@ -19,6 +19,7 @@ from tests.engine.test_blender_engines import PAIRS, triangulated
 from tests.support import angles, decoders, drivers, lanes, raster, zoo
 from tests.support.covering import covering
 from tests.support.maps import bake, raw_maps
+from tests.support.real_meshes import open_pair
 from tests.support.seen_frames import frames
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -217,8 +218,7 @@ DECODED = lanes.in_turn(["spot_1696_536"], PAIRS, NAMES)
 @pytest.mark.parametrize("case", lanes.slow_but([("spot_1696_536", name) for name in NAMES[:2]], DECODED), ids=str)
 def test_a_map_of_a_real_pair_is_exact_for_its_targets(shared_assets, case):
     name, basis = case
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    low, high = open_pair(shared_assets, name)
     triangulate(low)
     found = off(low, high, basis, [basis], (512, 512), method="AUTO")
     print(f"{name} {basis}: {found[basis]:.5f}")

@@ -16,6 +16,7 @@ from addon.jobs import Job, bake_pair, checks
 from addon.jobs.live_session import Session
 from tests.support import angles, zoo
 from tests.support.maps import bake_all_maps, pixels, raw_maps
+from tests.support.real_meshes import open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -236,8 +237,7 @@ def test_live_draws_what_a_bake_draws():
 @pytest.mark.slow
 @pytest.mark.shared
 def test_the_helmet_has_no_holes_and_looks_as_by_cast(shared_assets):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "helmet_23358_6117.blend"))
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    low, high = open_pair(shared_assets, "helmet_23358_6117")
     found = {
         method: raw_maps(low, high, maps=(), size=512, method=method)[1001]["NORMAL"] for method in ("AUTO", "CAST")
     }

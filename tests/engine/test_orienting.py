@@ -11,6 +11,7 @@ from addon.engine import orienting, tree_cache, uv_agreement
 from addon.jobs import Job
 from addon.jobs.live_session import Session
 from tests.support import angles, lanes, maps, oracle, scenes, spoiled, zoo
+from tests.support.real_meshes import PAIRS, open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -511,27 +512,10 @@ def test_smooth_normals_keep_hard_edges():
 # Real meshes
 
 
-PAIRS = (
-    "kepler_199712_9079",
-    "sthelens_290088_9079",
-    "spot_1696_536",
-    "shaderball_48048_23378",
-    "shaderball_61644_20517",
-    "spot_control_vs_subd5",
-    "king_40480_4000",
-    "helmet_23358_6117",
-    "normaltangenttest_published",
-)
 MORE_WRONG = 0.002
 """The most texels by which a mesh with 30 % of its faces turned over may be worse than the clean one."""
 SOUP_WRONG = 0.007
 """As MORE_WRONG, with everything that generators and scans do: noise alone moves texels at the rims of parts."""
-
-
-def from_file(assets, file):
-    bpy.ops.wm.open_mainfile(filepath=str(assets / "pairs" / f"{file}.blend"))
-    meshes = sorted((obj for obj in bpy.data.objects if obj.type == "MESH"), key=lambda obj: len(obj.data.polygons))
-    return meshes[0], meshes[-1]
 
 
 @pytest.mark.slow
@@ -539,7 +523,7 @@ def from_file(assets, file):
 @pytest.mark.parametrize("case", lanes.in_turn([], PAIRS, [0.05, 0.15, 0.3]), ids=str)
 def test_flipped_faces_of_real_meshes_seed_7(case, shared_assets):
     file, share = case
-    low, high = from_file(shared_assets, file)
+    low, high = open_pair(shared_assets, file)
     size = {"size": (512, 512)}
     assert np.array_equal(cast(low, high, **size), cast(low, high, keep_faces=True, **size))
     soup = spoiled.of_object(high)
@@ -554,7 +538,7 @@ def test_flipped_faces_of_real_meshes_seed_7(case, shared_assets):
 @pytest.mark.shared
 @pytest.mark.parametrize("file", ["king_40480_4000", "helmet_23358_6117", "shaderball_61644_20517"])
 def test_real_meshes_with_all_flaws_together_seed_7(file, shared_assets):
-    low, high = from_file(shared_assets, file)
+    low, high = open_pair(shared_assets, file)
     soup = spoiled.of_object(high)
     wanted = {"maps": ("AO", "THICKNESS", "BASE_COLOR"), "size": 128, "method": "CAST", "rays": 16, "samples": 1}
     _, clean = maps.bake_all_maps(low, spoiled.build("clean", soup, like=soup), **wanted)

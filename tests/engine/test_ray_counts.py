@@ -16,6 +16,7 @@ from addon.engine.planning import Plan
 from addon.passes import target
 from addon.scene import reading
 from tests.support import counting, lanes
+from tests.support.real_meshes import open_pair
 
 pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
 
@@ -37,8 +38,7 @@ WALKED = 0.6
 
 def counts(folder, name, monkeypatch, *, has_packets=False):
     """The counts of OWN and of OUTERMOST along the same rays, (N, 4) each, on texels with a ray. has_packets: as in of_rays."""
-    bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
-    low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
+    low, high = open_pair(folder, name)
     settings = Settings(method="CAST", space="WORLD", width=SIZE, height=SIZE)
     plan = Plan(reading.read(bpy.context, low, [high], None, settings), (udim.FIRST,), Choice("CAST"))
     ray_cast = progress.finish(draw(plan, Run(settings))).ray_cast

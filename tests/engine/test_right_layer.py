@@ -8,6 +8,7 @@ import pytest
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from tests.support import judge, lanes, maps
+from tests.support.real_meshes import open_pair
 
 pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
 
@@ -40,8 +41,7 @@ def test_texels_show_the_right_layer(shared_assets, name, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("share", WRONG_PUSHED)
 def test_texels_show_the_right_layer_of_a_low_mesh_that_is_off(shared_assets, share, tmp_path):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "helmet_23358_6117.blend"))
-    low, high = (bpy.data.objects[name] for name in ("lo", "hi"))
+    low, high = open_pair(shared_assets, "helmet_23358_6117")
     points = np.concatenate([world_points(obj) for obj in (low, high)])
     scale = np.cbrt(abs(low.matrix_world.to_3x3().determinant()))
     distance = share * np.linalg.norm(np.ptp(points, axis=0)) / scale
@@ -77,8 +77,7 @@ DIFFERS = 1e-4
 @pytest.mark.parametrize("name", lanes.slow_but(FAR_APART[2:], FAR_APART))
 def test_where_no_layer_is_near_the_map_is_that_of_the_outermost_hit(shared_assets, name):
     """With the distances that are measured, and with smooth directions, as before hits had owners."""
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
-    low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
+    low, high = open_pair(shared_assets, name)
 
     def bake(**settings):
         values = {"width": 512, "height": 512, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}

@@ -16,6 +16,7 @@ from addon.passes import samples, target
 from tests.support import angles, lanes, layouts, maps, scenes, zoo
 from tests.support.layouts import Layout
 from tests.support.maps import bake, bake_all_maps, texel_uv
+from tests.support.real_meshes import FAST, PAIRS, open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -237,18 +238,6 @@ def test_borders_are_means_of_the_samples_on_the_mesh(method, samples, rays, spa
 ADAPTIVE_RAYS = {"extrusion": 0.3, "max_distance": 0.6}
 ALLOWED_P99 = 0.02
 """Degrees between the mean of adaptive samples and that of all samples."""
-PAIRS = [
-    "kepler_199712_9079",
-    "sthelens_290088_9079",
-    "spot_1696_536",
-    "spot_control_vs_subd5",
-    "shaderball_48048_23378",
-    "shaderball_61644_20517",
-    "king_40480_4000",
-    "helmet_23358_6117",
-    "normaltangenttest_published",
-]
-FAST = ["spot_1696_536"]
 
 
 def both(low, high, **settings):
@@ -284,8 +273,7 @@ SIZES = lanes.in_turn(FAST, PAIRS, [512, 1024])
 @pytest.mark.parametrize("case", lanes.slow_but([(FAST[0], 512)], SIZES), ids=str)
 def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, case):
     name, size = case
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    low, high = open_pair(shared_assets, name)
     reach = 0.02 * max(low.dimensions)
     rays = {"extrusion": reach, "max_distance": 2.0 * reach}
     some, every, stopped = both(low, high, width=size, height=size, samples=16, **rays)
@@ -299,8 +287,7 @@ def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, case):
 @pytest.mark.slow
 @pytest.mark.shared
 def test_strong_bends_take_as_many_samples_as_are_asked_for(shared_assets):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "king_40480_4000.blend"))
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    low, high = open_pair(shared_assets, "king_40480_4000")
     reach = 0.02 * max(low.dimensions)
     rays = {"extrusion": reach, "max_distance": 2.0 * reach}
     some, every, stopped = both(low, high, width=256, height=256, samples=64, **rays)

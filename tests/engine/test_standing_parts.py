@@ -16,6 +16,7 @@ from mathutils.kdtree import KDTree
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from tests.support import angles, judge, maps
+from tests.support.real_meshes import open_pair
 
 pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
 
@@ -49,8 +50,7 @@ class Baked:
 def bake(assets, name, *, below=np.inf):
     """Bake a file without any setting. below: high triangles are part of the truth where z is less."""
     layers = judge.module(assets)
-    bpy.ops.wm.open_mainfile(filepath=str(assets / "layers" / f"{name}.blend"))
-    low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
+    low, high = open_pair(assets, name, "layers")
     values = {"width": SIZE, "height": SIZE, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
     report = bake_pair(
         bpy.context, low, [high], Settings(method="CAST", space="WORLD", maps=("POSITION",), image="map", **values)

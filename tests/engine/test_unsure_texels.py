@@ -20,6 +20,7 @@ from addon.mesh.local_space import local_space_of
 from addon.passes import audit
 from addon.scene import reading
 from tests.support import lanes, sheets
+from tests.support.real_meshes import open_pair
 
 pytestmark = [pytest.mark.shared, pytest.mark.usefixtures("gpu_context")]
 
@@ -44,11 +45,6 @@ class Judged:
     @property
     def recall(self):
         return (self.unsure & self.wrong).sum() / max(1, self.wrong.sum())
-
-
-def open_pair(shared_assets, name):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
-    return bpy.data.objects["lo"], bpy.data.objects["hi"]
 
 
 def push(low, high, share):
@@ -132,14 +128,12 @@ def test_surfaces_without_layers_are_sure(shared_assets, name):
 
 @pytest.mark.parametrize("name", ["floaters", "box"])
 def test_parts_that_stand_off_are_sure(shared_assets, name):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "layers" / f"{name}.blend"))
-    _, _, doubts = explore(bpy.data.objects["lo"], bpy.data.objects["hi"])
+    _, _, doubts = explore(*open_pair(shared_assets, name, "layers"))
     assert doubts.unsure.sum() <= 0.001 * doubts.on_low.sum()
 
 
 def test_the_first_hit_is_unsure_where_it_is_wrong(shared_assets):
     """On the neck below the collar, the outermost hit is the collar's."""
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "layers" / "collar.blend"))
-    _, _, doubts = explore(bpy.data.objects["lo"], bpy.data.objects["hi"], hit="OUTERMOST")
+    _, _, doubts = explore(*open_pair(shared_assets, "collar", "layers"), hit="OUTERMOST")
     assert 0.2 < doubts.unsure.sum() / doubts.on_low.sum() < 0.5
     assert doubts.other_layer.sum() == doubts.unsure.sum()

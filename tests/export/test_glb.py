@@ -18,6 +18,7 @@ from addon.jobs import bake_jobs, bake_pair
 from addon.jobs.job import Job
 from addon.mesh.triangles import degrees_between, unit
 from tests.support import angles, cycles, decoders, glb, lanes, maps, scenes, snapshot, zoo
+from tests.support.real_meshes import open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -71,8 +72,7 @@ def test_the_normals_of_the_file_are_those_of_the_object_space_map(tmp_path):
 @pytest.mark.shared
 @pytest.mark.parametrize("name", lanes.slow_but(PAIRS[:1], PAIRS))
 def test_real_meshes_and_lows_with_ngons(shared_assets, tmp_path, name):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    low, high = open_pair(shared_assets, name)
     truth = maps.bake(low, high, image="truth", space="OBJECT", size=(512, 512))
     (done,) = export(tmp_path / "out.glb", bake(low, high, size=512))
     found = off(tmp_path / "out.glb", "lo", truth, tmp_path, shared=cycles.shared(low, (512, 512)))

@@ -10,6 +10,7 @@ from addon.export import engine_files, formats
 from addon.scene import mesh_reader
 from tests.export.test_glb import EIGHT_BITS_P99, bake, bent_pair, export
 from tests.support import maps, scenes, snapshot, zoo
+from tests.support.real_meshes import open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -100,8 +101,7 @@ def test_quads_differ_without_the_tangents_of_the_bake_and_this_is_told(tmp_path
 @pytest.mark.shared
 @pytest.mark.parametrize(("name", "ending"), [("spot_1696_536", ".usda"), ("spot_control_vs_subd5", ".fbx")])
 def test_real_meshes(shared_assets, tmp_path, name, ending):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    low, high = open_pair(shared_assets, name)
     (done,) = export(tmp_path / f"out{ending}", bake(low, high, size=256))
     assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] < EIGHT_BITS_P99
 

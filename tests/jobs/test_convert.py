@@ -16,6 +16,7 @@ from addon.jobs.convert import Conversion, convert
 from tests.support import angles, cycles, lanes, scenes, zoo
 from tests.support.conversions import converted, percentile, picture
 from tests.support.maps import bake, pixels, texel_uv
+from tests.support.real_meshes import open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -56,8 +57,7 @@ def test_a_converted_map_is_the_map_that_a_bake_makes(pair, spaces):
 @pytest.mark.slow
 @pytest.mark.shared
 def test_a_real_mesh_gets_the_map_that_a_bake_makes(shared_assets):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "king_40480_4000.blend"))
-    pair = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    pair = open_pair(shared_assets, "king_40480_4000")
     for name in NAMES:
         bake(*pair, basis=name, image=name, size=(512, 512))
     off = {}
@@ -231,8 +231,7 @@ def inside(*maps):
 @pytest.mark.parametrize("name", lanes.slow_but(FAST_BAKED, BAKED_PAIRS))
 def test_maps_of_cycles_become_those_of_another_space_and_basis(shared_assets, name):
     """The objects have no scale, so that Cycles' object space is that of Imprint."""
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    low, high = open_pair(shared_assets, name)
     tangent, expected, reach = of_cycles(low, high)
     common = {"method": "CAST", "hit": "OUTERMOST", "size": SIZE, **reach}
     ours = {now: bake(low, high, basis=now, image=now, **common) for now in ("NORMALIZED", "CYCLES")}

@@ -15,6 +15,7 @@ from addon.jobs import bake_jobs, lod, temporary
 from addon.jobs.simplify import decimation, texel_judge
 from addon.scene import mesh_reader
 from tests.support import scenes, zoo
+from tests.support.real_meshes import open_pair
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -262,8 +263,7 @@ def test_bad_input_is_one_sentence_and_changes_nothing():
 @pytest.mark.parametrize("name", ["king_40480_4000", "shaderball_48048_23378"])
 def test_chains_of_real_meshes_to_1_2_and_4_degrees(shared_assets, name):
     """The high meshes of the pairs, with 8 bits."""
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
-    original = bpy.data.objects["hi"]
+    _, original = open_pair(shared_assets, name)
     report = chain(original, "1,2,4", "1", settings=replace(SETTINGS, width=1024, height=1024, depth=8))
     print("\n".join(report.table()))
     assert len(report.levels) == 3

@@ -13,7 +13,7 @@ from addon.jobs import Job
 from addon.jobs.live_session import Session
 from addon.passes import high_in_uv
 from addon.scene import mesh_reader
-from tests.support import zoo
+from tests.support import random_cases, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -236,7 +236,7 @@ def test_texels_stay_when_the_memory_is_freed(drawn):
     session.free()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 def test_parts_contain_all_boxes_and_do_not_overlap(seed):
     rng = np.random.default_rng(seed)
     size = (200, 120)

@@ -15,6 +15,7 @@ from addon.core.settings import Settings
 from addon.jobs import Job, bake_all
 from tests.audit.test_unsure_hits import plates
 from tests.support import scenes, zoo
+from tests.support.real_meshes import PAIRS
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -548,19 +549,7 @@ def test_wrong_bakes_give_one_warning_that_names_the_cause(name):
 @pytest.mark.slow
 @pytest.mark.shared
 @pytest.mark.parametrize("method", ["AUTO", "CAST"])
-@pytest.mark.parametrize(
-    "file",
-    [
-        "king_40480_4000",
-        "shaderball_61644_20517",
-        "shaderball_48048_23378",
-        "kepler_199712_9079",
-        "sthelens_290088_9079",
-        "normaltangenttest_published",
-        "helmet_23358_6117",
-        "spot_1696_536",
-    ],
-)
+@pytest.mark.parametrize("file", [name for name in PAIRS if name != "spot_control_vs_subd5"])
 def test_right_bakes_of_real_meshes_give_no_warning(file, method, shared_assets):
     with bpy.data.libraries.load(str(shared_assets / "pairs" / f"{file}.blend")) as (held, loaded):
         loaded.objects = list(held.objects)

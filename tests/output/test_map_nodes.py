@@ -11,6 +11,7 @@ from addon.core.map_types import AO, BY_NAME, HEIGHT, METALLIC, ROUGHNESS, VECTO
 from addon.output import map_nodes, materials
 from addon.output.map_nodes import MapImage
 from addon.output.tree_editing import MARK
+from tests.support import random_cases
 
 BASE_COLOR, EMISSION, ALPHA = (BY_NAME[name] for name in ("BASE_COLOR", "EMISSION", "ALPHA"))
 SIZE = 8
@@ -520,7 +521,7 @@ def random_tree(random):
     return material, tree
 
 
-@pytest.mark.parametrize("seed", range(30))
+@random_cases.seeds(30, fast=2)
 def test_random_trees_lose_no_node_and_change_once(seed):
     material, tree = random_tree(np.random.default_rng(seed))
     low, images = make_low(material), every_map()

@@ -19,6 +19,7 @@ from addon.passes import lit, mesh_upload, target
 from addon.ui import view_scene, view_shading
 from addon.ui.view_shading import SHOWN, Mode
 from tests.support import decoders, oracle, raster, zoo
+from tests.support.real_meshes import open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -183,8 +184,7 @@ def test_an_orthographic_view():
 @pytest.mark.shared
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
 def test_a_real_pair_equals_the_float64_picture(space, shared_assets):
-    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "spot_1696_536.blend"), load_ui=False)
-    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    low, high = open_pair(shared_assets, "spot_1696_536")
     session = session_of(low, [high], space=space, width=512, height=512)
     eye = eye_on(low)
     pixels = picture(lambda: view_shading.Shading(session).draw("MAP", eye))

@@ -9,7 +9,7 @@ from addon.core import udim
 from addon.mesh import uv_layout
 from addon.mesh.triangle_mesh import Mesh
 from addon.passes import audit, mesh_upload, target
-from tests.support import maps, oracle
+from tests.support import maps, oracle, random_cases
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -135,7 +135,7 @@ def layers(uv, triangles, size, count, tile=1001):
     ).astype(int)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@random_cases.seeds(3, fast=2)
 def test_random_triangles(seed):
     rng = np.random.default_rng(seed)
     triangles, size, count = rng.random((12, 3, 2)), 48, 12

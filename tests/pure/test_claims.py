@@ -14,6 +14,7 @@ import pytest
 from addon.cli import claims
 from addon.cli.claims import EMPTY_FOR, LEFT_AFTER, Claims
 from scripts.imprint import ROOT
+from tests.support import random_cases
 
 HOLD = """
 import sys
@@ -246,7 +247,7 @@ def test_processes_never_have_a_claim_at_the_same_time(tmp_path, machines):
     assert len(names(tmp_path)) == 60
 
 
-@pytest.mark.parametrize("seed", range(3))
+@random_cases.seeds(3, fast=2)
 def test_a_kill_at_any_moment_leaves_nothing_that_stops_the_next_process(tmp_path, seed):
     process = start(TAKE_ALL, tmp_path, "a", seed, "")
     process.stdout.readline()

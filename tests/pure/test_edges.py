@@ -11,6 +11,7 @@ from addon.core import threads
 from addon.mesh import edges, face_shapes, shared_values, subdividing
 from addon.mesh.edges import has_area, neighbors, past_flat
 from addon.mesh.triangle_mesh import CORNER_BLOCK, FaceCorners, Mesh
+from tests.support import random_cases
 
 
 def by_edge(points, triangles):
@@ -82,7 +83,7 @@ def test_edges_without_length_have_no_neighbor(triangle):
     check(SQUARE, [triangle, (0, 1, 2)])
 
 
-@pytest.mark.parametrize("seed", range(8))
+@random_cases.seeds(8, fast=2)
 def test_neighbors_in_a_tangle(seed):
     """Few points in few places, so that many triangles share each edge, and some are there twice or degenerate."""
     rng = np.random.default_rng(seed)
@@ -127,7 +128,7 @@ def test_a_triangle_without_area_and_neighbors_stays_itself():
     assert past([(0, 0, 0)], [(0, 0, 0)]) == [[[-1, -1, -1]], [0]]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 def test_without_flat_triangles_the_neighbors_are_all(seed):
     rng = np.random.default_rng(seed)
     points, triangles = (
@@ -239,7 +240,7 @@ def test_borders_and_edges_of_three_faces_are_not_listed():
     assert listed(corners_mesh(third, [*triangles, (1, 6, 7), (1, 7, 2)])) == []
 
 
-@pytest.mark.parametrize("seed", range(6))
+@random_cases.seeds(6, fast=2)
 def test_hard_edges_of_a_rough_sheet(seed):
     """Against a loop over the edges, with random normals at some corners, split vertices, and degenerate triangles."""
     rng = np.random.default_rng(seed)
@@ -272,7 +273,7 @@ def test_hard_edges_of_a_rough_sheet(seed):
 # Face corners
 
 
-@pytest.mark.parametrize("seed", range(6))
+@random_cases.seeds(6, fast=2)
 def test_what_is_found_equals_a_search_through_all(seed):
     rng = np.random.default_rng(seed)
     sizes = rng.integers(3, 7, 400)

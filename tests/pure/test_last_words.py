@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from addon.cli import worker_process
+from tests.support import random_cases
 
 DUMP = """Fatal Python error: Segmentation fault
 
@@ -57,7 +58,7 @@ fall()"""
     assert worker_process.crash_output(done.stdout) == ", in fall, line 5 of <string>, after it printed 'hi'"
 
 
-@pytest.mark.parametrize("seed", range(20))
+@random_cases.seeds(20, fast=2)
 def test_a_sentence_stays_one_short_line(seed):
     chance = random.Random(seed)
     letters = 'ab "\n\r\t\x00\x1b\u2028\\/'

@@ -6,7 +6,7 @@ import pytest
 
 from addon.mesh import orientation
 from addon.mesh.closest import Surface
-from tests.support import oracle
+from tests.support import oracle, random_cases
 
 
 def strip(count, turns=0.5):
@@ -58,7 +58,7 @@ def test_a_clean_mesh_has_no_pairs():
     assert found.is_closed.all()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 @pytest.mark.parametrize("share", [0.001, 0.15, 0.45])
 def test_flipped_triangles_are_found(seed, share):
     rng = np.random.default_rng(seed)
@@ -121,7 +121,7 @@ def test_patches_beside_one_that_contradicts_itself_keep_their_sides_seed_5():
     assert not np.isin(found.labels[: len(of_ball)], found.labels[len(of_ball) :]).any()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 def test_a_moebius_strip_is_cut_across_its_sharpest_edge(seed):
     points, triangles = strip(40)
     points[[7, 47]] *= 1.05

@@ -16,6 +16,7 @@ from addon.cli.arguments import WrongUsage
 from addon.cli.plans import Plan
 from addon.cli.run_report import FAILED, WRONG_USAGE
 from scripts.imprint import ROOT
+from tests.support import random_cases
 
 BLOCK = "<4siQii"
 SET = {"low-file": "a_low.obj", "high-file": "a_high.obj", "output": "maps/a.png", "size": 64}
@@ -151,7 +152,7 @@ def cost(plan):
     return plan.options.cost
 
 
-@pytest.mark.parametrize("seed", range(40))
+@random_cases.seeds(40, fast=2)
 def test_parts_are_disjoint_and_complete(seed):
     rng = random.Random(seed)
     planned, count = random_plans(rng), rng.randrange(1, 20)

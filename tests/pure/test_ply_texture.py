@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from addon.core.file_structure import ply_files
+from tests.support import random_cases
 
 HEAD = (
     "ply\nformat {form} 1.0\ncomment TextureFile my page.png\nelement vertex 3\nproperty float x\nproperty float y\n"
@@ -63,7 +64,7 @@ def test_a_file_without_images_has_no_texture(tmp_path):
         assert read(tmp_path, content) is None
 
 
-@pytest.mark.parametrize("seed", range(20))
+@random_cases.seeds(20, fast=2)
 def test_random_headers_never_fail_by_seed(tmp_path, seed):
     random = np.random.default_rng(seed)
     words = [

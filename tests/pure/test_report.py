@@ -25,7 +25,7 @@ from addon.core.errors import BakeError
 from addon.core.report import Report
 from addon.output import png_writer
 from scripts.dev import report_schema
-from tests.support import json_schema, reports
+from tests.support import json_schema, random_cases, reports
 
 
 @pytest.fixture
@@ -127,7 +127,7 @@ def merged(tmp_path, *paths):
     return code, json.loads(out.read_text()) if out.exists() else None
 
 
-@pytest.mark.parametrize("seed", range(20))
+@random_cases.seeds(20, fast=2)
 def test_the_parts_of_a_run_make_the_report_of_the_run(tmp_path, seed):
     rng = random.Random(seed)
     planned, count = rng.randint(1, 40), rng.randint(1, 6)
@@ -146,7 +146,7 @@ def test_the_parts_of_a_run_make_the_report_of_the_run(tmp_path, seed):
     assert found["call"][:2] == ["report", "--merge"]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@random_cases.seeds(5, fast=2)
 def test_a_report_is_in_the_order_of_the_job_file(tmp_path, seed):
     """Several workers end their bakes in another order each time: two reports of one job can be compared."""
     numbers = list(range(1, 12))
@@ -331,7 +331,7 @@ def test_beside_a_call_for_all_bakes_all_are_wanted(tmp_path, capsys):
     assert "missing: 3-4" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("seed", range(20))
+@random_cases.seeds(20, fast=2)
 def test_the_numbers_of_only_are_read_as_they_were_written(seed):
     rng = random.Random(seed)
     numbers = rng.sample(range(1, 100), rng.randint(1, 99))

@@ -7,6 +7,7 @@ import pytest
 from addon.mesh import uv_crossings, uv_packing, uv_stretch
 from addon.mesh.triangle_mesh import Mesh
 from addon.mesh.uv_charts import Charts
+from tests.support import random_cases
 
 MARGIN = 1.0 / 256.0
 
@@ -166,7 +167,7 @@ def test_charts_are_fewer_where_stretch_counts_less_and_no_more_than_half_a_sphe
         assert np.linalg.norm(mine.sum(axis=0)) >= 0.38 * np.linalg.norm(mine, axis=1).sum()
 
 
-@pytest.mark.parametrize("seed", range(6))
+@random_cases.seeds(6, fast=2)
 def test_charts_of_spoiled_meshes_are_disks(seed):
     points, triangles = spoiled(seed)
     charts = grown(points, triangles, 10.0, 1.0, 0.1)
@@ -174,7 +175,7 @@ def test_charts_of_spoiled_meshes_are_disks(seed):
     assert (euler[np.bincount(pieces(triangles, cuts(charts, triangles))[0]) > 1] == 1).all()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@random_cases.seeds(3, fast=2)
 def test_borders_that_zigzag_become_straight(seed, monkeypatch):
     points, triangles = sphere()
     points = points + 0.03 * np.random.default_rng(seed).standard_normal(points.shape)

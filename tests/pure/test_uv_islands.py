@@ -10,6 +10,7 @@ import pytest
 from addon.core import udim
 from addon.mesh import uv_islands, uv_layout, uv_seams
 from addon.mesh.triangle_mesh import Mesh
+from tests.support import random_cases
 
 
 def mesh(points, triangles, numbers, *, uv, vertices=None, normals=None):
@@ -47,7 +48,7 @@ def groups(corners, chosen):
     return len(parts)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 def test_islands_of_random_triangles_of_a_grid(seed):
     rng = np.random.default_rng(seed)
     triangles, uv = grid(12)
@@ -127,7 +128,7 @@ def test_rotated_and_mirrored_faces_on_the_same_place_are_stacked(turn, way, cut
     assert uv_islands.without_copies(low).tolist() == np.repeat([True, True, False, True, True], 2).tolist()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@random_cases.seeds(3, fast=2)
 def test_stacks_of_a_random_dense_layout(seed):
     """Each quad twice, a fraction of a single-precision step apart, among thousands of others that are close."""
     rng = np.random.default_rng(seed)
@@ -351,7 +352,7 @@ def borders_by_brute_force(seam_mesh):
     return listed(result)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 def test_borders_equal_brute_force_seed(seed):
     rng = np.random.default_rng(seed)
     side = 6
@@ -534,7 +535,7 @@ def test_values_that_are_not_finite_are_left_out():
     assert over(box(2, 2, 3, 3), box(2, np.nan, 3, 3), box(np.inf, 2, 3, 3)) == [0]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 def test_random_triangles_over_a_center_stay(seed):
     random = np.random.default_rng(seed)
     corners = random.uniform(-0.1, 1.1, (4000, 1, 2)) + random.normal(0, 0.03, (4000, 3, 2))
@@ -577,7 +578,7 @@ def mesh_of(uv):
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 @pytest.mark.parametrize(("size", "tile"), [((64, 64), 1001), ((40, 21), 1001), ((32, 64), 1012)])
 def test_random_triangles_are_found_in_the_squares_that_their_boxes_touch(seed, size, tile):
     random = np.random.default_rng(seed)
@@ -611,7 +612,7 @@ def test_a_triangle_that_a_rasterizer_may_move_into_a_square_is_found(step, axis
         assert found.tolist() == [expected]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 @pytest.mark.parametrize("most", [1, 3, 1000])
 def test_random_choices_are_held_by_ranges_with_the_smallest_gaps(seed, most):
     chosen = np.random.default_rng(seed).random(200) < 0.1
@@ -633,7 +634,7 @@ def test_nothing_chosen_has_no_ranges():
     assert uv_layout.runs(np.zeros(5, bool), 4) == []
 
 
-@pytest.mark.parametrize("seed", range(4))
+@random_cases.seeds(4, fast=2)
 @pytest.mark.parametrize(("size", "tile"), [((64, 64), 1001), ((40, 21), 1001), ((128, 64), 1012)])
 def test_squares_of_random_triangles_hold_them_and_lie_close(seed, size, tile):
     random = np.random.default_rng(seed)

@@ -8,7 +8,7 @@ import pytest
 from addon.core.errors import in_window
 from addon.jobs import Job, bake_jobs, checks
 from addon.ui.bake_results import results
-from tests.support import angles, maps, panel_layout, scenes, zoo
+from tests.support import angles, maps, panel_layout, random_cases, scenes, zoo
 from tests.support.panel import use
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -194,7 +194,7 @@ def test_a_flip_turns_all_normals(make):
     assert all(np.allclose(a, -b, atol=1e-3) for a, b in zip(corner_normals(obj), before, strict=True))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@random_cases.seeds(6, fast=2)
 def test_random_parts_on_a_plate_flip_nothing(seed):
     """Parts of any size, sunk to any depth: the low mesh is right."""
     rng = np.random.default_rng(seed)
