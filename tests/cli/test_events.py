@@ -9,14 +9,13 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-import bpy
 import pytest
 
 from addon.cli import run_report, terminal
 from addon.cli.run_report import State
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
-from tests.support import lanes, zoo
+from tests.support import lanes, scenes
 from tests.support.manual import names, rows, section
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -30,10 +29,7 @@ PAGE = ROOT / "docs" / "farms.md"
 def folder(tmp_path, monkeypatch):
     """The working folder, with good_low.obj and good_high.obj."""
     monkeypatch.chdir(tmp_path)
-    for name, slope in (("good_low", 0.0), ("good_high", 0.2)):
-        zoo.plane(name, slope=slope)
-        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_selected_objects=False)
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scenes.plane_files(tmp_path, good_low=0.0, good_high=0.2)
     return tmp_path
 
 

@@ -18,10 +18,7 @@ OLD = "2001-01-01T00:00:00Z"
 def folder(tmp_path, monkeypatch, gpu_context):
     """The working folder, with a pair of meshes, and a report and a page of an earlier call."""
     monkeypatch.chdir(tmp_path)
-    for name in ("low", "high"):
-        zoo.plane(name, slope=0.2 * (name == "high"))
-        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_materials=False)
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scenes.plane_files(tmp_path, low=0.0, high=0.2)
     before = run_report.document(
         [run_report.Entry(number, f"set {number} (low)") for number in (1, 2)], run_report.head(2) | {"started": OLD}
     )

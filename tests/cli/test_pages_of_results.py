@@ -18,7 +18,7 @@ from addon.cli import command
 from addon.cli.baker import MOST_PICTURES
 from addon.cli.sheet import SheetFile
 from addon.core.errors import BakeError
-from tests.support import reports, zoo
+from tests.support import reports, scenes, zoo
 
 COUNT = 3
 
@@ -27,10 +27,7 @@ COUNT = 3
 def folder(tmp_path, monkeypatch):
     """The working folder, with a job file of COUNT bakes of other slopes, and one that fails."""
     monkeypatch.chdir(tmp_path)
-    for name, slope in (("low", 0.0), *((f"high{number}", 0.2 * number) for number in range(COUNT))):
-        zoo.plane(name, slope=slope)
-        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_selected_objects=False)
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scenes.plane_files(tmp_path, low=0.0, **{f"high{number}": 0.2 * number for number in range(COUNT)})
     sets = [
         {"low-file": "low.obj", "high-file": f"high{number}.obj", "output": f"m{number}.png"} for number in range(COUNT)
     ]

@@ -22,7 +22,7 @@ from addon.cli.records import Contents
 from addon.core import versions
 from addon.core.progress import STARTUP
 from scripts.imprint import ROOT
-from tests.support import json_schema, random_cases, reports, zoo
+from tests.support import json_schema, random_cases, reports, scenes, zoo
 from tests.support.manual import names, rows, section
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -36,10 +36,7 @@ ONE = ["--low-file", "low.obj", "--high-file", "high.obj", "--output", "one.png"
 def folder(tmp_path, monkeypatch):
     """The working folder, with a job file of COUNT bakes."""
     monkeypatch.chdir(tmp_path)
-    for name, slope in (("low", 0.0), ("high", 0.2)):
-        zoo.plane(name, slope=slope)
-        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_selected_objects=False)
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scenes.plane_files(tmp_path, low=0.0, high=0.2)
     sets = []
     for number in range(COUNT):
         (tmp_path / f"m{number}.obj").write_bytes((tmp_path / "low.obj").read_bytes())

@@ -16,7 +16,7 @@ import pytest
 from addon.cli import standard_streams
 from scripts import imprint
 from scripts.imprint import ROOT
-from tests.support import zoo
+from tests.support import scenes, zoo
 
 try:
     import pty
@@ -156,10 +156,7 @@ def test_the_launcher_shows_what_blender_printed_last_before_a_crash(tmp_path, m
 @pytest.mark.skipif(os.name == "nt", reason="descriptors of POSIX")
 @pytest.mark.usefixtures("gpu_context")
 def test_all_lines_of_a_bake_are_of_imprint(tmp_path):
-    for name in ("low", "high"):
-        zoo.plane(name)
-        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_selected_objects=False)
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scenes.plane_files(tmp_path, low=0.0, high=0.0)
     (tmp_path / "page.png").write_text("<html>")
     (tmp_path / "high.mtl").write_text("newmtl m\nmap_Kd page.png\n")
     mesh = (tmp_path / "high.obj").read_text()

@@ -38,7 +38,7 @@ from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
 from addon.jobs import job
 from scripts.imprint import ROOT
-from tests.support import reports, zoo
+from tests.support import reports, scenes, zoo
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 
@@ -53,10 +53,7 @@ SABOTAGE = ROOT / "tests" / "support" / "sabotage"
 def folder(tmp_path, monkeypatch):
     """The working folder, with good_low.obj and good_high.obj."""
     monkeypatch.chdir(tmp_path)
-    for name, slope in (("good_low", 0.0), ("good_high", 0.2)):
-        zoo.plane(name, slope=slope)
-        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_selected_objects=False)
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scenes.plane_files(tmp_path, good_low=0.0, good_high=0.2)
     return tmp_path
 
 

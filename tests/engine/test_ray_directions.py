@@ -19,6 +19,7 @@ from addon.mesh.local_space import local_space_of
 from addon.passes import cast, rays, target
 from addon.scene import reading
 from tests.support import maps, zoo
+from tests.support.raster import unit
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -91,10 +92,6 @@ def evaluate(meshes, parts=PARTS, **options):
     )
     pieces = subdividing.divide(np.full(len(meshes.low.triangles), parts))
     return ray_casting.rays_at_points(meshes, pieces, local_space, directions, extrusion=1.0), pieces, local_space
-
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def test_directions_blend_from_hard_edges_inwards():

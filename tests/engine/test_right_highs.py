@@ -7,6 +7,7 @@ import pytest
 from mathutils.bvhtree import BVHTree
 
 from tests.support import layer_pairs, maps, random_cases, scenes, spoiled, zoo
+from tests.support.layer_pairs import all_of
 from tests.support.spoiled import Soup
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -75,13 +76,6 @@ def garment(gap, segments):
             )
         )
     return [low for low, _ in layers], [high for _, high in layers]
-
-
-def all_of(parts):
-    whole = parts[0]
-    for part in parts[1:]:
-        whole = spoiled.joined(whole, part)
-    return whole
 
 
 @pytest.mark.parametrize(("gap", "segments"), [(5e-4, 16), (1e-3, 24)])

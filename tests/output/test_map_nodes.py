@@ -12,6 +12,7 @@ from addon.output import map_nodes, materials
 from addon.output.map_nodes import MapImage
 from addon.output.tree_editing import MARK
 from tests.support import random_cases
+from tests.support.shader_nodes import new_node, nodes_and_links
 
 BASE_COLOR, EMISSION, ALPHA = (BY_NAME[name] for name in ("BASE_COLOR", "EMISSION", "ALPHA"))
 SIZE = 8
@@ -61,13 +62,6 @@ def connect(low, images, **values):
     return materials.connect_maps(low, images, **{"uv_layer": "Layout"} | values)
 
 
-def add(tree, kind, **values):
-    node = tree.nodes.new(kind)
-    for name, value in values.items():
-        setattr(node, name, value)
-    return node
-
-
 def source(socket, kind):
     """The node connected to the input `socket`, which must be of this kind."""
     assert len(socket.links) == 1, f"{socket.node.name}.{socket.name} has {len(socket.links)} links"
@@ -78,12 +72,6 @@ def source(socket, kind):
 
 def output_of(socket):
     return socket.links[0].from_socket.identifier
-
-
-def nodes_and_links(tree):
-    return {node.as_pointer() for node in tree.nodes}, {
-        (link.as_pointer(), link.from_socket.as_pointer(), link.to_socket.as_pointer()) for link in tree.links
-    }
 
 
 # Inputs of the Principled BSDF
@@ -118,7 +106,7 @@ def test_emission_has_the_strength_of_the_map(scale):
 
 def test_a_linked_emission_strength_stays_and_gets_a_note():
     material, tree, principled = make_material()
-    value = add(tree, "ShaderNodeValue")
+    value = new_node(tree, "ShaderNodeValue")
     tree.links.new(value.outputs[0], principled.inputs["Emission Strength"])
     (note,) = connect(make_low(material), {EMISSION.name: of(EMISSION)})
     assert "Emission Strength" in note
@@ -190,7 +178,7 @@ def test_maps_packed_later_take_the_place_of_separate_ones():
 
 def test_an_image_of_the_user_stays_in_its_node():
     material, tree, principled = make_material()
-    texture = add(tree, "ShaderNodeTexImage", image=make_image("Paint"), label="Mine")
+    texture = new_node(tree, "ShaderNodeTexImage", image=make_image("Paint"), label="Mine")
     tree.links.new(texture.outputs["Color"], principled.inputs["Base Color"])
     (note,) = connect(make_low(material), {BASE_COLOR.name: of(BASE_COLOR)})
     assert all(name in note for name in ('"Skin"', '"Paint"', '"Mine"', "Base Color"))
@@ -200,7 +188,7 @@ def test_an_image_of_the_user_stays_in_its_node():
 
 def test_other_inputs_of_the_same_reroute_keep_the_image_of_the_user():
     material, tree, principled = make_material()
-    texture, dot = add(tree, "ShaderNodeTexImage", image=make_image("Paint")), add(tree, "NodeReroute")
+    texture, dot = new_node(tree, "ShaderNodeTexImage", image=make_image("Paint")), new_node(tree, "NodeReroute")
     tree.links.new(texture.outputs["Color"], dot.inputs[0])
     for name in ("Base Color", "Emission Color"):
         tree.links.new(dot.outputs[0], principled.inputs[name])
@@ -212,7 +200,7 @@ def test_other_inputs_of_the_same_reroute_keep_the_image_of_the_user():
 
 def test_reroutes_are_followed():
     material, tree, principled = make_material()
-    dot = add(tree, "NodeReroute")
+    dot = new_node(tree, "NodeReroute")
     tree.links.new(dot.outputs[0], principled.inputs["Base Color"])
     connect(make_low(material), {BASE_COLOR.name: of(BASE_COLOR)})
     assert principled.inputs["Base Color"].links[0].from_node == dot
@@ -221,10 +209,10 @@ def test_reroutes_are_followed():
 
 def test_other_nodes_at_an_input_do_not_change():
     material, tree, principled = make_material()
-    ramp = add(tree, "ShaderNodeValToRGB")
-    texture = add(tree, "ShaderNodeTexImage", mute=True)
-    invert = add(tree, "ShaderNodeMath")  # without a mark, it is not known to be 1 - value
-    tree.links.new(add(tree, "ShaderNodeTexImage").outputs["Color"], invert.inputs[1])
+    ramp = new_node(tree, "ShaderNodeValToRGB")
+    texture = new_node(tree, "ShaderNodeTexImage", mute=True)
+    invert = new_node(tree, "ShaderNodeMath")  # without a mark, it is not known to be 1 - value
+    tree.links.new(new_node(tree, "ShaderNodeTexImage").outputs["Color"], invert.inputs[1])
     tree.links.new(ramp.outputs["Color"], principled.inputs["Base Color"])
     tree.links.new(texture.outputs["Color"], principled.inputs["Metallic"])
     tree.links.new(invert.outputs["Value"], principled.inputs["Roughness"])
@@ -238,7 +226,7 @@ def test_other_nodes_at_an_input_do_not_change():
 
 def test_a_surface_without_a_principled_bsdf_gets_a_note():
     material, tree, principled = make_material()
-    tree.links.new(add(tree, "ShaderNodeBsdfDiffuse").outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    tree.links.new(new_node(tree, "ShaderNodeBsdfDiffuse").outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     before = nodes_and_links(tree)
     (note,) = connect(make_low(material), {ROUGHNESS.name: of(ROUGHNESS)})
     assert "Principled BSDF" in note
@@ -271,7 +259,7 @@ def test_several_materials_and_single_users():
 
 def test_a_reroute_that_leads_to_two_inputs_does_not_lead_a_map_to_the_wrong_one():
     material, tree, principled = make_material()
-    dot = add(tree, "NodeReroute")
+    dot = new_node(tree, "NodeReroute")
     for name in ("Metallic", "Roughness"):
         tree.links.new(dot.outputs[0], principled.inputs[name])
     connect(make_low(material), {kind.name: of(kind) for kind in (ROUGHNESS, METALLIC)})
@@ -334,8 +322,8 @@ def test_other_maps_leave_the_base_of_the_normal_map():
 
 def test_the_displacement_of_the_user_leaves_the_base_of_the_normal_map():
     material, tree, principled = make_material()
-    node = add(tree, "ShaderNodeDisplacement")
-    texture = add(tree, "ShaderNodeTexImage", image=make_image("Waves"))
+    node = new_node(tree, "ShaderNodeDisplacement")
+    texture = new_node(tree, "ShaderNodeTexImage", image=make_image("Waves"))
     tree.links.new(texture.outputs["Color"], node.inputs["Height"])
     tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
     hook_up(make_low(material), make_image("normal"))
@@ -344,7 +332,10 @@ def test_the_displacement_of_the_user_leaves_the_base_of_the_normal_map():
 
 def test_a_normal_map_of_the_user_keeps_its_base():
     material, tree, principled = make_material()
-    node, texture = add(tree, "ShaderNodeNormalMap"), add(tree, "ShaderNodeTexImage", image=make_image("Pores"))
+    node, texture = (
+        new_node(tree, "ShaderNodeNormalMap"),
+        new_node(tree, "ShaderNodeTexImage", image=make_image("Pores")),
+    )
     tree.links.new(texture.outputs["Color"], node.inputs["Color"])
     tree.links.new(node.outputs[0], principled.inputs["Normal"])
     connect(make_low(material), {HEIGHT.name: of(HEIGHT)})
@@ -361,7 +352,9 @@ def test_vectors_after_heights_take_their_place():
 
 def test_other_nodes_at_the_displacement_do_not_change():
     material, tree, _ = make_material()
-    tree.links.new(add(tree, "ShaderNodeVectorMath").outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+    tree.links.new(
+        new_node(tree, "ShaderNodeVectorMath").outputs[0], tree.nodes["Material Output"].inputs["Displacement"]
+    )
     before = nodes_and_links(tree)
     (note,) = connect(make_low(material), {HEIGHT.name: of(HEIGHT)})
     assert "Displacement" in note
@@ -423,7 +416,7 @@ def test_the_exporters_own_group_is_used_where_there_is_one():
     material, tree, _ = make_material()
     group = bpy.data.node_groups.new("glTF Settings", "ShaderNodeTree")
     group.interface.new_socket("Occlusion", in_out="INPUT", socket_type="NodeSocketFloat")
-    node = add(tree, "ShaderNodeGroup", node_tree=group)
+    node = new_node(tree, "ShaderNodeGroup", node_tree=group)
     connect(make_low(material), {AO.name: of(AO)})
     source(node.inputs["Occlusion"], "TexImage")
     assert list(bpy.data.node_groups) == [group]
@@ -454,7 +447,7 @@ def rendered(low, kind, **options):
     scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 1, False
     image = bpy.data.images.new("rendered", SIZE, SIZE, float_buffer=True, is_data=True)
     tree = low.active_material.node_tree
-    tree.nodes.active = add(tree, "ShaderNodeTexImage", image=image)
+    tree.nodes.active = new_node(tree, "ShaderNodeTexImage", image=image)
     bpy.context.view_layer.objects.active = low
     low.select_set(True)
     bpy.ops.object.bake(type=kind, margin=0, **options)
@@ -505,7 +498,7 @@ def random_tree(random):
     group = bpy.data.node_groups.new(str(random.choice(["Varnish", "glTF Material Output"])), "ShaderNodeTree")
     group.interface.new_socket("Occlusion", in_out="INPUT", socket_type="NodeSocketFloat")
     for kind in random.choice(KINDS, 20):
-        node = add(tree, str(kind), mute=bool(random.random() < 0.1))
+        node = new_node(tree, str(kind), mute=bool(random.random() < 0.1))
         if kind == "ShaderNodeTexImage":
             node.image = images[random.integers(3)]
         if kind == "ShaderNodeGroup" and random.random() < 0.7:

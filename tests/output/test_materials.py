@@ -8,6 +8,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.output import materials, tree_editing
 from tests.support import scenes
+from tests.support.shader_nodes import new_node, nodes_and_links
 from tests.support.snapshot import difference, snapshot
 
 # Scenes
@@ -35,13 +36,6 @@ def make_image(name="Map"):
     return bpy.data.images.new(name, 8, 8, float_buffer=True, is_data=True)
 
 
-def add(tree, kind, **values):
-    node = tree.nodes.new(kind)
-    for name, value in values.items():
-        setattr(node, name, value)
-    return node
-
-
 def hook_up(low, image, **values):
     return materials.hook_up(
         low, image, **{"space": "TANGENT", "uv_layer": "Layout", "channels": ("+X", "+Y", "+Z")} | values
@@ -66,13 +60,6 @@ def shown(socket):
     texture = source(normal_map.inputs["Color"], "ShaderNodeTexImage")
     assert normal_map.inputs["Color"].links[0].from_socket.identifier == "Color"
     return normal_map, texture
-
-
-def nodes_and_links(tree):
-    """The addresses of all nodes and links. They are equal only if none was added, removed or replaced."""
-    return {node.as_pointer() for node in tree.nodes}, {
-        (link.as_pointer(), link.from_socket.as_pointer(), link.to_socket.as_pointer()) for link in tree.links
-    }
 
 
 def kinds(tree):
@@ -117,10 +104,10 @@ def test_new_nodes_are_placed_beside_others_and_nothing_else_changes():
     material, tree, principled = make_material()
     tree.nodes.active = principled
     selected = {node.name for node in tree.nodes if node.select}
-    frame = add(tree, "NodeFrame", location=(-400, -100))  # a frame does not take the place of a node
+    frame = new_node(tree, "NodeFrame", location=(-400, -100))  # a frame does not take the place of a node
     frame.select = False
     principled.parent = frame
-    crowd = add(tree, "ShaderNodeRGB", select=False)  # in the first place for the Normal Map
+    crowd = new_node(tree, "ShaderNodeRGB", select=False)  # in the first place for the Normal Map
     crowd.location_absolute = principled.location_absolute.x - 200, principled.location_absolute.y
     assert hook_up(make_low(material), make_image()) == []
     normal_map, texture = shown(principled.inputs["Normal"])
@@ -138,9 +125,9 @@ def test_new_nodes_are_placed_beside_others_and_nothing_else_changes():
 
 def test_two_mixed_shaders_share_one_normal_map():
     material, tree, principled = make_material()
-    glass = add(tree, "ShaderNodeBsdfGlass")
-    mix, plus, glow = (add(tree, f"ShaderNode{kind}") for kind in ("MixShader", "AddShader", "Emission"))
-    loose = add(tree, "ShaderNodeBsdfDiffuse")
+    glass = new_node(tree, "ShaderNodeBsdfGlass")
+    mix, plus, glow = (new_node(tree, f"ShaderNode{kind}") for kind in ("MixShader", "AddShader", "Emission"))
+    loose = new_node(tree, "ShaderNodeBsdfDiffuse")
     glass.inputs["Normal"].hide = True  # as Ctrl+H leaves it
     for output, target in (
         (principled.outputs[0], mix.inputs[1]),
@@ -159,8 +146,8 @@ def test_two_mixed_shaders_share_one_normal_map():
 
 def test_shaders_behind_a_muted_mix_and_shader_to_rgb_are_found():
     material, tree, principled = make_material()
-    to_rgb, mix = add(tree, "ShaderNodeShaderToRGB"), add(tree, "ShaderNodeMixShader", mute=True)
-    glow = add(tree, "ShaderNodeEmission")
+    to_rgb, mix = new_node(tree, "ShaderNodeShaderToRGB"), new_node(tree, "ShaderNodeMixShader", mute=True)
+    glow = new_node(tree, "ShaderNodeEmission")
     tree.links.new(principled.outputs[0], to_rgb.inputs[0])
     tree.links.new(to_rgb.outputs[0], glow.inputs["Color"])
     tree.links.new(glow.outputs[0], mix.inputs[1])
@@ -172,7 +159,10 @@ def test_shaders_behind_a_muted_mix_and_shader_to_rgb_are_found():
 def test_outputs_of_both_engines_are_followed():
     material, tree, principled = make_material()
     tree.nodes["Material Output"].target = "CYCLES"
-    diffuse, output = add(tree, "ShaderNodeBsdfDiffuse"), add(tree, "ShaderNodeOutputMaterial", target="EEVEE")
+    diffuse, output = (
+        new_node(tree, "ShaderNodeBsdfDiffuse"),
+        new_node(tree, "ShaderNodeOutputMaterial", target="EEVEE"),
+    )
     tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
     assert hook_up(make_low(material), make_image()) == []
     assert shown(principled.inputs["Normal"]) == shown(diffuse.inputs["Normal"])
@@ -191,7 +181,7 @@ def make_group(with_normal):
 @pytest.mark.parametrize("with_normal", [True, False])
 def test_a_group_with_a_normal_input_is_a_shader(with_normal):
     material, tree, _ = make_material()
-    node = add(tree, "ShaderNodeGroup", node_tree=make_group(with_normal))
+    node = new_node(tree, "ShaderNodeGroup", node_tree=make_group(with_normal))
     tree.links.new(node.outputs["Shader"], tree.nodes["Material Output"].inputs["Surface"])
     before = nodes_and_links(tree)
     notes = hook_up(make_low(material), make_image())
@@ -229,7 +219,7 @@ def test_a_disabled_normal_input_is_ignored():
 
 def test_a_surface_without_a_normal_input_gets_a_note():
     material, tree, _ = make_material()
-    tree.links.new(add(tree, "ShaderNodeEmission").outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    tree.links.new(new_node(tree, "ShaderNodeEmission").outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     before = nodes_and_links(tree)
     (note,) = hook_up(make_low(material), make_image())
     assert "Skin" in note
@@ -241,8 +231,8 @@ def test_a_surface_without_a_normal_input_gets_a_note():
 
 def test_the_map_is_connected_below_bump_nodes():
     material, tree, principled = make_material()
-    upper, lower = add(tree, "ShaderNodeBump"), add(tree, "ShaderNodeBump")
-    diffuse, mix = add(tree, "ShaderNodeBsdfDiffuse"), add(tree, "ShaderNodeMixShader")
+    upper, lower = new_node(tree, "ShaderNodeBump"), new_node(tree, "ShaderNodeBump")
+    diffuse, mix = new_node(tree, "ShaderNodeBsdfDiffuse"), new_node(tree, "ShaderNodeMixShader")
     tree.links.new(lower.outputs["Normal"], upper.inputs["Normal"])
     tree.links.new(upper.outputs["Normal"], principled.inputs["Normal"])
     tree.links.new(upper.outputs["Normal"], diffuse.inputs["Normal"])
@@ -260,10 +250,10 @@ def test_the_map_is_connected_below_bump_nodes():
 def test_an_existing_normal_map_without_another_image_is_used(color):
     material, tree, principled = make_material()
     image = make_image()
-    normal_map = add(tree, "ShaderNodeNormalMap", space="WORLD", convention="DIRECTX", uv_map="Other")
+    normal_map = new_node(tree, "ShaderNodeNormalMap", space="WORLD", convention="DIRECTX", uv_map="Other")
     tree.links.new(normal_map.outputs[0], principled.inputs["Normal"])
     if color != "nothing":
-        texture = add(tree, "ShaderNodeTexImage")
+        texture = new_node(tree, "ShaderNodeTexImage")
         tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
         if color == "the image":
             texture.image = image
@@ -281,8 +271,8 @@ def test_an_existing_normal_map_without_another_image_is_used(color):
 
 def test_an_image_of_the_user_stays_in_its_node():
     material, tree, principled = make_material()
-    normal_map, texture = add(tree, "ShaderNodeNormalMap"), add(tree, "ShaderNodeTexImage")
-    dot = add(tree, "NodeReroute")
+    normal_map, texture = new_node(tree, "ShaderNodeNormalMap"), new_node(tree, "ShaderNodeTexImage")
+    dot = new_node(tree, "NodeReroute")
     texture.image = foreign = make_image("Scan")
     texture.label = "Pores"
     tree.links.new(texture.outputs["Color"], dot.inputs[0])
@@ -302,7 +292,7 @@ def test_an_image_of_the_user_stays_in_its_node():
 @pytest.mark.parametrize("kind", ["Bevel", "VectorMath", "NormalMap muted", "Bump muted", "wire muted"])
 def test_other_nodes_at_the_normal_input_do_not_change(kind):
     material, tree, principled = make_material()
-    node = add(tree, "ShaderNode" + ("NormalMap" if kind == "wire muted" else kind.split()[0]))
+    node = new_node(tree, "ShaderNode" + ("NormalMap" if kind == "wire muted" else kind.split()[0]))
     node.mute = kind.endswith("p muted")
     link = tree.links.new(node.outputs[0], principled.inputs["Normal"])
     link.is_muted = kind == "wire muted"
@@ -315,7 +305,7 @@ def test_other_nodes_at_the_normal_input_do_not_change(kind):
 
 def test_other_nodes_below_a_bump_node_do_not_change():
     material, tree, principled = make_material()
-    bump, bevel = add(tree, "ShaderNodeBump"), add(tree, "ShaderNodeBevel")
+    bump, bevel = new_node(tree, "ShaderNodeBump"), new_node(tree, "ShaderNodeBevel")
     tree.links.new(bevel.outputs[0], bump.inputs["Normal"])
     tree.links.new(bump.outputs[0], principled.inputs["Normal"])
     before = nodes_and_links(tree)
@@ -327,8 +317,8 @@ def test_other_nodes_below_a_bump_node_do_not_change():
 @pytest.mark.parametrize("feed", ["RGB", "alpha", "texture muted"])
 def test_other_nodes_at_the_color_input_do_not_change(feed):
     material, tree, principled = make_material()
-    normal_map = add(tree, "ShaderNodeNormalMap", space="WORLD")
-    node = add(tree, "ShaderNodeRGB" if feed == "RGB" else "ShaderNodeTexImage")
+    normal_map = new_node(tree, "ShaderNodeNormalMap", space="WORLD")
+    node = new_node(tree, "ShaderNodeRGB" if feed == "RGB" else "ShaderNodeTexImage")
     node.mute = feed.endswith("muted")
     tree.links.new(node.outputs["Alpha" if feed == "alpha" else "Color"], normal_map.inputs["Color"])
     tree.links.new(normal_map.outputs[0], principled.inputs["Normal"])
@@ -341,8 +331,8 @@ def test_other_nodes_at_the_color_input_do_not_change(feed):
 
 def test_reroutes_are_followed():
     material, tree, principled = make_material()
-    surface, normal, dangling = (add(tree, "NodeReroute") for _ in range(3))
-    bump = add(tree, "ShaderNodeBump")
+    surface, normal, dangling = (new_node(tree, "NodeReroute") for _ in range(3))
+    bump = new_node(tree, "ShaderNodeBump")
     tree.links.new(principled.outputs[0], surface.inputs[0])
     tree.links.new(surface.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     tree.links.new(bump.outputs[0], normal.inputs[0])
@@ -357,7 +347,7 @@ def test_reroutes_are_followed():
 @pytest.mark.parametrize("count", [1, 3])
 def test_a_circle_of_links_does_not_change(kind, count):
     material, tree, principled = make_material()
-    nodes = [add(tree, kind) for _ in range(count)]
+    nodes = [new_node(tree, kind) for _ in range(count)]
     for node, after in zip(nodes, nodes[1:] + nodes[:1], strict=True):
         tree.links.new(node.outputs[0], after.inputs[-1])
     tree.links.new(nodes[0].outputs[0], principled.inputs["Normal"])
@@ -370,7 +360,7 @@ def test_a_circle_of_links_does_not_change(kind, count):
 
 def test_shaders_in_a_circle_are_visited_once():
     material, tree, principled = make_material()
-    first, second = add(tree, "ShaderNodeAddShader"), add(tree, "ShaderNodeAddShader")
+    first, second = new_node(tree, "ShaderNodeAddShader"), new_node(tree, "ShaderNodeAddShader")
     tree.links.new(first.outputs[0], second.inputs[0])
     tree.links.new(second.outputs[0], first.inputs[0])
     tree.links.new(principled.outputs[0], first.inputs[1])
@@ -424,8 +414,8 @@ def test_the_default_layer_is_the_render_active_one_not_the_active_one():
 @pytest.mark.parametrize("uv_map", ["Layout", "", "Other"])
 def test_a_uv_map_node_of_the_user_is_used_if_it_has_the_layer(uv_map):
     material, tree, principled = make_material()
-    normal_map, texture = add(tree, "ShaderNodeNormalMap"), add(tree, "ShaderNodeTexImage")
-    existing = add(tree, "ShaderNodeUVMap", uv_map=uv_map)
+    normal_map, texture = new_node(tree, "ShaderNodeNormalMap"), new_node(tree, "ShaderNodeTexImage")
+    existing = new_node(tree, "ShaderNodeUVMap", uv_map=uv_map)
     tree.links.new(existing.outputs[0], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
     tree.links.new(normal_map.outputs[0], principled.inputs["Normal"])
@@ -445,8 +435,8 @@ def test_a_uv_map_node_of_the_user_is_used_if_it_has_the_layer(uv_map):
 )
 def test_other_texture_coordinates_do_not_change(output, layer, plain):
     material, tree, principled = make_material()
-    normal_map, texture = add(tree, "ShaderNodeNormalMap"), add(tree, "ShaderNodeTexImage")
-    coordinates = add(tree, "ShaderNodeTexCoord")
+    normal_map, texture = new_node(tree, "ShaderNodeNormalMap"), new_node(tree, "ShaderNodeTexImage")
+    coordinates = new_node(tree, "ShaderNodeTexCoord")
     tree.links.new(coordinates.outputs[output], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
     tree.links.new(normal_map.outputs[0], principled.inputs["Normal"])
@@ -462,7 +452,7 @@ def test_other_texture_coordinates_do_not_change(output, layer, plain):
 
 def test_baking_again_changes_no_link():
     material, tree, principled = make_material()
-    diffuse, mix, bump = (add(tree, f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "MixShader", "Bump"))
+    diffuse, mix, bump = (new_node(tree, f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "MixShader", "Bump"))
     tree.links.new(principled.outputs[0], mix.inputs[1])
     tree.links.new(diffuse.outputs[0], mix.inputs[2])
     tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
@@ -503,8 +493,8 @@ def test_a_muted_node_of_imprint_is_not_used_elsewhere():
     hook_up(low, make_image())
     muted, texture = shown(principled.inputs["Normal"])
     muted.mute = True
-    diffuse = add(tree, "ShaderNodeBsdfDiffuse")
-    plus = add(tree, "ShaderNodeAddShader")
+    diffuse = new_node(tree, "ShaderNodeBsdfDiffuse")
+    plus = new_node(tree, "ShaderNodeAddShader")
     tree.links.new(principled.outputs[0], plus.inputs[0])
     tree.links.new(diffuse.outputs[0], plus.inputs[1])
     tree.links.new(plus.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
@@ -703,7 +693,7 @@ def normal_in_cycles(low):
     scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", 1
     scene.render.bake.normal_space = "OBJECT"
     tree, target = low.active_material.node_tree, make_image("Target")
-    tree.nodes.active = add(tree, "ShaderNodeTexImage", image=target)
+    tree.nodes.active = new_node(tree, "ShaderNodeTexImage", image=target)
     bpy.context.view_layer.objects.active = low
     low.select_set(True)
     bpy.ops.object.bake(type="NORMAL", margin=0)

@@ -11,6 +11,7 @@ from addon.mesh import bvh
 from addon.passes import cast, rays, target
 from tests.support import angles, oracle
 from tests.support.maps import texel_uv
+from tests.support.raster import unit
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -70,10 +71,6 @@ def draw(
     drawn.read(places)
     drawn.read(away, slot=1)
     return places[..., :3], places[..., 3], away[..., :3], away[..., 3]
-
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def blended(smooth, straight, share):

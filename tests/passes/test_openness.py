@@ -10,6 +10,7 @@ from addon.passes import hemisphere
 from addon.passes.hemisphere import Occluders
 from tests.support import angles, oracle
 from tests.support.hemisphere import COUNT, Probes, flipped, form_factor, polygon, rectangle, tables
+from tests.support.raster import unit
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -119,10 +120,6 @@ def test_in_a_hemispherical_pit_half_is_blocked_everywhere_seed_7():
     at_bottom = outwards[:, 2] < -0.999
     assert at_bottom.sum() > 3
     assert np.median(angles.degrees(unit(bent[at_bottom]), UP)) < 1.5
-
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 @pytest.mark.parametrize("gap", [0.05, 0.3])

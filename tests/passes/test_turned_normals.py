@@ -10,6 +10,7 @@ import pytest
 from addon.core.material_feeds import BumpFeed, Extension, ImageFeed, Limits, NormalMapFeed
 from addon.passes import data_texture, surface_tables, surface_values, target
 from tests.support import angles, cycles, feeds, oracle
+from tests.support.raster import unit
 from tests.support.seen_surface import SeenSurface, grid, page, read
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -53,10 +54,6 @@ def bumped(seen, shown, feed, *, matrix=None, unit=1.0, drawn=None, **options):
     at_hits = seen.at_hits(shown, feed.image, surface_tables.upload_materials(np.ones(3)), **options)
     surface_values.apply_bump(drawn, at_hits, feed, matrix, unit)
     return read(drawn)
-
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def degrees(normals, truth):

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.support.raster import cross
+
 
 @dataclass(frozen=True)
 class Covering:
@@ -28,18 +30,14 @@ def covering(uv, size, room):
         high = np.minimum(np.floor(corners.max(axis=0) - 0.5 + room) + 1, size).astype(int)
         ends = np.stack([np.roll(corners, -1, axis=0), np.roll(corners, -2, axis=0)])
         edges = ends[1] - ends[0]
-        area = _cross(edges[0], edges[1])
+        area = cross(edges[0], edges[1])
         if area == 0.0 or (low >= high).any():
             continue
         x, y = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
         x, y = x.ravel(), y.ravel()
         centers = np.stack([x + 0.5, y + 0.5], axis=-1)
-        weights = _cross(edges, centers[:, None] - ends[0]) / area
+        weights = cross(edges, centers[:, None] - ends[0]) / area
         inside = (weights * abs(area) / np.linalg.norm(edges, axis=-1)).min(axis=-1)
         is_over = inside >= -room
         found.append([(y * size[0] + x)[is_over], np.full(is_over.sum(), number), weights[is_over], inside[is_over]])
     return Covering(*(np.concatenate(values) for values in zip(*found, strict=True)))
-
-
-def _cross(a, b):
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

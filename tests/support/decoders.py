@@ -4,9 +4,7 @@ and asks no declaration for its rules."""
 
 import numpy as np
 
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+from tests.support.raster import unit
 
 
 def bitangents(normals, tangents):

@@ -38,7 +38,7 @@ class Pair:
         """The low object and the high ones."""
         layers = self.highs if highs is None else highs
         if self.is_one_object:
-            layers = [_all(layers)]
+            layers = [all_of(layers)]
         low = bpy.data.objects.get("lo") or spoiled.build("lo", self.low)
         return low, [spoiled.build(f"{name} {number}", soup) for number, soup in enumerate(layers)]
 
@@ -49,7 +49,9 @@ def made(seed: int) -> Pair:
     kind = list(FAMILIES)[seed % len(FAMILIES)]
     low, highs, gap = FAMILIES[kind](rng)
     turn, place = _rotation(rng), rng.normal(0.0, 1.0, 3)
-    low, *highs = (Soup(soup.points @ turn.T + place, soup.triangles, soup.uv) for soup in (_all(banded(low)), *highs))
+    low, *highs = (
+        Soup(soup.points @ turn.T + place, soup.triangles, soup.uv) for soup in (all_of(banded(low)), *highs)
+    )
     return Pair(kind, low, highs, gap, bool(rng.random() < 0.6))
 
 
@@ -208,7 +210,7 @@ def _plate(rng: np.random.Generator) -> tuple[list[Soup], list[Soup], float]:
         else:
             part = _sheet(lambda u, v, x=x, y=y, s=size: (x + s * (2 * u - 1), y + s * (2 * v - 1), 0.0 * u + 0.02), 2)
         parts.append(part)
-    return low, [plate, _all(parts)], 0.01
+    return low, [plate, all_of(parts)], 0.01
 
 
 def _planes_inside(rng: np.random.Generator) -> tuple[list[Soup], list[Soup], float]:
@@ -387,12 +389,12 @@ def box(middle: tuple, half: tuple, n: int = 1) -> Soup:
         one = _sheet(side, n)
         cell = (0.05 + 0.9 * one.uv + (number % 3, number // 3)) / (3.0, 2.0)
         parts.append(Soup(one.points * half + middle, one.triangles, cell))
-    whole = _all(parts)
+    whole = all_of(parts)
     points, numbers = np.unique(np.round(whole.points, 9), axis=0, return_inverse=True)
     return Soup(points, numbers.reshape(-1)[whole.triangles], whole.uv)
 
 
-def _all(parts: list[Soup]) -> Soup:
+def all_of(parts: list[Soup]) -> Soup:
     whole = parts[0]
     for part in parts[1:]:
         whole = spoiled.joined(whole, part)

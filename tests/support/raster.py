@@ -67,7 +67,7 @@ def _rasterized(points, matrix, size):
         np.zeros((height, width, 3)),
     )
     for t, (a, b, c) in enumerate(screen):
-        area = _cross(b - a, c - a)
+        area = cross(b - a, c - a)
         low = np.maximum(np.ceil(np.min([a, b, c], axis=0) - 0.5), 0).astype(int)
         high = np.minimum(np.floor(np.max([a, b, c], axis=0) - 0.5) + 1, size).astype(int)
         if area == 0.0 or (low >= high).any():
@@ -142,5 +142,5 @@ def parallel(height, near, far, aspect=1.0):
     return matrix
 
 
-def _cross(a, b):
+def cross(a, b):
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -143,6 +143,14 @@ def save(path) -> str:
     return str(path)
 
 
+def plane_files(folder, **slopes):
+    """Write an .obj for each name, of a plane with this slope. The scene is empty then."""
+    for name, slope in slopes.items():
+        zoo.plane(name, slope=slope)
+        bpy.ops.wm.obj_export(filepath=str(folder / f"{name}.obj"), export_materials=False)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
 def from_library(path, kind, *names) -> list:
     """Link datablocks of a kind ("objects", "materials") from a .blend, all by default. Objects get into the scene, too."""
     with bpy.data.libraries.load(str(path), link=True) as (there, here):

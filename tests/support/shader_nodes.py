@@ -28,6 +28,21 @@ def add(material, kind, inputs=None, **properties):
     return node
 
 
+def new_node(tree, kind, **values):
+    """A new node of any tree. kind: its whole type."""
+    node = tree.nodes.new(kind)
+    for name, value in values.items():
+        setattr(node, name, value)
+    return node
+
+
+def nodes_and_links(tree):
+    """The addresses of all nodes and links. They are equal only if none was added, removed or replaced."""
+    return {node.as_pointer() for node in tree.nodes}, {
+        (link.as_pointer(), link.from_socket.as_pointer(), link.to_socket.as_pointer()) for link in tree.links
+    }
+
+
 def image(name="dots", size=(7, 5), *, seed=0, space="sRGB", alpha=False, ends=(0.0, 1.0)):
     """An image of random colors. ends: of its values; of floats, if they leave 0 to 1."""
     width, height = size

@@ -7,12 +7,11 @@ import shutil
 import subprocess
 import sys
 
-import bpy
 import pytest
 
 from addon.cli import run_report
 from scripts.imprint import ROOT
-from tests.support import reports, trees, zoo
+from tests.support import reports, scenes, trees
 
 SABOTAGE = ROOT / "tests" / "support" / "sabotage"
 HAS_SANDBOX = sys.platform == "linux" and (shutil.which("bwrap") is not None or os.environ.get("CI") == "true")
@@ -30,10 +29,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "outside/secret.txt").write_text("secret")
     for path in ("job/link", "job/out/link"):
         (tmp_path / path).symlink_to(tmp_path / "outside")
-    for name, slope in (("low", 0.0), ("high", 0.2)):
-        zoo.plane(name, slope=slope)
-        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"job/{name}.obj"), export_materials=False)
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scenes.plane_files(tmp_path / "job", low=0.0, high=0.2)
     return tmp_path
 
 
