@@ -327,6 +327,12 @@ def test_with_a_cage_rays_start_on_it(where):
     assert np.allclose(box(inner), np.array([-1.0, 1.0, z - 1.0, z + 1.0]), atol=NEAR)
 
 
+def test_a_group_that_is_missing_counts_as_unpainted():
+    low = zoo.cube("lo")
+    plain = outline(low, directions="SPLIT")
+    assert np.array_equal(outline(low, directions="SPLIT", offset_group="far"), plain)
+
+
 # Weight operators
 
 
