@@ -18,9 +18,9 @@ SAME = 2e-5
 """In local space. Hits at heights closer than this are the same, as of two sheets in one place."""
 NEAR = 3e-3
 """In local space. A hit this far from the low mesh counts half as much as one on it."""
-MORE = 1.5
+GAIN_OVER_LOSS = 1.5
 """A change is better if it gains more than this factor times what it loses."""
-LEAST = 2
+FEWEST_PLACES = 2
 """The fewest places that must gain."""
 
 

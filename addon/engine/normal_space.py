@@ -18,7 +18,7 @@ from ..passes import lit, low_in_uv, mesh_upload, samples, target
 from .bands import Band
 
 CENTER = (0.0, 0.0)
-BLOCK = 8
+SQUARE = 8
 """The side of the squares of texels in which triangles are looked for."""
 
 
@@ -56,9 +56,9 @@ class NormalSpace:
     def _draw_beside(self, mesh: Mesh, into: target.Target, normals: gpu.types.GPUTexture, band: Band) -> None:
         """Turn the texels whose center the low mesh does not cover."""
         stopped, places = low_in_uv.not_turned(normals, into)
-        size, blocks = (band.width, band.height), np.zeros((-(-band.height // BLOCK), -(-band.width // BLOCK)), bool)
-        blocks[tuple(places.T // BLOCK)] = True
-        near = uv_layout.touching(mesh, replace(band, offset=CENTER).uv_to_clip, size, blocks, BLOCK)
+        size, blocks = (band.width, band.height), np.zeros((-(-band.height // SQUARE), -(-band.width // SQUARE)), bool)
+        blocks[tuple(places.T // SQUARE)] = True
+        near = uv_layout.touching(mesh, replace(band, offset=CENTER).uv_to_clip, size, blocks, SQUARE)
         if not near.any():
             return
         corners = mesh.triangles[near].reshape(-1)

@@ -12,7 +12,7 @@ from ..mesh import corner_normals
 from ..mesh import orientation as surfaces
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..mesh.triangles import face_areas
+from ..mesh.triangles import enclosed_volumes, face_areas
 from . import sides, tree_cache
 from .high_masks import HighMasks, Mended, without_copies
 from .high_patches import HighPatches, patches_of
@@ -30,7 +30,7 @@ FEW_PLACES, SERVED = 1024, 0.98
 UNWELDED = 0.02
 """The share of the triangles of a clean mesh that are joined to others at no corner from which its normals are joined."""
 MUCH = 1e-3
-"""Share of the area of the high meshes. Parts with less are crumbs: not to know their sides is not worth a warning."""
+"""Share of the area of the high meshes. Not to know the sides of smaller parts is not worth a warning."""
 
 
 @dataclass(frozen=True)
@@ -242,8 +242,7 @@ def _low_points_inward(patches: HighPatches) -> bool:
     any shape, as rings, whose faces point away from the middle as often as towards it."""
     if not patches.is_clean or _agreement(patches) > -0.5 or not patches_of(patches.low).is_closed.all():
         return False
-    a, b, c = patches.low_points[patches.low_triangles].astype(np.float64).transpose(1, 0, 2)
-    if float((a * np.cross(b, c)).sum()) >= 0.0:
+    if enclosed_volumes(patches.low_points[patches.low_triangles].astype(np.float64)).sum() >= 0.0:
         return False
     numbers = range(len(patches.of))
     return all(

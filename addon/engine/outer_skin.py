@@ -14,7 +14,7 @@ from ..mesh.triangles import transformed
 from . import tree_cache
 from .face_openness import openness
 from .high_patches import SURE, HighPatches, corners_in
-from .mend_trials import LEAST, Trials
+from .mend_trials import FEWEST_PLACES, Trials
 
 FIRST_RAYS, ALL_RAYS = 8, 64
 """From each side of a triangle, to see the outside: first for all, then for those that seem to be hidden."""
@@ -128,12 +128,12 @@ def _hidden(
     harms = [np.zeros(0, bool)] * len(found)
     for number, one in enumerate(patches.of):
         if one.pairs is None:
-            found[number] &= (even[number] >= LEAST) & (needs[number] <= SPARE * shows[number])
+            found[number] &= (even[number] >= FEWEST_PLACES) & (needs[number] <= SPARE * shows[number])
             harms[number] = even[number][found[number]]
         else:
             is_doubtful = (patches.is_dirty(number) | one.is_closed) & (even[number] < SHOWN * trials.expected(number))
             is_spare = is_doubtful & (needs[number] < np.maximum(NEEDED * shows[number], FEWEST))
-            found[number] &= is_spare | (shows[number] < LEAST)
+            found[number] &= is_spare | (shows[number] < FEWEST_PLACES)
     if np.concatenate(harms).sum() < HARM * before.spread:
         found = [each & (one.pairs is not None) for each, one in zip(found, patches.of, strict=True)]
     return found

@@ -9,7 +9,7 @@ import numpy as np
 from ..core.parts_turned import PartTurned
 from .face_openness import openness
 from .high_patches import SURE, HighPatches, corners_in
-from .mend_trials import LEAST, MORE, Shown, Trials, gains
+from .mend_trials import FEWEST_PLACES, GAIN_OVER_LOSS, Shown, Trials, gains
 from .outer_skin import sees_outside_of
 from .tree_cache import RayScene
 
@@ -172,13 +172,13 @@ def _compared(before: _State, after: _State, asked: Sequence[np.ndarray]) -> tup
         if hidden.any():
             hidden &= ~sees_outside_of(patches, number, high, hidden, trials.scene)
         parts = np.where(dirty, 0.0, np.where(hidden, SOLID_PART, PART)) * trials.expected(number)
-        enough = places >= np.maximum(np.where(dirty, LEAST, LEAST + 1), parts)
-        is_better = enough & (gained > MORE * lost)
+        enough = places >= np.maximum(np.where(dirty, FEWEST_PLACES, FEWEST_PLACES + 1), parts)
+        is_better = enough & (gained > GAIN_OVER_LOSS * lost)
         is_lacking = fresh >= np.where(ratio <= SURE, FRESH, ALL_FRESH) * places
         is_lacking |= inward  # what shows more of a solid, and nearer to the low mesh, needs no other reason
         # What stands off, as a rivet or a leaf does, is farther from the low mesh than what it covers. Rays through a solid
         # that points inward hit its far side, which may be the nearer one.
-        in_doubt = enough & ~(is_better & is_lacking) & (MORE * places > gone)
+        in_doubt = enough & ~(is_better & is_lacking) & (GAIN_OVER_LOSS * places > gone)
         stands = flip & in_doubt & (inward | _is_mixed(patches, number))
         if stands.any():
             stands &= sees_outside_of(patches, number, high, stands, trials.scene, least=OUTSIDE)
@@ -186,9 +186,11 @@ def _compared(before: _State, after: _State, asked: Sequence[np.ndarray]) -> tup
         if sheets.any():
             front, back = _open_sides(patches, number, sheets, trials.scene)
             stands |= sheets & (back - front > OPEN_BACK)
-        is_relieved = inward & (relieved > MORE * (lost + gained)) & (gone - places >= np.maximum(LEAST, parts))
+        is_relieved = (
+            inward & (relieved > GAIN_OVER_LOSS * (lost + gained)) & (gone - places >= np.maximum(FEWEST_PLACES, parts))
+        )
         better.append(flip & ((is_better & is_lacking) | stands | is_relieved))
-        equal.append(flip & dirty & ~is_better & (lost <= MORE * gained) & (places < LEAST))
+        equal.append(flip & dirty & ~is_better & (lost <= GAIN_OVER_LOSS * gained) & (places < FEWEST_PLACES))
     return better, equal
 
 

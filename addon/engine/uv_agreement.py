@@ -13,6 +13,7 @@ from ..core.udim import UvToClip
 from ..mesh import uv_layout
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import face_areas
 from ..passes import low_in_uv, mesh_upload, target
 from . import separation
 from .separation import PROBE_SIZE
@@ -236,9 +237,8 @@ def _undrawn(high: Mesh) -> str:
     is_flat = uv_layout.areas(high) == 0.0
     if not is_flat.any():
         return ""
-    a, b, c = np.moveaxis(high.positions[high.vertices[high.triangles]], 1, 0)
     with np.errstate(over="ignore", invalid="ignore"):  # of faces that are very large
-        sizes = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        sizes = face_areas(high.positions, high.vertices[high.triangles])
         share = sizes[is_flat].sum(dtype=np.float64) / (sizes.sum(dtype=np.float64) or 1.0)
     return f"{share:.1%} of the surface of {high.name!r} has no area in UV space" if share > UNDRAWN else ""
 

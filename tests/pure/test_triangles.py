@@ -125,6 +125,7 @@ def test_triangles_on_one_edge_lead_around_it(count):
     assert np.array_equal(across, expected)
     assert (edges.partners >= 0).sum() == (2 if count == 2 else 0)
     assert np.count_nonzero(edges.is_against) == (count == 2)
+    assert edges.bad_edge_share == (count > 1) / len(edges.counts)
 
 
 def test_edges_that_are_points_have_no_other_side():

@@ -21,7 +21,7 @@ from ...mesh.closest import Surface
 from ...mesh.edges import is_without_area
 from ...mesh.fitting import Samples, surface_samples
 from ...mesh.topology import EdgeTable
-from ...mesh.triangles import enclosed_volumes, face_areas, transformed
+from ...mesh.triangles import diagonal, enclosed_volumes, face_areas, transformed
 from ...mesh.welding import ClusterOptions, cluster, weld
 from ...scene import evaluation, mesh_reader
 from ...scene.high_reader import Reader
@@ -154,7 +154,7 @@ def _sources(
         voxels = remeshed(data, float(face_areas(points, triangles).sum()) * (1.0 - hidden), outer)
         if voxels is not None:
             result += sources_of(voxels, outer, timings, is_remeshed=True)
-    # The faces of a soup can point to any side, so that only the remeshed one has an outside.
+    # The faces of single triangles can point to any side, so that only the remeshed one has an outside.
     if not result or EdgeTable.of(triangles[is_seen]).bad_edge_share <= MOST_BAD_EDGES:
         result += sources_of(outside, outer, timings, bias=REMESH_BIAS if result else 1.0)
     return result
@@ -222,7 +222,7 @@ def _triangles(context: bpy.types.Context, job: Job, settings: Settings) -> tupl
 def _to_one_side(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Triangles (T, 3) int, turned so that those of a patch point to one side: outwards if it encloses a volume, or to the
     side to which most of its area points."""
-    patches = orientation.patches(points, triangles, float(np.linalg.norm(np.ptp(points, axis=0))))
+    patches = orientation.patches(points, triangles, diagonal(points))
     turned = np.where(patches.is_against[:, None], triangles[:, ::-1], triangles)
     of_each, middles = face_areas(points, triangles), points[triangles].mean(axis=1, dtype=np.float64)
     area = np.bincount(patches.labels, of_each, patches.count)
