@@ -17,9 +17,11 @@ class HitsOfFeed:
     """Hits on the triangles of one mesh whose value an ExactFeed has.
 
     Attributes:
-        number: Of the high object, from 1.
-        triangles (N,) int: In the mesh.
-        weights (N, 3) float32: Of the corners of each of them, in the order of `mesh.triangles`.
+        feed: what has the value.
+        mesh: the high mesh.
+        number: of the high object, from 1.
+        triangles: (N,) int, in the mesh.
+        weights: (N, 3) float32, of the corners of each of them, in the order of `mesh.triangles`.
     """
 
     feed: ExactFeed
@@ -45,26 +47,26 @@ def _no_values(wanted: Sequence[HitsOfFeed]) -> list[np.ndarray]:
 class Meshes:
     """All meshes that a bake reads: of the low-poly object ("low"), of the high-poly objects ("high") and of the cage.
 
-    Painted by corner of `low`, (C,) float32, or None without a painted group.
-
     Attributes:
-        low: The low mesh with its faces, for rays and checks.
-        basis: The low mesh with tangents for tangent space, else None.
-        smooth_normals (C, 3) float32: Vertex normals by corner of `low`, without hard edges.
-        cage: A mesh with the corners of `low`, or None.
-        is_own_base: Whether the high mesh is the low object's own surface with modifiers.
-        materials: Those behind the material labels of the high meshes, which count from 1.
-        others: The high meshes of other low objects, if they are occluders.
-        load_image: Loads the pixels of an image of the materials, by its key and its UDIM tile (0 without tiles).
-        evaluate: The values of materials at hits, by Cycles.
-        whole, kept, material: For a texture set, `low` has only the triangles of one material; then the low mesh with all of
-            them, the indices of those that were kept, and the material's name.
-        shown: With is_own_base, the high mesh with the UVs that modifiers moved, as the viewport shows it; None if no modifier
-            moves UVs.
-        lacks: What the objects lack, in sentences.
-        is_reversed: Whether `highs` are in the reverse order of the objects, so that Flatten draws the first one last.
-        offset: Factors from 0 to 2 on the extrusion.
-        straight: From -1 to 1, added to the share of the mesh's own normals in the directions.
+        low: the low mesh with its faces, for rays and checks; of a texture set, only the triangles of one material.
+        highs: the high meshes.
+        basis: the low mesh with tangents for tangent space, else None.
+        smooth_normals: (C, 3) float32, vertex normals by corner of `low`, without hard edges.
+        cage: a mesh with the corners of `low`, or None.
+        uv_layer: the name of the low mesh's UV map.
+        is_own_base: whether the high mesh is the low object's own surface with modifiers.
+        materials: those behind the material labels of the high meshes, which count from 1.
+        shown: with is_own_base, the high mesh with the UVs that modifiers moved, as the viewport shows it; None if none does.
+        offset: (C,) float32, painted factors from 0 to 2 on the extrusion by corner of `low`; None without a painted group.
+        straight: (C,) float32, painted from -1 to 1, added to the share of the mesh's own normals in the directions; or None.
+        others: the high meshes of other low objects, if they are occluders.
+        load_image: loads the pixels of an image of the materials, by its key and its UDIM tile (0 without tiles).
+        evaluate: the values of materials at hits, by Cycles.
+        whole: for a texture set, the low mesh with all its triangles.
+        kept: for a texture set, the indices of those of `whole` that were kept.
+        material: for a texture set, the material's name.
+        lacks: what the objects lack, in sentences.
+        is_reversed: whether `highs` are in the reverse order of the objects, so that Flatten draws the first one last.
     """
 
     low: Mesh
@@ -131,5 +133,5 @@ class Meshes:
 
 def _with_labels(high: Mesh, numbers: list[int]) -> np.ndarray:
     """Which triangles of `high` (T,) bool have one of these materials; all if none has."""
-    found = np.isin(high.labels[:, 1], numbers)
-    return found if found.any() else ~found
+    is_chosen = np.isin(high.labels[:, 1], numbers)
+    return is_chosen if is_chosen.any() else ~is_chosen

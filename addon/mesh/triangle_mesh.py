@@ -75,23 +75,24 @@ class Mesh:
     """The surface of one object, by face corners, in the object's space.
 
     Attributes:
-        positions (V, 3) float32: By vertex.
-        vertices (C,) int32: The indices of the corners' positions.
-        normals (C, 3) float32: By corner.
-        uv (C, 2) float32: By corner, or None if no layer was read.
-        tangents (C, 4) float32: By corner; w is the sign of the bitangent. Or None.
-        triangles (T, 3) int32: Indices into the corners.
-        faces (T,) int32: The face of each triangle, or None if not read.
-        labels (T, n): Numbers that go with each triangle, or None.
+        name: of the object.
+        positions: (V, 3) float32.
+        vertices: (C,) int32, the vertex of each corner.
+        normals: (C, 3) float32.
+        triangles: (T, 3) int32, indices of corners.
         to_world: (4, 4) float64.
-        not_finite: The number of triangles left out for NaN or infinite values.
-        without_normals: Of those whose own normals have no length, which got smooth ones.
-        instances: The number of instances joined; 0 for the object's own mesh.
-        layers: More values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE, TANGENTS or GENERATED) and name.
+        uv: (C, 2) float32, or None if no layer was read.
+        tangents: (C, 4) float32, w the sign of the bitangent, or None.
+        not_finite: the number of triangles left out for NaN or infinite values.
+        without_normals: the number of those whose own normals have no length, which got smooth ones.
+        faces: (T,) int32, the face of each triangle, or None if not read.
+        labels: (T, n), numbers that go with each triangle, or None.
+        instances: the number of instances joined; 0 for the object's own mesh.
+        layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE, TANGENTS or GENERATED) and name.
         normals_domain: "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions
             alone, "CORNER" if hard edges and flat faces count, too, and empty for the mesh's own normals.
-        face_corners: Which faces the corners belong to, or None if not read.
-        stretch (3, 3): None, or the scale of the object that normals and tangents already have, see mesh.stretch.
+        face_corners: which faces the corners belong to, or None if not read.
+        stretch: (3, 3), the scale of the object that normals and tangents already have, see `with_stretch`; or None.
     """
 
     name: str

@@ -100,3 +100,9 @@ def test_other_weights_go_on_from_a_mesh_on_its_way():
         assert np.abs(np.linalg.norm(places, axis=1) - 1.0).max() < 0.1
         shares.append((places[coarse].mean(axis=1)[:, 2] > 0.0).mean())
     assert shares[0] == pytest.approx(0.5, abs=0.05) and shares[1] > 0.6
+
+
+def test_a_mesh_goes_on_from_where_another_ended():
+    points, triangles = sphere(24)
+    start = collapse.partial_collapse(points, triangles, CollapseOptions(300))
+    assert len(collapse.collapse(points, triangles, CollapseOptions(900, start=start))[1]) == len(start.triangles) == 300
