@@ -105,4 +105,22 @@ def test_other_weights_go_on_from_a_mesh_on_its_way():
 def test_a_mesh_goes_on_from_where_another_ended():
     points, triangles = sphere(24)
     start = collapse.partial_collapse(points, triangles, CollapseOptions(300))
-    assert len(collapse.collapse(points, triangles, CollapseOptions(900, start=start))[1]) == len(start.triangles) == 300
+    _, left = collapse.collapse(points, triangles, CollapseOptions(900, start=start))
+    assert len(left) == len(start.triangles) == 300
+
+
+def test_a_thin_tube_is_not_pinched():
+    """Across a ring of three edges, an edge's ends have a third neighbor in common: without it, edges have four triangles."""
+    count = 40
+    turn, angle = 2.0 * np.pi * np.arange(count) / count, 2.0 * np.pi * np.arange(3) / 3
+    wide = 1.0 + 0.05 * np.cos(angle)
+    points = np.stack(
+        [np.outer(np.cos(turn), wide), np.outer(np.sin(turn), wide), np.tile(0.05 * np.sin(angle), (count, 1))], axis=-1
+    ).reshape(-1, 3)
+    i, k = (each.reshape(-1) for each in np.mgrid[:count, :3])
+    a, b = 3 * i + k, 3 * i + (k + 1) % 3
+    c, d = 3 * ((i + 1) % count) + k, 3 * ((i + 1) % count) + (k + 1) % 3
+    triangles = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
+    _, left = collapse.collapse(points, triangles, CollapseOptions(20))
+    assert 20 <= len(left) < len(triangles)
+    assert (EdgeTable.of(left).counts == 2).all()

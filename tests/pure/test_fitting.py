@@ -114,6 +114,16 @@ def test_faces_that_would_turn_over_keep_their_vertices():
     assert np.array_equal(kept, points)
 
 
+def test_samples_of_the_other_side_do_not_pull():
+    """A sheet that points down stays where it is under one that points up, and is pulled to one that points down."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], float)
+    down = np.array([[0, 2, 1], [1, 2, 3]])
+    above = points + [0.0, 0.0, 0.1]
+    for surface, height in ((down[:, ::-1], 0.0), (down, 0.1)):
+        moved, _ = fitting.fit(points, down, fitting.surface_samples(above, surface, 2000))
+        assert moved[:, 2] == pytest.approx(np.full(4, height), abs=0.01)
+
+
 def test_samples_spread_by_area():
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 0, 0], [8, 0, 0], [5, 1, 0], [9, 9, 9]], np.float32)
     found = fitting.surface_samples(points, np.array([[0, 1, 2], [6, 6, 6], [3, 4, 5]]), 4000)
