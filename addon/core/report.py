@@ -91,14 +91,14 @@ class Report:
     materials: dict[str, dict[str, str]] = _of("materials", default_factory=dict)
     """How the maps read the inputs of the high meshes' materials, by the names of both: "IMPRINT" follows the nodes, "CYCLES"
     evaluated them, and "NONE" left the input out."""
-    distances: dict[str, float] = _of("ray_cast.distances", default_factory=dict)
+    distances: dict[str, float] = _of("plan.rays.distances", default_factory=dict)
     """For rays: extrusion and max_distance in scene units, as set or measured."""
-    measured: bool = _of("ray_cast.is_measured", default=False)
+    measured: bool = _of("plan.rays.is_measured", default=False)
     """Whether at least one of `distances` was measured."""
-    low_offset: float = _of("ray_cast.low_offset", default=0.0)
+    low_offset: float = _of("plan.rays.low_offset", default=0.0)
     """How far the high meshes lie outside the low one everywhere, negative inside it, in scene units, if rays started from
     where it would touch them; else 0."""
-    blend_width: float = _of("ray_cast.blend_width", default=0.0)
+    blend_width: float = _of("plan.rays.blend_width", default=0.0)
     """The distance from hard edges, in scene units, within which the directions of rays blend; 0 if they do not."""
     rays: float = _of("findings.rays", default=0.0)
     """Share of the low mesh's texels that Flatten left to rays; 0 if Auto did not do both in one map."""

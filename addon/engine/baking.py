@@ -58,7 +58,7 @@ def draw(
     uploads: mesh_upload.UploadCache | None = None,
     processes: dict[str, PostProcess] | None = None,
 ) -> Task["Drawing"]:
-    """Make ready to draw a plan: upload its high meshes, or measure its rays.
+    """Make ready to draw a plan: upload its high meshes, or measure its rays, which the drawing's plan has.
 
     Args:
         uploads: a cache of uploaded meshes.
@@ -67,6 +67,8 @@ def draw(
     Raises BakeError for more triangles than the GPU takes, and for meshes that are far apart, if most rays miss.
     """
     source = yield from normal_source(plan, run, uploads=uploads)
+    if source.ray_cast is not None:
+        plan = replace(plan, rays=source.ray_cast.lengths)
     return Drawing(plan, source, run, uploads=uploads, processes=processes)
 
 

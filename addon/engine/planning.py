@@ -22,6 +22,7 @@ from . import draw_order, orienting, separation, tree_cache
 from .draw_order import Order
 from .high_masks import HighMasks, Mended
 from .method_choice import FAR_APART, Choice, choose_method
+from .ray_casting import RayLengths
 
 FARTHEST_APART = 2.0
 """Share of the low mesh's radius. Meshes whose boxes have a larger gap between them do not belong together, unless distances
@@ -42,6 +43,7 @@ class Plan(ComparedByValue):
         is_reached: Which of the high meshes rays can reach; empty for all.
         told: What the report has of changes of the high meshes; None for nothing.
         apart: If the meshes are far apart, and no distance is set, a sentence for rays that miss.
+        rays: How far its rays reach, once it is ready to be drawn; None if it casts none.
     """
 
     read: Meshes = field(compare=False)
@@ -53,6 +55,7 @@ class Plan(ComparedByValue):
     is_reached: tuple[bool, ...] = ()
     told: Mended | None = None
     apart: str = ""
+    rays: RayLengths | None = None
 
     @property
     def method(self) -> str:

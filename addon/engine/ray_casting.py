@@ -25,6 +25,30 @@ TOUCHING = 1e-6
 
 
 @dataclass(frozen=True)
+class RayLengths:
+    """Distances of rays, in scene units.
+
+    Attributes:
+        extrusion: How far outside the low mesh they start; 0 with a cage.
+        max_distance: How far they reach.
+        blend_width: The distance from hard edges within which directions blend; 0 if they do not.
+        low_offset: How far the high meshes lie outside the low one everywhere.
+        is_measured: Whether at least one of the first two was measured, not set.
+    """
+
+    extrusion: float = 0.0
+    max_distance: float = 0.0
+    blend_width: float = 0.0
+    low_offset: float = 0.0
+    is_measured: bool = False
+
+    @property
+    def distances(self) -> dict[str, float]:
+        """As core.report.Report has them."""
+        return {"extrusion": self.extrusion, "max_distance": self.max_distance}
+
+
+@dataclass(frozen=True)
 class RayCast:
     """Rays from a low mesh to the high ones.
 
@@ -53,24 +77,20 @@ class RayCast:
 
     def moved(self, meshes: Meshes) -> Meshes:
         """`meshes` with their low mesh where the rays start from."""
-        return low_offset.moved(meshes, self.low_offset) if self.offset else meshes
+        return low_offset.moved(meshes, self._low_offset) if self.offset else meshes
 
     def of(self, meshes: Meshes) -> "RayCast":
         """The same rays from other meshes, which are not moved yet."""
         return replace(self, ray_mesh=upload_ray_mesh(self.moved(meshes), self.low, self.ray_scene.local_space))
 
     @property
-    def blend_width(self) -> float:
-        """The distance from hard edges, in scene units, within which directions blend; 0 if they do not."""
-        return self.directions.blend_width * self.ray_scene.local_space.size
+    def lengths(self) -> RayLengths:
+        """What is told of the rays."""
+        width = self.directions.blend_width * self.ray_scene.local_space.size
+        return RayLengths(self.extrusion, self.max_distance, width, self._low_offset, self.is_measured)
 
     @property
-    def distances(self) -> dict[str, float]:
-        """How far rays reach, as core.report.Report has it."""
-        return {"extrusion": self.extrusion, "max_distance": self.max_distance}
-
-    @property
-    def low_offset(self) -> float:
+    def _low_offset(self) -> float:
         """`offset` in scene units."""
         return self.offset * self.ray_scene.local_space.size
 

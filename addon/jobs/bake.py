@@ -25,7 +25,7 @@ from ..core.settings import Run, Settings
 from ..engine import baking, gpu_memory, mip_levels, orienting
 from ..engine.baking import Drawing
 from ..engine.planning import Plan, nothing_drawn, plan_of
-from ..engine.ray_casting import RayCast
+from ..engine.ray_casting import RayLengths
 from ..engine.stacked_uvs import StackedParts
 from ..mesh.edges import is_without_area
 from ..output.materials import into_materials
@@ -147,12 +147,11 @@ def _audit(request: Request, run: Run, ready: _Ready, tally: Tally) -> Task[Bake
         is_set = tracing.extrusion is not None or tracing.max_distance is not None
         can_be_hit = ready.plan.casts_rays and not all(map(is_without_area, ready.plan.meshes.listed_highs))
         raise NothingDrawn(Fix.MEASURE.after(why) if is_set and tally.missed and can_be_hit else why)
-    ray_cast = ready.drawing.ray_cast
     seen = yield from relay(ready.seen.measured(), within=partial(timings.timed, "audit"))
     with timings.timed("audit"):
         materials = set_numbers(request.job.low, ready.plan.meshes) if not settings.map.texture_sets else None
         stacked = check_stacked(ready.hidden, ready.truth, settings, materials)
-        findings = audit(ready.plan, tally, settings, ray_cast, length=ready.length, stacked=stacked)
+        findings = audit(ready.plan, tally, settings, ready.drawing.ray_cast, length=ready.length, stacked=stacked)
     with timings.timed("audit"):
         picture = ready.pictures.result()
     findings = replace(
@@ -165,7 +164,7 @@ def _audit(request: Request, run: Run, ready: _Ready, tally: Tally) -> Task[Bake
         appearance=seen,
         picture=picture,
     )
-    return Baked(request, ready.plan, ray_cast, findings, timings, ready.warnings)
+    return Baked(request, ready.plan, findings, timings, ready.warnings)
 
 
 def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:
@@ -204,8 +203,8 @@ def measure_rays(
     highs: Sequence[bpy.types.Object],
     settings: Settings,
     cage: bpy.types.Object | None = None,
-) -> RayCast | None:
-    """The rays of a bake of these objects; None if it would cast none. Raises BakeError as the bake does."""
+) -> RayLengths | None:
+    """How far the rays of a bake of these objects reach; None if it would cast none. Raises BakeError as the bake does."""
     # Nothing is stored, so it does not matter where.
     settings = settings.without_file().without_materials()
     settings.check()
@@ -214,4 +213,4 @@ def measure_rays(
     meshes = read_meshes(context, Request(job, settings))
     with gpu_memory.trimmed():
         plan = plan_of(meshes, settings, length=reading.lengths_of(context.scene))
-        return progress.finish(baking.draw(plan, Run(settings))).ray_cast
+        return progress.finish(baking.draw(plan, Run(settings))).plan.rays

@@ -16,7 +16,6 @@ from ..core.progress import Timings
 from ..core.settings import MapSettings, Settings
 from ..engine import ray_maps
 from ..engine.planning import Plan
-from ..engine.ray_casting import RayCast
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
@@ -32,8 +31,6 @@ class Baked:
 
     request: Request
     plan: Plan
-    ray_cast: RayCast | None
-    """None for Flatten."""
     findings: Findings
     timings: Timings
     warnings: Sequence[Warned] = ()

@@ -22,7 +22,7 @@ from ..engine import baking, live_redraw, margins, orienting, sampling
 from ..engine.baking import Drawing
 from ..engine.bands import Band
 from ..engine.planning import Plan, nothing_drawn, plan_of
-from ..engine.ray_casting import RayCast
+from ..engine.ray_casting import RayLengths
 from ..engine.stacked_uvs import StackedParts
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -176,7 +176,7 @@ class Session:
         steps = self._kept.draw(drawing, self._post_processes[NORMAL.name])
         if not (yield from progress.part(steps, READY, 1.0)):
             raise BakeError(nothing_drawn(plan, length))
-        self._finish(plan, drawing)
+        self._finish(drawing.plan, drawing)
 
     def adopt(self, context: bpy.types.Context, texels: np.ndarray) -> None:
         """Take a normal map that was baked before as the last one, instead of drawing it. Nothing is drawn.
@@ -320,9 +320,9 @@ class Session:
             return progress.run_for(work, seconds)
 
     @property
-    def ray_cast(self) -> RayCast | None:
-        """The rays of the last map; None for Flatten and before the first map."""
-        return self._drawing.ray_cast if self._drawing is not None else None
+    def rays(self) -> RayLengths | None:
+        """Those of the last map; None for Flatten and before the first map."""
+        return self._drawing.plan.rays if self._drawing is not None else None
 
     @property
     def map(self) -> gpu.types.GPUTexture | None:
@@ -401,14 +401,14 @@ class Session:
         tally.add(self._kept.map, self.settings.map)
         with target.using(self._pool):
             own, hidden = self._with_own_hits(), self.hidden_parts()
-            rays = (self._drawing or own).ray_cast
+            drawing = self._drawing or own
             numbers = set_numbers(self.job.low, self.plan.meshes)
             stacked = check_stacked(hidden, own, self.settings, numbers)
             length = reading.lengths_of(context.scene)
-            findings = audit(self.plan, tally, self.settings, rays, length=length, stacked=stacked)
+            findings = audit(self.plan, tally, self.settings, drawing.ray_cast, length=length, stacked=stacked)
         request = Request(self.job, self._stored_settings)
         timings, warnings = self._timings, self._warnings()
-        baked = Baked(request, self.plan, rays, findings, timings, warnings, stored, stored.warnings)
+        baked = Baked(request, drawing.plan, findings, timings, warnings, stored, stored.warnings)
         return Report.of(baked)
 
     def _warnings(self) -> list[Warned]:

@@ -12,7 +12,7 @@ from ..core.declarations.choices import Directions
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import ray_casting, ray_distances, tree_cache
-from ..engine.ray_casting import RayCast
+from ..engine.ray_casting import RayLengths
 from ..jobs import bake
 from ..mesh import subdividing
 from ..mesh.inputs import Meshes
@@ -56,19 +56,6 @@ class CageState(Enum):
     """It waits for the timer to read the low mesh."""
     SHOWN = "shown"
     """It draws the low mesh as it is, or cannot read it."""
-
-
-@dataclass(frozen=True)
-class RayLengths:
-    """Distances of rays in scene units, as RayCast has them."""
-
-    extrusion: float = 0.0
-    max_distance: float = 0.0
-    blend_width: float = 0.0
-
-    @classmethod
-    def of(cls, ray_cast: RayCast) -> "RayLengths":
-        return cls(ray_cast.extrusion, ray_cast.max_distance, ray_cast.blend_width)
 
 
 @dataclass(frozen=True)
@@ -183,9 +170,9 @@ class CageOverlay:
         is_set = not chosen.rays.measure and panel.directions != Directions.BLENDED
         if low is None or not highs or is_set or _known_lengths(context, low) is not None:
             return
-        ray_cast = bake.measure_rays(context, low, highs, chosen.settings, chosen.cage)
-        if ray_cast is not None:
-            self._measured[low.session_uid] = RayLengths.of(ray_cast)
+        measured = bake.measure_rays(context, low, highs, chosen.settings, chosen.cage)
+        if measured is not None:
+            self._measured[low.session_uid] = measured
 
     def mesh_of(self, subject: Subject) -> gpu.types.GPUBatch | None:
         """The mesh of the shells as last read, or None. If it is missing or outdated, the timer reads it."""
@@ -245,11 +232,13 @@ def _known_lengths(context: bpy.types.Context, low: bpy.types.Object) -> RayLeng
     """What Live or the last bake of `low` used; None without them."""
     session, report = live.session, results.of(context, low)
     is_followed = session is not None and session.job.low_ref.uid == low.session_uid
-    if is_followed and session.ray_cast is not None:
-        return RayLengths.of(session.ray_cast)
+    if is_followed and session.rays is not None:
+        return session.rays
     if report is None or not report.distances:
         return None
-    return RayLengths(**report.distances, blend_width=report.blend_width)
+    return RayLengths(
+        **report.distances, blend_width=report.blend_width, low_offset=report.low_offset, is_measured=report.measured
+    )
 
 
 overlay = CageOverlay()
