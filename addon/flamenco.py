@@ -103,7 +103,7 @@ def _ask(manager: _Manager, path: str, body: dict | None = None) -> dict[str, An
         request.add_unredirected_header(name, value)  # what the manager leads to gets no password
     try:
         with urllib.request.urlopen(request, timeout=_SECONDS) as answer:
-            found = json.loads(answer.read())
+            answered = json.loads(answer.read())
     except urllib.error.HTTPError:
         raise
     except (OSError, http.client.HTTPException) as error:
@@ -111,7 +111,7 @@ def _ask(manager: _Manager, path: str, body: dict | None = None) -> dict[str, An
         raise BakeError(f"No Flamenco Manager answers at {manager}: {reason}") from error
     except ValueError as error:
         raise _stranger(manager) from error
-    return found
+    return answered
 
 
 def _stranger(manager: _Manager) -> BakeError:

@@ -114,7 +114,7 @@ class Appearance:
     def wrong(self) -> tuple[int, int]:
         """The number of squares that are wrong, and of all that were seen."""
         seen = sum(int(np.count_nonzero(np.isfinite(degrees))) for degrees in self.squares.values())
-        return sum(int(np.count_nonzero(found)) for found in self.is_wrong.values()), seen
+        return sum(int(np.count_nonzero(squares)) for squares in self.is_wrong.values()), seen
 
     def to_dict(self) -> dict[str, Any]:
         """As Report.appearance has it."""

@@ -264,7 +264,7 @@ class OtherEngines:
 
 def engine_warnings(results: dict[str, dict[str, float | int]]) -> list[str]:
     """A sentence for the programs that show texels wrong because they make z of x and y."""
-    wrong = {targets.BY_NAME[name].label: found["rebuilt"] for name, found in results.items() if found["rebuilt"]}
+    wrong = {targets.BY_NAME[name].label: result["rebuilt"] for name, result in results.items() if result["rebuilt"]}
     if not wrong:
         return []
     count = max(wrong.values())

@@ -76,7 +76,7 @@ class BakePictures:
         if not self._maps:
             return None
         result = np.full((PICTURE_SIDE, 3 * PICTURE_SIDE, 3), BACKGROUND, np.uint8)
-        result[:, :PICTURE_SIDE] = self._board.laid_out({tile: _bytes(*found) for tile, found in self._maps.items()})
+        result[:, :PICTURE_SIDE] = self._board.laid_out({tile: _bytes(*texels) for tile, texels in self._maps.items()})
         if self._textures:
             drawn = _draw_low(self._low, self._textures, self._settings, PICTURE_SIDE)[::-1]
             share = drawn[..., 3:]

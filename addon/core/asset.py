@@ -164,12 +164,12 @@ class HowMade:
 
 def _number(text: str, what: str) -> float:
     try:
-        found = float(text)
+        number = float(text)
     except ValueError as error:
         raise BakeError(f"{text!r} is not {what}: give a number.") from error
-    if not math.isfinite(found):
+    if not math.isfinite(number):
         raise BakeError(f"{text!r} is not {what}: give a number.")
-    return found
+    return number
 
 
 def size_for(texel: float, area: float, used: float) -> int:

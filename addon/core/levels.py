@@ -42,7 +42,7 @@ def limits(degrees: str, percent: str = "", triangles: str = "") -> list[Limit]:
 
 def counts(text: str) -> list[Limit]:
     """Limits from numbers of triangles, separated by commas: each a number, or a share with %. Raises BakeError."""
-    found = []
+    limits = []
     for word in filter(None, (part.strip() for part in text.split(","))):
         try:
             number = float(word.removesuffix("%")) / (100.0 if word.endswith("%") else 1.0)
@@ -54,21 +54,21 @@ def counts(text: str) -> list[Limit]:
             raise BakeError(
                 f"{word} cannot be a number of triangles: give {LEAST} or more, or a share between 0 and 100 %."
             )
-        found.append(Limit(triangles=number))
-    if not 0 < len(found) <= MOST:
-        raise BakeError(f"{len(found)} levels are not possible: give 1 to {MOST} numbers of triangles.")
-    return found
+        limits.append(Limit(triangles=number))
+    if not 0 < len(limits) <= MOST:
+        raise BakeError(f"{len(limits)} levels are not possible: give 1 to {MOST} numbers of triangles.")
+    return limits
 
 
 def _numbers(text: str, what: str, most: float) -> list[float]:
     try:
-        found = [float(word) for word in text.replace(",", " ").split()]
+        values = [float(word) for word in text.replace(",", " ").split()]
     except ValueError as error:
         raise BakeError(f"{text!r} are not {what}: give numbers, as {DEGREES}.") from error
-    wrong = next((number for number in found if not 0.0 < number <= most), None)
+    wrong = next((number for number in values if not 0.0 < number <= most), None)
     if wrong is not None:
         raise BakeError(f"{wrong:g} {what} cannot be a limit: give numbers above 0, up to {most:g}.")
-    return found
+    return values
 
 
 @dataclass(frozen=True)

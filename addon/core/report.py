@@ -244,18 +244,18 @@ class Report:
             return start
         own, metrics = how["basis"], how["degrees"]
         others = ", ".join(
-            f"{bases.BY_NAME[name].label} {found['percentile_99']:.1f}"
-            for name, found in metrics.items()
-            if name != own and found["percentile_99"] >= VISIBLE
+            f"{bases.BY_NAME[name].label} {angles['percentile_99']:.1f}"
+            for name, angles in metrics.items()
+            if name != own and angles["percentile_99"] >= VISIBLE
         )
         return (
             f"{start}; normals, read as {bases.BY_NAME[own].label}, differ by {metrics[own]['median']:.2g} degrees (median), "
             f"{metrics[own]['percentile_99']:.2g} (99th percentile), at most {metrics[own]['maximum']:.2g}"
             + (f"; read with another basis, by (99th percentile): {others}" if others else "")
             + "".join(
-                f"; {targets.BY_NAME[name].label} is off by {found['median']:.2g} (median), {found['percentile_99']:.2g} "
-                f"(99th percentile), at most {found['maximum']:.2g}"
-                for name, found in how["targets"].items()
+                f"; {targets.BY_NAME[name].label} is off by {angles['median']:.2g} (median), {angles['percentile_99']:.2g} "
+                f"(99th percentile), at most {angles['maximum']:.2g}"
+                for name, angles in how["targets"].items()
             )
         )
 
@@ -266,21 +266,21 @@ class Report:
 
     def _mended(self) -> list[str]:
         """What was changed of the high meshes, for the summary."""
-        found, lines = self.mended, []
-        if found.get("turned"):
-            share = found["turned"] / max(1, found["of"])
+        mended, lines = self.mended, []
+        if mended.get("turned"):
+            share = mended["turned"] / max(1, mended["of"])
             lines.append(
-                f"{found['parts']:,} of {found['of_parts']:,} parts, {share:.1%} of the faces, were turned over"
+                f"{mended['parts']:,} of {mended['of_parts']:,} parts, {share:.1%} of the faces, were turned over"
             )
             lines += [PartTurned(**part).sentence for part in self.turned_parts]
         left_out = (("hidden", "behind the surface"), ("twice", "in the place of others"))
-        counts = [f"{found[key]:,} {where}" for key, where in left_out if found.get(key)]
+        counts = [f"{mended[key]:,} {where}" for key, where in left_out if mended.get(key)]
         if counts:
             lines.append(f"Left out: triangles {' and '.join(counts)}")
-        if "smoothed_median" in found:
+        if "smoothed_median" in mended:
             lines.append(
-                f"High normals were smoothed by {found['smoothed_median']:.2g} degrees (median), "
-                f"{found['smoothed_percentile_95']:.2g} (95th percentile)"
+                f"High normals were smoothed by {mended['smoothed_median']:.2g} degrees (median), "
+                f"{mended['smoothed_percentile_95']:.2g} (95th percentile)"
             )
         return lines
 
@@ -319,7 +319,7 @@ class Report:
 
     def _ranges(self, length: Length) -> list[str]:
         """What black and white stand for in maps of lengths, for the summary: maps fit together if it is the same."""
-        found = [
+        ranges = [
             (name, how["midlevel"], how["scale"])
             for name, how in self.maps.items()
             if name in _LENGTHS and "scale" in how
@@ -327,7 +327,7 @@ class Report:
         return [
             f"{BY_NAME[name.upper()].label}: black is {_signed(-middle * scale, length)}, "
             f"white is {_signed((1.0 - middle) * scale, length)}"
-            for name, middle, scale in found
+            for name, middle, scale in ranges
             if scale != 1.0  # floats are stored as they are
         ]
 
@@ -342,10 +342,10 @@ class Report:
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
         if isinstance(basis, str) and basis in bases.BY_NAME:
             details.append(f"Basis: {bases.BY_NAME[basis].label}, for {targets.names(bases.BY_NAME[basis])}")
-        for name, found in self.targets.items():
+        for name, angles in self.targets.items():
             details.append(
-                f"{targets.BY_NAME[name].label} is off by {found['median']:.3f} degrees (median), "
-                f"{found['percentile_99']:.3f} (99th percentile), at most {found['maximum']:.2f}{self._other_green(name)}"
+                f"{targets.BY_NAME[name].label} is off by {angles['median']:.3f} degrees (median), "
+                f"{angles['percentile_99']:.3f} (99th percentile), at most {angles['maximum']:.2f}{self._other_green(name)}"
             )
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")

@@ -41,8 +41,8 @@ def evaluate(uids: Sequence[int], wanted: Sequence[HitsOfFeed]) -> list[np.ndarr
         places = [i for i, one in enumerate(wanted) if one.number == number and len(one.triangles)]
         owner = _found(bpy.data.objects, uids[number - 1])
         for piece in _pieces([(i, len(wanted[i].triangles)) for i in places]):
-            found = _bake(owner, [_part(wanted[i], part) for i, part in piece])
-            for (i, part), of_part in zip(piece, found, strict=True):
+            baked = _bake(owner, [_part(wanted[i], part) for i, part in piece])
+            for (i, part), of_part in zip(piece, baked, strict=True):
                 values[i][part] = of_part
     return values
 
@@ -193,14 +193,14 @@ def _joined(
     hits: Sequence[HitsOfFeed], key: tuple[str, str], parts: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> np.ndarray | None:
     """A layer of all hits; zeros where a mesh or a feed lacks it, and None if all meshes do."""
-    found = [one.mesh.layers.get(key) for one in hits]
-    width = next((values.shape[1] for values in found if values is not None), 0)
+    layers = [one.mesh.layers.get(key) for one in hits]
+    width = next((values.shape[1] for values in layers if values is not None), 0)
     if not width:
         return np.zeros((sum(len(one.triangles) for one in hits), 3, 2), np.float32) if key[0] == UV_LAYER else None
     return np.concatenate(
         [
             np.zeros((len(part[0]), 3, width), np.float32) if values is None else _mixed(values, *part)
-            for values, part in zip(found, parts, strict=True)
+            for values, part in zip(layers, parts, strict=True)
         ]
     )
 

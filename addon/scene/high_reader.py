@@ -67,12 +67,12 @@ class Reader:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""
         owners = {number: high for number, high in highs.items() if object_checks.shows_more(high)}
         numbers = {high.session_uid: number for number, high in highs.items()}
-        found = read_instances(
+        instances = read_instances(
             self.depsgraph,
             list(owners.values()),
             lambda owner, obj, data: self._mesh(numbers[owner.session_uid], owner.name, obj, data, np.eye(4)),
         )
-        shown = dict(zip(owners, found, strict=True))
+        shown = dict(zip(owners, instances, strict=True))
         meshes = [self._joined(number, high, shown.get(number, [])) for number, high in highs.items()]
         return with_labels(meshes)
 
@@ -189,20 +189,20 @@ def read_instances(
     depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object], as_mesh: ReadMesh
 ) -> list[list[Part]]:
     """The instances of each of `owners`. Each mesh is read once, however many instances it has."""
-    found: list[dict[tuple, tuple[Mesh | None, list]]] = [{} for _ in owners]
+    by_owner: list[dict[tuple, tuple[Mesh | None, list]]] = [{} for _ in owners]
     for number, obj, matrix in instances_shown(depsgraph, owners):
         # Objects that share a mesh can have different materials.
         key = obj.data.as_pointer(), obj.original.session_uid
-        if key not in found[number]:
+        if key not in by_owner[number]:
             try:
                 data = obj.to_mesh()
-                found[number][key] = as_mesh(owners[number], obj, data) if data.polygons else None, []
+                by_owner[number][key] = as_mesh(owners[number], obj, data) if data.polygons else None, []
             finally:
                 obj.to_mesh_clear()
-        found[number][key][1].append(matrix.copy())
+        by_owner[number][key][1].append(matrix.copy())
     parts = [
         [Part(mesh, usable(np.array(matrices, np.float64))) for mesh, matrices in meshes.values() if mesh is not None]
-        for meshes in found
+        for meshes in by_owner
     ]
     return [[part for part in of_owner if len(part.matrices)] for of_owner in parts]
 
@@ -278,14 +278,14 @@ def _with_triangles(data: bpy.types.Mesh, known: Mesh) -> Mesh | None:
     # Blender takes three times as long to list the faces themselves.
     starts = np.zeros(len(data.polygons) + 1, np.int32)
     np.cumsum(np.bincount(faces, minlength=len(data.polygons)) + 2, out=starts[1:])
-    found = FaceCorners(starts, known.vertices)
+    corners = FaceCorners(starts, known.vertices)
     if is_same:
-        return replace(known, face_corners=found)
+        return replace(known, face_corners=corners)
     triangles = mesh_reader.triangles(data)
     other = changed_rows(triangles, known.triangles)
     if not _are_of_faces(known.triangles[other], faces[other], starts):
         return None
-    return replace(known, triangles=triangles, face_corners=known.face_corners or found)
+    return replace(known, triangles=triangles, face_corners=known.face_corners or corners)
 
 
 def _are_of_faces(triangles: np.ndarray, faces: np.ndarray, starts: np.ndarray) -> bool:
@@ -327,7 +327,7 @@ def _normals_of(positions: np.ndarray, vertices: np.ndarray, sizes: np.ndarray, 
     with bpy.data.temp_data() as temporary:
         data = temporary.meshes.new("Imprint vertices")
         mesh_writer.fill(data, positions, vertices, np.cumsum(sizes) - sizes)
-        found = getattr(data, kind)
-        normals = np.empty((len(found), 3), np.float32)
-        found.foreach_get("vector", normals.reshape(-1))
+        elements = getattr(data, kind)
+        normals = np.empty((len(elements), 3), np.float32)
+        elements.foreach_get("vector", normals.reshape(-1))
     return normals

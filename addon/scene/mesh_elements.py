@@ -113,8 +113,8 @@ def uv_by_corner(data: bpy.types.Mesh, layer: str) -> np.ndarray | None:
     name = layer or render_layer(data)
     if name in data.uv_layers and len(data.uv_layers[name].uv) == len(data.loops):
         return _attribute_values(data.attributes[name])
-    found = attribute_by_corner(data, name) if name else None
-    return None if found is None else np.ascontiguousarray(found[:, :2])
+    values = attribute_by_corner(data, name) if name else None
+    return None if values is None else np.ascontiguousarray(values[:, :2])
 
 
 _DEFORMING = {

@@ -142,7 +142,7 @@ def surface(
     with part() as one:
         normals = _read(one.corner_normals, "vector", corners, 3)
     with part() as one:
-        found, faces = triangles(one), triangle_faces(one) if with_faces else None
+        indices, faces = triangles(one), triangle_faces(one) if with_faces else None
     with part() as one:
         uv = uvs(one, uv_layer) if uv_layer else None
     with part() as one:
@@ -150,7 +150,7 @@ def surface(
     with part() as one:
         positions = points(one)
     domain = normals_domain(data)
-    mesh = Mesh(name, positions, vertices, normals, found, to_world, uv=uv, faces=faces, normals_domain=domain)
+    mesh = Mesh(name, positions, vertices, normals, indices, to_world, uv=uv, faces=faces, normals_domain=domain)
     finite = finite_rows(mesh.normals, mesh.uv) if is_drawn_in_uv and uv_layer else finite_rows(mesh.normals)
     positions = finite_rows(mesh.positions)
     if positions is not None:
@@ -241,10 +241,10 @@ def triangles(data: bpy.types.Mesh) -> np.ndarray:
     count = len(data.loop_triangles)
     if count * 3 == corners:  # all faces are triangles
         return np.arange(corners, dtype=np.int32).reshape(-1, 3)
-    found = np.empty((count, 3), np.int32)
-    if not _copy_triangles(data.loop_triangles, found):
-        data.loop_triangles.foreach_get("loops", found.reshape(-1))
-    return found
+    indices = np.empty((count, 3), np.int32)
+    if not _copy_triangles(data.loop_triangles, indices):
+        data.loop_triangles.foreach_get("loops", indices.reshape(-1))
+    return indices
 
 
 def triangle_faces(data: bpy.types.Mesh) -> np.ndarray:

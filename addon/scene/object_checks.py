@@ -41,23 +41,23 @@ class ObjectRef:
 
     def find(self) -> bpy.types.Object | None:
         """The object, or None if it was deleted."""
-        found = bpy.data.objects.get(self.name)  # nearly always right, and much faster than a search
-        if found is None or self.uid not in {0, found.session_uid}:
-            found = next((obj for obj in bpy.data.objects if obj.session_uid == self.uid), None)
-        if found is None and self.library:
-            found = next(
+        existing = bpy.data.objects.get(self.name)  # nearly always right, and much faster than a search
+        if existing is None or self.uid not in {0, existing.session_uid}:
+            existing = next((obj for obj in bpy.data.objects if obj.session_uid == self.uid), None)
+        if existing is None and self.library:
+            existing = next(
                 (obj for obj in bpy.data.objects if obj.name == self.name and _library(obj) == self.library), None
             )
-        return found
+        return existing
 
     def resolve(self) -> bpy.types.Object:
         """The object. Raises BakeError if it was deleted."""
         if not self.uid:
             return object_by_name(self.name)
-        found = self.find()
-        if found is None:
+        obj = self.find()
+        if obj is None:
             raise self._deleted()
-        return found
+        return obj
 
     def check_kept(self) -> None:
         """Raise BakeError if the object was deleted, also while a slot of the panel still keeps it in the file."""
@@ -85,11 +85,11 @@ def object_by_name(name: str) -> bpy.types.Object:
 def by_name(objects: Iterable[bpy.types.Object], like: bpy.types.Object | None = None) -> dict[str, bpy.types.Object]:
     """Objects by their names. Of several with one name, as an override and what it overrides, it is the one from the library of
     `like`, or else the local one."""
-    library, found = like.library if like is not None else None, {}
+    library, by_name = like.library if like is not None else None, {}
     for obj in objects:
-        if obj.name not in found or obj.library == library:
-            found[obj.name] = obj
-    return found
+        if obj.name not in by_name or obj.library == library:
+            by_name[obj.name] = obj
+    return by_name
 
 
 def scene_by_uid(uid: int) -> bpy.types.Scene | None:
@@ -185,11 +185,11 @@ def instance_sources(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
 
 def shown_by(owners: Sequence[bpy.types.Object]) -> dict[int, set[int]]:
     """The session_uids of the owners that show an object as an instance, by the session_uid of that object."""
-    found: dict[int, set[int]] = {}
+    shown_by: dict[int, set[int]] = {}
     for owner in owners:
         for obj in instance_sources(owner):
-            found.setdefault(obj.session_uid, set()).add(owner.session_uid)
-    return found
+            shown_by.setdefault(obj.session_uid, set()).add(owner.session_uid)
+    return shown_by
 
 
 def _has_nodes(obj: bpy.types.Object) -> bool:
