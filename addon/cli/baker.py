@@ -25,7 +25,7 @@ from ..core.progress import Pace, Task, startup
 from ..core.report import Report, smooth_sentences
 from ..core.settings import Settings
 from ..core.stored_normals import ConversionReport
-from ..jobs import bake_jobs, checks
+from ..jobs import bake_jobs, pair_checks
 from ..jobs.bake_jobs import work_on_frames
 from ..jobs.job import Job, Wants, files_read_by, jobs_by_name
 from ..output import png_writer
@@ -338,7 +338,7 @@ def look_at(options: argparse.Namespace) -> int:
     jobs, problems = _jobs(options, loader)
     settings, smooth = arguments.settings(options), loader.smooth(jobs, options.smooth_files)
     for job in jobs:
-        found = checks.look_at_high(bpy.context, job, settings)
+        found = pair_checks.look_at_high(bpy.context, job, settings)
         lines = found.lines(lengths_of(bpy.context.scene))
         lines += smooth_sentences({high.name: smooth[high.name] for high in job.highs if high.name in smooth})
         print("\n".join(map(printable, (f"{job.low.name}:", *(f"  {line}" for line in lines)))))

@@ -20,7 +20,7 @@ from ..core.file_structure.whole_files import MISSING, NO_PIXELS
 from ..core.map_types import BY_NAME
 from ..core.preflight import Amounts, Need, memory_sentence, placement_hint, rounding_hint, texel_bytes
 from ..core.settings import MapSettings, Settings
-from ..jobs import checks
+from ..jobs import pair_checks
 from ..jobs.job import Job, band_texels, draws_in_software
 from ..scene import complaints, dependencies, imported_images, object_checks
 from ..scene.textures import header_size
@@ -193,7 +193,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
             other_maps=len(settings.map.drawn_maps),
             is_flat=method == Method.FLATTEN and not settings.map.drawn_maps and not has_detail,
             texture_pixels=max(map(_pixels, textures), default=0) if shows_images else 0,
-            is_exact=shows_images and checks.evaluates_materials(job.low, job.highs, settings.map),
+            is_exact=shows_images and pair_checks.evaluates_materials(job.low, job.highs, settings.map),
         )
     )
 

@@ -31,7 +31,7 @@ from ..mesh.edges import is_without_area
 from ..output.materials import into_materials
 from ..output.outputs import Outputs, kept
 from ..scene import object_checks, reading
-from . import checks
+from . import pair_checks
 from .baked import Baked
 from .job import Job, Request, check_job, read_meshes, set_numbers
 
@@ -114,11 +114,11 @@ def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[_Re
     plan = plan_of(meshes, settings, timings, length=length)
     notes = [*meshes.lacks, *object_checks.warnings(job.low, job.highs), *orienting.notes(meshes, plan.told)]
     with timings.timed("audit"):
-        found = checks.flipped_findings(plan, timings)
+        found = pair_checks.flipped_findings(plan, timings)
         if wants.for_others:
-            others = checks.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
-            found += checks.unsolved_by_export(others, is_exported=wants.exported)
-        early = [*map(Warned, checks.pose_notes(context, job, settings)), *checks.finding_warnings(found)]
+            others = pair_checks.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
+            found += pair_checks.unsolved_by_export(others, is_exported=wants.exported)
+        early = [*map(Warned, pair_checks.pose_notes(context, job, settings)), *pair_checks.finding_warnings(found)]
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
     truth = drawing = yield from part(baking.draw(plan, run), 0.5, 1.0)
     others = OtherEngines(plan.meshes.basis, settings)

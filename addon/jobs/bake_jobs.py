@@ -32,7 +32,7 @@ from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_
 from ..output.materials import into_materials
 from ..output.outputs import Outputs
 from ..scene.object_checks import ObjectRef, scene_by_uid
-from . import checks, shared_image, weights
+from . import pair_checks, shared_image, weights
 from .bake import bake_job, draw_raw
 from .baked import Baked
 from .job import (
@@ -253,7 +253,7 @@ def _requests(
 ) -> list[Request]:
     """Each bake of `work`, checked. Raises BakeError."""
     settings.check()  # before object names are filled in, which may contain anything
-    wants = replace(wants, for_others=checks.is_for_others(settings, is_exported=wants.exported))
+    wants = replace(wants, for_others=pair_checks.is_for_others(settings, is_exported=wants.exported))
     settings = settings.read_by(context.scene.render.engine)
     if settings.map.texture_sets:
         if share_image:

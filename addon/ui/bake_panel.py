@@ -13,9 +13,9 @@ from ..core.declarations.choices import Method, Space, Storage
 from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
-from ..jobs import bake_jobs, checks
-from ..jobs.checks import Finding
+from ..jobs import bake_jobs, fixes
 from ..jobs.job import Job, by_material
+from ..jobs.pair_checks import Finding
 from ..output import datablocks, map_names, materials, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
@@ -437,7 +437,7 @@ def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: 
     elif chosen.low is not None and chosen.low.select_get() and not chosen.highs:
         display.draw_operator(layout, "imprint.make_asset", enabled=True, icon="MESH_ICOSPHERE")
     elif object_checks.lacks_uvs(chosen.low):
-        draw_button(layout, checks.UNWRAP)
+        draw_button(layout, fixes.UNWRAP)
     elif _is_unsaved(chosen):
         layout.operator("wm.save_mainfile", icon="FILE_TICK")
     elif chosen.hidden(context):

@@ -7,7 +7,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from ..core.errors import BakeError
 from ..core.report import Report
-from ..jobs import checks
+from ..jobs import fixes, masks
 from ..scene import evaluation, mesh_elements, reading
 from . import bake_results
 from .bake_results import results
@@ -109,7 +109,7 @@ class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
     bl_label = "Select Faces"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: labeled(EnumProperty, "Check", "The check whose faces to select", items=_items(checks.KINDS))
+    kind: labeled(EnumProperty, "Check", "The check whose faces to select", items=_items(masks.KINDS))
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
@@ -117,11 +117,11 @@ class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context) -> str:
         report = self.last_bake(context)
-        low, kind = checks.of_low(report), self.kind.lower()
+        low, kind = masks.of_low(report), self.kind.lower()
         problem = _selection_problem(low)
         if problem:
             raise BakeError(problem)
-        indices, is_edge = checks.find(context, report, kind), kind in checks.ON_EDGES
+        indices, is_edge = masks.find(context, report, kind), kind in masks.ON_EDGES
         which = "edge" if is_edge else "face"
         if not len(indices):
             raise BakeError(f"No {which} of {low.name!r} has this issue: {CHECKS[kind][0].lower()}.")
@@ -178,14 +178,14 @@ class IMPRINT_OT_show_mask(_LastBakeOperator, bpy.types.Operator):
     bl_label = "Show Mask"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: labeled(EnumProperty, "Check", "The check whose texels to show", items=_items(checks.ON_TEXELS))
+    kind: labeled(EnumProperty, "Check", "The check whose texels to show", items=_items(masks.ON_TEXELS))
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return f"{tooltip(CHECKS[properties.kind.lower()][1])}. {tooltip('Show them white in an image')}"
 
     def apply(self, context: bpy.types.Context) -> str:
-        image = checks.draw_mask(context, self.last_bake(context), self.kind.lower())
+        image = masks.draw_mask(context, self.last_bake(context), self.kind.lower())
         is_pressed = self.options.is_invoke and context.window is not None
         show = bake_results.show_image_beside if is_pressed else bake_results.show_image
         show(context, image)
@@ -201,7 +201,7 @@ class IMPRINT_OT_add_triangulate(_LastBakeOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context) -> str:
         report = self.last_bake(context)
-        return checks.triangulate_sentence(report.low, *checks.add_triangulate(context, report))
+        return fixes.triangulate_sentence(report.low, *fixes.add_triangulate(context, report))
 
 
 ICONS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
@@ -246,8 +246,8 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
     buttons = row.row(align=True)
     buttons.enabled = check["count"] > 0
     for operator, icon, kinds in (
-        ("imprint.show_mask", "IMAGE_DATA", checks.ON_TEXELS),
-        ("imprint.select_flaws", "RESTRICT_SELECT_OFF", checks.KINDS),
+        ("imprint.show_mask", "IMAGE_DATA", masks.ON_TEXELS),
+        ("imprint.select_flaws", "RESTRICT_SELECT_OFF", masks.KINDS),
     ):
         if kind in kinds:
             button = buttons.operator(operator, text="", icon=icon)

@@ -11,8 +11,8 @@ import bpy
 
 from ..core.declarations.choices import Modifiers
 from ..core.settings import Settings
-from ..jobs import checks
-from ..jobs.checks import Finding
+from ..jobs import pair_checks
+from ..jobs.pair_checks import Finding
 from ..scene import poses, reading, render_view
 from ..scene.object_checks import ObjectRef
 from .callbacks import Timer, events, redraw
@@ -65,16 +65,16 @@ class PanelFindings:
         """The findings for a bake of `low`: whether it is flipped, and more if other programs read the map. settings: of the
         panel, valid.
 
-        is_exported: as in jobs.checks.is_for_others.
+        is_exported: as in pair_checks.is_for_others.
         """
         flipped = self._known(
-            "flipped", *_key_of(low, highs), find=lambda: checks.viewport_flipped(context, low, highs)
+            "flipped", *_key_of(low, highs), find=lambda: pair_checks.viewport_flipped(context, low, highs)
         )
         if not settings.tracing.keep_faces:  # the bake turns them over
             flipped = [each for each in flipped if not each.values["is_high"]]
-        if not checks.is_for_others(settings, is_exported=is_exported):
+        if not pair_checks.is_for_others(settings, is_exported=is_exported):
             return flipped
-        return flipped + checks.unsolved_by_export(
+        return flipped + pair_checks.unsolved_by_export(
             self._of_low(context, low, low in highs, settings), is_exported=is_exported
         )
 
@@ -85,11 +85,11 @@ class PanelFindings:
 
         def find() -> list[Finding]:
             self.looks += 1
-            return checks.viewport_findings(context, low, settings, is_own_base=is_own_base)
+            return pair_checks.viewport_findings(context, low, settings, is_own_base=is_own_base)
 
-        layer = settings.map.uv_layer or checks.active_layer(low)
+        layer = settings.map.uv_layer or pair_checks.active_layer(low)
         # Names are in the sentences.
-        key = low.name, low.mode, is_own_base, layer, checks.active_layer(low), settings.sampling.udim
+        key = low.name, low.mode, is_own_base, layer, pair_checks.active_layer(low), settings.sampling.udim
         uids = low.session_uid, low.data.session_uid
         return self._known("low", (*uids, *key), frozenset(uids), find=find, if_moved=False)
 
@@ -102,7 +102,7 @@ class PanelFindings:
             settings.map.exact_materials,
             *((material.session_uid, material.name) for material in slots if material is not None),
         )
-        find = lambda: checks.viewport_material_notes(low, highs, settings.map)  # noqa: E731
+        find = lambda: pair_checks.viewport_material_notes(low, highs, settings.map)  # noqa: E731
         return self._known("materials", key, frozenset(), find=find)
 
     def pose_notes(
@@ -207,7 +207,7 @@ class IMPRINT_OT_look_at_high(WaitingOperator, QuickOperator, bpy.types.Operator
     def apply(self, context: bpy.types.Context) -> str:
         chosen = context.scene.imprint.chosen(context)
         job, settings = chosen.job(context)
-        lines = checks.look_at_high(context, job, settings).lines(reading.lengths_of(context.scene))
+        lines = pair_checks.look_at_high(context, job, settings).lines(reading.lengths_of(context.scene))
         findings.keep_look(chosen.low, chosen.highs, lines)
         return ". ".join(lines)
 

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ..core.errors import BakeError, Fix, in_window
-from ..jobs import checks
+from ..jobs import fixes
 from ..scene.object_checks import object_by_name
 from .modal import QuickOperator, WaitingOperator
 from .texts import draw_paragraphs, label, labeled, tooltip
@@ -32,7 +32,7 @@ FIXES = {
         "Make hard edges inside UV islands smooth. Those at borders of islands stay hard, and custom normals stay elsewhere",
         "SMOOTHCURVE",
     ),
-    checks.UNWRAP: (
+    fixes.UNWRAP: (
         "Unwrap",
         "Give the low object a UV map: unwrap it in several ways, pack the islands with the margin that Clean Mips needs, and "
         "keep the sharpest",
@@ -108,7 +108,7 @@ class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
             raise BakeError("No low object: select it, or fill the slot.")
         change = Fix.__members__.get(self.kind)
         if change is None:
-            return checks.fix(context, chosen.low, chosen.highs, chosen.settings, self.kind)
+            return fixes.fix(context, chosen.low, chosen.highs, chosen.settings, self.kind)
         owner = chosen.rays if change.setting in chosen.rays.bl_rna.properties else chosen.panel
         setattr(owner, change.setting, change.new_value)
         if change is Fix.REST_POSE:

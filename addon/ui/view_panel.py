@@ -10,7 +10,7 @@ from ..core.errors import BakeError
 from ..core.map_types import NORMAL
 from ..core.progress import Pace, Task
 from ..core.settings import Settings
-from ..jobs import checks
+from ..jobs import masks
 from ..passes import data_texture
 from ..scene.textures import SINGLE
 from . import object_pairs
@@ -231,8 +231,8 @@ class IMPRINT_OT_view_mask(WaitingOperator, SlicedOperator, bpy.types.Operator):
             raise BakeError("Nothing was baked onto this low object: bake it first.")
         textures = {}
         for report in object_pairs.of(low).reports() if self.kind != NO_MASK else ():
-            masks = yield from checks.mask_work(context, report, self.kind.lower())
-            for tile, mask in masks.items():
+            of_tiles = yield from masks.mask_work(context, report, self.kind.lower())
+            for tile, mask in of_tiles.items():
                 part = tuple(report.slots), tile if report.settings.get("udim") else SINGLE
                 textures[part] = data_texture.image(mask, "R8")
         viewer.show_mask(context, low, Mask(self.kind, textures) if textures else None)

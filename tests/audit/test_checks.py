@@ -12,7 +12,7 @@ from addon.core.errors import BakeError
 from addon.core.report import Report
 from addon.core.settings import Settings
 from addon.engine import separation
-from addon.jobs import Job, bake_all, checks
+from addon.jobs import Job, bake_all, fixes, masks
 from tests.support import maps, random_cases, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -38,12 +38,12 @@ def warnings_of(report):
 
 
 def faces(report, kind):
-    return checks.find(bpy.context, report, kind).tolist()
+    return masks.find(bpy.context, report, kind).tolist()
 
 
 def mask(report, kind):
     """The mask (H, W) bool. It must be only black and white."""
-    texels = maps.pixels(checks.draw_mask(bpy.context, report, kind))
+    texels = maps.pixels(masks.draw_mask(bpy.context, report, kind))
     assert set(np.unique(texels[..., :3])) <= {0.0, 1.0}
     assert (texels[..., 3] == 1.0).all()
     return texels[..., 0] == 1.0
@@ -82,14 +82,14 @@ QUARTERS = [(i / 2, j / 2, i / 2 + 0.5, j / 2 + 0.5) for j in range(2) for i in 
 
 def test_nothing_is_wrong_with_two_planes():
     report = bake(zoo.plane("lo", 3), zoo.plane("hi", 5))
-    assert {kind: check["count"] for kind, check in report.checks.items()} == dict.fromkeys(checks.KINDS, 0) | {
+    assert {kind: check["count"] for kind, check in report.checks.items()} == dict.fromkeys(masks.KINDS, 0) | {
         "polygons": 9
     }
     for kind in ("overlap", "uncovered", "far"):
         assert report.checks[kind]["of"] == 64 * 64
         assert not mask(report, kind).any()
     assert warnings_of(report) == []
-    assert [kind for kind in checks.KINDS if faces(report, kind)] == ["polygons"]
+    assert [kind for kind in masks.KINDS if faces(report, kind)] == ["polygons"]
 
 
 # Texels that several triangles share
@@ -311,7 +311,7 @@ def test_the_modifier_makes_the_triangles_that_blender_draws(seed, noise):
         drawn = triangles_of(obj.data.loop_triangles)
         report = bake(obj, zoo.plane("hi"), space="OBJECT")
         assert report.checks["uneven"]["count"] > 0
-        _, folded = checks.add_triangulate(bpy.context, report)
+        _, folded = fixes.add_triangulate(bpy.context, report)
         assert (folded > 0) == (noise == 0.1 and obj == low)
         cut = triangles_of(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons)
         assert len(drawn - cut) == 2 * folded
@@ -323,7 +323,7 @@ def test_normals_stay_when_faces_are_triangulated():
     low = zoo.terrain("lo", 2)
     low.data.vertices[4].co.z = 0.7
     low.data.normals_split_custom_set(np.tile((0.6, 0.0, 0.8), (16, 1)))
-    checks.add_triangulate(bpy.context, bake(low, zoo.plane("hi")))
+    fixes.add_triangulate(bpy.context, bake(low, zoo.plane("hi")))
     evaluated = low.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     normals = np.array([corner.vector for corner in evaluated.corner_normals])
     np.testing.assert_allclose(normals, np.tile((0.6, 0.0, 0.8), (24, 1)), atol=1e-3)
@@ -353,7 +353,7 @@ def test_udim_tiles():
     report = bake(low, tiles("hi", (0, 0, 1, 1), (1, 0, 1.5, 1)), udim=True, storage="PACK", size=(32, 32))
     assert part(report.checks["uncovered"], *TEXELS) == counted(16 * 32, 2 * 32 * 32)
     assert faces(report, "uncovered") == [1]
-    image = checks.draw_mask(bpy.context, report, "uncovered")
+    image = masks.draw_mask(bpy.context, report, "uncovered")
     assert image.source == "TILED"
     assert [tile.number for tile in image.tiles] == [1001, 1002]
 
@@ -362,7 +362,7 @@ def test_large_maps_are_checked_in_bands(monkeypatch):
     low, high = stairs()
     report = bake(low, high, size=(48, 80))
     whole = {kind: (mask(report, kind), faces(report, kind)) for kind in ("overlap", "far")}
-    monkeypatch.setattr(checks, "TEXELS", 48 * 7)
+    monkeypatch.setattr(masks, "TEXELS", 48 * 7)
     for kind, (texels, found) in whole.items():
         np.testing.assert_array_equal(mask(report, kind), texels)
         assert faces(report, kind) == found
@@ -419,7 +419,7 @@ def test_a_surface_and_its_own_base_mesh():
     assert again.checks["uneven"]["count"] == 4
     assert not any("add a Triangulate" in warning for warning in again.warnings)
     with pytest.raises(BakeError, match="triangulate the base mesh instead"):
-        checks.add_triangulate(bpy.context, report)
+        fixes.add_triangulate(bpy.context, report)
 
 
 def test_checks_use_the_objects_as_they_are_now():
@@ -447,7 +447,7 @@ def test_checks_use_the_method_of_the_bake():
     assert mask(report, "uncovered").mean() == 0.75
 
 
-@pytest.mark.parametrize("kind", checks.KINDS)
+@pytest.mark.parametrize("kind", masks.KINDS)
 def test_checks_change_nothing(kind):
     low, high = stairs()
     report = bake(low, high)
@@ -720,8 +720,8 @@ def roof(name="lo", **options):
 
 def edges(report):
     """The ends of the hard edges of the low object."""
-    low = checks.of_low(report)
-    return [tuple(low.data.edges[number].vertices) for number in checks.find(bpy.context, report, "hard_edges")]
+    low = masks.of_low(report)
+    return [tuple(low.data.edges[number].vertices) for number in masks.find(bpy.context, report, "hard_edges")]
 
 
 def test_hard_edges_without_a_seam():

@@ -12,7 +12,7 @@ import pytest
 from addon.core import progress
 from addon.core.settings import Settings
 from addon.engine import bands, tree_cache
-from addon.jobs import Job, bake_pair, checks
+from addon.jobs import Job, bake_pair, masks
 from addon.jobs.live_session import Session
 from tests.support import angles, zoo
 from tests.support.maps import bake_all_maps, pixels, raw_maps
@@ -205,7 +205,7 @@ def test_faces_of_a_check_are_found_by_the_same_method():
     low, high = pair()
     report, _ = bake(low, high)
     assert report.checks["uncovered"]["count"] == 0
-    assert len(checks.find(bpy.context, report, "uncovered")) == 0
+    assert len(masks.find(bpy.context, report, "uncovered")) == 0
 
 
 def test_live_draws_what_a_bake_draws():

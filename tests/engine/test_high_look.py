@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.jobs import Job, checks
+from addon.jobs import Job, pair_checks
 from tests.support import scenes, spoiled, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 def look(low, *highs, **settings):
     values = {"method": "CAST", "storage": "MEMORY", "material": False, **settings}
-    return checks.look_at_high(bpy.context, Job(low, highs), Settings(**values))
+    return pair_checks.look_at_high(bpy.context, Job(low, highs), Settings(**values))
 
 
 def test_a_clean_mesh():

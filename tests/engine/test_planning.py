@@ -11,7 +11,7 @@ from addon.core import progress
 from addon.core.settings import Run, Settings
 from addon.engine import baking, draw_order, orienting, planning, uv_agreement
 from addon.engine.planning import plan_of
-from addon.jobs import Job, checks
+from addon.jobs import Job, masks
 from addon.jobs.job import Request, read_meshes
 from addon.jobs.live_session import Session
 from tests.engine.test_orienting import ball
@@ -155,7 +155,7 @@ def test_the_mask_of_a_check_decides_once(counted):
     low, high, _ = spoiled_pair(2)
     report = scenes.bake(low, high, method="CAST")
     counted.update(dict.fromkeys(counted, 0))
-    checks.draw_mask(bpy.context, report, "unsure")
+    masks.draw_mask(bpy.context, report, "unsure")
     assert max(counted.values()) == 1, counted
     assert counted["tiles"] == 0, "the report has them"
 

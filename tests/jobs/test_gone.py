@@ -10,7 +10,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_all, bake_jobs, bake_pair, checks, live_session
+from addon.jobs import Job, bake_all, bake_jobs, bake_pair, live_session, masks
 from addon.jobs.bake_jobs import work_on_frames
 from addon.output import datablocks
 from addon.ui.live import live
@@ -224,7 +224,7 @@ def test_checks_distinguish_objects_with_the_same_name(namesakes, which):
     near = settings(extrusion=2.0, max_distance=4.0)
     report = bake_all(bpy.context, [job], near)[0]
     low.name = "renamed"
-    mask = pixels(checks.draw_mask(bpy.context, report, "uncovered"))[..., 0] > 0.5
+    mask = pixels(masks.draw_mask(bpy.context, report, "uncovered"))[..., 0] > 0.5
     assert mask.mean() == pytest.approx(report.checks["uncovered"]["share"])
     assert mask.any()
 
@@ -271,11 +271,11 @@ def test_checks_find_objects_of_a_reloaded_library(library, tmp_path, relative):
         scenes.save(tmp_path / "scenes" / "scene.blend")
         source.filepath = "//../library.blend"
     source.reload()
-    assert checks.find(bpy.context, report, "polygons").tolist() == [0]
+    assert masks.find(bpy.context, report, "polygons").tolist() == [0]
     bpy.data.objects.remove(bpy.data.objects["hi"])
     zoo.terrain("hi", n=8)
     with pytest.raises(BakeError, match="'hi' was deleted"):
-        checks.find(bpy.context, report, "polygons")
+        masks.find(bpy.context, report, "polygons")
 
 
 @pytest.mark.parametrize("linked", ["objects", "meshes"])

@@ -11,7 +11,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import unsure_texels
 from addon.jobs import Job, bake_all, bake_pair, weights
-from addon.jobs.checks import draw_mask
+from addon.jobs.masks import draw_mask
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import Mesh
 from addon.scene import mesh_elements

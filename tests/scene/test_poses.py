@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.jobs import Job, checks
+from addon.jobs import Job, pair_checks
 from addon.scene import poses, render_view
 from addon.ui.findings import findings
 from tests.support import maps, panel_layout, scenes, zoo
@@ -201,7 +201,7 @@ def test_sentences():
     assert "is posed by 'rig' and 1 more, 'hero_high'" in said(low, high)[0]
     low.modifiers.clear()
     assert said(low, high)[0].startswith("'hero_low' has the shape key 'smile', 'hero_high' does not: ")
-    found = checks.look_at_high(bpy.context, Job(low, [high]), SETTINGS).lines(str)
+    found = pair_checks.look_at_high(bpy.context, Job(low, [high]), SETTINGS).lines(str)
     assert any("'smile'" in line for line in found)
 
 

@@ -10,7 +10,7 @@ import pytest
 from addon.cli.arguments import parser
 from addon.core.errors import Fix, in_window
 from addon.core.settings import Settings
-from addon.jobs import bake_jobs, checks
+from addon.jobs import bake_jobs, fixes, pair_checks
 from addon.ui import bake_panel
 from addon.ui.bake_results import results
 from addon.ui.callbacks import events
@@ -32,7 +32,7 @@ def set_up(low, *, green="-Y"):
 def found(low, **settings):
     bpy.context.view_layer.update()
     given = Settings(**{"green": "-Y"} | settings)
-    return {one.kind: one for one in checks.viewport_findings(bpy.context, low, given, is_own_base=False)}
+    return {one.kind: one for one in pair_checks.viewport_findings(bpy.context, low, given, is_own_base=False)}
 
 
 def fix(kind):
@@ -116,9 +116,9 @@ def test_mirrored_copies_are_found_and_harmless():
     ],
 )
 def test_only_maps_for_other_programs_are_asked_about(settings, asks):
-    assert checks.is_for_others(Settings(**settings), is_exported=False) is asks
+    assert pair_checks.is_for_others(Settings(**settings), is_exported=False) is asks
     in_tangent_space = settings.get("space", "TANGENT") == "TANGENT" and settings.get("normal", True)
-    assert checks.is_for_others(Settings(**settings), is_exported=True) is in_tangent_space
+    assert pair_checks.is_for_others(Settings(**settings), is_exported=True) is in_tangent_space
 
 
 # The panel
@@ -336,8 +336,8 @@ def test_a_low_object_without_uvs_has_a_button_that_unwraps_it():
     set_up_fixes(low, high)
     text, kinds = drawn_fixes()
     assert "'lo' has no UV layer: unwrap it first." in text
-    assert kinds == [checks.UNWRAP]
-    fix(checks.UNWRAP)
+    assert kinds == [fixes.UNWRAP]
+    fix(fixes.UNWRAP)
     assert len(low.data.uv_layers) == 1
     assert drawn_fixes()[1] == []
 
@@ -348,7 +348,7 @@ def test_a_high_object_without_uvs_has_no_such_button():
     set_up_fixes(low, high, method="FLATTEN")
     text, kinds = drawn_fixes()
     assert "'high' has no UV layer" in text
-    assert checks.UNWRAP not in kinds
+    assert fixes.UNWRAP not in kinds
 
 
 # Options and buttons

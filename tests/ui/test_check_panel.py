@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.jobs.checks import KINDS, ON_TEXELS
+from addon.jobs.masks import KINDS, ON_TEXELS
 from addon.ui import bake_results, check_panel
 from addon.ui.bake_results import results
 from tests.support import maps, panel_layout, zoo

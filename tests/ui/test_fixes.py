@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import in_window
-from addon.jobs import Job, bake_jobs, checks
+from addon.jobs import Job, bake_jobs, fixes, pair_checks
 from addon.ui.bake_results import results
 from tests.support import angles, maps, panel_layout, random_cases, scenes, zoo
 from tests.support.panel import use
@@ -45,7 +45,7 @@ def error(truth):
 
 
 def flip(obj):
-    checks.flip_mesh(obj.data)
+    fixes.flip_mesh(obj.data)
 
 
 def ball(name, radius, place, n=8):
@@ -207,7 +207,7 @@ def test_random_parts_on_a_plate_flip_nothing(seed):
         parts[-1].rotation_euler = rng.uniform(-1.0, 1.0, 3)
     low, high = zoo.plane("lo", int(rng.integers(1, 4))), zoo.plane("hi", 8)
     bpy.context.view_layer.update()
-    assert not checks.viewport_flipped(bpy.context, low, [high, *parts])
+    assert not pair_checks.viewport_flipped(bpy.context, low, [high, *parts])
     settings = scenes.settings(method="CAST", size=16)
     (report,) = bake_jobs.bake_all(bpy.context, [Job(low, [high, *parts])], settings)
     assert not any("point to the other side" in text for text in report.warnings)

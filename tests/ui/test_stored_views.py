@@ -9,7 +9,8 @@ import pytest
 from mathutils import Matrix
 
 from addon.core.errors import BakeError
-from addon.jobs import checks, live_session
+from addon.core.progress import finish
+from addon.jobs import live_session, masks
 from addon.ui import progress_display, stored_maps, view_gizmos, view_shading
 from addon.ui.bake_results import results
 from addon.ui.live import live
@@ -492,7 +493,7 @@ def test_a_mask_colors_the_texels_that_the_check_has_found(pair, kind):
     assert viewer.message == ""
     assert view().mask == kind
     found = drawn_pixels()
-    image = checks.draw_mask(bpy.context, results.of(bpy.context), kind.lower())
+    image = masks.draw_mask(bpy.context, results.of(bpy.context), kind.lower())
     texels = texels_of(image)
     _, white = on_mesh(low, texels)
     mask, _ = on_mesh(low, texels)
@@ -525,13 +526,13 @@ def test_skewed_texels_are_those_whose_rays_lean():
     settings.low, settings.method, settings.directions = low, "CAST", "SMOOTH"
     settings.highs.add().object = high
     bake(width=64, height=64)
-    (mask,) = checks.progress.finish(checks.mask_work(bpy.context, results.of(bpy.context), "skewed")).values()
+    (mask,) = finish(masks.mask_work(bpy.context, results.of(bpy.context), "skewed")).values()
     along = np.abs((np.arange(64) + 0.5) / 64 - 0.5) * 2.0  # the distance from the edge, as a share of a plane
     # The normal at the edge is (1, 0, 1) / sqrt 2, that at the end the plane's own.
     across, up = (1.0 - along) * np.sqrt(0.5), (1.0 - along) * np.sqrt(0.5) + along
     leans = np.degrees(np.arctan2(across, up))
-    certain = np.abs(leans - checks.LEAN) > 1.0
-    assert (mask[:, certain] == (leans[certain] > checks.LEAN)).all()
+    certain = np.abs(leans - masks.LEAN) > 1.0
+    assert (mask[:, certain] == (leans[certain] > masks.LEAN)).all()
     assert mask.any() and not mask.all()
 
 
