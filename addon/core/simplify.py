@@ -75,9 +75,11 @@ class Deviation(Protocol):
 
     def excess(self, limit: Limit) -> float:
         """How much of a limit it takes: more than 1 beyond it."""
+        ...
 
     def spent(self, limit: Limit) -> float:
         """The share of texels that are beyond a limit, of which a few may be. For StepSearch alone."""
+        ...
 
 
 Judge = Callable[[Any], Task[Any]]
@@ -90,9 +92,11 @@ class Maker(Protocol):
     def make(self, triangles: int) -> Sequence[Mesh]:
         """A mesh of about so many triangles, or of more if it cannot. Those after it are measured if it is just beyond the
         limit."""
+        ...
 
     def corrected(self, candidate: "Candidate") -> "Self | None":
         """The maker that spares what one of its meshes lost; None if nothing is left to spare."""
+        ...
 
 
 class StepMaker(Maker, Protocol):
@@ -102,9 +106,11 @@ class StepMaker(Maker, Protocol):
 
     def of(self, mesh: Any) -> Self:
         """The same way, with another mesh to start from."""
+        ...
 
     def uncorrected(self) -> Self:
         """The same way, without sparing anything."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
