@@ -82,7 +82,7 @@ def share_against(low: Faces, high: Faces) -> float:
         return 0.0
     # Relative to a place near them: squares of large coordinates lose the distances.
     below, above = low.centers - low.centers.mean(axis=0), high.centers - low.centers.mean(axis=0)
-    above = above - aside(low, high)
+    above = above - offset_beside(low, high)
     squares, nearest = (above * above).sum(axis=1), np.empty(len(below), np.intp)
 
     def find(part: slice) -> None:
@@ -92,7 +92,7 @@ def share_against(low: Faces, high: Faces) -> float:
     return float(((low.normals * high.normals[nearest]).sum(axis=1) < 0.0).mean())
 
 
-def aside(low: Faces, high: Faces) -> np.ndarray:
+def offset_beside(low: Faces, high: Faces) -> np.ndarray:
     """The way (3,) from one surface to another that lies beside it; 0 if it does not."""
     boxes = _box(low.centers), _box(high.centers)
     return (sum(boxes[1]) - sum(boxes[0])) / 2.0 if gap_of_boxes(*boxes) > 0.0 else np.zeros(3)

@@ -12,7 +12,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import barycentric
 from . import tree_cache
 from .high_patches import HighPatches
-from .own_hits import PLACES, LowPlaces, own_hits, place_aside
+from .own_hits import PLACES, LowPlaces, offset_beside, own_hits
 
 SAME = 2e-5
 """In local space. Hits at heights closer than this are the same, as of two sheets in one place."""
@@ -77,7 +77,7 @@ class Trials:
         places: int = PLACES,
     ):
         self._patches, self._timings, self._is_reversed = patches, timings, is_reversed
-        self._aside = place_aside(patches.low, patches.meshes.highs)
+        self._offset = offset_beside(patches.low, patches.meshes.highs)
         self.starts = np.cumsum([0, *(one.count for one in patches.of)])
         """Where the numbers of each mesh's patches start."""
         labels = np.concatenate([one.labels + start for one, start in zip(patches.of, self.starts, strict=False)])
@@ -127,7 +127,7 @@ class Trials:
         return [high.with_triangles(np.arange(len(high.triangles))[::-1]) for high in reversed(highs)]
 
     def _shown(self, scene: tree_cache.RayScene) -> Shown:
-        found = own_hits(self._places, scene, self._aside, self._timings)
+        found = own_hits(self._places, scene, self._offset, self._timings)
         return Shown(np.where(found.is_own, self._labels[found.triangles], -1), found.heights, self.spread)
 
 

@@ -58,5 +58,5 @@ def choose_method(meshes: Meshes, tiles: Sequence[int], tracing: TracingSettings
 
 def _can_cast(meshes: Meshes, texels: np.ndarray) -> bool:
     """Whether rays from the low mesh find what Flatten draws of the high ones. texels: as Choice.separation has them."""
-    aside = np.linalg.norm(separation.offset(texels, Method.FLATTEN)) / local_space_of([meshes.low]).size
-    return bool(aside < uv_agreement.CLOSE) and tree_cache.fits(meshes.highs) and tree_cache.low_fits(meshes.whole_low)
+    offset = np.linalg.norm(separation.offset(texels, Method.FLATTEN)) / local_space_of([meshes.low]).size
+    return bool(offset < uv_agreement.CLOSE) and tree_cache.fits(meshes.highs) and tree_cache.low_fits(meshes.whole_low)

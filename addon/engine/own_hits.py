@@ -96,15 +96,15 @@ class OwnHits:
         return float(np.mean(self.is_own)) if len(self.is_own) else 0.0
 
 
-def own_hits(places: LowPlaces, scene: RayScene, aside: np.ndarray, timings: Timings) -> OwnHits:
+def own_hits(places: LowPlaces, scene: RayScene, offset: np.ndarray, timings: Timings) -> OwnHits:
     """What places show of a scene, from as far outside as a bake looks for parts that stand off.
 
-    aside (3,): from the low mesh to the high ones, in world units, if they lie beside it.
+    offset (3,): from the low mesh to the high ones, in world units, if they lie beside it.
     """
     count, space = len(places.triangles), scene.local_space
     if not count:
         return OwnHits(np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0, np.float32))
-    moved = LocalSpace(space.origin - aside, space.size)  # where the low mesh lies in the place of the high ones
+    moved = LocalSpace(space.origin - offset, space.size)  # where the low mesh lies in the place of the high ones
     low = tree_cache.trees.low_surface_of(places.mesh, moved, timings)
     outside = ray_distances.FARTHEST_PART * low.owners.room
     below, away = np.empty((2, count, 4), np.float32)
@@ -139,10 +139,10 @@ def shares_of_sides(
     places = LowPlaces.of(meshes)
     if not len(places.triangles):
         return None
-    scene, aside = tree_cache.trees.ray_scene_of(like or meshes.highs, timings), place_aside(meshes.whole_low, highs)
+    scene, offset = tree_cache.trees.ray_scene_of(like or meshes.highs, timings), offset_beside(meshes.whole_low, highs)
     if like is not None:
         scene = tree_cache.variant(meshes.highs, scene, timings)
-    as_is, turned = (own_hits(each, scene, aside, timings).share for each in (places, places.turned_over()))
+    as_is, turned = (own_hits(each, scene, offset, timings).share for each in (places, places.turned_over()))
     return as_is, turned
 
 
@@ -151,7 +151,7 @@ def share_facing(meshes: Meshes, places: LowPlaces, outside: np.ndarray, timings
     the surface: whatever it belongs to. The high meshes must fit the tree, as in `shares_of_sides`."""
     scene, count = tree_cache.trees.ray_scene_of(meshes.highs, timings), len(places.triangles)
     space = scene.local_space
-    moved = LocalSpace(space.origin - place_aside(meshes.whole_low, meshes.highs), space.size)
+    moved = LocalSpace(space.origin - offset_beside(meshes.whole_low, meshes.highs), space.size)
     below, away = np.ones((count, 4), np.float32), np.empty((count, 4), np.float32)
     below[:, :3], away[:, :3], away[:, 3] = places.points(moved), places.directions(), outside / space.size
     drawn = rays.upload_texels(below, away)
@@ -162,7 +162,7 @@ def share_facing(meshes: Meshes, places: LowPlaces, outside: np.ndarray, timings
     return float((cast.read_hits(hits)[0].reshape(-1)[:count] >= 0).mean()) if count else 0.0
 
 
-def place_aside(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
+def offset_beside(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
     """The way (3,) from a low mesh to high meshes that lie beside it, in world units; 0 if they do not."""
     space = local_space_of([low])
     if gap(low, highs) <= FAR_APART * space.size:

@@ -26,7 +26,7 @@ TRIANGLES = 2**16
 LIMIT = 0.05
 """Share of the low mesh's radius: the limit for the distance between the surfaces if the settings have none."""
 
-ASIDE, LARGER, FLAT_SIDE = 0.15, 1.5, 0.1
+CENTERS_APART, LARGER, FLAT_SIDE = 0.15, 1.5, 0.1
 """Boxes around high and low fit each other if, along each axis, their centers are no more than this share of the low box's
 side apart, and neither side is more than this many times the other. Sides of the low box shorter than this share of its
 longest one do not count: there, the detail may be larger."""
@@ -65,9 +65,9 @@ def boxes_fit(meshes: Meshes, *, may_be_part: bool = False) -> bool:
     compared = sides > FLAT_SIDE * sides.max()
     if may_be_part and (high_min <= low_min)[compared].all() and (high_max >= low_max)[compared].all():
         return True
-    aside = np.abs((low_min + low_max) - (high_min + high_max)) / 2.0 > ASIDE * sides
+    is_apart = np.abs((low_min + low_max) - (high_min + high_max)) / 2.0 > CENTERS_APART * sides
     larger = np.maximum(high_sides, sides) > LARGER * np.minimum(high_sides, sides)
-    return not (aside | larger)[compared].any()
+    return not (is_apart | larger)[compared].any()
 
 
 def sample(probe: Probe, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:

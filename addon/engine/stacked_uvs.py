@@ -156,12 +156,12 @@ class StackedParts:
         meshes = self._plan.meshes
         low = _moved_back(meshes.low, self._tiles)
         space = local_space_of([low])
-        aside = local_space_of(meshes.highs).origin - space.origin if gap(low, meshes.highs) > 0.0 else np.zeros(3)
+        offset = local_space_of(meshes.highs).origin - space.origin if gap(low, meshes.highs) > 0.0 else np.zeros(3)
         points, uvs = (
             np.concatenate(found)
             for found in zip(*(_middles(high, space.points(high)) for high in meshes.highs), strict=True)
         )
-        points -= (aside / space.size).astype(np.float32)
+        points -= (offset / space.size).astype(np.float32)
         nearest = _Nearest(points, uvs)
         size = _size(self._settings.sampling, HIDDEN_PROBE)
         attributes = {

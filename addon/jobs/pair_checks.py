@@ -194,14 +194,14 @@ def viewport_flipped(
     found = before_bake.find_flipped(on_low, on_high, repr(low.name), names, against=against)
     if not found or sum(len(high.data.polygons) for high in shown) > MOST_TRACED:
         return []
-    aside, is_high = before_bake.aside(on_low, on_high), found[0].values["is_high"]
+    offset, is_high = before_bake.offset_beside(on_low, on_high), found[0].values["is_high"]
     surfaces = [Surface.of(high, depsgraph) for high in shown]
     shares = traced_sides.shares(
         on_low.centers,
         on_low.normals,
         Surface.of(evaluated_low, depsgraph),
         surfaces,
-        aside=aside,
+        offset=offset,
         size=_size(evaluated_low),
         is_high=is_high,
     )

@@ -111,8 +111,8 @@ def _order(boxes: np.ndarray) -> np.ndarray:
 
 def _to_boxes(places: np.ndarray, lows: np.ndarray, highs: np.ndarray) -> np.ndarray:
     """The squared distances (...) of places (..., 3) from boxes (..., 3)."""
-    aside = np.maximum(np.maximum(lows - places, places - highs), 0.0)
-    return _squares(aside)
+    outside = np.maximum(np.maximum(lows - places, places - highs), 0.0)
+    return _squares(outside)
 
 
 def _squares(vectors: np.ndarray) -> np.ndarray:

@@ -57,7 +57,7 @@ def shares(
     low: Surface,
     surfaces: Sequence[Surface],
     *,
-    aside: np.ndarray,
+    offset: np.ndarray,
     size: float,
     is_high: bool,
 ) -> tuple[float, float]:
@@ -66,7 +66,7 @@ def shares(
     Args:
         centers, normals: (N, 3) float64, of the low object's faces, in the world; normals of any length.
         low, surfaces: Of the low object, and of the high ones.
-        aside: (3,), from the low object to the high ones if they lie beside it.
+        offset: (3,), from the low object to the high ones if they lie beside it.
         size: The diagonal of the low object.
         is_high: Whether the high ones are flipped, rather than the low one.
     """
@@ -74,7 +74,7 @@ def shares(
     places, reach = [_Tree(surface) for surface in surfaces], REACH * size
     free = np.maximum(reach, _ways_in_world(low, centers, away, FAR * size))
     hits = np.zeros((len(centers), 2), bool)
-    for number, (center, direction) in enumerate(zip(centers + aside, away, strict=True)):
+    for number, (center, direction) in enumerate(zip(centers + offset, away, strict=True)):
         hits[number, 0] = any(place.is_hit(center, direction, 1.0, free[number], reach) for place in places)
         flipped = (direction, -1.0) if is_high else (-direction, 1.0)
         hits[number, 1] = any(place.is_hit(center, *flipped, reach, reach) for place in places)
