@@ -27,14 +27,14 @@ from ..jobs.convert import Conversion
 from ..jobs.job import Job, Wants, jobs_by_name
 from ..scene import object_checks, reading
 from ..scene.object_checks import object_by_name
-from . import bake_results, modal, object_pairs
-from .bake_results import Batch, results
+from . import bake_results, modal, object_pairs, results
 from .fixes import draw_fixable
 from .live import live
 from .modal import QuickOperator
 from .preferences import flamenco_address
 from .progress_display import SettingsPanel, display
 from .properties import Chosen, Options
+from .results import Batch
 from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, split_layout, tooltip
 
 
@@ -44,7 +44,7 @@ class _Bake(modal.MapOperator):
     def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
         lines = [line for report in result for line in report.summary(reading.lengths_of(context.scene))]
         self.show(context, lines, [warning for report in result for warning in report.warnings])
-        results.remember(context, result)
+        results.remember(result)
         if self.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
             bake_results.show_bake(context, result)
 
@@ -154,7 +154,7 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
         try:
             yield from relay(bake_jobs.work(context, jobs, values, pace, goes_on=True), noted)
         except GeneratorExit:  # the maps that are done stay
-            results.remember(context, reports)
+            results.remember(reports)
             raise
         return reports, left_out
 

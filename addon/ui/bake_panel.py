@@ -19,8 +19,7 @@ from ..jobs.pair_checks import Finding
 from ..output import datablocks, map_names, materials, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
-from . import object_pairs
-from .bake_results import results
+from . import object_pairs, results
 from .findings import findings
 from .fixes import draw_button, draw_fixable
 from .live import live

@@ -24,7 +24,7 @@ from ..scene import reading
 from ..scene.mesh_elements import without_missing
 from ..scene.object_checks import ObjectRef
 from ..scene.updates import Shapes
-from .bake_results import results
+from . import results
 from .callbacks import DrawCallbacks, Timer, events, redraw
 from .live import live
 

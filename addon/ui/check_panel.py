@@ -9,8 +9,7 @@ from ..core.errors import BakeError
 from ..core.report import Report
 from ..jobs import fixes, masks
 from ..scene import evaluation, mesh_elements, reading
-from . import bake_results
-from .bake_results import results
+from . import bake_results, results
 from .modal import QuickOperator
 from .progress_display import display
 from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, tooltip

@@ -16,8 +16,7 @@ from ..core.naming import Pair, Suffixes
 from ..core.settings import Settings
 from ..jobs.job import Job
 from ..scene import evaluation, object_checks
-from . import bake_results, engine_choice, object_pairs
-from .bake_results import results
+from . import engine_choice, object_pairs, results
 from .callbacks import events, registering
 from .declared_properties import MapList, Options, declared, passed_on, take_former_values
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
@@ -246,7 +245,7 @@ def matched(names: tuple[str, ...], suffixes: Suffixes) -> tuple[list[Pair], lis
 
 def _found(name: str):
     """A getter of a distance that the last bake of the current low object measured; 0 if it measured none."""
-    return lambda _: bake_results.distances(results.of(bpy.context)).get(name, 0.0)
+    return lambda _: results.distances(results.of(bpy.context)).get(name, 0.0)
 
 
 class ImprintFound(bpy.types.PropertyGroup):

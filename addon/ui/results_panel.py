@@ -9,9 +9,9 @@ from ..core.errors import in_window
 from ..core.report import Report
 from ..output import materials
 from ..scene import reading
-from . import bake_results, object_pairs
-from .bake_results import high_objects, results
+from . import bake_results, object_pairs, results
 from .fixes import draw_fixable
+from .results import high_objects
 from .texts import SidebarPanel, draw_paragraphs, message
 
 MOST = 24

@@ -13,12 +13,12 @@ from ..core.report import Report
 from ..jobs import weights
 from ..output import datablocks
 from ..scene.high_materials import materials_of
-from . import bake_panel, declared_properties
-from .bake_results import distances, results
+from . import bake_panel, declared_properties, results
 from .cage_overlay import overlay
 from .modal import QuickOperator
 from .progress_display import SettingsPanel, display
 from .properties import ImprintSettings
+from .results import distances
 from .texts import font_size, label, room, split_layout, text_width, tooltip
 
 
