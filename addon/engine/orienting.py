@@ -14,10 +14,10 @@ from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import enclosed_volumes, face_areas
 from . import sides, tree_cache
+from .hidden_faces import hidden_and_twice
 from .high_masks import HighMasks, Mended, without_copies
 from .high_patches import HighPatches, patches_of
 from .mend_trials import Trials
-from .outer_skin import one_skin
 from .sides import Sides
 from .tree_cache import RayScene
 
@@ -76,11 +76,11 @@ def orientation_of(
     if _low_is_wrong(patches):
         return _low_named(patches)
     if not _can_try(meshes):
-        return _skinned(_with_turned(patches, sides.by_shape(patches)), patches, None, may_be_twice=may_be_twice)
+        return _without_hidden(_with_turned(patches, sides.by_shape(patches)), patches, None, may_be_twice=may_be_twice)
     suspects = sides.suspects_of(patches)
     trials = Trials(patches, meshes.highs, timings, near=suspects, is_reversed=is_reversed)
     found = _with_turned(patches, sides.decided(patches, trials, suspects), trials)
-    return _skinned(found, patches, trials, may_be_twice=may_be_twice)
+    return _without_hidden(found, patches, trials, may_be_twice=may_be_twice)
 
 
 def notes(meshes: Meshes, told: Mended | None) -> list[str]:
@@ -164,7 +164,7 @@ def _left_alone(
     trials = Trials(patches, highs, timings, near=suspects, is_reversed=is_reversed)
     found = sides.decided(patches, trials, suspects)
     turned = _with_turned(patches, found, trials) if any(each.any() for each in found.masks) else as_is
-    return _skinned(turned, patches, trials, may_be_twice=may_be_twice)
+    return _without_hidden(turned, patches, trials, may_be_twice=may_be_twice)
 
 
 def _can_try(meshes: Meshes) -> bool:
@@ -201,20 +201,22 @@ def _of_all(found: Orientation, meshes: Meshes, twice: Sequence[np.ndarray]) -> 
     )
 
 
-def _skinned(found: Orientation, patches: HighPatches, trials: Trials | None, *, may_be_twice: bool) -> Orientation:
+def _without_hidden(
+    found: Orientation, patches: HighPatches, trials: Trials | None, *, may_be_twice: bool
+) -> Orientation:
     """`found` without what is there twice, or lies behind the surface."""
     turned = [
         np.zeros(len(one.labels), bool) if masks.turned is None else masks.turned
         for masks, one in zip(found.masks, patches.of, strict=True)
     ]
-    skin = one_skin(patches, turned, trials, may_be_twice=may_be_twice)
-    if not (skin.twice or skin.hidden):
+    left_out = hidden_and_twice(patches, turned, trials, may_be_twice=may_be_twice)
+    if not (left_out.twice or left_out.hidden):
         return found
     masks = tuple(
         replace(one, left_out=mask if mask.any() else None)
-        for one, mask in zip(found.masks, skin.left_out, strict=True)
+        for one, mask in zip(found.masks, left_out.masks, strict=True)
     )
-    told = replace(found.told or Mended.nothing(patches.meshes.highs), hidden=skin.hidden, twice=skin.twice)
+    told = replace(found.told or Mended.nothing(patches.meshes.highs), hidden=left_out.hidden, twice=left_out.twice)
     return Orientation(masks, told)
 
 

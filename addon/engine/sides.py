@@ -8,9 +8,9 @@ import numpy as np
 
 from ..core.parts_turned import PartTurned
 from .face_openness import openness
+from .hidden_faces import sees_outside_of
 from .high_patches import SURE, HighPatches, corners_in
 from .mend_trials import FEWEST_PLACES, GAIN_OVER_LOSS, Shown, Trials, gains
-from .outer_skin import sees_outside_of
 from .tree_cache import RayScene
 
 CLEAR = 0.5

@@ -23,7 +23,7 @@ ON_LAYER = 0.125
 """A hit is on another layer of the low mesh if that is closer to it than this share of its distance from the texel."""
 NEARER = 4.0
 """A hit may belong to another layer of the low mesh if that is closer to it than this factor times its distance from the texel.
-If both hits that a texel owns are farther from all others, they are sides of one surface: an inner skin, or a second scan."""
+If both hits that a texel owns are farther from all others, they are sides of one surface: an inner wall, or a second scan."""
 FARTHER = 20.0
 """A second hit that a texel owns is no choice if it is farther from the low surface than the first one by this factor."""
 SHIFTED = 0.5

@@ -15,7 +15,7 @@ from mathutils import Matrix
 from ...core.errors import BakeError
 from ...core.progress import Timings
 from ...core.settings import Settings
-from ...engine import outer_skin
+from ...engine import hidden_faces
 from ...mesh import orientation, topology
 from ...mesh.closest import Surface
 from ...mesh.edges import is_without_area
@@ -185,15 +185,15 @@ def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, sampl
     """
     mesh = mesh_reader.surface(data, "", data.name, np.eye(4))
     some = samples.spread(PLACES)
-    is_open = outer_skin.sees_outside(mesh, some.points, some.triangles, Timings())
+    is_open = hidden_faces.sees_outside(mesh, some.points, some.triangles, Timings())
     of_each = np.bincount(some.triangles, minlength=len(triangles))
-    is_seen = np.bincount(some.triangles, is_open, len(triangles)) > outer_skin.PEEPING * of_each
+    is_seen = np.bincount(some.triangles, is_open, len(triangles)) > hidden_faces.PEEPING * of_each
     if is_seen[some.triangles].mean() > 1.0 - MOST_HIDDEN:
         return np.ones(len(triangles), bool)
     for weights in NEAR_CORNERS:
         left = np.flatnonzero(~is_seen)
         places = np.einsum("c,tcx->tx", weights, points[triangles[left]].astype(np.float64))
-        is_seen[left] = outer_skin.sees_outside(mesh, places, left, Timings())
+        is_seen[left] = hidden_faces.sees_outside(mesh, places, left, Timings())
     return is_seen if is_seen[samples.triangles].any() else np.ones(len(triangles), bool)
 
 

@@ -32,22 +32,22 @@ its hits, and at most the second share of these places needs them."""
 
 
 @dataclass(frozen=True)
-class Skin:
-    """What is left out of high meshes so that their outer skin stays alone.
+class LeftOut:
+    """What is left out of high meshes so that their outer surface stays alone.
 
     Attributes:
-        left_out: Triangles (T,) bool of each mesh.
+        masks: Triangles (T,) bool of each mesh.
         twice, hidden: How many of them are there twice, and lie behind the surface.
     """
 
-    left_out: list[np.ndarray]
+    masks: list[np.ndarray]
     twice: int
     hidden: int
 
 
-def one_skin(
+def hidden_and_twice(
     patches: HighPatches, turned: Sequence[np.ndarray], trials: Trials | None, *, may_be_twice: bool = False
-) -> Skin:
+) -> LeftOut:
     """What is left out of the high meshes of `patches`.
 
     Args:
@@ -69,7 +69,7 @@ def one_skin(
             continue
         mask[more] = True
         hidden += int(np.count_nonzero(more))
-    return Skin(left_out, twice, hidden)
+    return LeftOut(left_out, twice, hidden)
 
 
 def _twice(
