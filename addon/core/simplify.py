@@ -164,17 +164,16 @@ class Search:
     def tried(self, maker: Maker, triangles: int) -> Task[Candidate]:
         """The best mesh of about this many triangles by one maker."""
         yield Progress(f"Decimating to {triangles:,} triangles", 0.0)
-        found: list[Candidate] = []
-        meshes = maker.make(triangles)
-        for mesh in meshes:
-            if found and not 1.0 < found[0].excess < MOST_FOR_OTHERS:
+        meshes, tries = maker.make(triangles), list[Candidate]()
+        for number, mesh in enumerate(meshes):
+            if tries and not 1.0 < tries[0].excess < MOST_FOR_OTHERS:
                 self._remove(mesh)
                 continue
-            deviation = yield from part(self._judge(mesh), len(found) / len(meshes), (len(found) + 1) / len(meshes))
+            deviation = yield from part(self._judge(mesh), number / len(meshes), (number + 1) / len(meshes))
             self.count += 1
-            found.append(Candidate(mesh, maker, deviation, self.limit, self._factor))
-            self._made.append(found[-1])
-        return min(found, key=lambda each: each.excess)
+            tries.append(Candidate(mesh, maker, deviation, self.limit, self._factor))
+        self._made += tries
+        return min(tries, key=lambda each: each.excess)
 
     def keep_only(self, kept: Sequence[Candidate]) -> None:
         """Remove all meshes that were made but these."""
@@ -195,21 +194,22 @@ class Search:
             cost: of a candidate.
             corrections: how many more are made at most.
         """
-        found, count = [], len(makers) + corrections
+        tries, count = [], len(makers) + corrections
 
         def attempt(maker: Maker) -> Task[None]:
-            found.append((yield from part(self.tried(maker, triangles), len(found) / count, (len(found) + 1) / count)))
+            share = len(tries) / count
+            tries.append((yield from part(self.tried(maker, triangles), share, share + 1.0 / count)))
 
         for maker in makers:
             yield from attempt(maker)
-        better = (each.maker.corrected(each) for each in sorted(found, key=cost))
+        better = (each.maker.corrected(each) for each in sorted(tries, key=cost))
         corrected = next(filter(None, better), None)
         for _ in range(corrections):
             if corrected is None:
                 break
             yield from attempt(corrected)
-            corrected = corrected.corrected(found[-1])
-        best = min(found, key=cost)
+            corrected = corrected.corrected(tries[-1])
+        best = min(tries, key=cost)
         self.keep_only([best])
         return best
 

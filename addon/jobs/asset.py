@@ -110,8 +110,8 @@ def known_low(
 ) -> bpy.types.Object | None:
     """The low object that belongs to the first of these by its name; None without one."""
     context.view_layer.update()  # a script may have made objects
-    found = context.view_layer.objects.get(naming.low_name_of(highs[0].name, suffixes))
-    return found if found is not None and found.type == "MESH" and found not in highs else None
+    low = context.view_layer.objects.get(naming.low_name_of(highs[0].name, suffixes))
+    return low if low is not None and low.type == "MESH" and low not in highs else None
 
 
 def _check(job: Job, wanted: Wanted, settings: Settings) -> None:
@@ -134,18 +134,18 @@ class _Making:
 
     def lows(self, job: Job, known: Sequence[Low], wanted: Wanted, suffixes: Suffixes) -> Task[list[Low]]:
         """`known`, or a new low object in its place, and levels of detail. Raises BakeError."""
-        first, found = job.highs[0], list(known)
+        first, lows = job.highs[0], list(known)
         name = known[0].obj.name if known else naming.low_name_of(first.name, suffixes)
         names = [name, *naming.level_names(name, wanted.levels)]
         home = next(iter(first.users_collection), None)
         maker, left = None, range(len(known), 1 + wanted.levels)
         for done, level in enumerate(left):
-            limit = wanted.of_level(level, mesh_reader.count_triangles(found[-1].obj.data) if found else 0)
+            limit = wanted.of_level(level, mesh_reader.count_triangles(lows[-1].obj.data) if lows else 0)
             low, maker, measured = yield from part(self._low(limit, maker), done / len(left), (done + 1) / len(left))
             obj = self._object(low.data, names[level], home)
-            found.append(Low(obj, limit, self._how(low.source, measured, limit)))
+            lows.append(Low(obj, limit, self._how(low.source, measured, limit)))
         self.judge.free()
-        return found
+        return lows
 
     def _low(self, wanted: Wanted, maker: DecimationSource | None) -> Task[tuple[LowMesh, DecimationSource, int]]:
         """A low mesh within its limits, or as near as can be, its maker, and how many were measured. maker: None for the
@@ -161,9 +161,9 @@ class _Making:
             maker = best.maker
         if not wanted.has_count:
             search = Search(wanted.search_limit, partial(self.judge.within, wanted), LowMesh.remove)
-            found = yield from part(search.min_triangles(maker, first, most), begin, 1.0)
+            fewest = yield from part(search.min_triangles(maker, first, most), begin, 1.0)
             compared.keep_only([])
-            return found.mesh, maker, compared.count + search.count
+            return fewest.mesh, maker, compared.count + search.count
         yield Progress(f"Decimating to {first:,} triangles", begin)
         return best.mesh if best else maker.make(first)[0], maker, compared.count
 
@@ -254,23 +254,23 @@ def _judged(report: Report, low: Low, high: HighSurface | None) -> Report:
 
 def _missed(report: Report, low: Low, distance: float) -> list[str]:
     """A sentence for each limit that a finished low mesh does not keep."""
-    found, limit = [], low.wanted
+    sentences, limit = [], low.wanted
     most, count = report.appearance.get("percentile_99", 0.0), report.triangles["low"]
     if most > limit.degrees:
-        found.append(
+        sentences.append(
             f"The shading error of {report.low!r} is {most:.2f} degrees on 99 % of the pixels, and not {limit.degrees:g}: "
             "allow more degrees or more triangles, or set a larger map."
         )
     if distance > limit.distance:
-        found.append(
+        sentences.append(
             f"{report.low!r} is {distance:.2%} of the size away from the high mesh, and not {limit.distance:.2%}: allow more "
             "distance or more triangles."
         )
     if low.how.is_made and limit.has_missed(count):
-        found.append(
+        sentences.append(
             f"{report.low!r} has {count:,} triangles, not {limit.triangles:,}: the high mesh allows no others."
         )
-    return found
+    return sentences
 
 
 def _unused(report: Report, low: Low) -> list[str]:

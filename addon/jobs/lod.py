@@ -73,11 +73,11 @@ class _Levels:
             )
         start = min((each for each in known if each.excess <= 1.0), key=lambda each: each.triangles)
         search = StepSearch(limit, partial(self._quickly, limit.distance), UvMesh.remove, self._exactly)
-        found, beyond = yield from search.coarsest(start, self._maker)
+        within, beyond = yield from search.coarsest(start, self._maker)
         self.count += search.count
-        self._known.append((found.mesh, found.deviation))
+        self._known.append((within.mesh, within.deviation))
         other = (beyond.triangles, beyond.deviation.degrees, beyond.deviation.distance) if beyond else ()
-        return found.mesh, self._level(limit, found.mesh, found.deviation, *other)
+        return within.mesh, self._level(limit, within.mesh, within.deviation, *other)
 
     def _of_size(self, limit: Limit) -> Task[tuple[UvMesh, Level]]:
         """The mesh with the triangles that a limit names, made from the coarsest known one that has more."""
@@ -134,13 +134,13 @@ def work(
         original = decimation.read_original(context, obj, settings.map.uv_layer, settings.map.modifiers)
         levels = _Levels(original, settings, pace)
         yield from part(levels.measure_original(), 0.0, 0.05)
-        found, left_out = yield from part(_search_all(levels, limits), 0.05, SEARCHED)
-        collection, objects = _level_objects(context, ref.resolve(), [mesh.data for mesh, _ in found])
+        made, left_out = yield from part(_search_all(levels, limits), 0.05, SEARCHED)
+        collection, objects = _level_objects(context, ref.resolve(), [mesh.data for mesh, _ in made])
         jobs = [Job(level, [ref.resolve()]) for level in objects]
         baking = bake_jobs.work(context, jobs, settings, pace)
         bakes = yield from bake_jobs.all_or_nothing(part(baking, SEARCHED, 1.0))
     reports = [
-        replace(level, name=each.name, bake=bake) for each, (_, level), bake in zip(objects, found, bakes, strict=True)
+        replace(level, name=obj.name, bake=bake) for obj, (_, level), bake in zip(objects, made, bakes, strict=True)
     ]
     warnings = [*left_out, *dict.fromkeys(warning for bake in bakes for warning in bake.warnings)]
     seconds = time.perf_counter() - start
@@ -180,20 +180,20 @@ def _check(context: bpy.types.Context, obj: bpy.types.Object, count: int, settin
 
 def _search_all(levels: _Levels, limits: Sequence[Limit]) -> Task[tuple[list[tuple[UvMesh, Level]], list[str]]]:
     """The levels for these limits, the finest first, and sentences about limits that have none. Raises BakeError."""
-    found: dict[int, tuple[UvMesh, Level]] = {}
+    made: dict[int, tuple[UvMesh, Level]] = {}
     left_out, original = [], levels.original
     for number, limit in enumerate(limits):
         mesh, level = yield from part(levels.within(limit), number / len(limits), (number + 1) / len(limits))
         if level.triangles == original.triangles:
             left_out.append(f"No coarser mesh of {original.name!r} is within {limit}: it has no level.")
-        elif level.triangles in found:
-            other = found[level.triangles][1].limit
+        elif level.triangles in made:
+            other = made[level.triangles][1].limit
             left_out.append(f"The coarsest mesh within {limit} is the one within {other}: they have one level.")
         else:
-            found[level.triangles] = mesh, level
-    if not found:
+            made[level.triangles] = mesh, level
+    if not made:
         raise BakeError(" ".join(left_out))
-    return [found[triangles] for triangles in sorted(found, reverse=True)], left_out
+    return [made[triangles] for triangles in sorted(made, reverse=True)], left_out
 
 
 def _level_objects(

@@ -90,15 +90,15 @@ class AppearanceJudge:
     def within(self, wanted: Wanted, low: LowMesh) -> Task[Seen]:
         """What has a limit, of a low mesh with the samples and the size of the finished one. Raises NoGpu."""
         with self._object_of(low) as obj:
-            distance, found = self._high.distance(obj) if wanted.distance < math.inf else 0.0, Seen(None)
+            distance, seen = self._high.distance(obj) if wanted.distance < math.inf else 0.0, Seen(None)
             if wanted.degrees < math.inf:
                 texel = texel_side(wanted, self._context, lambda: self._high.edge) if wanted.finds_size else None
-                found = yield from self._seen(obj, low, self._settings, texel)
-                if found.appearance is None and found.is_drawn:
+                seen = yield from self._seen(obj, low, self._settings, texel)
+                if seen.appearance is None and seen.is_drawn:
                     raise NoGpu(
                         "This GPU cannot measure the shading error: give a number of triangles in place of degrees."
                     )
-        return replace(found, distance=distance)
+        return replace(seen, distance=distance)
 
     @contextmanager
     def _object_of(self, low: LowMesh) -> Iterator[bpy.types.Object]:

@@ -148,11 +148,11 @@ class DecimationSource:
         least = FINER * triangles
         if least >= MOST_SHARED * len(self.dense.polygons):
             return None
-        found = [each for each in self.partial if len(each.triangles) >= least]
-        if not found:
-            found = [partial_collapse(*arrays(self.dense), CollapseOptions(least, self.weights))]
-            self.partial.extend(found)
-        return min(found, key=lambda each: len(each.triangles))
+        usable = [each for each in self.partial if len(each.triangles) >= least]
+        if not usable:
+            usable = [partial_collapse(*arrays(self.dense), CollapseOptions(least, self.weights))]
+            self.partial.extend(usable)
+        return min(usable, key=lambda each: len(each.triangles))
 
 
 @dataclass(frozen=True, eq=False)
