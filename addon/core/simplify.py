@@ -38,9 +38,10 @@ SHARE_LEFT = 0.8
 class Limit:
     """What a mesh may deviate.
 
-    degrees: of its normals, infinite for no limit.
-    distance: as a share of the longest side of the box, infinite for no limit.
-    triangles: how many it has, up to 1 a share of those of the original, and 0 for as few as possible.
+    Attributes:
+        degrees: Of its normals, infinite for no limit.
+        distance: As a share of the longest side of the box, infinite for no limit.
+        triangles: How many it has, up to 1 a share of those of the original, and 0 for as few as possible.
     """
 
     degrees: float = math.inf
@@ -117,9 +118,10 @@ class StepMaker(Maker, Protocol):
 class Candidate:
     """A mesh that was measured.
 
-    maker: of the mesh; None if it was there.
-    limit: what it may deviate.
-    factor: on the excess: by how much exact measurements differ from this one.
+    Attributes:
+        maker: Of the mesh; None if it was there.
+        limit: What it may deviate.
+        factor: On the excess: by how much exact measurements differ from this one.
     """
 
     mesh: Mesh
