@@ -27,6 +27,7 @@ from ..core.settings import Run, Settings
 from ..engine import baking, gpu_memory, margins
 from ..engine.bands import Band
 from ..engine.planning import plan_of
+from ..engine.sources import Rays
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import data_texture, hemisphere, margin_fill, shader, target
@@ -263,43 +264,42 @@ def _rays() -> Task[list[Timed]]:
     meshes = replace(Meshes.of(low, [high]), basis=low)
     run = Run(Settings(method=Method.CAST, space=Space.WORLD, maps=("AO",), width=SIDES[0], height=SIDES[0], margin=0))
     source = (yield from baking.draw(plan_of(meshes, run.settings), run)).source
-    pace = Pace()
+    side, seconds = yield from _steady(partial(_casting, source))
+    note = f"{side} x {side}, {len(high.triangles):,} triangles"
+    own_hits = Timed("Own hits", side * side / seconds / 1e6, "M rays/s", note)
+    side, seconds = yield from _steady(partial(_occluding, source))
+    note = f"{side} x {side}, {RAYS} rays from each hit"
+    return [own_hits, Timed("Occlusion", RAYS * side * side / seconds / 1e6, "M rays/s", note)]
 
-    def cast(side: int) -> Callable[[], None]:
-        band = Band(0, side, (side, side), 0)
 
-        def act() -> None:
-            for _ in source.normals(band):
-                pass
-            source.drawn().finish()
+def _casting(source: Rays, side: int) -> Callable[[], None]:
+    """What casts the rays of a map of this side."""
+    band = Band(0, side, (side, side), 0)
 
-        return act
+    def act() -> None:
+        for _ in source.normals(band):
+            pass
+        source.drawn().finish()
 
-    side, seconds = yield from _steady(cast)
-    triangles = f"{len(high.triangles):,} triangles"
-    found = [Timed("Own hits", side * side / seconds / 1e6, "M rays/s", f"{side} x {side}, {triangles}")]
-    lattice = hemisphere.lattice_of(RAYS)
+    return act
 
-    def occlusion(side: int) -> Callable[[], None]:
-        band = Band(0, side, (side, side), 0)
-        cast(side)()
-        hits, sums = source.hits(band), target.get("sums of the test", side, side, "RGBA32F")
-        covered = np.full(side // progress.SLICE_ROWS, side * progress.SLICE_ROWS)
 
-        def draw(rows: range, some: range, is_first: bool) -> None:
-            rays = hemisphere.Rays(hits.texture, source.surface.tables, lattice, some, rows, is_first)
-            hemisphere.add_openness(sums, rays, hemisphere.Occluders())
+def _occluding(source: Rays, side: int) -> Callable[[], None]:
+    """What casts RAYS from each hit of a map of this side."""
+    _casting(source, side)()
+    hits, sums = source.hits(Band(0, side, (side, side), 0)), target.get("sums of the test", side, side, "RGBA32F")
+    covered = np.full(side // progress.SLICE_ROWS, side * progress.SLICE_ROWS)
+    pace, lattice = Pace(), hemisphere.lattice_of(RAYS)
 
-        def act() -> None:
-            slices = hemisphere.slices(pace, hemisphere.ADD_OPENNESS, (side, side), covered, range(RAYS), draw=draw)
-            for _ in slices:
-                pass
+    def draw(rows: range, some: range, is_first: bool) -> None:
+        rays = hemisphere.Rays(hits.texture, source.surface.tables, lattice, some, rows, is_first)
+        hemisphere.add_openness(sums, rays, hemisphere.Occluders())
 
-        return act
+    def act() -> None:
+        for _ in hemisphere.slices(pace, hemisphere.ADD_OPENNESS, (side, side), covered, range(RAYS), draw=draw):
+            pass
 
-    side, seconds = yield from _steady(occlusion)
-    rate = RAYS * side * side / seconds / 1e6
-    return [*found, Timed("Occlusion", rate, "M rays/s", f"{side} x {side}, {RAYS} rays from each hit")]
+    return act
 
 
 def _margin() -> Task[list[Timed]]:
