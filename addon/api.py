@@ -24,7 +24,7 @@ from .core.progress import Progress
 from .core.report import Report
 from .core.settings import PART_OF, Settings
 from .jobs import Job, bake_all
-from .scene import importing, new_datablocks
+from .scene import importing, mesh_writer, new_datablocks
 
 __all__ = ["BakeError", "NoGpu", "Result", "Surface", "bake"]
 
@@ -256,14 +256,7 @@ def _made(surface: Surface, name: str) -> bpy.types.Object:
     if not triangles.size:
         raise BakeError(f"{name!r} has no triangles.")
     data = bpy.data.meshes.new(name)
-    data.vertices.add(len(vertices))
-    data.attributes["position"].data.foreach_set(  # pyright: ignore[reportAttributeAccessIssue]
-        "vector", vertices.ravel()
-    )
-    data.loops.add(triangles.size)
-    data.loops.foreach_set("vertex_index", triangles.astype(np.int32).ravel())
-    data.polygons.add(len(triangles))
-    data.polygons.foreach_set("loop_start", np.arange(0, triangles.size, 3, dtype=np.int32))
+    mesh_writer.fill(data, vertices, triangles)
     data.update(calc_edges=True)
     if surface.uv is not None:
         uv = _by_corner(surface.uv, 2, (len(vertices), triangles), f"The UVs of {name!r}")

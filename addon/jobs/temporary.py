@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Datablocks that exist only while a mesh is made, or stay only if all of a task succeeds."""
 
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 
 import bpy
+
+from ..scene import new_datablocks
 
 TEMPORARY = "Imprint temporary"
 """The name, or its start, of datablocks that exist within one step of a task, or as meshes until its end."""
@@ -13,7 +15,7 @@ TEMPORARY = "Imprint temporary"
 @contextmanager
 def meshes() -> Iterator[None]:
     """Remove all meshes that the block has made, at its end, but those that have got another name than TEMPORARY."""
-    before = datablocks()
+    before = new_datablocks.known()
     try:
         yield
     finally:
@@ -25,32 +27,10 @@ def meshes() -> Iterator[None]:
 @contextmanager
 def only_if_finished() -> Iterator[None]:
     """Remove all datablocks that the block has made, if it fails."""
-    before, is_finished = datablocks(), False
-    try:
+    with ExitStack() as undo:
+        undo.callback(new_datablocks.remove_new, new_datablocks.known())
         yield
-        is_finished = True
-    finally:
-        if not is_finished:
-            remove_all_but(before)
-
-
-def datablocks() -> set[int]:
-    """The session_uids of all datablocks that a job and importers can add to the open file."""
-    return {each.session_uid for each in _all()}
-
-
-def remove_all_but(known: Collection[int]) -> None:
-    """Remove the datablocks that have come since these `datablocks`."""
-    bpy.data.batch_remove([each for each in _all() if each.session_uid not in known])
-
-
-def _all() -> Iterator[bpy.types.ID]:
-    kinds = (each.identifier for each in bpy.data.bl_rna.properties if each.type == "COLLECTION")
-    return (each for kind in kinds if kind not in _OTHERS for each in getattr(bpy.data, kind))
-
-
-_OTHERS = {"shape_keys", "window_managers", "workspaces", "screens", "all_ids"}
-"""Collections of bpy.data whose datablocks come and go with others, or with the window."""
+        undo.pop_all()
 
 
 @contextmanager
