@@ -119,7 +119,9 @@ class Candidate:
     """A mesh that was measured.
 
     Attributes:
+        mesh: The mesh.
         maker: Of the mesh; None if it was there.
+        deviation: As its judge measured it.
         limit: What it may deviate.
         factor: On the excess: by how much exact measurements differ from this one.
     """

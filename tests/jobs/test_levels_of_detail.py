@@ -7,7 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.errors import BakeError
+from addon import older_blender
+from addon.core.errors import BakeError, NoGpu
 from addon.core.levels import limits
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
@@ -64,7 +65,9 @@ def test_a_chain_is_within_its_limits_and_five_percent_fewer_are_not():
         obj = bpy.data.objects[level.name]
         assert len(obj.data.polygons) == level.triangles
         assert borders(obj) == borders(original)
-        assert measured(original, obj).degrees == pytest.approx(level.degrees)
+        again = measured(original, obj)
+        assert (again.degrees, again.distance) == pytest.approx((level.degrees, level.distance))
+        assert again.excess(level.limit) <= 1.0
 
 
 def test_levels_are_objects_of_a_collection_with_maps_of_their_own_and_nothing_else_changes():
@@ -256,6 +259,18 @@ def test_bad_input_is_one_sentence_and_changes_nothing():
             chain(source, degrees, settings=settings)
         assert str(caught.value).endswith(".") and "\n" not in str(caught.value)
         assert difference(before, snapshot()) == {}
+
+
+def test_without_a_gpu_nothing_is_made(monkeypatch):
+    def fails():
+        raise SystemError("no display")
+
+    obj = zoo.terrain("Hill", 8)
+    before = snapshot()
+    monkeypatch.setattr(older_blender, "start_gpu", fails)
+    with pytest.raises(NoGpu, match="There is no GPU to bake on: no display"):
+        chain(obj, "1")
+    assert difference(before, snapshot()) == {}
 
 
 @pytest.mark.shared

@@ -193,20 +193,20 @@ class QuickJudge:
         batch = ray_casting.upload_ray_mesh(meshes, surface, space)
         ray_cast = RayCast(scene, surface, batch, directions, Hit.OWN, reach, 2.0 * reach, False, False)
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
-        hits, found = target.get("hits", *size, "RGBA32UI"), target.get("high", *size, "RGBA32F")
+        hits, seen = target.get("hits", *size, "RGBA32UI"), target.get("high", *size, "RGBA32F")
         number, self._count = self._count % len(OFFSETS), self._count + 1
         ray_cast.draw(rays, self._band(OFFSETS[number]).uv_to_clip)
         ray_cast.trace(hits, rays, self._pace)
-        cast.look_up(found, hits, rays, scene.tables, low.to_world[:3, :3].T / np.abs(low.to_world[:3, :3]).max())
-        truth = found.texels()
-        cast.heights(found, hits, rays)
+        cast.look_up(seen, hits, rays, scene.tables, low.to_world[:3, :3].T / np.abs(low.to_world[:3, :3]).max())
+        truth = seen.texels()
+        cast.heights(seen, hits, rays)
         is_covered, is_hit = truth[..., 3] != 0.0, truth[..., 3] > 0.0
         if not is_covered.any():
             return Deviations(np.inf, np.nan, np.inf, np.zeros(is_covered.shape, np.float32))
         degrees = _degrees(truth[..., :3], self._normals[number])
         degrees[~is_hit] = MISSED
         degrees[~is_covered] = 0.0
-        distances = np.abs(found.texels()[..., 0][is_hit]) * space.size
+        distances = np.abs(seen.texels()[..., 0][is_hit]) * space.size
         distance = float(np.percentile(distances, PERCENTILE)) if len(distances) else np.inf
         worst = float(np.percentile(degrees[is_covered], PERCENTILE))
         return Deviations(worst, np.nan, distance / longest_side(original), degrees)
