@@ -177,14 +177,7 @@ class TreeCache:
         if not fits(highs):
             raise BakeError(f"The high meshes have {_count(highs):,} triangles together; {_most('Cast')}.")
         with timings.timed("tree"):
-            arrays = [
-                array
-                for mesh in highs
-                for array in (mesh.positions, mesh.vertices, mesh.normals, mesh.triangles, mesh.to_world)
-            ]
-            key = tuple(
-                threads.map_parallel(lambda array: (zlib.crc32(np.ascontiguousarray(array)), array.shape), arrays)
-            )
+            key = tuple(_checksums(highs))
             found = self._scenes.pop(key, None)
             if found is None:
                 found = _uploaded(highs, timings, has_tree=True, like=like)
@@ -203,12 +196,7 @@ class TreeCache:
         saves.
         """
         with timings.timed("tree"):
-            arrays = low.positions, low.vertices, low.normals, low.triangles, low.to_world, local_space.origin
-            key = (
-                *((zlib.crc32(np.ascontiguousarray(array)), array.shape) for array in arrays),
-                local_space.size,
-                has_clearances,
-            )
+            key = (*_checksums([low]), *local_space.origin.tolist(), local_space.size, has_clearances)
             found = self._lows.pop(key, None)
             if found is None:
                 found = build_low_surface(low, local_space, has_clearances=has_clearances)
@@ -228,6 +216,21 @@ class TreeCache:
         self._lows.clear()
 
 
+def _checksums(meshes: Sequence[Mesh]) -> list[tuple]:
+    """What tells the content of each mesh from another one, found once for each."""
+    new = [mesh for mesh in meshes if not mesh.remembers(CHECKSUMS)]
+    arrays = [
+        array for mesh in new for array in (mesh.positions, mesh.vertices, mesh.normals, mesh.triangles, mesh.to_world)
+    ]
+    found = threads.map_parallel(lambda array: (zlib.crc32(np.ascontiguousarray(array)), array.shape), arrays)
+    count = len(arrays) // max(1, len(new))
+    for number, mesh in enumerate(new):
+        mesh.remembered(CHECKSUMS, (), lambda own=tuple(found[number * count : (number + 1) * count]): own)
+    return [mesh.remembered(CHECKSUMS, (), tuple) for mesh in meshes]
+
+
+CHECKSUMS = "checksums"
+"""The name under which a mesh remembers them."""
 trees = TreeCache()
 """The cache that bakes share."""
 allocation.held.append(lambda: trees.bytes)

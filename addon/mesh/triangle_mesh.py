@@ -176,6 +176,10 @@ class Mesh:
             known = self._made[name] = of, make()
         return known[1]
 
+    def remembers(self, name: str) -> bool:
+        """Whether `remembered` has a result of this name."""
+        return name in self._made
+
     def with_triangles(self, kept: np.ndarray | slice) -> "Mesh":
         """This mesh with some of its triangles. kept: their indices, or (T,) bool, or a slice."""
         faces, labels = (None if values is None else values[kept] for values in (self.faces, self.labels))

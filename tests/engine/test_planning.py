@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A bake is decided once, as a value."""
 
+from collections import Counter
 from dataclasses import FrozenInstanceError, replace
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 
 from addon.core import progress
 from addon.core.settings import Run, Settings
-from addon.engine import baking, draw_order, orienting, planning, uv_agreement
+from addon.engine import baking, draw_order, orienting, planning, tree_cache, uv_agreement
 from addon.engine.planning import plan_of
 from addon.jobs import Job, masks
 from addon.jobs.job import Request, read_meshes
@@ -180,3 +182,14 @@ def test_live_decides_anew_only_what_a_stroke_changes(counted):
     assert session.plan.highs[1] is first.highs[1]
     assert session.plan.highs[0] is not first.highs[0]
     session.free()
+
+
+def test_the_content_of_each_mesh_is_compared_once_seed_3(monkeypatch):
+    """To find trees in the cache: by the trials of its sides, by the bake and by the checks."""
+    low, high, _ = spoiled_pair(3)
+    summed = []
+    crc32 = tree_cache.zlib.crc32
+    monkeypatch.setattr(tree_cache, "zlib", SimpleNamespace(crc32=lambda array: summed.append(array) or crc32(array)))
+    scenes.bake(low, high, method="CAST")
+    large = Counter(array.ctypes.data for array in summed if array.size > 16)
+    assert max(large.values()) == 2, "vertices of the mesh as it was read, and with its changes"
