@@ -405,9 +405,10 @@ def check_stacked(
 ) -> Check:
     """What Report.checks has of hidden parts, for the check "overlap". drawn: the bake, with own hits. materials (T,) int: the
     number of each low triangle's material; None to leave them out."""
-    counts = {"hidden": hidden.triangles, "under_others": 0, "differing": 0.0}
-    if hidden.share <= MUCH_OVERLAP:  # decimation leaves slivers on other triangles
-        return counts | {"hidden": 0}
+    counts = {"hidden": 0, "under_others": 0, "differing": 0.0}
+    if not hidden.are_many(MUCH_OVERLAP):  # decimation leaves slivers on other triangles
+        return counts
+    counts["hidden"] = hidden.triangles
     if settings.map.space != Space.TANGENT or not settings.map.normal:  # each part has other normals in other spaces
         return counts
     if materials is not None:

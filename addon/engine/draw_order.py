@@ -2,7 +2,7 @@
 """Parts of a low mesh that share texels: the order in which triangles are drawn decides for which of them the map is made."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -23,18 +23,33 @@ COPIED = 1.25
 """How many times the area in UV space of its base mesh a surface has at least that has copies of parts of it."""
 
 
+@dataclass(frozen=True)
+class Overlaps:
+    """How triangles of a low mesh share texels.
+
+    Attributes:
+        depth: The most on one texel.
+        shared: The share of the covered texels that have several.
+        size: Of the map on which they were looked for.
+    """
+
+    depth: int = 1
+    shared: float = 0.0
+    size: tuple[int, int] = (0, 0)
+
+
 @dataclass(frozen=True, eq=False)
 class Order(ComparedByValue):
     """The order in which triangles are drawn. What is drawn last stays on the map.
 
     Attributes:
-        depth: The most triangles of the low mesh on one texel.
+        overlaps: How triangles of the low mesh share texels.
         low (T,) int: The triangles of the low mesh in that order; None for their own.
         basis: Those of the basis.
         is_reversed: Whether the high meshes, and the triangles of each, are in the reverse order.
     """
 
-    depth: int = 1
+    overlaps: Overlaps = field(default_factory=Overlaps)
     low: MaybeArray = None
     basis: MaybeArray = None
     is_reversed: bool = False
@@ -72,8 +87,8 @@ def order_of(meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings) -
     """
     low, is_first = meshes.low, meshes.is_own_base or sampling.stacked == Stacked.FIRST
     order = of_basis = None
-    depth = overlap_depth(low, (min(sampling.width, PROBE), min(sampling.height, PROBE)), tiles)
-    if depth > 1:
+    overlaps = overlaps_of(low, (min(sampling.width, PROBE), min(sampling.height, PROBE)), tiles)
+    if overlaps.depth > 1:
         order = _order(low, is_first=is_first)
         basis = meshes.basis
         if basis is not None:
@@ -81,17 +96,19 @@ def order_of(meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings) -
             is_whole = len(basis.triangles) == len(low.triangles)
             of_basis = order if is_whole else _order(basis, is_first=is_first)
     # Copies of modifiers are in the same order in both meshes. Finding the parts of many triangles takes long.
-    return Order(depth, order, of_basis, is_first and (order is not None or _has_copies(meshes)))
+    return Order(overlaps, order, of_basis, is_first and (order is not None or _has_copies(meshes)))
 
 
-def overlap_depth(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> int:
-    """The most triangles of `low` on one texel of a map of this size."""
+def overlaps_of(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> Overlaps:
+    """How triangles of `low` share texels of maps of this size."""
     drawn = target.get("overlap", *size, "R16F")
-    uploaded, most = mesh_upload.upload(low.triangles, uv=low.uv), 0
+    uploaded, depth, shared, covered = mesh_upload.upload(low.triangles, uv=low.uv), 0, 0, 0
     for tile in tiles:
         audit.draw_overlap(drawn, uploaded, udim.uv_to_clip(tile))
-        most = max(most, int(drawn.texels().max()))
-    return most
+        counts = drawn.texels()
+        depth = max(depth, int(counts.max()))
+        shared, covered = shared + np.count_nonzero(counts > 1.0), covered + np.count_nonzero(counts)
+    return Overlaps(depth, shared / max(1, covered), size)
 
 
 def _has_copies(meshes: Meshes) -> bool:

@@ -4,6 +4,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import gpu
 import numpy as np
@@ -17,7 +18,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..passes import audit, low_in_uv, mesh_upload, target
 from .baking import Drawing
 from .bands import Band, bands
-from .draw_order import overlap_depth
+from .draw_order import overlaps_of
 from .sampling import SampledMaps
 
 HIDDEN_PROBE = 512
@@ -63,53 +64,85 @@ class Layer:
                 yield replace(band.without_halo, start=max(band.start, start), stop=min(band.stop, stop))
 
 
+class _Hidden(NamedTuple):
+    """What is hidden.
+
+    Attributes:
+        layers (T,) int: Those of the triangles of the low mesh; 0 for what the map shows.
+        parts (T,) int: Those of the triangles.
+        pairs (N, 2) int: Parts that share texels, the upper and the lower one.
+        share: Of the covered texels, those that hide a part.
+    """
+
+    layers: np.ndarray
+    parts: np.ndarray
+    pairs: np.ndarray
+    share: float
+
+
 class StackedParts:
     """The hidden parts of the low mesh of a bake, in layers.
 
-    share: of the covered texels, those that hide a part. Parts that were moved by whole tiles are hidden as well. Parts that
-    hide themselves are not found, and no more than DEEPEST of those on one place.
+    They are looked for once they are asked for. Parts that were moved by whole tiles are hidden as well. Parts that hide
+    themselves are not found, and no more than DEEPEST of those on one place.
     """
 
     def __init__(self, drawing: Drawing, settings: Settings):
         self._drawing, self._plan = drawing, drawing.plan
         self._settings = settings.without_other_maps()
         self._numbered: gpu.types.GPUBatch | None = None
+
+    @cached_property
+    def _tiles(self) -> np.ndarray:
+        """By how many tiles (T, 2) triangles of the low mesh were moved."""
         low = self._plan.meshes.low
-        self._tiles = np.zeros((len(low.triangles), 2), np.float32)
-        if not settings.sampling.udim:
+        tiles = np.zeros((len(low.triangles), 2), np.float32)
+        if not self._settings.sampling.udim:
             moved = uv_islands.moved_copies(low)
-            self._tiles[moved] = np.floor(low.uv[low.triangles[moved]].mean(axis=1))
+            tiles[moved] = np.floor(low.uv[low.triangles[moved]].mean(axis=1))
+        return tiles
+
+    @cached_property
+    def _hidden(self) -> "_Hidden":
+        low, order, size = self._plan.meshes.low, self._plan.order, _size(self._settings.sampling, HIDDEN_PROBE)
         is_moved = self._tiles.any(axis=1)
-        self._layers, self._parts = np.zeros((2, len(low.triangles)), np.int64)
-        self._pairs, self.share = np.empty((0, 2), np.int64), 0.0
-        if self._plan.order.is_any or is_moved.any():
-            # The map does not have those that were moved: all others hide them.
-            order = np.argsort(~is_moved, kind="stable")
-            drawn = _moved_back(low, self._tiles).with_triangles(order)
-            parts = self._parts[order] = uv_islands.parts(drawn)
-            size, depth = _size(settings.sampling, HIDDEN_PROBE), self._plan.order.depth
-            if is_moved.any() or size != settings.sampling.size:
-                depth = overlap_depth(drawn, size, self._plan.tiles)
-            self._pairs, self.share = _hiding(drawn, parts, size, self._plan.tiles, min(depth, DEEPEST))
-            self._layers[order] = _layers(self._pairs, int(parts.max()) + 1)[parts]
+        layers, parts_of = np.zeros((2, len(low.triangles)), np.int64)
+        if not (order.is_any or is_moved.any()):
+            return _Hidden(layers, parts_of, np.empty((0, 2), np.int64), 0.0)
+        # The map does not have those that were moved: all others hide them.
+        in_order = np.argsort(~is_moved, kind="stable")
+        drawn, overlaps = _moved_back(low, self._tiles).with_triangles(in_order), order.overlaps
+        if is_moved.any() or size != overlaps.size:
+            overlaps = overlaps_of(drawn, size, self._plan.tiles)
+        parts = parts_of[in_order] = uv_islands.parts(drawn)
+        pairs, share = _hiding(drawn, parts, size, self._plan.tiles, min(overlaps.depth, DEEPEST))
+        layers[in_order] = _layers(pairs, int(parts.max()) + 1)[parts]
+        return _Hidden(layers, parts_of, pairs, share)
+
+    def are_many(self, least: float) -> bool:
+        """Whether more than this share of the covered texels hides a part."""
+        overlaps, size = self._plan.order.overlaps, _size(self._settings.sampling, HIDDEN_PROBE)
+        is_known = overlaps.size == size and not self._tiles.any()
+        return not (is_known and overlaps.shared <= least) and self._hidden.share > least
 
     @property
     def triangles(self) -> int:
         """How many triangles of the low mesh are in hidden parts."""
-        return int(np.count_nonzero(self._layers))
+        return int(np.count_nonzero(self._hidden.layers))
 
     def under_others(self, labels: np.ndarray) -> int:
         """How many triangles of the low mesh are in parts that are hidden by parts with other labels. labels (T,) int: of the
         triangles; that of a part's first triangle counts."""
-        label = np.zeros(int(self._parts.max()) + 1, np.int64)
-        label[self._parts[::-1]] = labels[::-1]
-        upper, lower = self._pairs.T
-        return int(np.isin(self._parts, lower[label[upper] != label[lower]]).sum())
+        parts = self._hidden.parts
+        label = np.zeros(int(parts.max()) + 1, np.int64)
+        label[parts[::-1]] = labels[::-1]
+        upper, lower = self._hidden.pairs.T
+        return int(np.isin(parts, lower[label[upper] != label[lower]]).sum())
 
     @cached_property
     def layers(self) -> list[Layer]:
         """The layers, from the top down, without those that the high meshes do not have."""
-        layers = (self._layer(number) for number in range(1, int(self._layers.max(initial=0)) + 1))
+        layers = (self._layer(number) for number in range(1, int(self._hidden.layers.max(initial=0)) + 1))
         return [layer for layer in layers if layer.meshes.highs]
 
     def is_hidden(self, layer: Layer, band: Band) -> np.ndarray:
@@ -117,12 +150,12 @@ class StackedParts:
         them."""
         low = self._plan.meshes.low
         if self._numbered is None:
-            self._numbered = audit.upload_with_ids(low.triangles, low.uv, self._layers + 1)
+            self._numbered = audit.upload_with_ids(low.triangles, low.uv, self._hidden.layers + 1)
         (numbers,) = audit.layers_of_triangles(self._numbered, (band.width, band.height), band.uv_to_clip)
         return numbers != layer.number + 1
 
     def _layer(self, number: int) -> Layer:
-        chosen = np.flatnonzero(self._layers == number)
+        chosen = np.flatnonzero(self._hidden.layers == number)
         meshes = self._plan.meshes
         low, basis = (
             None if mesh is None else _moved_back(mesh.with_triangles(chosen), self._tiles[chosen])
@@ -170,8 +203,8 @@ class StackedParts:
             "direction": low.normals,
         }
         drawn = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
-        for number in range(int(self._layers.max()) + 1):
-            chosen = np.ascontiguousarray(low.triangles[self._layers == number])
+        for number in range(int(self._hidden.layers.max()) + 1):
+            chosen = np.ascontiguousarray(low.triangles[self._hidden.layers == number])
             if not len(chosen):
                 continue
             uploaded = mesh_upload.upload(chosen, **attributes)

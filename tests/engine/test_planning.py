@@ -193,3 +193,40 @@ def test_the_content_of_each_mesh_is_compared_once_seed_3(monkeypatch):
     scenes.bake(low, high, method="CAST")
     large = Counter(array.ctypes.data for array in summed if array.size > 16)
     assert max(large.values()) == 2, "vertices of the mesh as it was read, and with its changes"
+
+
+def test_live_decides_anew_for_another_low_mesh(counted):
+    low, high = mirrored(), asymmetric()
+    settings = settings_of(method="CAST", space="OBJECT", modifiers="VIEWPORT")
+
+    def session():
+        return Session(bpy.context, Job(low, [high]), settings, progress.Pace())
+
+    live = session()
+    live.run(bpy.context)
+    first = live.plan
+    counted.update(dict.fromkeys(counted, 0))
+    low.modifiers["Mirror"].use_mirror_u = True  # nothing shares texels any more
+    scenes.move_uvs(low, (0.5, 1.0))
+    bpy.context.view_layer.update()
+    live.run(bpy.context, {low.session_uid})
+    assert (counted["order"], counted["orientation"], counted["method"]) == (1, 1, 0)
+    assert first.order.is_any and not live.plan.order.is_any
+    anew = session()
+    anew.run(bpy.context)
+    assert np.array_equal(live.texels, anew.texels)
+    for each in (live, anew):
+        each.free()
+
+
+@pytest.mark.parametrize("far", [0, 1, 2])
+def test_a_high_mesh_out_of_reach_is_named_in_any_order(far):
+    low, highs = mirrored(), [asymmetric("one"), asymmetric("two"), asymmetric("three")]
+    highs[far].location.x = 50.0
+    bpy.context.view_layer.update()
+    plan = planned(low, *highs, method="CAST", stacked="FIRST")
+    names = [high.name for high in highs]
+    assert plan.order.is_reversed
+    assert plan.warnings == [f"{names[far]!r} lies out of reach of the rays and was left out."]
+    assert [high.name for high in plan.meshes.listed_highs] == names[:far] + names[far + 1 :]
+    assert [high.name for high in plan.listed.highs] == names
