@@ -16,7 +16,7 @@ from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
 from scripts.imprint import ROOT
-from tests.support import glb, maps, zoo
+from tests.support import glb, maps, quick_assets, zoo
 from tests.support.manual import blocks
 from tests.support.panel import add, refusal, select, use
 from tests.support.panel_layout import draw
@@ -518,6 +518,20 @@ def test_names_are_matched_again_only_after_a_change(pair, monkeypatch):
     bpy.context.scene.imprint.low_suffix = "_lp"
     assert "a_high" not in draw().labels
     assert len(asked) == 3
+
+
+# Game Asset panel
+
+
+@pytest.mark.parametrize("typed", [False, True])
+def test_only_a_number_of_triangles_that_was_typed_has_to_be_reached(typed, monkeypatch):
+    quick_assets.quicken(monkeypatch)
+    select(zoo.cube("Crate_high"))
+    settings = use(size=64, storage="MEMORY")
+    if typed:
+        settings.asset_triangles = "5000"
+    assert bpy.ops.imprint.make_asset() == {"FINISHED"}
+    assert ("has 12 triangles, not 5,000" in bpy.context.window_manager.imprint_warnings) == typed
 
 
 # Levels panel
