@@ -61,21 +61,24 @@ register, unregister = events.register, events.unregister
 class Timer:
     """A function that Blender calls later, again after as many seconds as it returns, and never again after None.
 
-    Blender identifies a timer by its function. Each look-up of a bound method makes a new object, so this one is stored.
+    It stops at the event "end". Blender identifies a timer by its function. Each look-up of a bound method makes a new object,
+    so this one is stored.
     """
 
-    def __init__(self, function: Callable[[], float | None]):
-        self._function = function
+    def __init__(self, function: Callable[[], float | None], *, is_lasting: bool = False):
+        """is_lasting: it goes on when another file is opened."""
+        self._function, self._is_lasting = function, is_lasting
+        if not is_lasting:
+            events.hear(end=self.stop)
 
     @property
     def is_running(self) -> bool:
         return bpy.app.timers.is_registered(self._function)
 
-    def start(self, seconds: float = 0.0, *, persistent: bool = False) -> None:
-        """Call the function after `seconds`, unless the timer is already running. persistent: also after another file was
-        opened."""
+    def start(self, seconds: float = 0.0) -> None:
+        """Call the function after `seconds`, unless the timer is already running."""
         if not self.is_running:
-            bpy.app.timers.register(self._function, first_interval=seconds, persistent=persistent)
+            bpy.app.timers.register(self._function, first_interval=seconds, persistent=self._is_lasting)
 
     def stop(self) -> None:
         if self.is_running:

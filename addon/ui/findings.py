@@ -49,9 +49,7 @@ class PanelFindings:
         """The objects whose poses are to be measured."""
         self._is_measuring = False
         self._timer = Timer(self.measure_poses)
-        events.hear(
-            depsgraph_update_post=self._after_update, undo_post=self._drop, redo_post=self._drop, end=self.forget
-        )
+        events.hear(depsgraph_update_post=self._after_update, undo_post=self.drop, redo_post=self.drop, end=self.drop)
 
     def of(
         self,
@@ -154,11 +152,6 @@ class PanelFindings:
         kept = self._kept.get("look")
         return kept.found if kept is not None and kept.key == _key_of(low, highs)[0] else []
 
-    def forget(self) -> None:
-        """Forget the findings."""
-        self._drop()
-        self._timer.stop()
-
     def _known(
         self, name: str, key: tuple, follows: frozenset[int], *, find: Callable[[], list], if_moved: bool = True
     ) -> list:
@@ -168,7 +161,8 @@ class PanelFindings:
             kept = self._kept[name] = _Kept(key, find(), follows, if_moved)
         return kept.found
 
-    def _drop(self, *_) -> None:
+    def drop(self, *_) -> None:
+        """Forget the findings."""
         self._kept = {name: kept for name, kept in self._kept.items() if name == "poses" and self._is_measuring}
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:

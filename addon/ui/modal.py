@@ -323,7 +323,7 @@ def free_if_idle() -> float:
     return EVERY
 
 
-idle_timer = Timer(free_if_idle)
+idle_timer = Timer(free_if_idle, is_lasting=True)
 
 
 # A modal operator gets the keys of its own window only; this one gets Esc in the others.
@@ -336,7 +336,7 @@ def register() -> None:
     _register()
     _stop_key.add()
     if not bpy.app.background:  # there the next bake of a batch starts soon
-        idle_timer.start(EVERY, persistent=True)
+        idle_timer.start(EVERY)
 
 
 def unregister() -> None:

@@ -117,9 +117,6 @@ class _TabChoice:
         self._left = PATIENCE
         self._timer.start(seconds)
 
-    def stop(self) -> None:
-        self._timer.stop()
-
     def _try(self) -> float | None:
         self._left -= 1
         area = _viewport(bpy.context)
@@ -159,6 +156,5 @@ def register() -> None:
 
 def unregister() -> None:
     """Called when the extension is disabled."""
-    tab_choice.stop()
     allocation.preferred = allocation.no_preference
     _unregister()

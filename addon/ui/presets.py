@@ -198,15 +198,10 @@ def _use_in_new_file(*_) -> None:
 events.hear(load_post=_use_in_new_file)
 _at_start = Timer(_use_in_new_file)
 CLASSES = (IMPRINT_OT_preset_use, IMPRINT_OT_preset_load, IMPRINT_OT_preset_add, IMPRINT_PT_presets)
-_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+_register, unregister = bpy.utils.register_classes_factory(CLASSES)
 
 
 def register() -> None:
     _register()
     if not bpy.app.background:  # Blender opens its first file before it enables extensions
         _at_start.start(0.1)
-
-
-def unregister() -> None:
-    _at_start.stop()
-    _unregister()

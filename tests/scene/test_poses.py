@@ -436,4 +436,4 @@ def test_the_panel_says_it_before_the_bake():
     assert "imprint.fix" in [name for name, _ in drawn.buttons]
     panel.rest_pose = True
     assert not findings.pose_notes(*shown[:-1], panel.to_settings())
-    findings.forget()
+    findings.drop()

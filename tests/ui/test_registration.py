@@ -10,7 +10,7 @@ import addon
 from addon.cli import command
 from addon.passes import shader, target
 from addon.ui import bake_operators, modal, preferences, presets, settings_panels, view_gizmos
-from addon.ui.callbacks import DrawCallbacks, Events, Key, Timer
+from addon.ui.callbacks import DrawCallbacks, Events, Key, Timer, events
 from tests.support import maps, zoo
 
 MODULES = [module for module in addon.modules() if hasattr(module, "CLASSES")]
@@ -109,7 +109,7 @@ class Listener:
         return None
 
 
-def test_a_timer_of_a_method_is_found_after_another_look_up():
+def test_a_timer_of_a_method_is_found_after_another_look_up(registered):
     timer = Timer(Listener().on_update)
     assert not timer.is_running
     for _ in range(2):
@@ -117,6 +117,9 @@ def test_a_timer_of_a_method_is_found_after_another_look_up():
         assert timer.is_running
     timer.stop()
     timer.stop()
+    assert not timer.is_running
+    timer.start(60.0)
+    events.tell("end")
     assert not timer.is_running
 
 
