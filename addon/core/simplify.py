@@ -165,7 +165,7 @@ class Search:
         """Those whose meshes exist."""
         self._shares = _shares_of_tries()
 
-    def tried(self, maker: Maker, triangles: int) -> Task[Candidate]:
+    def attempt(self, maker: Maker, triangles: int) -> Task[Candidate]:
         """The best mesh of about this many triangles by one maker."""
         yield Progress(f"Decimating to {triangles:,} triangles", 0.0)
         meshes, tries = maker.make(triangles), list[Candidate]()
@@ -200,18 +200,18 @@ class Search:
         """
         tries, count = [], len(makers) + corrections
 
-        def attempt(maker: Maker) -> Task[None]:
+        def add(maker: Maker) -> Task[None]:
             share = len(tries) / count
-            tries.append((yield from part(self.tried(maker, triangles), share, share + 1.0 / count)))
+            tries.append((yield from part(self.attempt(maker, triangles), share, share + 1.0 / count)))
 
         for maker in makers:
-            yield from attempt(maker)
+            yield from add(maker)
         better = (each.maker.corrected(each) for each in sorted(tries, key=cost))
         corrected = next(filter(None, better), None)
         for _ in range(corrections):
             if corrected is None:
                 break
-            yield from attempt(corrected)
+            yield from add(corrected)
             corrected = corrected.corrected(tries[-1])
         best = min(tries, key=cost)
         self.keep_only([best])
@@ -229,7 +229,7 @@ class Search:
         """
         within, beyond, wanted = None, None, min(first, most)
         for _ in range(TRIES):
-            last = yield from part(self.tried(maker, wanted), *next(self._shares))
+            last = yield from part(self.attempt(maker, wanted), *next(self._shares))
             if last.excess <= 1.0:
                 if within is not None and last.triangles >= within.triangles:
                     break  # there is no coarser mesh
@@ -309,23 +309,23 @@ class StepSearch(Search):
         start, stop = next(self._shares)
         result: list[Candidate] = []
 
-        def attempt(maker: StepMaker) -> Task[None]:
+        def add(maker: StepMaker) -> Task[None]:
             ends = (start + (stop - start) * share / 3.0 for share in (len(result), len(result) + 1))
-            result.append((yield from part(self.tried(maker.of(base.mesh), wanted), *ends)))
+            result.append((yield from part(self.attempt(maker.of(base.mesh), wanted), *ends)))
 
         def has_good() -> bool:
             return any(each.excess <= 1.0 and each.triangles < base.triangles for each in result)
 
         maker = self._maker
-        yield from attempt(maker)
+        yield from add(maker)
         has_room = result[0].triangles <= wanted + ODD
         more = maker.corrected(result[0])
         if more is not None and has_room and result[0].excess < MOST_FOR_SPARING:
-            yield from attempt(more)
+            yield from add(more)
         if has_good():
             self._maker = more or maker
         elif maker.is_corrected and (is_last or not has_room):
-            yield from attempt(maker.uncorrected())
+            yield from add(maker.uncorrected())
             self._maker = maker.uncorrected() if has_good() else maker
         self._passed += [each for each in result if each.excess <= 1.0]
         return result

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes a game asset of high objects: low meshes as coarse as their limits allow, a UV map for each, and its maps.
 
-Each low mesh that the search tries is baked and looked at from all sides, so that the limit is on what a viewer sees.
+The search bakes each low mesh and compares it with the high mesh from all sides, so that the limit is on what a viewer sees.
 """
 
 import math

@@ -80,7 +80,7 @@ class AppearanceJudge:
         settings = request.settings.read_by(context.scene.render.engine).without_file().without_materials()
         self._settings = settings.without_other_maps().traced(method=Method.CAST)
         self._seen_highs: tuple[Samples, SeenHighs] | None = None
-        """As they were last looked at, and the places of the source then."""
+        """As they were last looked at, and the samples of the source then."""
 
     def quickly(self, low: LowMesh) -> Task[Seen]:
         """What a viewer sees of a low mesh, on a small map with one sample."""
@@ -131,15 +131,15 @@ class AppearanceJudge:
             baked, maps = yield from part(drawing, 0.1, 0.5)
         except NothingDrawn:
             return Seen(None, is_drawn=False)
-        looking = self._timed(self._looked_at(baked, maps[udim.FIRST][NORMAL.name], low.source.places), "look")
+        looking = self._timed(self._looked_at(baked, maps[udim.FIRST][NORMAL.name], low.source.samples), "look")
         return Seen((yield from part(looking, 0.5, 1.0)))
 
     def _timed(self, work: Task, stage: str) -> Task:
         """`work`, with its time added to a stage. The time between its steps does not count."""
         return relay(work, within=lambda: self._timings.timed(stage))
 
-    def _looked_at(self, baked: Baked, normals: np.ndarray, places: Samples) -> Task[Appearance | None]:
-        """The shading error of a low mesh, and what is seen of some places. None if it cannot be measured.
+    def _looked_at(self, baked: Baked, normals: np.ndarray, samples: Samples) -> Task[Appearance | None]:
+        """The shading error of a low mesh, and what is seen of samples of the surface. None if it cannot be measured.
 
         normals: as baking.Renderer.raw returns them.
         """
@@ -147,11 +147,11 @@ class AppearanceJudge:
         if appearance.why_not(baked.plan, settings):
             return None
         low = meshes.basis or meshes.low
-        if self._seen_highs is None or self._seen_highs[0] is not places:
-            in_world = replace(places, points=places.points + self._high.origin)
+        if self._seen_highs is None or self._seen_highs[0] is not samples:
+            in_world = replace(samples, points=samples.points + self._high.origin)
             seen = SeenHighs(meshes.highs, [*meshes.highs, low], places=in_world)
             yield from part(seen.draw(), 0.0, 0.5)
-            self._seen_highs = places, seen
+            self._seen_highs = samples, seen
         texels, _ = normal_space.stored(normals, settings)
         shown = ShownMap({udim.FIRST: kept(texels, settings)}, normal_space.reading(settings.map))
         return (yield from part(self._seen_highs[1].compare(low, shown), 0.5, 1.0))

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reads the high objects of a game asset as one surface, and finds what low meshes can be decimated from.
 
-Most surfaces are decimated themselves. Soups of triangles and surfaces with much inside are remeshed by voxels, too.
+Most surfaces are decimated themselves. Triangle soups, whose triangles share edges with none or with many, and surfaces with
+much inside are remeshed by voxels, too.
 """
 
 import math
@@ -30,7 +31,7 @@ from .low_meshes import REMESH_BIAS, DecimationSource, arrays, new_mesh, remeshe
 
 MOST_BAD_EDGES = 0.01
 """The share of edges with more than two triangles, or with two that point to different sides, from which a surface is taken for
-a soup of triangles."""
+a triangle soup."""
 MOST_HIDDEN = 0.05
 """The share of the area that sees nothing of the outside, from which a surface is remeshed, too."""
 FLAT = 0.01
@@ -40,15 +41,15 @@ FAR_AWAY = 1e9
 MOST_READ = 2_000_000
 """The triangles from which a surface is thinned by a grid first: Blender's Decimate takes 600 bytes for each."""
 NEAR_CORNERS = np.array([(1, 1, 1), (8, 1, 1), (1, 8, 1), (1, 1, 8)]) / ((3,), (10,), (10,), (10,))
-"""Barycentric coordinates (4, 3): a large triangle is left out only if none of these places on it sees the outside."""
+"""Barycentric coordinates (4, 3): a large triangle is left out only if none of these points on it sees the outside."""
 LEAST_LEFT = 0.5
 """The share of the area below which thinning has lost single triangles, which no edges connect with others."""
 SAMPLES = 120_000
-"""The places on the surface that are looked at from outside."""
+"""The samples of the surface that are looked at from outside."""
 PERCENTILE = 99
-"""Of the places by which the distance of a low mesh is measured."""
-PLACES = 20_000
-"""How many places that are, on each side."""
+"""Of the samples by which the distance of a low mesh is measured."""
+COMPARED_SAMPLES = 20_000
+"""How many samples that are, on each side."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class HighSurface:
         triangles: (T, 3) int.
         origin: (3,), in world space.
         sources: What low meshes are made of, and in which ways.
-        samples: Places on the surface that see the outside.
+        samples: Of the surface, those that see the outside.
         hidden_share: Of the area, which does not.
         bad_edge_share: Of the edges, as EdgeTable.bad_edge_share.
         edge: The side of a triangle of middle size, in scene units.
@@ -78,7 +79,7 @@ class HighSurface:
     count: int
 
     def distance(self, low: bpy.types.Object) -> float:
-        """The distance between this surface and a low object that 99 % of the places on each of them have at most.
+        """The distance between this surface and a low object that 99 % of the samples on each of them have at most.
 
         Returns a share of the longest side of the box.
         """
@@ -86,10 +87,10 @@ class HighSurface:
         mesh = mesh_reader.surface(low.data, "", low.name, to_world)
         points = transformed(mesh.positions, to_world) - self.origin
         triangles = mesh.vertices[mesh.triangles]
-        of_low = surface_samples(points, triangles, PLACES).points.astype(np.float32)
-        own = self.samples.spread(PLACES).points.astype(np.float32)
+        of_low = surface_samples(points, triangles, COMPARED_SAMPLES).points.astype(np.float32)
+        own = self.samples.spread(COMPARED_SAMPLES).points.astype(np.float32)
         pairs = (Surface(points.astype(np.float32), triangles), own), (self._surface, of_low)
-        far = max(math.sqrt(float(np.percentile(surface.closest(places)[2], PERCENTILE))) for surface, places in pairs)
+        far = max(math.sqrt(float(np.percentile(surface.closest(points)[2], PERCENTILE))) for surface, points in pairs)
         return far / float(np.ptp(self.points, axis=0).max())
 
     def new_object(self, context: bpy.types.Context, name: str, data: bpy.types.Mesh) -> bpy.types.Object:
@@ -142,7 +143,7 @@ def _sources(
     Args:
         data: the whole surface.
         is_seen: (T,) bool, which triangles see the outside.
-        outer: places on those.
+        outer: samples of those.
         timings: as DecimationSource has them.
         hidden, bad: as HighSurface has these shares.
     """
@@ -179,12 +180,12 @@ def edge_of(context: bpy.types.Context, job: Job, settings: Settings) -> float:
 
 
 def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, samples: Samples) -> np.ndarray:
-    """Which triangles (T,) bool see something of the outside, from some of the places on them, their middle, or near a corner.
+    """Which triangles (T,) bool see something of the outside, from some of the samples on them, their middle, or near a corner.
 
     If nearly all of the area does, all count as seen.
     """
     mesh = mesh_reader.surface(data, "", data.name, np.eye(4))
-    some = samples.spread(PLACES)
+    some = samples.spread(COMPARED_SAMPLES)
     is_open = hidden_faces.sees_outside(mesh, some.points, some.triangles, Timings())
     of_each = np.bincount(some.triangles, minlength=len(triangles))
     is_seen = np.bincount(some.triangles, is_open, len(triangles)) > hidden_faces.PEEPING * of_each
@@ -192,8 +193,8 @@ def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, sampl
         return np.ones(len(triangles), bool)
     for weights in NEAR_CORNERS:
         left = np.flatnonzero(~is_seen)
-        places = np.einsum("c,tcx->tx", weights, points[triangles[left]].astype(np.float64))
-        is_seen[left] = hidden_faces.sees_outside(mesh, places, left, Timings())
+        on_them = np.einsum("c,tcx->tx", weights, points[triangles[left]].astype(np.float64))
+        is_seen[left] = hidden_faces.sees_outside(mesh, on_them, left, Timings())
     return is_seen if is_seen[samples.triangles].any() else np.ones(len(triangles), bool)
 
 

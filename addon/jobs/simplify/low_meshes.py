@@ -31,8 +31,8 @@ MOST_ALONG = 2000
 FAR, MOST_FAR = 2.0, 0.25
 """Voxels, and a share of what is seen from outside. If more of it is farther from the remeshed surface, the volume is open.
 What is farther in a closed volume lies in gaps that the voxels close."""
-PLACES = 20_000
-"""How many places of the surface are compared with the remeshed one."""
+COMPARED_SAMPLES = 20_000
+"""How many samples of the surface are compared with the remeshed one."""
 DENSE = 60_000
 """The triangles that Decimate leaves of larger surfaces, for all low meshes that are coarser still: it takes most time."""
 FINER = 6
@@ -40,7 +40,7 @@ FINER = 6
 MOST_SHARED = 0.8
 """The share of the triangles up to which low meshes that differ by their weights alone have a mesh in common on their way."""
 FITTED = 10_000, 60_000
-"""The fewest and the most places on the surface to which low meshes are fitted: two a triangle of the surface, or about 20 a
+"""The fewest and the most samples of the surface to which low meshes are fitted: two a triangle of the surface, or about 20 a
 triangle of the low mesh."""
 COLLAPSE_BIAS = 1.03
 """By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
@@ -57,20 +57,20 @@ class DecimationSource:
     Attributes:
         data: Of triangles.
         dense: Of as many of them as the way needs for most low meshes.
-        places: On the surface, in the triangles of `dense`: low meshes are fitted to them.
-        seen_samples: Places on all of the surface that see the outside: they tell what is folded.
+        samples: In the triangles of `dense`: low meshes are fitted to them.
+        outer_samples: Of all of the surface that sees the outside: they tell what is folded.
         timings: Get the time of what is made, as "decimate".
         is_remeshed: Whether it is made of voxels.
         bias: A factor on what a viewer sees wrong of its low meshes.
-        weights: Of the triangles of `dense`, if edges collapse to the best places by them, as mesh/collapse.py does; without
+        weights: Of the triangles of `dense`, if edges collapse to the best points by them, as mesh/collapse.py does; without
             them, Decimate makes it all.
         partial: Where these collapses go on, so far.
     """
 
     data: bpy.types.Mesh
     dense: bpy.types.Mesh
-    places: Samples
-    seen_samples: Samples
+    samples: Samples
+    outer_samples: Samples
     timings: Timings
     is_remeshed: bool = False
     bias: float = 1.0
@@ -94,7 +94,7 @@ class DecimationSource:
         """A low mesh of about this many triangles."""
         with self.timings.timed("decimate"):
             data = self._unfolded_low(triangles)
-            points, nearest = fitting.fit(*arrays(data), self.places)
+            points, nearest = fitting.fit(*arrays(data), self.samples)
             data.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
         data.update()
@@ -106,10 +106,10 @@ class DecimationSource:
         appearance, nearest = candidate.deviation.appearance, candidate.mesh.nearest
         if not self.is_collapsed or appearance is None:
             return None
-        sums = np.bincount(nearest, appearance.places * self.places.shares)
+        sums = np.bincount(nearest, appearance.places * self.samples.shares)
         excess = sums / max(float(sums.mean()), 1e-300)
         _, triangles = arrays(self.dense)
-        weights = face_weights.by_error(self.weights, triangles, self.places.triangles, excess[nearest])
+        weights = face_weights.by_error(self.weights, triangles, self.samples.triangles, excess[nearest])
         return replace(self, weights=weights)
 
     def _unfolded_low(self, triangles: int) -> bpy.types.Mesh:
@@ -121,9 +121,9 @@ class DecimationSource:
         return self._unfolded(self._coarse(triangles + folded))[0]
 
     def _unfolded(self, data: bpy.types.Mesh) -> tuple[bpy.types.Mesh, int]:
-        """A mesh without the folds of `data`, which is `data` itself or takes its place, and the triangles that it lost."""
+        """A mesh without the folds of `data`, which is `data` itself or replaces it, and the triangles that it lost."""
         points, corners = arrays(data)
-        points, unfolded = folds.unfold(points, corners, self.seen_samples)
+        points, unfolded = folds.unfold(points, corners, self.outer_samples)
         if unfolded is corners:
             return data, 0
         bpy.data.meshes.remove(data)
@@ -162,7 +162,7 @@ class LowMesh:
     Attributes:
         data: The mesh, relative to the origin of the high surface.
         source: What it is made of.
-        nearest: (N,) int, its triangle at each place of the source.
+        nearest: (N,) int, its triangle at each sample of the source.
     """
 
     data: bpy.types.Mesh
@@ -179,7 +179,7 @@ class LowMesh:
 
 def sources_of(
     data: bpy.types.Mesh,
-    seen_samples: Samples,
+    outer_samples: Samples,
     timings: Timings,
     *,
     bias: float = 1.0,
@@ -190,16 +190,16 @@ def sources_of(
     if dense is data and not is_remeshed:
         points, triangles = arrays(data)
         count = int(np.clip(2 * len(triangles), *FITTED))
-        places = surface_samples(points, triangles, count, face_weights.by_bending(points, triangles) ** 2)
+        samples = surface_samples(points, triangles, count, face_weights.by_bending(points, triangles) ** 2)
     else:
-        places = seen_samples.spread(FITTED[1])
-        nearest, _, _ = Surface(*arrays(dense)).closest(places.points.astype(np.float32))
-        places = replace(places, triangles=nearest)
-    plain = DecimationSource(data, dense, places, seen_samples, timings, is_remeshed, bias)
+        samples = outer_samples.spread(FITTED[1])
+        nearest, _, _ = Surface(*arrays(dense)).closest(samples.points.astype(np.float32))
+        samples = replace(samples, triangles=nearest)
+    plain = DecimationSource(data, dense, samples, outer_samples, timings, is_remeshed, bias)
     return [plain, plain.weighted()]
 
 
-def remeshed(data: bpy.types.Mesh, area: float, seen_samples: Samples) -> bpy.types.Mesh | None:
+def remeshed(data: bpy.types.Mesh, area: float, outer_samples: Samples) -> bpy.types.Mesh | None:
     """The surface of the volume that the triangles enclose, of voxels; None if they enclose none.
 
     area: of what is seen from outside, at these samples.
@@ -217,8 +217,8 @@ def remeshed(data: bpy.types.Mesh, area: float, seen_samples: Samples) -> bpy.ty
         return None
     result.transform(Matrix.Scale(voxel, 4))
     corners = mesh_reader.corner_vertices(result).reshape(-1, 3)
-    places = seen_samples.spread(PLACES).points.astype(np.float32)
-    _, _, squares = Surface(mesh_reader.points(result), corners).closest(places)
+    samples = outer_samples.spread(COMPARED_SAMPLES).points.astype(np.float32)
+    _, _, squares = Surface(mesh_reader.points(result), corners).closest(samples)
     return result if np.mean(squares > (FAR * voxel) ** 2) < MOST_FAR else None
 
 
