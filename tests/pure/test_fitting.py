@@ -48,6 +48,15 @@ def test_a_coarse_sphere_comes_three_times_as_close_and_no_face_turns():
     assert 1.0 < np.linalg.norm(moved, axis=1).max() < 1.0 / np.cos(np.pi / 16.0) ** 2
 
 
+def test_more_rounds_come_nearer_from_far_away_seed_7():
+    coarse, triangles = sphere(8)
+    far = coarse + np.random.default_rng(7).normal(0.0, 0.05, coarse.shape)
+    around = fitting.surface_samples(*sphere(40), 20_000)
+    moved = [fitting.fit(far, triangles, around, FitOptions(rounds=rounds))[0] for rounds in (1, 4)]
+    once, often = (distances(points, triangles, around).mean() for points in moved)
+    assert often < 0.95 * once
+
+
 def test_a_mesh_on_its_surface_stays():
     points, triangles = sphere(12)
     moved, _ = fitting.fit(points, triangles, fitting.surface_samples(points, triangles, 20_000))
@@ -132,6 +141,7 @@ def test_samples_spread_by_area():
     assert found.normals == pytest.approx(np.tile([0.0, 0.0, 1.0], (4000, 1)))
     left = found.points[found.points[:, 0] < 5.0]
     assert left[:, :2].mean(axis=0) == pytest.approx([1 / 3, 1 / 3], abs=0.02)
+    assert not len(fitting.surface_samples(points, np.array([[6, 6, 6], [0, 0, 1]]), 10).points)
 
 
 def test_a_sphere_of_single_triangles_is_welded_and_closed():

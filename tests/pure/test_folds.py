@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from addon.mesh import fitting, folds
+from addon.mesh.folds import UnfoldOptions
 
 
 def grid(n, moved=None, place=None):
@@ -33,6 +34,8 @@ def test_a_vertex_beyond_its_neighbor_is_collapsed():
     assert (up(found, left) > 0.0).all()
     assert len(triangles) - 8 <= len(left) < len(triangles)
     assert abs(up(found, left).sum() / 2.0 - 1.0) < 1e-12  # of the area, nothing is lost
+    for options in (UnfoldOptions(most=0.0), UnfoldOptions(rounds=0)):
+        assert folds.unfold(points, triangles, fitting.surface_samples(*grid(6), 2000), options)[1] is triangles
 
 
 def test_a_mesh_without_folds_stays_as_it_is():
