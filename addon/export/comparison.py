@@ -11,7 +11,7 @@ from ..core.declarations import bases
 from ..core.declarations.bases import Basis
 from ..core.declarations.targets import TargetEngine
 from ..core.errors import BakeError
-from ..mesh.triangles import degrees_between, unit
+from ..mesh.triangles import angles_between, unit
 from . import map_pictures
 from .baked_low import FileMesh
 
@@ -137,7 +137,7 @@ def measure(
         for name, (basis, target) in ways.items():
             read = values if target is None else _read_by(target, values, channels)
             shown = decoded(basis, read, weights, mesh.normals[triangles], tangents[triangles])
-            angles[name].append(degrees_between(truth, shown))
+            angles[name].append(np.degrees(angles_between(truth, shown)))
     if not any(angles.values()):
         return None
     metrics = {name: _metrics(np.concatenate(parts)) for name, parts in angles.items()}

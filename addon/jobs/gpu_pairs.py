@@ -37,6 +37,7 @@ from ..engine.planning import plan_of
 from ..engine.stacked_uvs import StackedParts
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER, Mesh
+from ..mesh.triangles import angles_between, unit
 from ..output import value_encoding
 from ..passes import audit, data_texture, lit, mesh_upload
 
@@ -335,9 +336,7 @@ def compare(pair: Pair, name: str, answer: Answer, found: Map) -> Outcome:
 
 def _degrees(values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Between normals (N, 3) as maps store them."""
-    first, second = (2.0 * each - 1.0 for each in (values, wanted))
-    first, second = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (first, second))
-    return np.degrees(2.0 * np.arcsin(np.minimum(np.linalg.norm(first - second, axis=1) / 2.0, 1.0)))
+    return np.degrees(angles_between(unit(2.0 * values - 1.0), unit(2.0 * wanted - 1.0)))
 
 
 STEPS = 65535

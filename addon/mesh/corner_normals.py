@@ -9,7 +9,7 @@ from . import topology
 from .edges import differ
 from .orientation import edge_pairs
 from .triangle_mesh import TANGENTS, Mesh
-from .triangles import degrees_between, dot, face_normals, unit, unit_normals
+from .triangles import angles_between, dot, face_normals, unit, unit_normals
 
 SMOOTH_COSINE = float(np.cos(np.radians(30.0)))
 """The cosine of the angle between two faces up to which the surface is smooth where the mesh itself cannot tell."""
@@ -156,7 +156,7 @@ def smoothed(mesh: Mesh, rounds: int) -> tuple[Mesh, np.ndarray]:
         of_triangle = np.repeat(unit(normals.reshape(-1, 3, 3).sum(axis=1)), 3, axis=0)
         sums = topology.sums_of(group, angles[:, None] * of_triangle, len(group))[group]
         normals = np.where(np.linalg.norm(sums, axis=1, keepdims=True) > 1e-9, unit(sums), normals)
-    turned = degrees_between(unit(before), normals)
+    turned = np.degrees(angles_between(unit(before), normals))
     changed = mesh.normals.copy()
     changed[used] = normals.astype(np.float32)
     domain = "" if mesh.normals_domain == "FACE" else mesh.normals_domain

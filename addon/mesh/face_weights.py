@@ -4,7 +4,7 @@
 import numpy as np
 
 from . import edges
-from .triangles import unit_normals
+from .triangles import angles_between, unit_normals
 
 UNBENT_WEIGHT = 0.1
 """The weight of triangles without a bend, where the mean bend has about 1: the map hides how far away they are, but outlines
@@ -32,9 +32,7 @@ def by_bending(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     along = ahead - corners
     normals, twice_areas = unit_normals(ahead)
     across = edges.neighbors(points, triangles)
-    others = normals[across]
-    own = normals[:, None]
-    angles = 2.0 * np.arctan2(np.linalg.norm(own - others, axis=2), np.linalg.norm(own + others, axis=2))
+    angles = angles_between(normals[:, None], normals[across])
     bends = (np.where(across >= 0, angles, 0.0) * np.linalg.norm(along, axis=2)).sum(axis=1)
     vertices, count = triangles.reshape(-1), len(points)
     around = np.bincount(vertices, np.repeat(bends, 3), count)

@@ -75,9 +75,9 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.where(lengths > 0.0, lengths, 1.0)
 
 
-def degrees_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The angles (...) between unit vectors (..., 3). From the chord: the cosine of a small angle is too close to 1."""
-    return np.degrees(2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(a - b, axis=-1), 1.0)))
+def angles_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The angles (...) in radians between unit vectors (..., 3), precise also where the cosine is close to 1."""
+    return 2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
 
 
 def diagonal(points: np.ndarray) -> float:

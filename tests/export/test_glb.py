@@ -16,7 +16,7 @@ from addon.export.baked_low import FileMesh
 from addon.export.comparison import Baked
 from addon.jobs import bake_jobs, bake_pair
 from addon.jobs.job import Job
-from addon.mesh.triangles import degrees_between, unit
+from addon.mesh.triangles import unit
 from tests.support import angles, cycles, decoders, glb, lanes, maps, scenes, snapshot, zoo
 from tests.support.real_meshes import open_pair
 
@@ -604,9 +604,3 @@ def test_each_basis_decodes_as_its_readers_do(basis):
     interpolated = [np.einsum("nc,nck->nk", weights, part) for part in corners]
     expected = decoders.unit(decoders.decoded(values, basis.name, *interpolated))
     np.testing.assert_allclose(comparison.decoded(basis, values, weights, normals, tangents), expected, atol=1e-12)
-
-
-def test_angles_are_exact_when_they_are_small():
-    a = np.array([[0.0, 0.0, 1.0]])
-    b = np.array([[np.sin(1e-6), 0.0, np.cos(1e-6)]])
-    np.testing.assert_allclose(degrees_between(a, b), np.degrees(1e-6), rtol=1e-6)

@@ -83,7 +83,9 @@ def test_closest_points_lie_on_faces_edges_and_corners():
 def test_angles_and_lengths():
     assert triangles.unit(np.array([(0.0, 0, 0), (0, 3, 0)])).tolist() == [[0, 0, 0], [0, 1, 0]]
     one, other = np.array([(1.0, 0, 0)] * 3), np.array([(1.0, 0, 0), (0, 1, 0), (-1, 0, 0)])
-    assert triangles.degrees_between(one, other) == pytest.approx([0.0, 90.0, 180.0])
+    assert np.degrees(triangles.angles_between(one, other)) == pytest.approx([0.0, 90.0, 180.0])
+    near = np.array([np.cos(1e-6), np.sin(1e-6), 0.0])
+    assert triangles.angles_between(one[0], near) == pytest.approx(1e-6, rel=1e-6)
     matrix = np.array([(0.0, -2, 0, 1), (2, 0, 0, 2), (0, 0, 2, 3), (0, 0, 0, 1)])
     assert triangles.transformed(np.eye(3), matrix).tolist() == [[1, 4, 3], [-1, 2, 3], [1, 2, 5]]
 

@@ -22,6 +22,7 @@ from ...engine.ray_casting import RayCast
 from ...mesh import triangle_mesh
 from ...mesh.inputs import Meshes
 from ...mesh.triangle_mesh import Mesh
+from ...mesh.triangles import angles_between, unit
 from ...passes import cast, data_texture, lit, mesh_upload, target, viewport
 from ...scene import mesh_reader
 
@@ -172,8 +173,7 @@ class QuickJudge:
             normals = drawn.texels()[..., :3]
             if self._depth == 8:
                 normals = np.round((0.5 * normals + 0.5) * 255.0) / 127.5 - 1.0
-            lengths = np.linalg.norm(normals, axis=2, keepdims=True)
-            self._normals.append(normals / np.maximum(lengths, 1e-20))
+            self._normals.append(unit(normals))
 
     def _band(self, offset: tuple[float, float]) -> Band:
         return Band(0, self.size[1], self.size, 0, offset=offset)
@@ -203,16 +203,10 @@ class QuickJudge:
         is_covered, is_hit = truth[..., 3] != 0.0, truth[..., 3] > 0.0
         if not is_covered.any():
             return Deviations(np.inf, np.nan, np.inf, np.zeros(is_covered.shape, np.float32))
-        degrees = _degrees(truth[..., :3], self._normals[number])
+        degrees = np.degrees(angles_between(truth[..., :3], self._normals[number])).astype(np.float32)
         degrees[~is_hit] = MISSED
         degrees[~is_covered] = 0.0
         distances = np.abs(seen.texels()[..., 0][is_hit]) * space.size
         distance = float(np.percentile(distances, PERCENTILE)) if len(distances) else np.inf
         worst = float(np.percentile(degrees[is_covered], PERCENTILE))
         return Deviations(worst, np.nan, distance / longest_side(original), degrees)
-
-
-def _degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The angles (...) float32 between unit vectors (..., 3)."""
-    halves = np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
-    return np.degrees(2.0 * halves).astype(np.float32)
