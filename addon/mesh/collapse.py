@@ -87,8 +87,14 @@ def collapse(points: np.ndarray, triangles: np.ndarray, options: CollapseOptions
 
 
 def partial_collapse(points: np.ndarray, triangles: np.ndarray, options: CollapseOptions) -> PartialCollapse:
-    """As `collapse`, for others that go on from there, also with other weights."""
-    state = _run(points, triangles, options)
+    """As `collapse`, for others that go on from there, also with other weights.
+
+    >>> start = partial_collapse(points, triangles, CollapseOptions(triangles=300))
+    >>> _, left = collapse(points, triangles, CollapseOptions(triangles=100, start=start))
+    >>> len(left)
+    100
+    """
+    state = _run(*checked(points, triangles), options)
     return PartialCollapse(state.points, state.triangles, state.of_vertex)
 
 

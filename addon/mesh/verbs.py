@@ -4,7 +4,7 @@
 Each takes points (V, 3) and triangles (T, 3), and an object with its options.
 """
 
-from .collapse import CollapseOptions, collapse
+from .collapse import CollapseOptions, PartialCollapse, collapse, partial_collapse
 from .fitting import FitOptions, Samples, fit, surface_samples
 from .folds import UnfoldOptions, unfold
 from .uv_charts import ChartOptions, chart
@@ -17,6 +17,7 @@ __all__ = [
     "CollapseOptions",
     "FitOptions",
     "PackOptions",
+    "PartialCollapse",
     "Samples",
     "UnfoldOptions",
     "WeldOptions",
@@ -25,6 +26,7 @@ __all__ = [
     "collapse",
     "fit",
     "pack",
+    "partial_collapse",
     "surface_samples",
     "unfold",
     "weld",

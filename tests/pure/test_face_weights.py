@@ -25,6 +25,30 @@ def test_only_triangles_near_a_fold_bend():
     assert weights[far == 0.0].min() > 1.0
 
 
+def test_weights_are_those_of_a_loop_over_edges_seed_3():
+    """The angle across each edge, times the edge's length, over the areas of the triangles around a vertex."""
+    rng = np.random.default_rng(3)
+    points, triangles = grid(4)
+    points = (points + rng.normal(0.0, 0.1, points.shape)).astype(np.float32)
+    exact = points.astype(float)
+    normals = [np.cross(exact[b] - exact[a], exact[c] - exact[a]) for a, b, c in triangles]
+    bends, at_edge = np.zeros(len(triangles)), {}
+    for number, triangle in enumerate(triangles.tolist()):
+        for k in range(3):
+            at_edge.setdefault(frozenset((triangle[k], triangle[(k + 1) % 3])), []).append(number)
+    for edge, (one, *others) in at_edge.items():
+        a, b = edge
+        for other in others:
+            cosine = normals[one] @ normals[other] / np.linalg.norm(normals[one]) / np.linalg.norm(normals[other])
+            bends[[one, other]] += np.arccos(cosine) * np.linalg.norm(exact[a] - exact[b])
+    areas = np.linalg.norm(normals, axis=1)
+    around = [bends[has].sum() / areas[has].sum() for has in [(triangles == v).any(axis=1) for v in range(len(points))]]
+    expected = (
+        face_weights.UNBENT_WEIGHT + (np.array(around)[triangles].mean(axis=1) / (bends.sum() / areas.sum())) ** 0.5
+    )
+    assert face_weights.by_bending(points, triangles) == pytest.approx(expected)
+
+
 def test_spheres_of_any_size_weigh_the_same_everywhere():
     points, triangles = sphere(32)
     middle = np.abs(points[triangles][..., 2]).max(axis=1) < 0.5

@@ -46,6 +46,7 @@ CALLS = {
     "weld": verbs.weld,
     "cluster": lambda *mesh: verbs.cluster(*mesh, verbs.ClusterOptions(0.5)),
     "collapse": lambda *mesh: verbs.collapse(*mesh, verbs.CollapseOptions(1)),
+    "partial_collapse": lambda *mesh: verbs.partial_collapse(*mesh, verbs.CollapseOptions(1)),
     "fit": lambda *mesh: verbs.fit(*mesh, SURFACE),
     "unfold": lambda *mesh: verbs.unfold(*mesh, SURFACE),
     "chart": verbs.chart,
