@@ -11,7 +11,7 @@ from addon import flamenco
 from addon.core import map_types, naming, progress
 from addon.core.declarations.all_settings import FORMER
 from addon.core.errors import BakeError
-from addon.ui import bake_operators, bake_panel, preferences, properties
+from addon.ui import bake_panel, pairs_panel, preferences, properties
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
@@ -675,7 +675,7 @@ def test_an_asset_of_nothing_is_refused(settings):
 @pytest.fixture
 def address(monkeypatch):
     """A Flamenco Manager in the preferences."""
-    monkeypatch.setattr(bake_operators, "flamenco_address", lambda _context: "http://farm")
+    monkeypatch.setattr(pairs_panel, "flamenco_address", lambda _context: "http://farm")
     return "http://farm"
 
 
@@ -684,7 +684,7 @@ def sent(monkeypatch):
     """The jobs that are sent, in place of sending them. Blender is online."""
     jobs = []
     monkeypatch.setattr(flamenco, "submit", lambda url, job: jobs.append((url, job)) or f"{url}/app/jobs/1")
-    monkeypatch.setattr(bake_operators.bpy, "app", SimpleNamespace(online_access=True), raising=False)
+    monkeypatch.setattr(pairs_panel.bpy, "app", SimpleNamespace(online_access=True), raising=False)
     return jobs
 
 
@@ -714,7 +714,7 @@ def test_without_an_address_there_is_no_button():
 
 
 def test_without_online_access_nothing_is_sent(address, sent, monkeypatch, tmp_path):
-    monkeypatch.setattr(bake_operators.bpy, "app", SimpleNamespace(online_access=False))
+    monkeypatch.setattr(pairs_panel.bpy, "app", SimpleNamespace(online_access=False))
     with pytest.raises(RuntimeError, match="poll"):
         bpy.ops.imprint.send_to_flamenco(filepath=str(tmp_path / "jobs.toml"))
     assert sent == []

@@ -9,7 +9,7 @@ import pytest
 import addon
 from addon.cli import command
 from addon.passes import shader, target
-from addon.ui import bake_operators, modal, preferences, presets, settings_panels, view_gizmos
+from addon.ui import modal, more_panels, preferences, presets, settings_panels, view_gizmos
 from addon.ui.callbacks import DrawCallbacks, Events, Key, Timer, events
 from tests.support import maps, zoo
 
@@ -81,7 +81,7 @@ def test_gpu_objects_are_freed_when_blender_ends(monkeypatch):
     assert at_exit == []
 
 
-@pytest.mark.parametrize("module", [bake_operators, settings_panels, modal], ids=lambda module: module.__name__)
+@pytest.mark.parametrize("module", [more_panels, settings_panels, modal], ids=lambda module: module.__name__)
 def test_errors_while_registering_are_raised_and_leave_nothing(monkeypatch, module):
     """Also where the module has registered some of its classes."""
 

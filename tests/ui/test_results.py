@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.errors import Fix
 from addon.scene.object_checks import ObjectRef
-from addon.ui import bake_operators, bake_panel, bake_results, object_pairs, results_panel, texts
+from addon.ui import bake_panel, bake_results, object_pairs, pairs_panel, results_panel, texts
 from addon.ui.bake_results import results
 from tests.export.test_glb import bent_pair
 from tests.support import panel_layout, zoo
@@ -147,7 +147,7 @@ def test_a_batch_bakes_what_can_be_baked_and_names_the_others(batch):
     low.data.uv_layers.remove(low.data.uv_layers[0])
     zoo.plane("e_low", 2)
     reason = "'d_low' has no UV layer"
-    pairs = panel_layout.draw(width=2000, panels=[bake_operators.IMPRINT_PT_pairs])
+    pairs = panel_layout.draw(width=2000, panels=[pairs_panel.IMPRINT_PT_pairs])
     assert pairs.text.count(reason) == 1
     bpy.context.view_layer.objects.active = bpy.data.objects["a_low"]
     assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}

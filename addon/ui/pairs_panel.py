@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel Pairs by Name: bakes of many low objects, their common UV map, and the button that sends a job file to a farm."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import IntProperty, StringProperty
+
+from .. import flamenco
+from ..core import naming
+from ..core.declarations.choices import Method
+from ..core.errors import BakeError, in_window
+from ..core.progress import Pace, Progress, Task, relay
+from ..core.report import Report
+from ..core.settings import Settings
+from ..jobs import atlas, bake_jobs, weights
+from ..jobs.job import Job, jobs_by_name
+from ..scene import object_checks
+from . import modal, results
+from .bake_operators import BakeOperator
+from .fixes import draw_fixable
+from .modal import QuickOperator
+from .preferences import flamenco_address
+from .progress_display import SettingsPanel, display
+from .results import Batch
+from .texts import draw_paragraphs, labeled, message, tooltip
+
+
+class IMPRINT_OT_bake_pairs(BakeOperator, bpy.types.Operator):
+    """Bake each low object of the scene against the high objects with a matching name. Leaves out what cannot be baked"""
+
+    bl_idname = "imprint.bake_pairs"
+    bl_label = "Bake Pairs by Name"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task:
+        settings = context.scene.imprint
+        found, problems = jobs_by_name(context, settings.suffixes())
+        jobs = [_with_own(job) for job in found if job.low.imprint_is_baked]
+        if not jobs:
+            raise BakeError("No pair is checked: check those to bake in the list of pairs.")
+        values = settings.to_settings()
+        left_out = [("", problem) for problem in problems]
+        if settings.share_image:  # an atlas is whole, or is not baked
+            reports = yield from bake_jobs.work(context, jobs, values, pace, share_image=True)
+            return reports, left_out
+        jobs = _ready(context, jobs, weights.settings_by_job(jobs, values), left_out)
+        reports: list[Report] = []
+
+        def noted(step: Progress) -> Progress:
+            reports.extend([step.report] if step.report else [])
+            left_out.extend([step.failure] if step.failure else [])
+            return step
+
+        try:
+            yield from relay(bake_jobs.work(context, jobs, values, pace, goes_on=True), noted)
+        except GeneratorExit:  # the maps that are done stay
+            results.remember(reports)
+            raise
+        return reports, left_out
+
+    def finish(self, context: bpy.types.Context, result: tuple[list[Report], list[tuple[str, str]]]) -> None:
+        reports, left_out = result
+        super().finish(context, reports)
+        results.keep_batch(Batch(left_out, sorted({report.low for report in reports})))
+        for _, reason in left_out:
+            self.report({"WARNING"}, in_window(reason)[0])
+
+
+class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
+    """Give the checked low objects a UV map in which the islands of all lie side by side, at one texel density"""
+
+    bl_idname = "imprint.pack_uvs"
+    bl_label = "Pack UV Maps"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def apply(self, context: bpy.types.Context) -> str:
+        settings = context.scene.imprint
+        jobs, _ = jobs_by_name(context, settings.suffixes())
+        lows = [job.low for job in jobs if job.low.imprint_is_baked]
+        if not lows:
+            raise BakeError("No pair is checked: check those to bake in the list of pairs.")
+        return atlas.pack(lows, settings.to_settings())
+
+
+def _with_own(job: Job) -> Job:
+    """The job with the size and the distance that its low object has in the list of pairs."""
+    return job.but(size=int(job.low.imprint_size), distance=job.low.imprint_distance)
+
+
+def _ready(
+    context: bpy.types.Context, jobs: list[Job], settings: list[Settings], left_out: list[tuple[str, str]]
+) -> list[Job]:
+    """The jobs that can be baked. The others are added to `left_out`. Raises BakeError if none can be."""
+    context.view_layer.update()
+    reasons = [
+        object_checks.problem(context, job.low, job.highs, job.cage, of_job.tracing.method)
+        for job, of_job in zip(jobs, settings, strict=True)
+    ]
+    if all(reasons):
+        raise BakeError(reasons[0])
+    left_out += [(job.low.name, reason) for job, reason in zip(jobs, reasons, strict=True) if reason]
+    return [job for job, reason in zip(jobs, reasons, strict=True) if not reason]
+
+
+class IMPRINT_OT_send_to_flamenco(modal.FileOperator, bpy.types.Operator):
+    """Send a job file to the Flamenco Manager in the add-on's preferences. All its machines must see the file"""
+
+    bl_idname = "imprint.send_to_flamenco"
+    bl_label = "Send to Flamenco"
+
+    filepath: labeled(
+        StringProperty,
+        "Job File",
+        "Job file with the bakes, .toml or .json",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    filter_glob: modal.file_filter("*.toml;*.json")
+    shards: labeled(
+        IntProperty, "Parts", "Number of parts of about the same cost, each a task", default=16, min=1, max=1000
+    )
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        if not bpy.app.online_access:
+            cls.poll_message_set(tooltip("Allow online access in Blender's preferences first"))
+            return False
+        return True
+
+    def apply(self, context: bpy.types.Context) -> str:
+        path = Path(bpy.path.abspath(self.filepath)).absolute()
+        job = flamenco.Job(path.stem, {"jobs": str(path), "shards": self.shards})
+        if not path.is_file():
+            raise BakeError(f"There is no file {str(path)!r}: choose a job file.")
+        return f"Sent: {flamenco.submit(flamenco_address(context), job)}"
+
+
+def _draw_pair(layout: bpy.types.UILayout, context: bpy.types.Context, pair: naming.Pair) -> None:
+    objects, settings = object_checks.by_name(context.view_layer.objects), context.scene.imprint
+    low, highs, cage = objects[pair.low], [objects[name] for name in pair.highs], objects.get(pair.cage or "")
+    layout.prop(low, "imprint_is_baked", text=pair.low, translate=False)
+    column = layout.column()
+    column.active = low.imprint_is_baked
+    draw_paragraphs(column, context, [", ".join(pair.highs)], "BLANK1")
+    row = column.row(align=True)
+    size = row.row(align=True)
+    size.active = not settings.share_image
+    size.prop(low, "imprint_size", text="")
+    distance = row.row(align=True)
+    distance.active = settings.method != Method.FLATTEN
+    distance.prop(low, "imprint_distance", text="")
+    reason = object_checks.problem(context, low, highs, cage, settings.method)
+    if reason and low.imprint_is_baked:
+        draw_fixable(column, context, reason, "ERROR", pair.low)
+
+
+class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
+    """Bakes many low objects at once: pairs of objects by name."""
+
+    bl_idname = "IMPRINT_PT_pairs"
+    bl_label = "Pairs by Name"
+    bl_order = 3
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        settings = context.scene.imprint
+        row = layout.row(align=True)
+        for name in ("low_suffix", "high_suffix", "cage_suffix"):
+            row.prop(settings, name, text="")
+        try:
+            found, problems = settings.pairs_by_name(context)
+        except BakeError as error:
+            found, problems = [], [str(error)]
+        box = layout.box()
+        for pair in found:
+            _draw_pair(box, context, pair)
+        draw_paragraphs(box, context, problems, "ERROR")
+        if not found and not problems:
+            draw_paragraphs(box, context, [message("No object name ends with one of these suffixes.")], "INFO")
+        layout.prop(settings, "share_image")
+        if settings.share_image:
+            layout.operator("imprint.pack_uvs", icon="GROUP_UVS")
+        if flamenco_address(context):
+            layout.operator("imprint.send_to_flamenco", icon="EXPORT")
+
+    def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        try:
+            found = bool(context.scene.imprint.pairs_by_name(context)[0])
+        except BakeError:  # the box says it
+            found = False
+        display.draw_operator(layout, "imprint.bake_pairs", enabled=found, icon="RENDER_STILL")
+
+
+CLASSES = (IMPRINT_OT_bake_pairs, IMPRINT_OT_pack_uvs, IMPRINT_OT_send_to_flamenco, IMPRINT_PT_pairs)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
