@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that an image which is there and gives no pixels is the error of one that is missing, whoever reads it."""
 
+import os
 import struct
 import zipfile
 
@@ -12,7 +13,7 @@ from addon.cli import command, run_report, sheet
 from addon.core.errors import BakeError
 from addon.output import png_writer
 from addon.scene import dependencies, textures
-from tests.support import scenes, zoo
+from tests.support import reports, scenes, zoo
 
 SIZE = 32
 FORMATS = {
@@ -183,13 +184,15 @@ def test_images_in_an_archive_of_usd_are_those_of_its_file(folder, lacks, capsys
     found = []
     for high in ("high.usda", "high.usdz"):
         words = ["--low-file", "low.obj", "--high-file", high, "--maps", "base-color", "--output", f"{high}.png"]
-        code = command.run([*words, "--size", "16", "--limit", "9", "--depth", "8"])
-        found.append(code)
+        words += ["--resume", "--report", "r.json", "--size", "16", "--limit", "9", "--depth", "8"]
+        found.append(command.run(words))
     out = capsys.readouterr().err
     if lacks:
         assert found == [run_report.DONE, run_report.FAILED]
         assert f"cannot be found: '{folder / 'high.usdz'}[textures/a.png]'." in out
     else:
         assert found == [run_report.DONE] * 2, out
+        (entry,) = reports.bakes(folder / "r.json")
+        assert {os.path.basename(each["path"]) for each in entry["inputs"]} == {"low.obj", "low.mtl", "high.usdz"}
         first, second = (next(folder.glob(f"high.{ending}*olor*.png")) for ending in ("usda", "usdz"))
         assert first.read_bytes() == second.read_bytes()

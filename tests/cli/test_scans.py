@@ -145,6 +145,16 @@ def test_a_material_on_several_tiles_has_a_tiled_page(folder, name):
     assert [Path(path).name for path in scans.missing([obj])] == ["page_1002.png"]
 
 
+def test_faces_on_tiles_without_a_page_are_told_where_tiles_can_be(folder):
+    for tile, color in zip((1001, 1002), scans.COLORS, strict=False):
+        scans.texture(folder / f"page_{tile}.png", color)
+    scans.write_library(folder / "scan.mtl", {"m": "page_<UDIM>.png"})
+    offsets = [(0, 0), (1, 0), (2, 0), (10, 0), (0, -1)]
+    scans.write_obj(folder / "scan.obj", scans.strips(5), materials=["m"] * 5, library="scan.mtl", uv_offsets=offsets)
+    objects = import_file(folder / "scan.obj", PLAIN)
+    assert [Path(path).name for path in imported_images.missing_tiles(objects)] == ["page_1003.png"]
+
+
 def test_a_material_for_each_tile_keeps_single_pages(folder):
     """As Meshroom writes them."""
     for number, tile in enumerate((1001, 1002)):
