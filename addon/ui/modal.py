@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Base classes of operators: they run tasks in slices in the window, with a progress bar, view navigation, and Esc.
 
-Scripts run tasks at once. What tasks leave in memory: maps survive saving, Undo and Redo; memory of the GPU is freed if there
-was no bake for a while.
+Scripts run tasks at once. Memory of the GPU is freed if there was no bake for a while.
 """
 
 import textwrap
@@ -12,7 +11,6 @@ from functools import partial
 from typing import Any
 
 import bpy
-import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
 from .. import older_blender
@@ -20,9 +18,8 @@ from ..core import progress
 from ..core.errors import BakeError, in_window, sentence
 from ..core.progress import Pace, Progress, Task
 from ..engine import gpu_memory
-from ..output import datablocks
-from ..output.datablocks import UNPACKED
 from .callbacks import Key, Timer, events
+from .held_maps import held
 from .live import live
 from .progress_display import MAIN, display
 from .texts import labeled, tooltip
@@ -250,64 +247,6 @@ class IMPRINT_OT_stop(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         self.report({"WARNING"}, runner.stop(context))
         return {"FINISHED"}
-
-
-MOST_HELD = 1 << 30
-"""The most bytes of maps in memory that are held for Undo and Redo."""
-
-
-class HeldMaps:
-    """Holds the pixels of maps in memory: Undo and Redo restore the images without them. Live draws its maps again."""
-
-    def __init__(self):
-        self._maps: dict[int, tuple[np.ndarray, bool]] = {}
-        """The pixels (height, width, 4) float32, and whether the image is one of floats, by the number of the map."""
-        self._shown: dict[int, int] = {}
-        """The number of the map in each image, by its session_uid."""
-        events.hear(save_pre=self._before_saving, undo_post=self.put_back, redo_post=self.put_back, end=self.forget)
-
-    @property
-    def number(self) -> int:
-        """The number of maps that are held."""
-        return len(self._maps)
-
-    def hold(self) -> None:
-        """Hold the maps in memory that are new. The oldest ones go if there are too many."""
-        for image in _in_memory():
-            number = image[UNPACKED]
-            if number not in self._maps and image.is_dirty:
-                texels = np.empty((image.size[1], image.size[0], 4), np.float32)
-                image.pixels.foreach_get(texels.reshape(-1))
-                self._maps[number] = texels, image.is_float
-            self._shown[image.session_uid] = number
-        while len(self._maps) > 1 and sum(texels.nbytes for texels, _ in self._maps.values()) > MOST_HELD:
-            del self._maps[next(iter(self._maps))]
-
-    def put_back(self, *_) -> None:
-        """Fill the images that have no pixels, or those of another step."""
-        for image in _in_memory():
-            number = image[UNPACKED]
-            is_there = image.is_dirty and self._shown.get(image.session_uid) == number
-            if number in self._maps and not is_there:
-                texels, is_float = self._maps[number]
-                datablocks.refill(image, texels, is_float=is_float)
-                self._shown[image.session_uid] = number
-
-    def _before_saving(self, *_) -> None:
-        """A file would have an empty image in place of a map in memory."""
-        datablocks.pack_unpacked()
-
-    def forget(self) -> None:
-        """Hold nothing."""
-        self._maps.clear()
-        self._shown.clear()
-
-
-def _in_memory() -> list[bpy.types.Image]:
-    return [] if live.is_on else [image for image in bpy.data.images if image.get(UNPACKED) and not image.library]
-
-
-held = HeldMaps()
 
 
 AFTER = 60.0

@@ -4,7 +4,8 @@
 import bpy
 import pytest
 
-from addon.ui import modal
+from addon.ui import held_maps
+from addon.ui.held_maps import held
 from tests.support import saved_scenes, zoo
 from tests.support.maps import pixels
 from tests.support.saved_scenes import KINDS
@@ -147,7 +148,7 @@ def test_undo_and_redo_bring_back_the_pixels_of_their_step(gpu_context, register
             assert go() == {"FINISHED"}
             assert images() == steps[number], (go, number)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert not modal.held.number
+    assert not held.number
 
 
 def test_maps_in_memory_are_held_up_to_a_size(gpu_context, registered, monkeypatch):
@@ -155,10 +156,10 @@ def test_maps_in_memory_are_held_up_to_a_size(gpu_context, registered, monkeypat
     zoo.terrains_in_slots("FLATTEN")
     settings = bpy.context.scene.imprint
     settings.storage, settings.size = "MEMORY", 16
-    monkeypatch.setattr(modal, "MOST_HELD", 2 * 16 * 16 * 16)
+    monkeypatch.setattr(held_maps, "MOST_HELD", 2 * 16 * 16 * 16)
     for number in (1, 2, 3, 4):
         assert bpy.ops.imprint.bake() == {"FINISHED"}
-        assert modal.held.number == min(number, 2)
+        assert held.number == min(number, 2)
 
 
 STORES = {
