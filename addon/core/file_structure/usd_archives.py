@@ -33,13 +33,11 @@ class Member(NamedTuple):
     Attributes:
         name: With slashes.
         start, stop: Where its bytes are in the file that holds the archive.
-        archive: The number of the archive that it is in; 0 is the outermost.
     """
 
     name: str
     start: int
     stop: int
-    archive: int
 
     @property
     def is_layer(self) -> bool:
@@ -50,8 +48,8 @@ def members(content: mmap.mmap) -> list[Member]:
     """The files in an archive, also those of archives in it. Raises Refused, and struct.error for one that ends too early."""
     files: list[Member] = []
     parts = [(0, len(content))]
-    for number, (start, stop) in enumerate(parts):  # it grows
-        for each in _of_one(content, start, stop, number):
+    for start, stop in parts:  # it grows
+        for each in _of_one(content, start, stop):
             files.append(each)
             if len(files) > MOST_FILES:
                 raise Refused(f"holds more than {MOST_FILES:,} files")
@@ -62,7 +60,7 @@ def members(content: mmap.mmap) -> list[Member]:
     return files
 
 
-def _of_one(content: mmap.mmap, start: int, stop: int, number: int) -> Iterator[Member]:
+def _of_one(content: mmap.mmap, start: int, stop: int) -> Iterator[Member]:
     if content[start : start + 4] != _HEAD:
         raise Refused("is no archive of USD")
     names, at = set(), start
@@ -79,7 +77,7 @@ def _of_one(content: mmap.mmap, start: int, stop: int, number: int) -> Iterator[
         if name in names or not _is_inside(name):
             raise Refused(f"holds a file with the name {name!r}, which is taken or leads out of the archive")
         names.add(name)
-        yield Member(name, begin, at, number)
+        yield Member(name, begin, at)
     end = content.rfind(_END, max(at, stop - _LONGEST_END), stop)
     if content[at : at + 4] != _LIST or not 0 <= end <= stop - _END_SIZE:
         raise struct.error("the archive ends too early")

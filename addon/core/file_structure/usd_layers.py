@@ -96,16 +96,15 @@ def _of_archive(path: str, content: mmap.mmap) -> Named:
     """What the layers of an archive name and it does not contain. Such a path in the archive stands in brackets behind its own,
     and is no file."""
     members = usd_archives.members(content)
-    names = {(each.archive, each.name) for each in members}
-    bare = {posixpath.basename(name) for each in members for name in (each.name, _tiled(each.name))}
+    # By their last parts: the words of a binary layer are also the paths that it had before it was packed. Of a layer that is
+    # not where it is looked for, the importer tells.
+    names = {posixpath.basename(name) for each in members for name in (each.name, _tiled(each.name))}
 
     def beside(member: usd_archives.Member, name: str) -> str:
         if os.path.isabs(name):
             return name
         inside = posixpath.normpath(posixpath.join(posixpath.dirname(member.name), name))
-        # The words of a binary layer are also paths that it had before it was packed.
-        is_there = (member.archive, inside) in names if _is_layer(name) else posixpath.basename(name) in bare
-        return "" if is_there else f"{path}[{inside}]"
+        return "" if posixpath.basename(name) in names else f"{path}[{inside}]"
 
     layers = [member for member in members if member.is_layer]
     of_layers = [_of_layer(path, content, each.start, each.stop, partial(beside, each)) for each in layers]
@@ -116,10 +115,6 @@ def _of_archive(path: str, content: mmap.mmap) -> Named:
         next(filter(None, (each.unknown for each in of_layers)), ""),
         any(each.has_variants for each in of_layers),
     )
-
-
-def _is_layer(name: str) -> bool:
-    return name.lower().endswith(_LAYERS)
 
 
 def _tiled(name: str) -> str:
@@ -142,7 +137,7 @@ def _of_layer(path: str, content: mmap.mmap, start: int, stop: int, place: Calla
     for name in names:
         text = name.decode(errors="surrogateescape")
         file = text.partition(":SDF_FORMAT_ARGS:")[0].partition("[")[0]
-        is_layer = _is_layer(file)
+        is_layer = file.lower().endswith(_LAYERS)
         if text[:1] == text[-1:] == "`" or (is_layer and "://" in text):
             is_computed = True
         elif whole_path := place(file):
