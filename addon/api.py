@@ -74,7 +74,7 @@ class Result:
 
 def bake(
     low: Source,
-    high: Source | list[Source] | tuple[Source, ...],
+    high: Source | list[Source] | tuple[Source, ...] = (),
     *,
     maps: Sequence[str] | str = ("normal",),
     size: int | tuple[int, int] = 1024,
@@ -88,7 +88,7 @@ def bake(
 
     Args:
         low: with UVs. A file must hold one mesh.
-        high: one mesh or a list of them.
+        high: one mesh or a list of them; without any, `low` is baked onto itself: its materials and its shape.
         maps: names as on the command line: "normal", "ao", "height", "basecolor" ...
         size: the side of a square map in texels, or its width and height.
         cage: a mesh with the vertices of `low` in the same order, on which rays start.
@@ -118,7 +118,7 @@ def bake(
         cages = _objects(cage, "cage") if cage is not None else []
         if isinstance(low, Surface) and low.uv is None:
             raise BakeError("The low mesh has no UVs: give `uv` by vertex (V, 2) or by corner (T, 3, 2).")
-        job = Job(low_object, highs, _only(cages, "cage") if cages else None)
+        job = Job(low_object, highs or [low_object], _only(cages, "cage") if cages else None)
         with _without_users(low_object):
             (report,) = bake_all(bpy.context, [job], asked, on_progress=on_progress and made_by_caller(on_progress))
             report = replace(report, smooth_files=smooth_highs)

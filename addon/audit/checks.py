@@ -10,7 +10,7 @@ import numpy as np
 from ..core import udim
 from ..core.declarations.choices import Method, Space
 from ..core.errors import Fix, Length, shorten_list
-from ..core.map_types import BY_NAME, WRITTEN
+from ..core.map_types import WRITTEN
 from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
 from ..engine import ray_casting, separation, uv_agreement
 from ..engine.baking import Drawing
@@ -123,17 +123,16 @@ def _direction_warnings(meshes: Meshes, tally: Tally, map_settings: MapSettings)
             f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them.",
             severity.TURNED,
         )
-    # From one UV map to another, a mesh has no other detail than its materials.
-    is_of_materials = meshes.is_own_base and any(
-        BY_NAME[name].family.shows_materials for name in map_settings.drawn_maps
-    )
-    if map_settings.normal and tally.compared and not tally.leaning and not is_of_materials:
-        names = (repr(high.name) for high in meshes.listed_highs)
-        compared = "its own modifiers" if meshes.is_own_base else shorten_list(names)
-        yield Warned(
-            f"The map is flat: nothing of {compared} differs from {low!r}. Is that the right high object?",
-            severity.FLAT,
-        )
+    # A mesh that is baked onto itself has its own normals, and maps of other kinds.
+    is_itself = meshes.is_own_base and bool(map_settings.drawn_maps)
+    if map_settings.normal and tally.compared and not tally.leaning and not is_itself:
+        names = shorten_list(repr(high.name) for high in meshes.listed_highs)
+        text = f"The map is flat: nothing of {names} differs from {low!r}. Is that the right high object?"
+        if meshes.is_own_base:
+            text = (
+                f"The map is flat: neither modifiers nor materials of {low!r} change its normals. Choose a high object."
+            )
+        yield Warned(text, severity.FLAT)
 
 
 def uv_space(sampling: SamplingSettings) -> tuple[int, int]:

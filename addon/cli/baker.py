@@ -525,8 +525,6 @@ def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], 
     if options.low_file:
         space = Space(options.origin)
         job = loader.job(options.low_file, options.high_file, options.cage_file, space, options.high_up or "")
-        if not (options.high_file or options.convert or options.levels):
-            input_checks.check_own_high(job.low, "--high-file")
         return [job], []
     if options.file:
         loader.open(options.file, Space(options.origin))
@@ -542,8 +540,6 @@ def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], 
         return [job], _kept_low(options, job)
     low = object_by_name(options.low)
     highs = [object_by_name(name) for name in options.high] or [low]
-    if not (options.high or options.convert or options.levels):
-        input_checks.check_own_high(low, "--high")
     return [Job(low, highs, object_by_name(options.cage) if options.cage else None)], []
 
 

@@ -22,7 +22,7 @@ from ..core.preflight import Amounts, Need, memory_sentence, placement_hint, rou
 from ..core.settings import MapSettings, Settings
 from ..jobs import pair_checks
 from ..jobs.job import Job, band_texels, draws_in_software
-from ..scene import complaints, dependencies, imported_images, object_checks
+from ..scene import complaints, dependencies, imported_images
 from ..scene.textures import header_size
 from . import plans
 from .option_types import word_for
@@ -109,12 +109,6 @@ def rounded_coordinates(options: argparse.Namespace, jobs: Sequence[Job]) -> lis
         text = rounding_hint(box, np.array(obj.matrix_world, np.float64)[:3, 3])
         sentences += [f"{obj.name!r} {text}"] if text else []
     return sentences
-
-
-def check_own_high(low: bpy.types.Object, option: str) -> None:
-    """Raise BakeError if the low object cannot be its own high one. option: what names another one."""
-    if low.type == "MESH" and not object_checks.own_highs(low):
-        raise BakeError(f"{option} is missing, and {low.name!r} has no modifiers that add detail: name a high one.")
 
 
 def refused_scripts() -> list[str]:

@@ -173,9 +173,26 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     # A script may link or move objects and bake without a redraw: view layers and matrices are old until this update.
     context.view_layer.update()
     reason = object_checks.problem(context, job.low, job.highs, job.cage, settings.tracing.method)
+    reason = reason or covers_detail(
+        job.low, job.highs, [one.storing.image for one in settings_by_map(settings).values()]
+    )
     if reason:
         raise BakeError(reason)
     check_outputs(job.low, settings)
+
+
+def covers_detail(low: bpy.types.Object, highs: Sequence[bpy.types.Object], images: Iterable[str]) -> str:
+    """Why a bake of `low` onto itself may not fill these images, in a sentence: one holds a map of high objects, which were
+    not selected. Empty if it may."""
+    if not object_checks.is_itself(low, highs):
+        return ""
+    for name in images:
+        if before := outputs.replaced(name, [low.name]):
+            return (
+                f"The image {name!r} holds a map of {before}, and {low.name!r} would be baked onto itself: select {before} as "
+                "well, or choose another name for the image."
+            )
+    return ""
 
 
 def check_gpu() -> None:

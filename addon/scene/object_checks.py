@@ -243,21 +243,9 @@ def is_added(obj: bpy.types.Object) -> bool:
     return any(_adds_detail(modifier) for modifier in obj.modifiers if modifier.show_viewport or modifier.show_render)
 
 
-def without_detail(obj: bpy.types.Object) -> str:
-    """A clause for messages: the modifiers of `obj` add no detail."""
-    return f"whose modifiers ({shorten_list(modifier.name for modifier in obj.modifiers)}) add no detail"
-
-
-def _has_other_uvs(obj: bpy.types.Object) -> bool:
-    """Whether a mesh has several UV maps, so that what is seen by one can be baked by another."""
-    return obj.type == "MESH" and len(obj.data.uv_layers) > 1
-
-
 def _shows_other_uvs(obj: bpy.types.Object) -> bool:
-    if not _has_other_uvs(obj):
-        return False
-    layers = obj.data.uv_layers
-    return not (layers.active or layers[0]).active_render
+    layers = obj.data.uv_layers if obj.type == "MESH" else ()
+    return len(layers) > 1 and not (layers.active or layers[0]).active_render
 
 
 def _adds_detail(modifier: bpy.types.Modifier) -> bool:
@@ -306,14 +294,8 @@ def problem(
     twice = next((obj for number, obj in enumerate(highs) if obj in highs[:number]), None)
     if twice is not None:
         return f"{twice.name!r} is twice in the high objects: remove it once."
-    if low in highs:
-        if len(highs) > 1:
-            return (
-                f"{low.name!r} is both the low object and one of several high objects: remove it from the high objects."
-            )
-        if not (is_added(low) or _has_other_uvs(low)):
-            why = f", {without_detail(low)}" if low.modifiers else " and has no modifiers"
-            return f"{low.name!r} is both high and low{why}: choose another high object."
+    if low in highs and len(highs) > 1:
+        return f"{low.name!r} is both the low object and one of several high objects: remove it from the high objects."
     for obj in (low, *highs, *([cage] if cage else [])):
         needs_uv = obj == low or (obj in highs and method == Method.FLATTEN)
         reason = _mesh_problem(obj, evaluated=low not in highs, needs_uv=needs_uv)
@@ -355,11 +337,18 @@ def own_highs(low: bpy.types.Object | None) -> list[bpy.types.Object]:
     return [low] if low is not None and (is_added(low) or _shows_other_uvs(low)) else []
 
 
+def itself(low: bpy.types.Object | None) -> list[bpy.types.Object]:
+    """The high objects of `low` if no others are chosen: itself, for its materials and its shape."""
+    return [low] if low is not None and low.type == "MESH" else []
+
+
+def is_itself(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> bool:
+    """Whether `low` is baked onto itself, and no modifier adds detail to it."""
+    return list(highs) == [low] and not own_highs(low)
+
+
 def _no_high(low: bpy.types.Object) -> str:
-    if low.modifiers and not is_added(low):
-        why = without_detail(low)
-        return f"No high object for {low.name!r}, {why}: select the high object too, {low.name!r} last."
-    return f"No high object for {low.name!r}: select one as well, or give {low.name!r} modifiers that add detail."
+    return f"No high object for {low.name!r}: select one as well."
 
 
 def _object_problem(context: bpy.types.Context, obj: bpy.types.Object, *, is_high: bool) -> str:

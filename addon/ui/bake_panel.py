@@ -14,7 +14,7 @@ from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
 from ..jobs import bake_jobs, fixes
-from ..jobs.job import Job, by_material
+from ..jobs.job import Job, by_material, covers_detail
 from ..jobs.pair_checks import Finding
 from ..output import datablocks, map_names, materials, outputs
 from ..scene import evaluation, object_checks
@@ -190,7 +190,10 @@ def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
     reason = reason or object_checks.problem(context, low, highs, chosen.cage, values.tracing.method)
     if not reason and _is_unsaved(chosen):
         reason = message("The files of the bake go beside the .blend file: save it first.")
-    return reason or _material_problem(low, values) or weights_problem(low, values.tracing) or _clash(low, chosen.panel)
+    reason = (
+        reason or _material_problem(low, values) or weights_problem(low, values.tracing) or _clash(low, chosen.panel)
+    )
+    return reason or covers_detail(low, highs, [image.name for image in planned_images(low, chosen.panel)])
 
 
 def _missing(name: str) -> str:
@@ -242,6 +245,8 @@ def describe_bake(chosen: Chosen) -> str:
         Method.FLATTEN: message("Flattens {highs} onto {low}"),
         Method.CAST: message("Casts rays from {low} to {highs}"),
     }[chosen.rays.method]
+    if object_checks.is_itself(low, highs):
+        action = message("Bakes the materials and the shape of {low} itself")
     space = {
         Space.TANGENT: message("tangent space"),
         Space.OBJECT: message("object space"),
@@ -413,6 +418,7 @@ def _draw_plan(
     else:
         draw_paragraphs(box, context, [describe_bake(chosen)], "INFO")
         box.label(text=count_images(chosen.low, chosen.panel), translate=False)
+        draw_asset(box, chosen)
         draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
         draw_hidden(box, context, chosen.hidden(context))
         for text in _pose_notes(context, chosen):
@@ -429,18 +435,23 @@ def _draw_plan(
 
 
 def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
-    """A button for a high object that is missing, else one that makes a low object of an object alone, and one for a low object
-    without UVs, for a file that was never saved, or for objects that are hidden."""
+    """A button for a high object that is missing, a low object without UVs, a file that was never saved, or objects that are
+    hidden."""
     if chosen.missing:
         layout.operator("imprint.remove_missing", icon="X").high = chosen.missing[0]
-    elif chosen.low is not None and chosen.low.select_get() and not chosen.highs:
-        display.draw_operator(layout, "imprint.make_asset", enabled=True, icon="MESH_ICOSPHERE")
     elif object_checks.lacks_uvs(chosen.low):
         draw_button(layout, fixes.UNWRAP)
+        draw_asset(layout, chosen)
     elif _is_unsaved(chosen):
         layout.operator("wm.save_mainfile", icon="FILE_TICK")
     elif chosen.hidden(context):
         layout.operator("imprint.show_hidden", icon="HIDE_OFF")
+
+
+def draw_asset(layout: bpy.types.UILayout, chosen: Chosen) -> None:
+    """For an object alone, a button that takes it for a high object and makes the low one."""
+    if chosen.low.select_get() and object_checks.is_itself(chosen.low, chosen.highs):
+        display.draw_operator(layout, "imprint.make_asset", enabled=True, icon="MESH_ICOSPHERE")
 
 
 def draw_hidden(layout: bpy.types.UILayout, context: bpy.types.Context, hidden: Sequence[bpy.types.Object]) -> None:

@@ -145,6 +145,13 @@ class ImprintPair(bpy.types.PropertyGroup):
     is_own: labeled(
         BoolProperty, "Own Modifiers", "Whether the last bake was of the object's own modifiers", override=_OVERRIDABLE
     )
+    had_detail: labeled(
+        BoolProperty,
+        "Had Detail",
+        "Whether the object's modifiers added detail in its last bake, which must not be baked over without them",
+        default=True,
+        override=_OVERRIDABLE,
+    )
     cage: declared("cage", poll=is_mesh, override=_OVERRIDABLE)
     method: declared("method", override=_OVERRIDABLE)
     measure: declared("measure", override=_OVERRIDABLE)
@@ -167,9 +174,10 @@ class ImprintPair(bpy.types.PropertyGroup):
         return self.is_own or any(high.title for high in self.highs)
 
     def found(self) -> list[bpy.types.Object]:
-        """The high objects that exist; for a bake of its own modifiers, the low object while these add detail."""
+        """The high objects that exist; for a bake onto itself, the low object, unless detail of its modifiers is gone since."""
         if self.is_own:
-            return object_checks.own_highs(self.id_data)
+            low = self.id_data
+            return object_checks.own_highs(low) or ([] if self.had_detail else object_checks.itself(low))
         return [obj for high in self.highs if (obj := high.find()) is not None]
 
     def missing(self) -> list[str]:
@@ -274,7 +282,7 @@ def remember_objects(
     """Keep objects and settings with a low object. settings: as in Settings. measured: distances, where one is not set."""
     pair = low.imprint
     _touch_reference(low)
-    pair.is_own = list(highs) == [low]
+    pair.is_own, pair.had_detail = list(highs) == [low], not object_checks.is_itself(low, highs)
     pair.put([] if pair.is_own else highs)
     pair.method = str(settings["method"])
     if cage is not None or pair.method != Method.FLATTEN:  # Flatten uses none, and forgets none

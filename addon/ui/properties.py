@@ -129,8 +129,8 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         """The low object and the high ones: from the slots, else the active and the other selected objects.
 
         Without high objects, those of the low object's pair are used, whether they are hidden or not. For a low object without
-        a pair, they are those that are called as it is, as crate_high for crate_low; else it is its own high object if its
-        modifiers add detail. low: overrides the slot.
+        a pair, they are those that are called as it is, as crate_high for crate_low; else it is its own high object. low:
+        overrides the slot.
         """
         low = low or self.low or context.active_object
         if any(slot.title for slot in self.highs):
@@ -142,7 +142,8 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
         # A light or a camera that is selected too is no high object; where nothing else is, it is named as what it is.
         highs = list(filter(object_checks.may_show, selected))
         if pair is None or not pair.is_kept:
-            return Chosen(self, low, highs or self._called_as(context, low) or object_checks.own_highs(low) or selected)
+            highs = highs or self._called_as(context, low) or object_checks.own_highs(low) or selected
+            return Chosen(self, low, highs or object_checks.itself(low))
         highs = highs or pair.found()
         pair = self._pair_of(low, highs)
         return Chosen(self, low, highs, pair, pair.missing() if pair is not None else [])

@@ -162,7 +162,6 @@ CANNOT = {
     "high object misspelled": ([*BAKE, "--high", "hii", "--output", "m.png"], "did you mean 'hi'?"),
     "no similar name": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 'hi', 'lo'."),
     "a scene twice": (["scene/file.blend", *BAKE, "--output", "m.png"], "Cannot load from the current blend file"),
-    "no detail": ([*BAKE[:3], "--output", "m.png"], "--high is missing, and 'lo' has no modifiers"),
     "no such UV map": ([*BAKE, "--uv", "Lightmap", "--output", "m.png"], "'lo' has no UV layer 'Lightmap'"),
     "file for a folder": ([*BAKE, "--output", "broken.blend/m.png"], "Not a directory"),
 }

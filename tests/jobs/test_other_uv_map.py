@@ -54,14 +54,6 @@ def test_a_normal_map_is_turned_with_its_uv_map():
     assert np.abs(texels - (0.0, -0.6, 0.8)).max() < 1e-5
 
 
-def test_one_uv_map_is_not_baked_onto_itself():
-    square = textured(np.ones((SIZE, SIZE, 4)))
-    square.data.uv_layers.active = square.data.uv_layers["turned"]
-    assert object_checks.own_highs(square) == []
-    square.data.uv_layers.remove(square.data.uv_layers[feeds.BAKED])
-    assert "'square' is both high and low" in object_checks.problem(bpy.context, square, [square])
-
-
 @pytest.mark.parametrize("map_name", ["BASE_COLOR", "ROUGHNESS", "ATTRIBUTE"])
 def test_a_flat_normal_map_beside_maps_of_materials_is_as_it_should_be(map_name):
     """From one UV map to another, nothing but materials can differ."""

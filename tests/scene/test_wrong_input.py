@@ -129,11 +129,6 @@ def test_a_named_uv_layer_that_the_low_mesh_lacks(pair):
     assert repr(zoo.LAYER) in message  # the existing layer
 
 
-def test_low_and_high_the_same_without_modifiers(pair):
-    low, _ = pair
-    assert "'lo' is both high and low" in refusal(low, [low])
-
-
 def test_a_low_object_among_several_high_ones(pair):
     low, high = pair
     assert "'lo' is both the low object and one of several high objects" in refusal(low, [high, low])

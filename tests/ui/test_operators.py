@@ -361,7 +361,6 @@ def deleted(low, high):
 
 MISSING = {
     "nothing": (lambda low, high: None, "No low object"),
-    "no high object": (lambda low, high: select(low), "No high object for 'lo'"),
     "a camera": (a_camera, "'Camera' is of the type camera"),
     "a camera alone": (
         lambda low, high: (a_camera(low, high), high.select_set(False)),

@@ -159,16 +159,16 @@ def test_the_picture_of_a_bake_is_in_one_part_of_quad_view():
 
 
 def test_a_view_that_cannot_be_shown_reports_why_and_stays_off(pair):
-    bpy.context.scene.imprint.highs.clear()
+    bpy.context.scene.imprint.highs.add().object = pair[0]
     view().mode = "MAP"
-    assert viewer.message.startswith("No high object for 'lo'")
+    assert viewer.message.startswith("'lo' is both the low object and one of several high objects")
     assert viewer.is_idle
-    with pytest.raises(RuntimeError, match="No high object for 'lo'"):
+    with pytest.raises(RuntimeError, match="'lo' is both"):
         bpy.ops.imprint.view_next()
-    with pytest.raises(BakeError, match="No high object"):
+    with pytest.raises(BakeError, match="'lo' is both"):
         viewer.switch(bpy.context, Mode.SPLIT)
     assert viewer.is_idle
-    bpy.context.scene.imprint.highs.add().object = pair[1]
+    bpy.context.scene.imprint.highs.remove(1)
     view().mode = "MAP"
     assert (viewer.mode, viewer.message) == ("MAP", "")
 
@@ -195,8 +195,8 @@ def test_refresh_shows_changes(pair):
     assert not viewer.is_outdated(bpy.context)
     assert viewer.deviations.bare_mean > 1.5 * before
     assert viewer.shading.session.map.width == 128
-    bpy.context.scene.imprint.low = bpy.data.objects["hi"]
-    with pytest.raises(RuntimeError, match="'hi'"):
+    bpy.context.scene.imprint.highs.add().object = pair[0]
+    with pytest.raises(RuntimeError, match="'lo' is both"):
         bpy.ops.imprint.view_refresh()
     assert viewer.is_idle
     assert not bpy.ops.imprint.view_refresh.poll()

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests bakes of a mesh onto itself, without a high object: its materials and its shape."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon import api
+from addon.jobs import fixes
+from addon.scene import object_checks
+from tests.support import maps, scenes, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+OTHERS = ("AO", "BENT_NORMAL", "THICKNESS", "CURVATURE", "POSITION", "MATERIAL_ID", "BASE_COLOR", "ROUGHNESS")
+
+
+def closed(name="shape"):
+    """An icosphere with a dent, unwrapped, with a material whose roughness is 0.25."""
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3)
+    obj = bpy.context.object
+    obj.name = obj.data.name = name
+    points = np.empty(len(obj.data.vertices) * 3, np.float32)
+    obj.data.vertices.foreach_get("co", points)
+    points = points.reshape(-1, 3)
+    points[:, 2] -= 0.8 * np.exp(-8.0 * (points[:, 0] ** 2 + points[:, 1] ** 2)) * (points[:, 2] > 0.0)
+    obj.data.vertices.foreach_set("co", points.ravel())
+    material = bpy.data.materials.new("matte")
+    material.node_tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 0.25
+    obj.data.materials.append(material)
+    return obj
+
+
+def test_each_map_is_that_of_a_copy_that_is_the_high_object():
+    """A copy that was called _high could always be baked."""
+    obj = closed()
+    copy = bpy.data.objects.new("copy", obj.data)
+    bpy.context.scene.collection.objects.link(copy)
+    _, own = maps.bake_all_maps(obj, obj, maps=OTHERS)
+    report, expected = maps.bake_all_maps(obj, copy, maps=OTHERS, method="FLATTEN")
+    assert own.keys() == expected.keys() >= {name.lower() for name in OTHERS}
+    for name in expected:
+        np.testing.assert_array_equal(own[name], expected[name], err_msg=name)
+
+
+def test_its_own_shape_is_told_in_no_warning():
+    report = scenes.bake(closed(), bpy.context.object, method="AUTO", maps=("AO", "ROUGHNESS"))
+    assert report.method == "FLATTEN"
+    assert not [text for text in report.warnings if "flat" in text or "high object" in text]
+
+
+def test_a_normal_map_alone_that_is_flat_is_told():
+    report = scenes.bake(closed(), bpy.context.object, method="AUTO")
+    (warning,) = [text for text in report.warnings if "flat" in text]
+    assert "neither modifiers nor materials of 'shape'" in warning
+
+
+def test_a_dent_is_darker_than_the_rest():
+    obj = closed()
+    _, found = maps.bake_all_maps(obj, obj, maps=["AO", "POSITION"])
+    ao, position = found["ao"][..., 0], found["position"]
+    is_low = (position[..., 2] > 0.0) & (np.linalg.norm(position[..., :2], axis=-1) < 0.1) & (position[..., 3] > 0.0)
+    assert is_low.any()
+    assert ao[is_low].mean() < 0.75
+    outside = position[..., 2] < -0.2
+    assert ao[outside].min() > 0.99
+
+
+@pytest.mark.parametrize("kind", ["MIRROR", "SOLIDIFY", "TRIANGULATE", "ARMATURE", "EDGE_SPLIT"])
+def test_modifiers_count_and_the_base_mesh_gets_the_map(kind):
+    obj = closed()
+    obj.modifiers.new("Modifier", kind)
+    assert object_checks.is_itself(obj, [obj])
+    report = scenes.bake(obj, obj, method="AUTO", maps=("AO",))
+    assert report.missed == 0.0
+    assert report.coverage > 0.1
+
+
+def test_an_object_without_uvs_is_told_what_to_press():
+    obj = closed()
+    obj.data.uv_layers.remove(obj.data.uv_layers[0])
+    text = object_checks.problem(bpy.context, obj, [obj])
+    assert text == "'shape' has no UV layer: unwrap it first."
+    assert object_checks.lacks_uvs(obj)
+    assert fixes.UNWRAP
+
+
+def test_arrays_are_baked_onto_themselves():
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]], float)
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])  # a floor and a wall
+    uv = np.array([[0.5, 0], [1, 0], [1, 1], [0.5, 1], [0, 1], [0, 0]], float)
+    result = api.bake(api.Surface(points, triangles, uv), maps=["ao"], size=32)
+    ao = result.maps["ao"][..., 0]
+    assert ao[16, 17] < 0.8 < ao[16, 31]  # beside the wall, and far from it
+
+
+def test_zoo_planes_keep_their_normals():
+    """The identity: what a flat normal map of the mesh's own normals is."""
+    plane = zoo.plane("lo", 4)
+    texels = maps.bake(plane, plane)[..., :3] * 2.0 - 1.0
+    assert np.abs(texels - (0.0, 0.0, 1.0)).max() < 1e-6
