@@ -182,7 +182,7 @@ LAYERED = "#usda 1.0\n(\nsubLayers = [@./{}@]\n)\n"
 
 def test_what_an_archive_contains_is_not_named(root):
     inner = Path(archive(root / "inner.usdz", ("deep.usdc", usd_files.binary(usd_files.SUBLAYER)), ("part.usda", "")))
-    text = TEXT.replace("../b.usdc", "in/b.usdc").replace("e@f.usdz", "inner.usdz")
+    text = TEXT.replace("../b.usdc", "/former/b.usdc").replace("e@f.usdz", "inner.usdz")
     names = ["a.usda", "in/b.usdc", "c d.usd", "tex/skin.<UDIM>.png"]
     members = [("root.usda", text), ("inner.usdz", inner.read_bytes())]
     members += [(name.replace("<UDIM>", "1001"), "") for name in names]
@@ -190,7 +190,8 @@ def test_what_an_archive_contains_is_not_named(root):
     assert usd_layers.named(whole) == usd_layers.Named()
     assert problem(whole) == ""
     lacks = archive(root / "lacks.usdz", *members[:2])
-    assert set(usd_layers.named(lacks).layers) == {f"{lacks}[{name}]" for name in names[:3]}
+    paths = {f"{lacks}[a.usda]", "/former/b.usdc", f"{lacks}[c d.usd]"}
+    assert set(usd_layers.named(lacks).layers) == paths
     assert usd_layers.named(lacks).assets == (f"{lacks}[{names[3]}]",)
 
 

@@ -101,10 +101,10 @@ def _of_archive(path: str, content: mmap.mmap) -> Named:
     names = {posixpath.basename(name) for each in members for name in (each.name, _tiled(each.name))}
 
     def beside(member: usd_archives.Member, name: str) -> str:
-        if os.path.isabs(name):
-            return name
+        if posixpath.basename(name) in names:
+            return ""
         inside = posixpath.normpath(posixpath.join(posixpath.dirname(member.name), name))
-        return "" if posixpath.basename(name) in names else f"{path}[{inside}]"
+        return name if os.path.isabs(name) else f"{path}[{inside}]"
 
     layers = [member for member in members if member.is_layer]
     of_layers = [_of_layer(path, content, each.start, each.stop, partial(beside, each)) for each in layers]
