@@ -14,7 +14,7 @@ from addon.core.settings import Settings
 from addon.jobs import Job, live_session
 from addon.scene import mesh_reader
 from addon.scene.object_checks import ObjectRef
-from addon.ui import live as live_module
+from addon.ui import live_following
 from addon.ui.live import LiveState, live
 from tests.support import zoo
 from tests.support.following import follow, follows, fresh, is_fresh, move, shown, switch
@@ -665,11 +665,13 @@ def test_dyntopo_strokes_are_applied_once(pair, monkeypatch):
     enter_sculpt_mode(high)
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
-    asked, ask = [], live_module.Strokes.apply_delayed
-    monkeypatch.setattr(live_module.Strokes, "apply_delayed", lambda self: (asked.append(1), ask(self), sculpt(high)))
-    monkeypatch.setattr(live_module, "ANSWER", -1.0)
+    asked, ask = [], live_following.Strokes.apply_delayed
+    monkeypatch.setattr(
+        live_following.Strokes, "apply_delayed", lambda self: (asked.append(1), ask(self), sculpt(high))
+    )
+    monkeypatch.setattr(live_following, "ANSWER", -1.0)
     sculpt(high)
-    monkeypatch.setattr(live_module, "ANSWER", 1e6)
+    monkeypatch.setattr(live_following, "ANSWER", 1e6)
     follow()
     assert asked == [1]
     live.on_undo()
@@ -684,12 +686,12 @@ def test_strokes_are_not_applied_during_a_stroke(pair, monkeypatch):
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
     asked = []
-    monkeypatch.setattr(live_module.Strokes, "apply_delayed", lambda _: asked.append(1))
-    monkeypatch.setattr(live_module, "is_stroke_drawn", lambda: True)
+    monkeypatch.setattr(live_following.Strokes, "apply_delayed", lambda _: asked.append(1))
+    monkeypatch.setattr(live_following, "is_stroke_drawn", lambda: True)
     live.tick()
     live.tick()
     assert asked == []
-    monkeypatch.setattr(live_module, "is_stroke_drawn", lambda: False)
+    monkeypatch.setattr(live_following, "is_stroke_drawn", lambda: False)
     follow()
     assert asked == [1]
 
@@ -724,8 +726,8 @@ def test_live_looks_up_its_objects_once_per_change(pair, monkeypatch):
     """Blender searches all objects for each look-up: fifty times a second, this is too slow in large scenes."""
     switch(True)
     follow()
-    looked, resolve = [], live_module.uids_in_scenes
-    monkeypatch.setattr(live_module, "uids_in_scenes", lambda: (looked.append(1), resolve())[1])
+    looked, resolve = [], live_following.uids_in_scenes
+    monkeypatch.setattr(live_following, "uids_in_scenes", lambda: (looked.append(1), resolve())[1])
     monkeypatch.setattr(ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
     for _ in range(5):
         live.tick()

@@ -8,8 +8,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.ui import bake_results, results_panel
-from addon.ui import live as live_module
+from addon.ui import bake_results, live_following, results_panel
 from addon.ui.live import LiveState, live
 from tests.support import panel_layout, zoo
 from tests.support.following import follow
@@ -141,7 +140,7 @@ def test_another_bake_while_other_maps_are_drawn_does_not_change_them(pair, monk
 def test_other_maps_wait_for_a_longer_pause(pair, monkeypatch):
     bpy.context.scene.imprint.maps = {"HEIGHT"}
     clock = [100.0]
-    monkeypatch.setattr(live_module.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(live_following.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(live, "rest", 1.0)
     bpy.ops.imprint.live()
 
