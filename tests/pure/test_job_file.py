@@ -542,6 +542,29 @@ def test_a_missing_job_file(tmp_path):
         job_file.read(str(tmp_path / "none.toml"))
 
 
+DERIVED = {
+    "nothing": ({}, set()),
+    "a job file": ({"jobs": "j.toml"}, {"may_have_many", "has_table", "has_workers"}),
+    "a folder": ({"folder": "d"}, {"may_have_many", "has_table", "has_workers"}),
+    "a folder in this process": ({"folder": "d", "workers": 0}, {"may_have_many", "has_table"}),
+    "records": ({"resume": True}, {"has_records", "has_table"}),
+    "records of all": ({"force": True}, {"has_records", "has_table"}),
+    "a page": ({"sheet": "s.html"}, {"has_pictures", "has_table"}),
+    "pictures": ({"pictures": "p"}, {"has_pictures", "has_hashes", "has_table"}),
+    "a report": ({"report": "-"}, {"has_hashes"}),
+    "a limit": ({"timeout": 9.0}, {"needs_worker", "has_workers", "has_table"}),
+    "a log": ({"log": "l"}, {"needs_worker", "has_workers", "has_table"}),
+    "untrusted files": ({"untrusted": True}, {"needs_worker", "has_workers", "has_table", "has_hashes"}),
+}
+
+
+@pytest.mark.parametrize(("given", "expected"), DERIVED.values(), ids=DERIVED)
+def test_what_follows_from_the_options_of_a_run(given, expected):
+    found = RunOptions(**given)
+    names = set().union(*(names for _, names in DERIVED.values()))
+    assert {name for name in names if getattr(found, name)} == expected
+
+
 @pytest.mark.parametrize(("given", "has_files"), [({"folder": "d"}, False), ({"jobs": "j"}, False), ({}, True)])
 def test_untrusted_files_are_named(given, has_files):
     assert list(RunOptions(untrusted=True, **given).mistakes(has_files=has_files)) == []
