@@ -126,11 +126,10 @@ def check(simulated):
 
 CASES = list(itertools.product(GPUS, FAMILIES, LAYOUTS, [4096, 8192]))
 FAST = [
-    (gpu, family, list(LAYOUTS)[(i + j) % len(LAYOUTS)], (4096, 8192)[(i + j // 3) % 2])
-    for i, gpu in enumerate(GPUS)
+    (list(GPUS)[j % len(GPUS)], family, list(LAYOUTS)[j % len(LAYOUTS)], (4096, 8192)[j % 2])
     for j, family in enumerate(FAMILIES)
 ]
-"""Each two values of a GPU, a family, a layout and a size together."""
+IN_TURN = [(gpu, list(LAYOUTS)[i % len(LAYOUTS)]) for i, gpu in enumerate(GPUS)]
 
 
 @pytest.mark.parametrize("case", lanes.slow_but(FAST, CASES), ids=str)
@@ -141,18 +140,18 @@ def test_no_dispatch_is_long(simulate, case):
     check(simulated)
 
 
-@pytest.mark.parametrize("gpu", GPUS)
-@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("case", lanes.slow_but(IN_TURN, itertools.product(GPUS, LAYOUTS)), ids=str)
 @pytest.mark.parametrize("family", ["normals", "occlusion"])
-def test_no_dispatch_of_a_window_is_long(simulate, gpu, family, layout):
+def test_no_dispatch_of_a_window_is_long(simulate, case, family):
+    gpu, layout = case
     simulated = simulate(gpu)
     draw(simulated, LAYOUTS[layout], 4096, Pace(0.06, has_picture=False), **FAMILIES[family])
     check(simulated)
 
 
-@pytest.mark.parametrize("gpu", GPUS)
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_no_dispatch_of_flatten_is_long(simulate, gpu, layout):
+@pytest.mark.parametrize("case", lanes.slow_but(IN_TURN, itertools.product(GPUS, LAYOUTS)), ids=str)
+def test_no_dispatch_of_flatten_is_long(simulate, case):
+    gpu, layout = case
     simulated = simulate(gpu)
     draw(simulated, LAYOUTS[layout], 8192, Pace(), method="FLATTEN", maps=("AO", "BASE_COLOR"), detail_maps=True)
     draw(simulated, LAYOUTS[layout], 8192, Pace(), combined=True)

@@ -192,7 +192,7 @@ def finned(size=1.0):
     return zoo.build("Soup", points, np.concatenate([corners, fins]))
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-3])
+@pytest.mark.parametrize("size", [1e-3, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_soups_of_any_size_are_remeshed(size):
     soup = finned(size)
     with temporary.meshes():
@@ -262,6 +262,7 @@ def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch):
     assert outwards(*arrays(low)).all() and all_near(*arrays(low))
 
 
+@pytest.mark.slow
 def test_a_scan_of_single_triangles_is_thinned_too(monkeypatch):
     """None shares an edge with another one, and most are smaller than a cell."""
     monkeypatch.setattr(high_surface, "MOST_READ", 1000)
@@ -274,6 +275,7 @@ def test_a_scan_of_single_triangles_is_thinned_too(monkeypatch):
     assert np.abs(np.linalg.norm(arrays(low)[0], axis=1) - 1.0).max() < 0.1
 
 
+@pytest.mark.slow
 def test_triangles_that_folds_take_are_made_up_for(monkeypatch):
     def removed(points, triangles, around):
         return points, triangles[: -len(triangles) // 20]
@@ -289,7 +291,7 @@ def test_a_mesh_of_fewer_triangles_keeps_them_and_the_report_says_so():
     assert any("12 triangles, not 400" in text for text in report.warnings)
 
 
-@pytest.mark.parametrize(("size", "is_little"), [(24, True), (256, False)])
+@pytest.mark.parametrize(("size", "is_little"), [(24, True), pytest.param(256, False, marks=pytest.mark.slow)])
 def test_a_map_that_is_hardly_used_is_said(size, is_little):
     settings = Settings(width=size, height=size, storage="MEMORY", margin=2)
     report, _ = made([zoo.ball("Ball", 16)], Wanted(triangles=200), settings)
@@ -333,6 +335,7 @@ def test_a_map_too_small_for_its_margins_is_said():
     assert difference(before, snapshot()) == {}
 
 
+@pytest.mark.slow
 def test_a_limit_that_cannot_be_met_is_said_with_the_best():
     wanted = Wanted(degrees=0.01, triangles=60, distance=1e-6)
     report, low = made([zoo.terrain("Hills", 40, height=0.3)], wanted)
@@ -392,7 +395,7 @@ def test_maps_are_as_large_as_the_detail():
     assert report.size == (512, 512)
 
 
-@pytest.mark.parametrize(("scale", "side"), [(1.0, 512), (0.5, 256), (4.0, 2048)])
+@pytest.mark.parametrize(("scale", "side"), [(0.5, 256), pytest.param(4.0, 2048, marks=pytest.mark.slow)])
 def test_maps_have_the_texels_a_meter_that_are_wanted(scale, side):
     """A square of 2 units: 200 texels a meter are 400 times the meters of a unit, over the side of its island on the map."""
     bpy.context.scene.unit_settings.scale_length = scale
