@@ -20,7 +20,7 @@ def test_a_full_disk_is_an_error_at_the_end(tmp_path):
     file = ReportFile(tmp_path / "1.json", run_report.head(2))
     file.add(entry(1))
     file.add(entry(2))
-    with pytest.raises(BakeError, match="1.json.lines' could not be written: No space left on device"):
+    with pytest.raises(BakeError, match="1.json.lines' could not be written"):
         file.finish()
     file.close()
     assert not (tmp_path / "1.json").exists()
@@ -31,7 +31,7 @@ def test_a_disk_that_is_full_while_the_rows_are_written_is_an_error_at_the_end(t
     monkeypatch.setattr(tempfile, "TemporaryFile", lambda **_: open("/dev/full", "w+b"))  # noqa: SIM115
     sheet = SheetFile(tmp_path / "s.html", run_report.head(1))
     sheet.add(Entry(1, "a", image=b"p" * size))
-    with pytest.raises(BakeError, match="could not be written: No space left on device"):
+    with pytest.raises(BakeError, match="No space left on device"):
         sheet.finish()
     sheet.close()
     assert list(tmp_path.iterdir()) == []

@@ -361,7 +361,7 @@ def test_a_bake_whose_workers_leave_before_it_is_given_to_others(pool):
 @pytest.mark.parametrize("others", ["dies", None])
 def test_without_another_worker_the_third_that_does_not_start_ends_the_run(pool, others):
     """Those that ended while another was well do not count."""
-    with pytest.raises(NoGpu, match=r"^Blender does not start here: exit code 9\.$"):
+    with pytest.raises(NoGpu, match="does not start here: exit code 9"):
         pool(9, "dies", others, workers=2)
     assert len(pool.made) == worker_pool.MOST_STARTS + 1  # two start at once
     assert pool(4, ("waits", (), 1), "dies", "dies", ("waits", (), 1), "dies", "dies", "bakes") == states(4)
@@ -369,14 +369,14 @@ def test_without_another_worker_the_third_that_does_not_start_ends_the_run(pool,
 
 def test_workers_that_end_between_their_start_and_their_first_bake_are_not_started_for_ever(pool):
     """As where other machines have all bakes that are left."""
-    with pytest.raises(NoGpu, match=r"^Blender ends here before it bakes: exit code 9\.$"):
+    with pytest.raises(NoGpu, match="before it bakes: exit code 9"):
         pool(1, ("bakes", [Gone()]), looks=10**6)
     assert len(pool.made) == worker_pool.MOST_STARTS
 
 
 def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(pool):
     before = len(gc.get_referrers(worker_pool.WorkerPool))
-    with pytest.raises(BakeError, match="A process to bake in could not be started: Resource temporarily"):
+    with pytest.raises(BakeError, match="could not be started: Resource"):
         pool(1, None)
     gc.collect()
     assert len(gc.get_referrers(worker_pool.WorkerPool)) == before

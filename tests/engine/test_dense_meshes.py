@@ -293,9 +293,7 @@ def layers():
 def test_cast_refuses_more_triangles_than_fit(limited, options):
     low, *highs = layers()
     limited(FITTING - 1)
-    with pytest.raises(
-        BakeError, match="have 2,304 triangles together; Cast takes at most 2,303 triangles, and as many"
-    ):
+    with pytest.raises(BakeError, match="Cast takes at most 2,303 triangles"):
         maps.bake_all_maps(low, *highs, method="CAST", **{"maps": [], **options})
 
 
@@ -327,9 +325,7 @@ def test_more_vertices_than_fit_are_refused(limited):
     split.to_mesh(first.data)
     split.free()
     limited(2000)
-    with pytest.raises(
-        BakeError, match="have 1,152 triangles together; Cast takes at most 2,000 triangles, and as many"
-    ):
+    with pytest.raises(BakeError, match="Cast takes at most 2,000 triangles"):
         maps.bake(low, first, method="CAST")
 
 
@@ -339,5 +335,5 @@ def test_normals_that_do_not_fit_are_an_error_seed_3(limited):
     normals = np.random.default_rng(3).normal(size=(len(first.data.loops), 3)) * 0.2 + (0.0, 0.0, 1.0)
     first.data.normals_split_custom_set(normals / np.linalg.norm(normals, axis=1, keepdims=True))
     limited(FITTING)
-    with pytest.raises(BakeError, match="different values in a table; this GPU's textures hold 2,304"):
+    with pytest.raises(BakeError, match="this GPU's textures hold 2,304"):
         maps.bake(low, first, method="CAST")

@@ -125,7 +125,7 @@ def test_the_width_of_the_blend_is_rounded():
 def test_a_low_mesh_too_large_for_the_gpu_is_refused_with_the_limit(monkeypatch):
     low, high = zoo.plane("low", n=100), zoo.plane("high")
     monkeypatch.setattr(gpu.capabilities, "max_texture_size_get", lambda: 16)
-    with pytest.raises(BakeError, match="'low' has 20,000 triangles; rays take at most 16,384 of the low mesh"):
+    with pytest.raises(BakeError, match="rays take at most 16,384"):
         ray_cast(low, high)
 
 

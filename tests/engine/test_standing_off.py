@@ -75,12 +75,12 @@ def test_distances_that_are_set_are_never_too_far(settings):
 def test_objects_side_by_side_are_refused_as_before():
     low, high = zoo.cube("lo"), zoo.cube("hi")
     high.location.x = 3.2
-    with pytest.raises(BakeError, match="'lo' and 'hi' do not overlap: they are 1.2 m apart"):
+    with pytest.raises(BakeError, match="they are 1.2 m apart"):
         baked(low, high)
 
 
 def test_rays_that_are_too_short_say_so():
     low, high = zoo.plane("lo"), zoo.terrain("hi", 16, height=0.05)
     high.location.z = 0.5
-    with pytest.raises(BakeError, match="; without --extrusion and --max-distance they are measured"):
+    with pytest.raises(BakeError, match="without --extrusion and"):
         baked(low, high, extrusion=0.05, max_distance=0.1)

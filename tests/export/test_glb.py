@@ -431,7 +431,7 @@ def test_a_map_that_only_cycles_can_show_is_refused(tmp_path):
     low, high = bent_pair()
     low.scale = high.scale = SCALES["uneven"]
     report = bake(low, high, basis="CYCLES")
-    with pytest.raises(BakeError, match="'bent' is scaled more along one axis.*apply the scale"):
+    with pytest.raises(BakeError, match="'bent' is scaled more along one axis"):
         export(tmp_path / "out.glb", report)
     assert not list(tmp_path.iterdir())
 

@@ -95,7 +95,7 @@ def test_the_file_of_the_map_is_not_replaced(tmp_path, path):
 def test_half_the_normals_of_another_space_point_inwards():
     low = zoo.sphere("low")
     bake(low, zoo.sphere("high", n=64), space="OBJECT", image="object")
-    with pytest.raises(BakeError, match="point into 'low' when read in tangent space: choose another From Space"):
+    with pytest.raises(BakeError, match="choose another From Space"):
         converted(low, "object", {})
     assert "converted" not in bpy.data.images
 
@@ -493,7 +493,7 @@ def test_x_in_alpha_is_refused(low, tangent):
     """As in compressed maps of older engines: red and blue are white."""
     found, _ = tangent
     picture("swizzled", np.stack([np.ones((64, 64)), found[..., 1], np.ones((64, 64)), found[..., 0]], axis=-1))
-    with pytest.raises(BakeError, match="'swizzled' is no normal map of 'low': only"):
+    with pytest.raises(BakeError, match="'swizzled' is no normal map"):
         converted(low, "swizzled")
 
 

@@ -357,12 +357,12 @@ def test_live_and_conversions_do_not_replace_it():
     settings = settings_in("", image="both")
     bake(jobs.values(), settings)
     job = jobs["a"]
-    with pytest.raises(BakeError, match="'both' also has the map of 'b_low', which Live would replace"):
+    with pytest.raises(BakeError, match="'b_low', which Live would replace"):
         Session(bpy.context, job, settings, Pace())
     single = settings_in("", image="single")
     bake([job], single)
     conversion = convert.Conversion(job.low, bpy.data.images["single"], StoredNormals())
-    with pytest.raises(BakeError, match="'both' also has the map of 'b_low', which the converted map would replace"):
+    with pytest.raises(BakeError, match="'b_low', which the converted map"):
         convert.convert(bpy.context, conversion, settings_in("", image="both", space="OBJECT"))
 
 
@@ -417,7 +417,7 @@ def test_a_sequence_does_not_replace_it(tmp_path):
     jobs = pairs("ab")
     bake(jobs.values(), settings_in(tmp_path, image="both", output="m.png"))
     frames = settings_in(tmp_path / "frames", image="both", output="m_####.png", depth=16)
-    with pytest.raises(BakeError, match="'both' also has the map of 'b_low', which the sequence would replace"):
+    with pytest.raises(BakeError, match="'b_low', which the sequence would"):
         finish(bake_jobs.work_on_frames(bpy.context, jobs["a"], frames, [1, 2], Pace()))
     assert bpy.data.images["both"].source == "FILE"
     assert not (tmp_path / "frames").exists()
@@ -447,9 +447,7 @@ def test_a_file_that_changes_during_the_bake_is_not_replaced(change, values, tmp
     next(step for step in steps if step.what == "Storing")
     change(path)
     after = path.read_bytes() if path.exists() else None
-    with pytest.raises(
-        BakeError, match="was deleted or changed during the bake, and also has the map of other objects"
-    ):
+    with pytest.raises(BakeError, match="also has the map of other objects"):
         finish(steps)
     assert (path.read_bytes() if path.exists() else None) == after
     assert set(tmp_path.iterdir()) <= {path}
@@ -461,7 +459,7 @@ def test_an_image_that_is_deleted_during_the_bake_is_missed():
     steps = bake_jobs.work(bpy.context, [jobs["b"]], settings, Pace(), share_image=True)
     next(step for step in steps if step.what == "Storing")
     bpy.data.images.remove(bpy.data.images["atlas_normal"])
-    with pytest.raises(BakeError, match="'atlas_normal' was deleted or changed during the bake"):
+    with pytest.raises(BakeError, match="'atlas_normal' was deleted or changed"):
         finish(steps)
 
 
@@ -503,7 +501,7 @@ def test_paint_that_was_not_saved_is_not_lost(tmp_path):
     jobs = pairs("ab")
     bake(jobs.values(), settings)
     bpy.data.images["atlas_normal"].pixels[0] = 0.25
-    with pytest.raises(BakeError, match="'atlas_normal' has unsaved changes, also on 'a_low': save it first"):
+    with pytest.raises(BakeError, match="unsaved changes, also on 'a_low'"):
         bake([jobs["b"]], settings)
 
 

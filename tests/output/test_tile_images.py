@@ -223,7 +223,7 @@ def test_other_tiles_of_another_format_stop_the_bake(tmp_path):
     """They would become PNG files with the ending .exr."""
     image = store(*TILES, depth=8)
     before, bytes_before = snapshot(), packed(image)
-    with pytest.raises(BakeError, match="^Tile 1001 of the image 'map' would be lost: bake it as well, or choose"):
+    with pytest.raises(BakeError, match="Tile 1001 .* would be lost"):
         store(1002, storage="FILE", output=str(tmp_path / "map.exr"))
     assert os.listdir(tmp_path) == []
     assert difference(before, snapshot()) == {}
@@ -235,7 +235,7 @@ def test_other_tiles_that_would_overwrite_different_files_stop_the_bake(tmp_path
     store(*TILES, storage="FILE", depth=8, output=str(tmp_path / "map.png"))
     image = store(*TILES, seed=1, depth=8)
     before, files = packed(image), {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(BakeError, match="^Tile 1001 of the image 'map' would be lost"):
+    with pytest.raises(BakeError, match="Tile 1001 .* would be lost"):
         store(1002, storage="FILE", depth=8, output=str(tmp_path / "map.png"))
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == files
     assert packed(image) == before
@@ -246,7 +246,7 @@ def test_painted_tiles_are_not_lost(storage, udim, tmp_path):
     image = store(*TILES)
     image.pixels[0] = 0.25
     before = snapshot()
-    with pytest.raises(BakeError, match="^The image 'map' has tiles with unsaved changes: save or pack it first.$"):
+    with pytest.raises(BakeError, match="tiles with unsaved changes"):
         store(1002, storage=storage, udim=udim, output=str(tmp_path / "map.png"))
     assert difference(before, snapshot()) == {}
     image.pack()
@@ -442,7 +442,7 @@ def test_a_tile_of_another_map_that_would_be_lost_stops_all_maps(tmp_path):
     height = store(1001, depth=8, image="map_height")  # a packed PNG, not an EXR
     (tmp_path / "map.1002.exr").write_bytes(b"an old picture")
     before, bytes_before = snapshot(), packed(height)
-    with pytest.raises(BakeError, match="^Tile 1001 of the image 'map_height' would be lost"):
+    with pytest.raises(BakeError, match="'map_height' would be lost"):
         bake(low, high, tiles=(1002,), maps=("HEIGHT",), storage="FILE", output=str(tmp_path / "map.exr"))
     assert difference(before, snapshot()) == {}
     assert packed(height) == bytes_before
@@ -475,9 +475,7 @@ def test_all_files_are_restored_if_one_cannot_be_replaced(tmp_path, names, monke
 def test_a_stray_uv_does_not_bake_hundreds_of_tiles():
     low, high = zoo.plane("low", n=2), zoo.plane("high")
     low.data.uv_layers[0].uv[0].vector = 1e6, 1e6
-    with pytest.raises(
-        BakeError, match=r"^'low' covers 1000 UDIM tiles: list the tiles to bake, or look for stray UVs\.$"
-    ):
+    with pytest.raises(BakeError, match="'low' covers 1000 UDIM tiles"):
         bake(low, high, storage="PACK")
     assert bake(low, high, storage="PACK", tiles=(1001,)).tiles == [1001]
 

@@ -289,14 +289,14 @@ def test_a_new_group_changes_nothing():
 def test_flatten_needs_no_group():
     low, high = zoo.plane("lo"), zoo.plane("hi")
     assert read_weights(low, high, method="FLATTEN", **NAMES).offset is None
-    with pytest.raises(BakeError, match="'lo' has no vertex group 'far': name one that it has"):
+    with pytest.raises(BakeError, match="'lo' has no vertex group 'far'"):
         read_weights(low, high, method="AUTO", **NAMES)
 
 
 def test_a_group_with_a_similar_name_is_suggested():
     low = zoo.plane("lo")
     paint(low, "farther", [0.0] * 4)
-    with pytest.raises(BakeError, match=r"'lo' has no vertex group 'fahrter': did you mean 'farther'\?$"):
+    with pytest.raises(BakeError, match="did you mean 'farther'"):
         read_weights(low, offset_group="fahrter")
 
 
@@ -347,7 +347,7 @@ def test_modifiers_that_remove_the_group_are_named():
         tree.links.new(node.outputs[0], last.inputs[0])
 
     with_nodes(low, remove)
-    with pytest.raises(BakeError, match="The modifiers of 'lo' remove its vertex group 'far'"):
+    with pytest.raises(BakeError, match="remove its vertex group 'far'"):
         read_weights(low, offset_group="far")
 
 
