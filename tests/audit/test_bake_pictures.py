@@ -7,21 +7,15 @@ import pytest
 
 from addon.audit.pictures import BACKGROUND, PICTURE_SIDE, UNKNOWN, BakePictures, add_greatest, square_means
 from addon.core.map_types import NORMAL
-from addon.core.settings import Settings
 from addon.jobs import Job, Wants, bake_jobs
 from addon.mesh.triangle_mesh import Mesh
-from tests.support import zoo
+from tests.support import scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 FLAT = (128, 128, 255)
 TILTED = (0.6, 0.0, 0.8)
 """The normal of a high plane with slope -0.75 along x."""
-
-
-def settings(**values):
-    usual = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    return Settings(**{"width": 64, "height": 64, **usual, **values})
 
 
 def square(*, uv_offset=(0.0, 0.0), to_world=None):
@@ -45,7 +39,7 @@ def stored(color, size=(64, 64), state=2):
 
 
 def pictures(low, tiles=(1001,), **values):
-    return BakePictures(low, tiles, settings(**values), is_wanted=True)
+    return BakePictures(low, tiles, scenes.settings(**values), is_wanted=True)
 
 
 def parts(result):
@@ -223,9 +217,9 @@ def test_values_that_are_no_shares_are_stretched():
 def test_a_bake_has_a_picture_if_it_is_asked_for(values):
     job = Job(zoo.terrain("low", n=9, height=0.3), [zoo.terrain("high", n=48, height=0.3)])
     bpy.context.view_layer.update()
-    (plain,) = bake_jobs.bake_all(bpy.context, [job], settings(**values))
+    (plain,) = bake_jobs.bake_all(bpy.context, [job], scenes.settings(**values))
     assert plain.picture is None
-    (report,) = bake_jobs.bake_all(bpy.context, [job], settings(**values), wants=Wants(pictured=True))
+    (report,) = bake_jobs.bake_all(bpy.context, [job], scenes.settings(**values), wants=Wants(pictured=True))
     drawn, lit, deviation = parts(report.picture)
     assert "picture" not in report.to_dict()
     for picture in (drawn, lit, deviation):
@@ -237,5 +231,5 @@ def test_a_shared_map_has_a_picture_of_each_low_mesh():
     lows = [zoo.plane("a"), zoo.plane("b")]
     jobs = [Job(low, [zoo.plane(f"{low.name}_high", slope=0.4)]) for low in lows]
     bpy.context.view_layer.update()
-    found = bake_jobs.bake_all(bpy.context, jobs, settings(), wants=Wants(pictured=True), share_image=True)
+    found = bake_jobs.bake_all(bpy.context, jobs, scenes.settings(), wants=Wants(pictured=True), share_image=True)
     assert [report.picture.shape for report in found] == [(PICTURE_SIDE, 3 * PICTURE_SIDE, 3)] * 2

@@ -8,14 +8,13 @@ from mathutils import Matrix, Vector
 
 from addon.audit.deviations import AngleCounts
 from addon.core.progress import Pace
-from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import Job, Wants, bake_jobs, live_session
 from addon.passes import target
 from addon.ui import view_scene, view_shading
 from addon.ui.view_shading import Mode
 from tests.engine.test_stacked_uvs import asymmetric, bump, half, mirrored
-from tests.support import angles, maps, raster, zoo
+from tests.support import angles, maps, raster, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -28,8 +27,7 @@ OF_8_BITS = (0.1, 0.6)
 
 
 def settings(**values):
-    usual = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    return Settings(**{**usual, "width": SIZE[0], "height": SIZE[1], **values})
+    return scenes.settings(**{"width": SIZE[0], "height": SIZE[1]} | values)
 
 
 def measured(lows, highs, chosen, *, share_image=False):
@@ -236,8 +234,8 @@ def baked(low, *highs, **values):
 
 
 def chosen(**values):
-    usual = {"margin": 0, "depth": 32, "storage": "MEMORY", "material": False, "image": "map"}
-    return Settings(**{**usual, "width": PARTS_SIZE, "height": PARTS_SIZE, **values})
+    size = {"width": PARTS_SIZE, "height": PARTS_SIZE}
+    return scenes.settings(**{"method": "AUTO", "image": "map"} | size | values)
 
 
 def between_halves(high):

@@ -11,7 +11,7 @@ from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import Job, bake_jobs, bake_pair
-from tests.support import angles, raster, zoo
+from tests.support import angles, raster, scenes, zoo
 from tests.support.maps import pixels
 from tests.support.seen_frames import frames
 
@@ -30,8 +30,7 @@ def terrains():
 
 
 def settings(**values):
-    usual = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, "targets": ALL}
-    return Settings(**{**usual, "width": SIZE[0], "height": SIZE[1], "basis": "CYCLES", **values})
+    return scenes.settings(**{"targets": ALL, "width": SIZE[0], "height": SIZE[1], "basis": "CYCLES"} | values)
 
 
 def expected(low, texels, chosen, target):

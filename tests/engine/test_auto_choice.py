@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.core.settings import Settings
-from addon.jobs import bake_pair
 from addon.mesh import uv_islands
 from addon.scene import mesh_reader
-from tests.support import angles, lanes, maps
+from tests.support import angles, lanes, maps, scenes
 from tests.support.real_meshes import FAST, PAIRS, open_pair
 
 pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
@@ -48,8 +46,7 @@ CHANGES = {
 
 
 def bake(low, high, method):
-    values = {"width": 256, "height": 256, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    report = bake_pair(bpy.context, low, [high], Settings(method=method, space="WORLD", image="map", **values))
+    report = scenes.bake(low, high, method=method, space="WORLD", image="map", size=256)
     return maps.pixels(bpy.data.images["map"]), report
 
 

@@ -14,9 +14,9 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import tree_cache
-from addon.jobs import Job, bake, bake_all, bake_pair
+from addon.jobs import Job, bake, bake_all
 from addon.jobs.live_session import Session
-from tests.support import angles, cycles, lanes, maps, oracle, zoo
+from tests.support import angles, cycles, lanes, maps, oracle, scenes, zoo
 from tests.support.real_meshes import FAST, PAIRS, open_pair
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -43,17 +43,7 @@ def pair_and_distances(folder, name):
 
 def cast(low, *highs, cage=None, **settings):
     """Texels and the report."""
-    width, height = settings.pop("size", (64, 64))
-    values = {
-        "method": "CAST",
-        "margin": 0,
-        "depth": 32,
-        "storage": "MEMORY",
-        "material": False,
-        "image": "cast",
-        **settings,
-    }
-    report = bake_pair(bpy.context, low, highs, Settings(width=width, height=height, **values), cage)
+    report = scenes.bake(low, *highs, cage=cage, **{"method": "CAST", "image": "cast"} | settings)
     return maps.pixels(bpy.data.images[report.image]), report
 
 

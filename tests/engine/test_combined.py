@@ -10,7 +10,7 @@ from addon.engine import bands, margins, tree_cache
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_names, outputs
 from addon.passes import target
-from tests.support import zoo
+from tests.support import scenes, zoo
 from tests.support.maps import pixels, texel_uv
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -22,8 +22,7 @@ RAYS = {"extrusion": 0.5, "max_distance": 1.0}
 
 def bake(low, *highs, cage=None, **settings):
     """The report and, by name, the texels of the normal map and the other maps, as float images in memory."""
-    values = {"width": SIZE, "height": SIZE, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    report = bake_pair(bpy.context, low, highs, Settings(**{"image": "map", **values, **settings}), cage)
+    report = scenes.bake(low, *highs, cage=cage, **{"method": "AUTO", "image": "map", "size": SIZE} | settings)
     beside = {name: pixels(bpy.data.images[found["image"]]) for name, found in report.maps.items()}
     return report, {"normal": pixels(bpy.data.images["map"]), **beside}
 

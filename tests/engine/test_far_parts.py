@@ -5,10 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.settings import Settings
 from addon.engine.unsure_texels import REASONS
-from addon.jobs import bake_pair
-from tests.support import maps, zoo
+from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -23,8 +21,7 @@ def bake(height, *, size=0.25, low=None, **settings):
     low, base, plate = low or zoo.plane("lo", 4), zoo.plane("hi", 4), zoo.plane("plate")
     plate.scale, plate.location = (size, size, 1.0), (0.0, 0.0, height)
     bpy.context.view_layer.update()
-    values = {"method": "CAST", "maps": ("HEIGHT",), "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    report = bake_pair(bpy.context, low, [base, plate], Settings(width=SIZE, height=SIZE, **values | settings))
+    report = scenes.bake(low, base, plate, **{"method": "CAST", "maps": ("HEIGHT",), "size": SIZE} | settings)
     return maps.pixels(bpy.data.images[report.maps["height"]["image"]])[..., 0], report
 
 

@@ -5,9 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.settings import Settings
-from addon.jobs import Job, bake_all, bake_pair
-from tests.support import maps, zoo
+from addon.jobs import Job, bake_all
+from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -19,9 +18,8 @@ HEIGHT = 0.5
 
 def bake(low, *highs, cage=None, **settings):
     """Texels (SIZE, SIZE, 4), and the report."""
-    values = {"method": "CAST", "space": "OBJECT", "margin": 0, "depth": 32, "storage": "MEMORY", "image": "painted"}
-    values |= {"width": SIZE, "height": SIZE} | settings
-    report = bake_pair(bpy.context, low, highs, Settings(**values), cage)
+    values = {"method": "CAST", "space": "OBJECT", "image": "painted", "size": SIZE} | settings
+    report = scenes.bake(low, *highs, cage=cage, **values)
     return maps.pixels(bpy.data.images[report.image]), report
 
 
@@ -193,9 +191,8 @@ def test_in_an_atlas_each_low_mesh_has_its_own_weights():
             obj.location.y = 10.0 * number
         jobs.append(Job(low, highs))
     paint(jobs[0].low, "far", 0.0)
-    settings = {"method": "CAST", "space": "OBJECT", "margin": 0, "depth": 32, "storage": "MEMORY", "image": "all"}
-    settings |= {"width": SIZE, "height": SIZE, "extrusion": 0.2, "max_distance": 0.4, "offset_group": "far"}
-    bake_all(bpy.context, jobs, Settings(**settings), share_image=True)
+    values = {"space": "OBJECT", "image": "all", "extrusion": 0.2, "max_distance": 0.4, "offset_group": "far"}
+    bake_all(bpy.context, jobs, scenes.settings("CAST", size=SIZE, **values), share_image=True)
     texels = maps.pixels(bpy.data.images["all"])[..., :3]
     assert np.allclose(texels[:, : SIZE // 2], expected([0.0]), atol=1e-6)
     assert np.allclose(texels[:, SIZE // 2 :], expected([0.2]), atol=1e-6)

@@ -5,9 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.settings import Settings
-from addon.jobs import bake_pair
-from tests.support import judge, lanes, maps
+from tests.support import judge, lanes, maps, scenes
 from tests.support.real_meshes import open_pair
 
 pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
@@ -80,10 +78,7 @@ def test_where_no_layer_is_near_the_map_is_that_of_the_outermost_hit(shared_asse
     low, high = open_pair(shared_assets, name)
 
     def bake(**settings):
-        values = {"width": 512, "height": 512, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-        report = bake_pair(
-            bpy.context, low, [high], Settings(method="CAST", space="WORLD", image="map", **values, **settings)
-        )
+        report = scenes.bake(low, high, method="CAST", space="WORLD", image="map", size=512, **settings)
         return maps.pixels(bpy.data.images["map"]), report
 
     own, report = bake()

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from addon.core.progress import Pace
-from addon.core.settings import Settings
 from addon.jobs import Job
 from addon.jobs.live_session import Session
-from tests.support import maps, zoo
+from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -145,8 +144,7 @@ def test_a_surface_shows_its_modeled_half_on_its_own_base_mesh():
 def test_live_draws_the_same_also_after_a_change_of_the_high_mesh():
     low, high = mirrored(), half("high", 1, n=32)
     high.modifiers.new("Mirror", "MIRROR")
-    chosen = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    session = Session(bpy.context, Job(low, [high]), Settings(width=64, height=64, **chosen), Pace())
+    session = Session(bpy.context, Job(low, [high]), scenes.settings(), Pace())
     session.run(bpy.context)
     before = session.meshes
     bump(high)

@@ -13,9 +13,7 @@ from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 from mathutils.kdtree import KDTree
 
-from addon.core.settings import Settings
-from addon.jobs import bake_pair
-from tests.support import angles, judge, maps
+from tests.support import angles, judge, maps, scenes
 from tests.support.real_meshes import open_pair
 
 pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
@@ -51,10 +49,7 @@ def bake(assets, name, *, below=np.inf):
     """Bake a file without any setting. below: high triangles are part of the truth where z is less."""
     layers = judge.module(assets)
     low, high = open_pair(assets, name, "layers")
-    values = {"width": SIZE, "height": SIZE, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    report = bake_pair(
-        bpy.context, low, [high], Settings(method="CAST", space="WORLD", maps=("POSITION",), image="map", **values)
-    )
+    report = scenes.bake(low, high, method="CAST", space="WORLD", maps=("POSITION",), image="map", size=SIZE)
     texels = maps.pixels(bpy.data.images["map"])
     position = maps.pixels(bpy.data.images[report.maps["position"]["image"]])[..., :3].astype(np.float64)
 
