@@ -77,6 +77,7 @@ class MapType:
         label, tooltip: In the interface.
         suffix: The ending of the names of its image and files; empty for the map that the settings name.
         short_suffix: The same in names such as T_rock_N, if there is a usual one.
+        painter_suffix: The same in names such as rock_normal_base, by which Substance 3D Painter finds mesh maps.
         range: Only for maps of numbers.
         labeled: Only for maps of labels.
         index: In the shader that draws the family.
@@ -100,6 +101,7 @@ class MapType:
     socket: str = ""
     is_color: bool = False
     is_vector: bool = False
+    painter_suffix: str = ""
 
     @property
     def is_scalar(self) -> bool:
@@ -153,6 +155,7 @@ HEIGHT = MapType(
     "H",
     range=Range.SIGNED,
     index=1,
+    painter_suffix="height_base",
 )
 VECTOR_DISPLACEMENT = MapType(
     "DISPLACEMENT",
@@ -172,6 +175,7 @@ AO = MapType(
     "ao",
     "AO",
     family=Family.OPENNESS,
+    painter_suffix="ambient_occlusion",
 )
 BASE_COLOR = _of_socket("BASE_COLOR", "Base Color", "Base Color", "BC", is_color=True)
 ROUGHNESS = _of_socket("ROUGHNESS", "Roughness", "Roughness", "R")
@@ -245,6 +249,7 @@ OTHERS = (
         labeled=Labeled.MATERIALS,
         index=6,
         is_deep=False,
+        painter_suffix="id",
     ),
     AO,
     MapType(
@@ -255,6 +260,7 @@ OTHERS = (
         Kind.NORMAL,
         "bent_normal",
         family=Family.OPENNESS,
+        painter_suffix="bent_normals_base",
     ),
     MapType(
         "THICKNESS",
@@ -298,7 +304,7 @@ OTHERS = (
     WIDENED_ROUGHNESS,
     METALLIC,
     EMISSION,
-    _of_socket("ALPHA", "Alpha", "Alpha"),
+    replace(_of_socket("ALPHA", "Alpha", "Alpha"), painter_suffix="opacity_base"),
     _of_socket("SPECULAR", "Specular", "Specular IOR Level"),
     _of_socket("TRANSMISSION", "Transmission", "Transmission Weight"),
     _of_socket("COAT", "Coat", "Coat Weight"),

@@ -23,6 +23,9 @@ _NORMAL = re.compile(rf"(?:[._ -](?:normal|ddn))?{_TILE}", re.IGNORECASE)
 _SHORT_NORMAL = re.compile(rf"(?<=_)N{_TILE}")
 """What the short suffix of another map replaces at the end of a name that starts with T_, as Unreal's textures are named."""
 
+_PAINTER_NORMAL = re.compile(rf"_normal_base{_TILE}", re.IGNORECASE)
+"""What the painter_suffix of another map replaces at the end of a name that Substance 3D Painter takes for a normal map."""
+
 
 def name_for(low_name: str, storing: StorageSettings, material: str = "") -> str:
     """The name of the image datablock, with the names of the low object and of the material in place of placeholders.
@@ -89,6 +92,8 @@ def _named(name: str, map_type: MapType) -> str:
     """The name of another map, from that of the normal map."""
     if _is_short(name):
         return _SHORT_NORMAL.sub(map_type.short_suffix or map_type.suffix, name)
+    if _PAINTER_NORMAL.search(name):
+        return _PAINTER_NORMAL.sub(f"_{map_type.painter_suffix or map_type.suffix}", name)
     return _NORMAL.sub(f"_{map_type.suffix}", name, count=1)
 
 

@@ -4,7 +4,7 @@
 import pytest
 
 from addon.core import naming
-from addon.core.declarations.targets import TARGETS
+from addon.core.declarations.targets import CHOICES, TARGETS
 from addon.core.map_types import BY_NAME
 from addon.core.settings import Settings, StorageSettings
 from addon.output import map_names
@@ -14,6 +14,28 @@ from addon.output.map_names import settings_by_map
 def beside(name, **settings):
     settings = {"image": "rock_normal", "storage": "FILE", "output": "maps/rock.png", "depth": 16, **settings}
     return map_names.beside(Settings(**settings), BY_NAME[name])
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    {
+        "AO": "rock_ambient_occlusion",
+        "BENT_NORMAL": "rock_bent_normals_base",
+        "CURVATURE": "rock_curvature",
+        "HEIGHT": "rock_height_base",
+        "MATERIAL_ID": "rock_id",
+        "ALPHA": "rock_opacity_base",
+        "POSITION": "rock_position",
+        "THICKNESS": "rock_thickness",
+        "ROUGHNESS": "rock_roughness",
+    }.items(),
+)
+def test_substance_painter_finds_its_mesh_maps_by_their_names(name, expected):
+    """As its manual lists them: helpx.adobe.com/substance-3d-painter, Mesh Map."""
+    assert beside(name, image="rock_normal_base").storing.image == expected
+    tiles = beside(name, storage="FILE", output="rock_normal_base.<UDIM>.png").storing.output
+    assert tiles == f"{expected}.<UDIM>.png"
+    assert CHOICES["Substance 3D"].names.format(name="rock") == "rock_normal_base"
 
 
 def test_a_map_is_named_by_its_suffix():
@@ -71,7 +93,7 @@ def test_short_suffixes_are_distinct():
 @pytest.mark.parametrize("names", dict.fromkeys(target.names for target in TARGETS))
 def test_the_suffix_takes_the_place_of_the_ending_of_each_preset(names):
     name = naming.fill_low(names, "rock")
-    assert beside("THICKNESS", image=name).storing.image == f"{name.rpartition('_')[0]}_thickness"
+    assert beside("THICKNESS", image=name).storing.image == f"{name.removesuffix('_base').rpartition('_')[0]}_thickness"
 
 
 @pytest.mark.parametrize(

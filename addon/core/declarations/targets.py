@@ -54,6 +54,8 @@ class TargetEngine:
 
 _LINEAR = "As a normal map, linear"
 _WITH_TANGENTS = "Export with *Tangents*; viewers read 8 bits"
+_PAINTER = f"{NAME}_normal_base"
+"""Names by which Substance 3D Painter finds its mesh maps: those of other maps follow, see MapType.painter_suffix."""
 _OF_UNITY = "Texture type *Normal map*; model: tangents *Calculate Mikktspace* or *Import*"
 _OF_GODOT = "Normal map *Enabled* in the texture's import settings; the mesh exported with tangents"
 
@@ -161,7 +163,7 @@ TARGETS = (
         depth=16,
         names="{name}_ddn",
     ),
-    TargetEngine("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance 3D", _LINEAR, depth=16),
+    TargetEngine("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance 3D", _LINEAR, depth=16, names=_PAINTER),
     TargetEngine(
         "substance",
         "Substance 3D",
@@ -169,6 +171,7 @@ TARGETS = (
         "Substance 3D",
         "*Compute tangent space per fragment* off",
         depth=16,
+        names=_PAINTER,
     ),
     TargetEngine(
         "substance-per-fragment",
@@ -177,6 +180,7 @@ TARGETS = (
         "Substance (fragment)",
         "*Compute tangent space per fragment* on",
         depth=16,
+        names=_PAINTER,
     ),
     TargetEngine("directx", "DirectX", bases.MIKKTSPACE, "DirectX", _LINEAR, green=DOWN, depth=16),
     TargetEngine(
