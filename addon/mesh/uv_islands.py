@@ -2,6 +2,7 @@
 """Finds UV islands, and faces that lie on the same place in UV space."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -93,8 +94,12 @@ def without_copies(mesh: Mesh) -> np.ndarray:
 def moved_copies(mesh: Mesh) -> np.ndarray:
     """Which triangles (T,) bool lie outside the tile 0 to 1 and, moved back by whole tiles, on faces inside it.
 
-    Artists move mirrored parts like this so that only one half is baked. `mesh` must have faces.
+    Artists move mirrored parts like this so that only one half is baked. `mesh` must have faces. They are found once.
     """
+    return mesh.remembered("moved copies", (), partial(_moved_copies, mesh))
+
+
+def _moved_copies(mesh: Mesh) -> np.ndarray:
     outside = uv_layout.outside(mesh)
     if not outside.any():
         return outside
