@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The engine's door: meshes as arrays in, maps as arrays out, without files and without Blender's data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
 
@@ -42,13 +42,19 @@ def bake(meshes: Meshes, run: Run) -> Task[dict[int, dict[str, Map]]]:
     """
     plan = plan_of(meshes, run.settings, run.timings)
     drawing = yield from part(draw(plan, run), 0.0, READY)
-    maps, share = {}, (1.0 - READY) / len(plan.tiles)
-    for number, tile in enumerate(plan.tiles):
-        start = READY + number * share
-        maps[tile] = yield from part(drawing.texels(tile), start, start + share)
+    maps = {}
+    for tile, start, stop in shares_of_tiles(plan):
+        maps[tile] = yield from part(drawing.texels(tile), start, stop)
     if not any(state.any() for of_tile in maps.values() for _, state in of_tile.values()):
         raise BakeError(nothing_drawn(plan))
     return maps
+
+
+def shares_of_tiles(plan: Plan) -> Iterator[tuple[int, float, float]]:
+    """Each UDIM tile, with the share of the bake that is done before and after it."""
+    share = (1.0 - READY) / len(plan.tiles)
+    for number, tile in enumerate(plan.tiles):
+        yield tile, READY + number * share, READY + (number + 1) * share
 
 
 def draw(

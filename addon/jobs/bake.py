@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One bake, step by step: read, choose a method, make a source, draw tile by tile, audit, store, hook up, report."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,7 +23,7 @@ from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
 from ..core.settings import Run, Settings
 from ..engine import baking, gpu_memory, mip_levels, orienting
-from ..engine.baking import Drawing
+from ..engine.baking import READY, Drawing, shares_of_tiles
 from ..engine.planning import Plan, nothing_drawn, plan_of
 from ..engine.ray_casting import RayLengths
 from ..engine.stacked_uvs import StackedParts
@@ -34,9 +34,6 @@ from ..scene import object_checks, reading
 from . import pair_checks
 from .baked import Baked
 from .job import Job, Request, check_job, read_meshes, set_numbers
-
-READY = 0.2
-"""The share of a bake that is done when drawing begins."""
 
 
 def bake_job(context: bpy.types.Context, request: Request, pace: Pace) -> Task[Report]:
@@ -56,14 +53,12 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
             ready = yield from part(_prepare(context, request, run), 0.0, READY)
             tally, read = Tally(), ready.plan.read
             outputs.sample_onto(job.low, read.uv_layer, is_own_base=read.is_own_base, slots=job.slots)
-            for tile, start, stop in _shares(ready.plan):
+            for tile, start, stop in shares_of_tiles(ready.plan):
                 maps = yield from part(ready.drawing.texels(tile), start, stop)
                 tally.add(maps[NORMAL.name], settings.map)
                 with timings.timed("audit"):
-                    ready.others.add(tile, maps[NORMAL.name])
-                    ready.deviations.add(tile, maps[NORMAL.name])
-                    ready.between.add(tile, maps[NORMAL.name])
-                    ready.seen.add(tile, maps[NORMAL.name])
+                    for each in ready.measures:
+                        each.add(tile, maps[NORMAL.name])
                     ready.pictures.add(tile, maps)
                 levels = yield from part(mip_levels.of(maps, tile, run), stop, stop)
                 with timings.timed("image"):
@@ -102,6 +97,11 @@ class _Ready:
     @property
     def plan(self) -> Plan:
         return self.drawing.plan
+
+    @property
+    def measures(self) -> tuple[OtherEngines, Deviations, BetweenTexels, SeenBake]:
+        """What measures the normal map."""
+        return self.others, self.deviations, self.between, self.seen
 
 
 def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[_Ready]:
@@ -167,13 +167,6 @@ def _audit(request: Request, run: Run, ready: _Ready, tally: Tally) -> Task[Bake
     return Baked(request, ready.plan, findings, timings, ready.warnings)
 
 
-def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:
-    """Each UDIM tile, with the share of the bake that is done before and after it."""
-    share = (1.0 - READY) / len(plan.tiles)
-    for number, tile in enumerate(plan.tiles):
-        yield tile, READY + number * share, READY + (number + 1) * share
-
-
 def draw_raw(
     context: bpy.types.Context, request: Request, run: Run
 ) -> Task[tuple[Baked, dict[int, dict[str, np.ndarray]]]]:
@@ -184,15 +177,12 @@ def draw_raw(
     with gpu_memory.trimmed():
         ready = yield from part(_prepare(context, request, run), 0.0, READY)
         tally, maps = Tally(), {}
-        for tile, start, stop in _shares(ready.plan):
+        for tile, start, stop in shares_of_tiles(ready.plan):
             maps[tile] = yield from part(ready.drawing.renderer.raw(tile), start, stop)
             tally.add_raw(maps[tile][NORMAL.name], run.settings.map)
             with run.timings.timed("audit"):
-                ready.others.add_raw(tile, maps[tile][NORMAL.name])
-                ready.deviations.add_raw(tile, maps[tile][NORMAL.name])
-                ready.between.add_raw(tile, maps[tile][NORMAL.name])
-                ready.seen.add_raw(tile, maps[tile][NORMAL.name])
-                ready.pictures.add_raw(tile, maps[tile][NORMAL.name])
+                for each in (*ready.measures, ready.pictures):
+                    each.add_raw(tile, maps[tile][NORMAL.name])
         baked = yield from part(_audit(request, run, ready, tally), 1.0, 1.0)
         return baked, maps
 

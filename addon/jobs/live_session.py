@@ -19,7 +19,7 @@ from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.report import Report
 from ..core.settings import Run, Settings
 from ..engine import baking, live_redraw, margins, orienting, sampling
-from ..engine.baking import Drawing
+from ..engine.baking import READY, Drawing
 from ..engine.bands import Band
 from ..engine.planning import Plan, nothing_drawn, plan_of
 from ..engine.ray_casting import RayLengths
@@ -31,7 +31,6 @@ from ..passes import data_texture, target
 from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
 from . import bake_jobs, shared_image
-from .bake import READY
 from .baked import Baked
 from .job import Job, Request, check_clashes, check_job, files_kept, set_numbers
 
