@@ -24,6 +24,7 @@ from ..mesh.fitting import Samples
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
+from ..mesh.triangles import transformed
 from ..passes import data_texture, lit, mesh_upload, seen_normals, target
 from .deviations import AngleCounts
 from .pictures import low_by_tile, square_means
@@ -324,7 +325,7 @@ class _InView:
     def of(cls, points: np.ndarray, facing: np.ndarray, depths: np.ndarray, view: np.ndarray) -> "_InView":
         """points: (N, 3) in the space of `view`. facing: (N,). depths: (side, side), as seen_normals.draw_high has them."""
         side = len(depths)
-        clip = points @ view[:3, :3].T + view[:3, 3]
+        clip = transformed(points, view)
         column, row, depth = (0.5 * clip.T + 0.5) * [[side], [side], [1.0]]
         pixels = np.clip(row, 0, side - 1).astype(np.int64) * side + np.clip(column, 0, side - 1).astype(np.int64)
         seen = depths.reshape(-1)[pixels]

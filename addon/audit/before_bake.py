@@ -95,7 +95,8 @@ def share_against(low: Faces, high: Faces) -> float:
 def offset_beside(low: Faces, high: Faces) -> np.ndarray:
     """The way (3,) from one surface to another that lies beside it; 0 if it does not."""
     boxes = _box(low.centers), _box(high.centers)
-    return (sum(boxes[1]) - sum(boxes[0])) / 2.0 if gap_of_boxes(*boxes) > 0.0 else np.zeros(3)
+    of_low, of_high = ((least + most) / 2.0 for least, most in boxes)
+    return of_high - of_low if gap_of_boxes(*boxes) > 0.0 else np.zeros(3)
 
 
 def flipped_one(low: Faces, high: Faces) -> str:

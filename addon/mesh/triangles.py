@@ -6,10 +6,15 @@ Inside, one axis follows the other, (3, T): numpy takes several times as long al
 the points, unless another one is asked for.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import DTypeLike
 
 from ..core.errors import BakeError
+
+Axes: TypeAlias = "np.ndarray | tuple[np.ndarray, ...]"
+"""Vectors, one array for each axis, or (3, ...)."""
 
 
 def checked(points: np.ndarray, triangles: np.ndarray, width: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -30,14 +35,14 @@ def checked(points: np.ndarray, triangles: np.ndarray, width: int = 3) -> tuple[
     return points, triangles
 
 
-def face_normals(points: np.ndarray, triangles: np.ndarray | None = None, dtype: DTypeLike = None) -> np.ndarray:
+def face_normals(points: np.ndarray, triangles: np.ndarray | None = None, dtype: DTypeLike | None = None) -> np.ndarray:
     """The normals (T, 3), as long as twice the areas; they point to where corners are seen counter-clockwise."""
     a, b, c = _columns(points, triangles, dtype)
     return np.stack(cross(b - a, c - a), axis=1)
 
 
 def unit_normals(
-    points: np.ndarray, triangles: np.ndarray | None = None, dtype: DTypeLike = None
+    points: np.ndarray, triangles: np.ndarray | None = None, dtype: DTypeLike | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """The normals (T, 3) at length one, 0 for triangles without an area, and twice the areas (T,)."""
     long = face_normals(points, triangles, dtype)
@@ -45,7 +50,7 @@ def unit_normals(
     return long / np.where(lengths > 0.0, lengths, 1.0)[:, None], lengths
 
 
-def face_areas(points: np.ndarray, triangles: np.ndarray | None = None, dtype: DTypeLike = None) -> np.ndarray:
+def face_areas(points: np.ndarray, triangles: np.ndarray | None = None, dtype: DTypeLike | None = None) -> np.ndarray:
     """The areas (T,)."""
     return 0.5 * np.linalg.norm(face_normals(points, triangles, dtype), axis=1)
 
@@ -134,17 +139,17 @@ def closest_points(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.where(inside, place - normal * height, best).T
 
 
-def cross(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The cross products of vectors (3, ...), axis by axis. numpy's own takes three times as long."""
+def cross(u: Axes, v: Axes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The cross products of vectors, axis by axis. numpy's own takes three times as long."""
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
-def dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """The scalar products (...) of vectors (3, ...)."""
+def dot(u: Axes, v: Axes) -> np.ndarray:
+    """The scalar products (...) of vectors."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-def _columns(points: np.ndarray, triangles: np.ndarray | None, dtype: DTypeLike) -> list[np.ndarray]:
+def _columns(points: np.ndarray, triangles: np.ndarray | None, dtype: DTypeLike | None) -> list[np.ndarray]:
     """The three corners of triangles, (3, T) each."""
     if triangles is None:
         corners = points.transpose(1, 2, 0)

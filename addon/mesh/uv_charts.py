@@ -111,7 +111,7 @@ class Charts:
         joins = (
             (edges.counts == 2) & (edges.first[first] == edges.last[second]) & (edges.first[first] != edges.last[first])
         )
-        joins &= ~np.isin(edges.keys, edge_keys(*hard.T, len(points)))
+        joins &= ~np.isin(edges.keys, edge_keys(hard[:, 0], hard[:, 1], len(points)))
         self._seams = [~(joins & (sides[:, 0] == sides[:, 1]))]
         self._is_seam: list[bool] = self._seams[0].tolist()
         self._lengths = np.linalg.norm(points[self.edges[:, 0]] - points[self.edges[:, 1]], axis=1).tolist()
