@@ -228,6 +228,15 @@ def usd_archive(folder):
     return path, meshes(folder, high)
 
 
+@kind
+def usd_archive_itself(folder):
+    path = folder / "high.usdz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.write(written(folder / "part.usdc"), "part.usdc")
+    (folder / "part.usdc").unlink()
+    return path, meshes(folder, path)
+
+
 # Scenes
 
 
