@@ -180,10 +180,10 @@ class Renderer:
 
     def values(self, tile: int) -> Task[gpu.types.GPUTexture]:
         """The values of a bake of one map that is one band, without encoding and margin. The texture is in the current pool."""
-        found = []
+        bands = []
         (band,) = self._bands(tile, self.settings.sampling.margin)
-        yield from self._draw(band, lambda _name, _band, drawn: found.append(drawn))
-        (drawn,) = found
+        yield from self._draw(band, lambda _name, _band, drawn: bands.append(drawn))
+        (drawn,) = bands
         return drawn
 
     def raw(self, tile: int) -> Task[dict[str, np.ndarray]]:

@@ -42,12 +42,12 @@ class Fit:
 
     def add(self, lengths: np.ndarray) -> None:
         """Count texels. lengths: as the second texture of low_in_uv.draw_map_normals."""
-        found = np.abs(lengths[lengths != 0.0])
-        is_missed, is_directed = found == low_in_uv.MISSED, found < low_in_uv.NO_DIRECTION
-        self.covered += len(found)
+        length = np.abs(lengths[lengths != 0.0])
+        is_missed, is_directed = length == low_in_uv.MISSED, length < low_in_uv.NO_DIRECTION
+        self.covered += len(length)
         self.missed += int(np.count_nonzero(is_missed))
         self.directed += int(np.count_nonzero(is_directed))
-        self.unit += int(np.count_nonzero(np.abs(found - 1.0) <= NEAR_UNIT))
+        self.unit += int(np.count_nonzero(np.abs(length - 1.0) <= NEAR_UNIT))
         self.away += int(np.count_nonzero(lengths < 0.0))
 
 

@@ -17,7 +17,7 @@ TEXEL_BYTES = 2 * 16
 
 def covered(lows: Sequence[Mesh], tile: int, sampling: SamplingSettings) -> np.ndarray:
     """The texels (height, width) bool of a tile that one of the samples of a bake of these meshes, with UVs, is on."""
-    found = np.zeros(sampling.size[::-1], bool)
+    covered_texels = np.zeros(sampling.size[::-1], bool)
     for low in lows:
         points = np.take(low.positions, low.vertices, axis=0)
         batch = mesh_upload.upload(low.triangles, uv=low.uv, position=points, direction=low.normals)
@@ -25,5 +25,5 @@ def covered(lows: Sequence[Mesh], tile: int, sampling: SamplingSettings) -> np.n
             drawn = target.get("covered", band.width, band.height, "RGBA32F", "RGBA32F")
             for offset in samples.offsets(sampling.samples):
                 low_in_uv.draw_points(drawn, batch, replace(band, offset=offset).uv_to_clip)
-                found[band.start : band.stop] |= drawn.texels()[..., 3] > 0.0
-    return found
+                covered_texels[band.start : band.stop] |= drawn.texels()[..., 3] > 0.0
+    return covered_texels

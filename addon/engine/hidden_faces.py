@@ -62,8 +62,8 @@ def hidden_and_twice(
     if may_be_twice:
         left_out = _twice(highs, turned, patches, trials)
     twice = sum(int(np.count_nonzero(mask)) for mask in left_out)
-    found = [] if trials is None else _hidden(highs, turned, patches, trials)
-    for mask, one, each in zip(left_out, patches.of, found, strict=False):
+    patches_hidden = [] if trials is None else _hidden(highs, turned, patches, trials)
+    for mask, one, each in zip(left_out, patches.of, patches_hidden, strict=False):
         more = ~mask & each[one.labels]
         if np.array_equal(more, ~mask):  # a whole object was meant
             continue
@@ -78,23 +78,23 @@ def _twice(
     """Which triangles (T,) bool of each mesh are in the place of an earlier one that points to the same side, or of one that
     points to the other side and that the low mesh needs more: rays that start between the two go nowhere."""
     corners = [high.vertices[high.triangles] for high in highs]
-    found = [orientation.copies(high.positions, each)[0] for high, each in zip(highs, corners, strict=True)]
+    copies = [orientation.copies(high.positions, each)[0] for high, each in zip(highs, corners, strict=True)]
     if trials is None:
-        return found
+        return copies
     pairs = [orientation.opposites(high.positions, each) for high, each in zip(highs, corners, strict=True)]
-    pairs = [each[~same[each].any(axis=1)] for each, same in zip(pairs, found, strict=True)]
+    pairs = [each[~same[each].any(axis=1)] for each, same in zip(pairs, copies, strict=True)]
     if not any(len(each) for each in pairs):
-        return found
+        return copies
     worth = []
     before = trials.shown(turned)
     shows = trials.split(before.counts(np.ones(len(before.patches), bool), trials.count))
     for side in range(2):
-        left_out = [np.zeros(len(same), bool) for same in found]
+        left_out = [np.zeros(len(same), bool) for same in copies]
         for mask, each in zip(left_out, pairs, strict=True):
             mask[each[:, side]] = True
         after = trials.shown(turned, left_out)
         worth.append(trials.split(before.counts(after.patches < 0, trials.count)))
-    for number, (one, same, each) in enumerate(zip(patches.of, found, pairs, strict=True)):
+    for number, (one, same, each) in enumerate(zip(patches.of, copies, pairs, strict=True)):
         patch = one.labels[each]
         needs = np.stack([worth[side][number][patch[:, side]] for side in range(2)], axis=1)
         takes = shows[number][patch]
@@ -104,39 +104,39 @@ def _twice(
         goes = np.where(is_spare.all(axis=1), right[patch[:, 1]] <= right[patch[:, 0]], is_spare[:, 1]).astype(int)
         some = is_spare.any(axis=1)
         same[each[some, goes[some]]] = True
-    return found
+    return copies
 
 
 def _hidden(
     highs: Sequence[Mesh], turned: Sequence[np.ndarray], patches: HighPatches, trials: Trials
 ) -> list[np.ndarray]:
     """Which patches (count,) bool of each mesh are left out. highs: with their triangles turned over."""
-    found = []
+    asked_of = []
     for number, one in enumerate(patches.of):
         asked = _may_be_hidden(patches, number)
         if one.pairs is None:  # what was turned over is right now
             asked[one.labels[turned[number]]] = False
         if asked.any() and one.pairs is not None:
             asked &= ~sees_outside_of(patches, number, highs[number], asked, trials.scene)
-        found.append(np.zeros(one.count, bool) if asked.all() else asked)
-    if not any(each.any() for each in found):
-        return found
-    before, after = (trials.shown(turned, out) for out in (None, _triangles(patches, found)))
+        asked_of.append(np.zeros(one.count, bool) if asked.all() else asked)
+    if not any(each.any() for each in asked_of):
+        return asked_of
+    before, after = (trials.shown(turned, out) for out in (None, _triangles(patches, asked_of)))
     shows = trials.split(before.counts(np.ones(len(before.patches), bool), trials.count))
     even = trials.split(before.counts(np.arange(len(before.patches)) < before.spread, trials.count))
     needs = trials.split(before.counts(after.patches < 0, trials.count))
-    harms = [np.zeros(0, bool)] * len(found)
+    harms = [np.zeros(0, bool)] * len(asked_of)
     for number, one in enumerate(patches.of):
         if one.pairs is None:
-            found[number] &= (even[number] >= FEWEST_PLACES) & (needs[number] <= SPARE * shows[number])
-            harms[number] = even[number][found[number]]
+            asked_of[number] &= (even[number] >= FEWEST_PLACES) & (needs[number] <= SPARE * shows[number])
+            harms[number] = even[number][asked_of[number]]
         else:
             is_doubtful = (patches.is_dirty(number) | one.is_closed) & (even[number] < SHOWN * trials.expected(number))
             is_spare = is_doubtful & (needs[number] < np.maximum(NEEDED * shows[number], FEWEST))
-            found[number] &= is_spare | (shows[number] < FEWEST_PLACES)
+            asked_of[number] &= is_spare | (shows[number] < FEWEST_PLACES)
     if np.concatenate(harms).sum() < HARM * before.spread:
-        found = [each & (one.pairs is not None) for each, one in zip(found, patches.of, strict=True)]
-    return found
+        asked_of = [each & (one.pairs is not None) for each, one in zip(asked_of, patches.of, strict=True)]
+    return asked_of
 
 
 def _may_be_hidden(patches: HighPatches, number: int) -> np.ndarray:
@@ -195,17 +195,17 @@ def sees_outside(mesh: Mesh, places: np.ndarray, triangles: np.ndarray, timings:
         places: (N, 3) float, in the mesh's own space.
         triangles: (N,) int, those that the places lie on.
     """
-    found = np.ones(len(places), bool)
+    is_open = np.ones(len(places), bool)
     if tree_cache.fits([mesh]):
         scene = tree_cache.trees.ray_scene_of([mesh], timings)
         space = scene.local_space
         corners = corners_in(mesh, triangles, space)
         corners -= corners.mean(axis=1, keepdims=True)  # rays start in the middle
         corners += ((transformed(places, mesh.to_world) - space.origin) / space.size)[:, None].astype(np.float32)
-        found[:] = False
+        is_open[:] = False
         for count in (FIRST_RAYS, ALL_RAYS):
-            found[~found] = _is_open(scene, corners[~found], count, ~found[~found])
-    return found
+            is_open[~is_open] = _is_open(scene, corners[~is_open], count, ~is_open[~is_open])
+    return is_open
 
 
 def _is_open(scene: tree_cache.RayScene, corners: np.ndarray, rays_of_each: int, has_back: np.ndarray) -> np.ndarray:
@@ -214,6 +214,6 @@ def _is_open(scene: tree_cache.RayScene, corners: np.ndarray, rays_of_each: int,
     if not len(corners):
         return np.zeros(0, bool)
     sides = np.concatenate([corners, corners[has_back][:, ::-1]])
-    found, back = np.split(openness(scene.tables, sides, rays_of_each), [len(corners)])
-    found[has_back] = np.maximum(found[has_back], back)
-    return found > HIDDEN
+    front, back = np.split(openness(scene.tables, sides, rays_of_each), [len(corners)])
+    front[has_back] = np.maximum(front[has_back], back)
+    return front > HIDDEN

@@ -46,19 +46,19 @@ class HighLook:
 
     def lines(self, length: Length = plain_length) -> list[str]:
         """Lines for the user. length: a length in scene units as text."""
-        found = self.mended
+        mended = self.mended
         lines = [f"{self.triangles:,} triangles in {self.parts:,} connected parts, {self.closed:,} of them closed"]
-        if found.get("turned"):
-            share = found["turned"] / max(1, found["of"])
+        if mended.get("turned"):
+            share = mended["turned"] / max(1, mended["of"])
             lines.append(
-                f"{found['parts']:,} of {found['of_parts']:,} parts, {share:.1%} of the faces, will be turned over"
+                f"{mended['parts']:,} of {mended['of_parts']:,} parts, {share:.1%} of the faces, will be turned over"
             )
             lines += [part.sentence for part in self.largest]
         else:
             lines.append("No face will be turned over")
-        if found.get("hidden") or found.get("twice"):
+        if mended.get("hidden") or mended.get("twice"):
             lines.append(
-                f"{found['hidden']:,} triangles behind the surface and {found['twice']:,} in the place of others will be "
+                f"{mended['hidden']:,} triangles behind the surface and {mended['twice']:,} in the place of others will be "
                 "left out"
             )
         lines.append(f"One round of smoothing turns the normals by {self.noise:.2g} degrees (median)")

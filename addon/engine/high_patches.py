@@ -135,9 +135,9 @@ class HighPatches:
 
 def patches_of(mesh: Mesh) -> Patches:
     """The patches of a mesh."""
-    found = orientation.patches(mesh.positions, np.take(mesh.vertices, mesh.triangles, mode="clip"), _diagonal(mesh))
-    mesh.remembered("places", (), lambda: found.places)
-    return found
+    patches = orientation.patches(mesh.positions, np.take(mesh.vertices, mesh.triangles, mode="clip"), _diagonal(mesh))
+    mesh.remembered("places", (), lambda: patches.places)
+    return patches
 
 
 def places_of(mesh: Mesh) -> np.ndarray:

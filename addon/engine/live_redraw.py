@@ -74,17 +74,17 @@ class DrawnMesh:
             return None
         if len(mesh.normals) != len(before.normals) or not _same(mesh.uv, before.uv):
             return None
-        most, found = MOST_CHANGED * len(mesh.triangles), []
+        most, parts = MOST_CHANGED * len(mesh.triangles), []
         if mesh.triangles is not before.triangles:
-            found.append(triangle_mesh.changed_rows(mesh.triangles, before.triangles))
+            parts.append(triangle_mesh.changed_rows(mesh.triangles, before.triangles))
         if mesh.normals is not before.normals:
             if triangle_mesh.changed_share(mesh.normals, before.normals) > 2.0 * MOST_CHANGED:
                 return None
             corners = triangle_mesh.changed_rows(mesh.normals, before.normals)
             if len(corners) > MOST_CHANGED * len(mesh.normals):
                 return None
-            found.append(_triangles_at(mesh, corners))
-        changed = np.unique(np.concatenate([np.empty(0, np.int64), *found]))
+            parts.append(_triangles_at(mesh, corners))
+        changed = np.unique(np.concatenate([np.empty(0, np.int64), *parts]))
         return changed if len(changed) <= most else None
 
     def replace(self, mesh: Mesh, changed: np.ndarray) -> np.ndarray:
@@ -156,12 +156,12 @@ def parts_of(boxes: np.ndarray, size: tuple[int, int], tile_start: tuple[int, in
     for x, y, step in ((first, first, 1), (last + 1, first, -1), (first, last + 1, -1), (last + 1, last + 1, 1)):
         edges += step * np.bincount(y[:, 1] * (grid[0] + 1) + x[:, 0], minlength=len(edges))
     touched = edges.reshape(grid[1] + 1, grid[0] + 1).cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
-    found = list(_rectangles(touched, 0, 0))
-    if len(found) > MOST_PARTS:
-        found = [_bounds(touched, 0, 0)]
+    rectangles = list(_rectangles(touched, 0, 0))
+    if len(rectangles) > MOST_PARTS:
+        rectangles = [_bounds(touched, 0, 0)]
     return [
         Part(*(range(TILE * side.start, min(TILE * side.stop, most)) for side, most in zip(sides, size, strict=True)))
-        for sides in found
+        for sides in rectangles
     ]
 
 
@@ -347,15 +347,15 @@ class KeptMap:
             return None
         changed = []
         for drawn, high in zip(self._drawn, meshes.highs, strict=True):
-            found = drawn.changed(high)
-            if found is None:
+            rows = drawn.changed(high)
+            if rows is None:
                 return None
-            changed.append(found)
+            changed.append(rows)
         self._meshes = meshes
         boxes = [
-            drawn.replace(high, found)
-            for drawn, high, found in zip(self._drawn, meshes.highs, changed, strict=True)
-            if len(found)
+            drawn.replace(high, rows)
+            for drawn, high, rows in zip(self._drawn, meshes.highs, changed, strict=True)
+            if len(rows)
         ]
         return parts_of(np.concatenate(boxes), self.band.size) if boxes else []
 

@@ -175,10 +175,10 @@ def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> N
     for start in range(0, len(state), ROWS):
         y, x = np.nonzero(state[start : start + ROWS] == 0)
         y += start
-        found = values[y // COARSE, x // COARSE]
-        is_found = found[:, 3] > 0.0
+        coarse = values[y // COARSE, x // COARSE]
+        is_found = coarse[:, 3] > 0.0
         y, x = y[is_found], x[is_found]
-        texels[y, x], state[y, x] = found[is_found], MARGIN
+        texels[y, x], state[y, x] = coarse[is_found], MARGIN
 
 
 OWNER = "OWNER"
@@ -190,8 +190,8 @@ def for_maps(lows: Sequence[Mesh], settings: Settings, *, has_owner: bool = Fals
     one of the maps."""
     borders = None
     if settings.sampling.margin_type == MarginType.ADJACENT_FACES and settings.sampling.margin != 0:
-        found = uv_seams.find(lows)
-        borders = Borders(found, settings.sampling) if len(found.side) else None
+        seams = uv_seams.find(lows)
+        borders = Borders(seams, settings.sampling) if len(seams.side) else None
     normal = margin_fill.TANGENT if settings.map.space == Space.TANGENT else margin_fill.NORMAL
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: margin_fill.VALUE, Kind.LABEL: margin_fill.LABEL}
     kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.map.drawn_maps)}

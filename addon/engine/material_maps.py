@@ -60,12 +60,12 @@ def draw_images(
         if any(map(use.is_in, drawn)):
             for tile in use.feed.tiles or (0,):
                 images.setdefault((use.feed.image, tile), []).append(use)
-    for done, ((key, tile), found) in enumerate(images.items()):
+    for done, ((key, tile), of_image) in enumerate(images.items()):
         yield Progress("Reading the images of the high meshes", done / len(images))
         with run.timings.timed("textures"):
             image = surface_tables.upload_image(load_image(key, tile))
         with run.timings.timed("draw"):
-            for use in found:
+            for use in of_image:
                 for sample in drawn:
                     at_hits = ImageAtHits(
                         sample.hits,
@@ -163,17 +163,17 @@ class MaterialMaps(MapFamily):
             places = np.flatnonzero((one.table.feeds[materials] == number).ravel() & (triangles >= 0).ravel())
             if not len(places):
                 continue
-            found = self.surface.hits_of(feed, triangles.reshape(-1)[places], weights.reshape(-1, 2)[places])
-            for some, hits in found:
+            by_mesh = self.surface.hits_of(feed, triangles.reshape(-1)[places], weights.reshape(-1, 2)[places])
+            for some, hits in by_mesh:
                 wanted.append(hits)
                 shown.append((one, places[some]))
         values = self.evaluate(wanted) if wanted else []
         for one in self.maps:
             texels = np.zeros((*triangles.shape, 4), np.float32)
-            for (of_map, places), found in zip(shown, values, strict=True):
+            for (of_map, places), looked_up in zip(shown, values, strict=True):
                 if of_map is one:
                     texels.reshape(-1, 4)[places] = np.pad(
-                        surface_tables.finite(found), ((0, 0), (0, 1)), constant_values=1.0
+                        surface_tables.finite(looked_up), ((0, 0), (0, 1)), constant_values=1.0
                     )
             if texels.any():
                 sums = one.mean.sums(sample.band)
@@ -300,8 +300,8 @@ def _bump(material: HighMaterial) -> BumpFeed | None:
 def _numbered(feeds: Sequence[DetailFeed | None]) -> tuple[dict[DetailFeed, int], MaterialTable]:
     """The number of each feed, from 1, and a table of them by the numbers of materials, which count from 1."""
     numbers = np.full(len(feeds) + 1, surface_tables.UNKNOWN)
-    found: dict[DetailFeed, int] = {}
+    numbered: dict[DetailFeed, int] = {}
     for label, feed in enumerate(feeds, start=1):
         if feed is not None:
-            numbers[label] = found.setdefault(feed, len(found) + 1)
-    return found, surface_tables.upload_materials(numbers)
+            numbers[label] = numbered.setdefault(feed, len(numbered) + 1)
+    return numbered, surface_tables.upload_materials(numbers)

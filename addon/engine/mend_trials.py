@@ -127,8 +127,8 @@ class Trials:
         return [high.with_triangles(np.arange(len(high.triangles))[::-1]) for high in reversed(highs)]
 
     def _shown(self, scene: tree_cache.RayScene) -> Shown:
-        found = own_hits(self._places, scene, self._offset, self._timings)
-        return Shown(np.where(found.is_own, self._labels[found.triangles], -1), found.heights, self.spread)
+        owned = own_hits(self._places, scene, self._offset, self._timings)
+        return Shown(np.where(owned.is_own, self._labels[owned.triangles], -1), owned.heights, self.spread)
 
 
 def gains(before: Shown, after: Shown, count: int) -> tuple[np.ndarray, ...]:

@@ -154,10 +154,10 @@ class RoughLevels:
         weights = (state > 0.0).astype(np.float32) if self.weights is None else self.weights[rows]
         mean = spread(mean, (self.height, own.shape[1]), steps, rows)
         cosines = np.maximum(np.einsum("ijk,ijk->ij", own, mean), LEAST_COSINE)
-        found = [weights * (roughness[..., 0] ** 4 + 1.0 / cosines**2 - 1.0), weights, (state < 0.0).astype(np.float32)]
+        sums = [weights * (roughness[..., 0] ** 4 + 1.0 / cosines**2 - 1.0), weights, (state < 0.0).astype(np.float32)]
         for _ in range(steps):
-            found = [halved(values) for values in found]
-        return found
+            sums = [halved(values) for values in sums]
+        return sums
 
 
 LEVELS = 7

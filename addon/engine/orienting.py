@@ -69,8 +69,10 @@ def orientation_of(
     twice, may_be_twice = [same for same, _ in copies], any(other.any() for _, other in copies)
     if any(each.any() for each in twice):
         once = [without_copies(high, same) for high, same in zip(meshes.highs, twice, strict=True)]
-        found = orientation_of(replace(meshes, highs=once), timings, casts_rays=casts_rays, is_reversed=is_reversed)
-        return _of_all(found, meshes, twice)
+        orientation = orientation_of(
+            replace(meshes, highs=once), timings, casts_rays=casts_rays, is_reversed=is_reversed
+        )
+        return _of_all(orientation, meshes, twice)
     if patches.is_clean:
         return _left_alone(patches, timings, may_be_twice=may_be_twice, casts_rays=casts_rays, is_reversed=is_reversed)
     if _low_is_wrong(patches):
@@ -79,39 +81,39 @@ def orientation_of(
         return _without_hidden(_with_turned(patches, sides.by_shape(patches)), patches, None, may_be_twice=may_be_twice)
     suspects = sides.suspects_of(patches)
     trials = Trials(patches, meshes.highs, timings, near=suspects, is_reversed=is_reversed)
-    found = _with_turned(patches, sides.decided(patches, trials, suspects), trials)
-    return _without_hidden(found, patches, trials, may_be_twice=may_be_twice)
+    orientation = _with_turned(patches, sides.decided(patches, trials, suspects), trials)
+    return _without_hidden(orientation, patches, trials, may_be_twice=may_be_twice)
 
 
 def notes(meshes: Meshes, told: Mended | None) -> list[str]:
     """What could not be mended of these meshes, in sentences."""
     if told is None:
         return []
-    found = []
+    notes = []
     if told.low_differs:
-        found.append(
+        notes.append(
             f"The faces of {meshes.low.name!r} point to different sides, so that those of the high mesh, which do so, too, "
             "were not turned over: recalculate the normals of both."
         )
     names = [repr(high.name) for high in meshes.highs]
     if told.low_is_inside_out:
-        found.append(
+        notes.append(
             f"{meshes.low.name!r} is inside out, and the high mesh is not: the map will be wrong. Recalculate its normals, or "
             "enlarge it if it was shrunk through itself."
         )
     if told.undecided_share > MUCH:
         parts = [f"{count:,} of {name}" for count, name in zip(told.undecided, names, strict=True) if count]
-        found.append(
+        notes.append(
             f"No side of some parts is the outer one ({', '.join(parts)}, {told.undecided_share:.1%} of the surface): they "
             "are baked as they are. Recalculate their normals if their detail is wrong."
         )
     parts = [f"{count:,} of {name}" for count, name in zip(told.contradicting, names, strict=False) if count]
     if parts:
-        found.append(
+        notes.append(
             f"The faces of some parts cannot point to one side, as those of a Möbius strip ({', '.join(parts)}): the map has "
             "an edge there."
         )
-    return found
+    return notes
 
 
 def same_triangles(one: Mesh, other: Mesh) -> bool:
@@ -162,8 +164,8 @@ def _left_alone(
     elif _low_is_wrong(patches):
         return _low_named(patches)
     trials = Trials(patches, highs, timings, near=suspects, is_reversed=is_reversed)
-    found = sides.decided(patches, trials, suspects)
-    turned = _with_turned(patches, found, trials) if any(each.any() for each in found.masks) else as_is
+    sides_of = sides.decided(patches, trials, suspects)
+    turned = _with_turned(patches, sides_of, trials) if any(each.any() for each in sides_of.masks) else as_is
     return _without_hidden(turned, patches, trials, may_be_twice=may_be_twice)
 
 
@@ -188,35 +190,39 @@ def _low_named(patches: HighPatches) -> Orientation:
     return Orientation(masks, replace(nothing, low_differs=True) if has_conflict else None)
 
 
-def _of_all(found: Orientation, meshes: Meshes, twice: Sequence[np.ndarray]) -> Orientation:
+def _of_all(orientation: Orientation, meshes: Meshes, twice: Sequence[np.ndarray]) -> Orientation:
     """What was found of meshes without the triangles that are there twice (T,) bool, for the meshes with them."""
-    told = found.told or Mended.nothing(meshes.highs)
+    told = orientation.told or Mended.nothing(meshes.highs)
     told = replace(
         told,
         of_triangles=sum(len(high.triangles) for high in meshes.highs),
         twice=told.twice + sum(int(np.count_nonzero(same)) for same in twice),
     )
     return replace(
-        found, masks=tuple(masks.of_all(same) for masks, same in zip(found.masks, twice, strict=True)), told=told
+        orientation,
+        masks=tuple(masks.of_all(same) for masks, same in zip(orientation.masks, twice, strict=True)),
+        told=told,
     )
 
 
 def _without_hidden(
-    found: Orientation, patches: HighPatches, trials: Trials | None, *, may_be_twice: bool
+    orientation: Orientation, patches: HighPatches, trials: Trials | None, *, may_be_twice: bool
 ) -> Orientation:
     """`found` without what is there twice, or lies behind the surface."""
     turned = [
         np.zeros(len(one.labels), bool) if masks.turned is None else masks.turned
-        for masks, one in zip(found.masks, patches.of, strict=True)
+        for masks, one in zip(orientation.masks, patches.of, strict=True)
     ]
     left_out = hidden_and_twice(patches, turned, trials, may_be_twice=may_be_twice)
     if not (left_out.twice or left_out.hidden):
-        return found
+        return orientation
     masks = tuple(
         replace(one, left_out=mask if mask.any() else None)
-        for one, mask in zip(found.masks, left_out.masks, strict=True)
+        for one, mask in zip(orientation.masks, left_out.masks, strict=True)
     )
-    told = replace(found.told or Mended.nothing(patches.meshes.highs), hidden=left_out.hidden, twice=left_out.twice)
+    told = replace(
+        orientation.told or Mended.nothing(patches.meshes.highs), hidden=left_out.hidden, twice=left_out.twice
+    )
     return Orientation(masks, told)
 
 
@@ -268,9 +274,9 @@ def _low_differs(patches: HighPatches) -> bool:
     return float(areas[is_against].sum()) > DIRTY_LOW * float(areas.sum())
 
 
-def _with_turned(patches: HighPatches, found: Sides, trials: Trials | None = None) -> Orientation:
+def _with_turned(patches: HighPatches, decided: Sides, trials: Trials | None = None) -> Orientation:
     """The meshes with some triangles turned over, and smooth normals across vertices that were not joined."""
-    masks, undecided = found.masks, found.undecided
+    masks, undecided = decided.masks, decided.undecided
     contradicting = tuple(one.contradicting for one in patches.of)
     if not any(each.any() for each in (*masks, *undecided)) and not any(contradicting):
         return Orientation(_joined(patches))
@@ -288,7 +294,7 @@ def _with_turned(patches: HighPatches, found: Sides, trials: Trials | None = Non
         undecided=tuple(int(np.count_nonzero(each)) for each in undecided),
         undecided_share=unknown / max(area, 1e-300),
         contradicting=contradicting,
-        largest=() if trials is None else sides.largest(patches, trials, found),
+        largest=() if trials is None else sides.largest(patches, trials, decided),
     )
     changed = tuple(HighMasks(turned=mask if mask.any() else None, is_joined=True) for mask in masks)
     return Orientation(changed, told, None if trials is None else trials.scene)

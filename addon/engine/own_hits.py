@@ -116,9 +116,9 @@ def own_hits(places: LowPlaces, scene: RayScene, offset: np.ndarray, timings: Ti
     hits = target.Target(drawn.width, drawn.height, ("RGBA32UI",))
     for _ in cast.trace_in_slices(hits, drawn, scene.tables, low.owners, search, pace=Pace()):
         pass
-    found = target.Target(drawn.width, drawn.height, ("RGBA32F",))
-    cast.heights(found, hits, drawn)
-    heights, is_not_owned, _, alpha = found.texels().reshape(-1, 4)[:count].T
+    into = target.Target(drawn.width, drawn.height, ("RGBA32F",))
+    cast.heights(into, hits, drawn)
+    heights, is_not_owned, _, alpha = into.texels().reshape(-1, 4)[:count].T
     numbers = cast.read_hits(hits)[0].reshape(-1)[:count]
     triangles = np.where(numbers >= 0, scene.order[np.maximum(numbers, 0)], -1)
     return OwnHits((alpha > 0.0) & (is_not_owned == 0.0), triangles, heights)

@@ -183,13 +183,15 @@ def decided(
         if before is not None and _is_oriented_alike(meshes, before.read):
             return replace(plan, masks=before.masks, told=before.told)
         by_rays = choice.method == Method.CAST
-        found = orienting.orientation_of(meshes, timings, casts_rays=by_rays, is_reversed=order.is_reversed and by_rays)
-        plan = replace(plan, masks=found.masks, told=found.told)
-        if any(one.left_out is not None for one in found.masks):
+        orientation = orienting.orientation_of(
+            meshes, timings, casts_rays=by_rays, is_reversed=order.is_reversed and by_rays
+        )
+        plan = replace(plan, masks=orientation.masks, told=orientation.told)
+        if any(one.left_out is not None for one in orientation.masks):
             return replace(plan, choice=replace(choice, separation=None))  # what it shows is not all there any more
-        if found.scene is not None:
+        if orientation.scene is not None:
             in_order = order.of(replace(meshes, highs=plan.highs)).highs
-            tree_cache.trees.ray_scene_of(in_order, timings, like=found.scene)
+            tree_cache.trees.ray_scene_of(in_order, timings, like=orientation.scene)
     return plan
 
 
@@ -208,12 +210,14 @@ def tiles_to_bake(meshes: Meshes, sampling: SamplingSettings) -> list[int]:
     if not sampling.udim:
         return [udim.FIRST]
     low = meshes.low
-    found = uv_layout.tiles(low)
-    if len(found) > udim.MOST_BAKED and not sampling.tiles:
-        raise BakeError(f"{low.name!r} covers {len(found)} UDIM tiles: list the tiles to bake, or look for stray UVs.")
-    wanted = [tile for tile in found if not sampling.tiles or tile in sampling.tiles]
+    covered = uv_layout.tiles(low)
+    if len(covered) > udim.MOST_BAKED and not sampling.tiles:
+        raise BakeError(
+            f"{low.name!r} covers {len(covered)} UDIM tiles: list the tiles to bake, or look for stray UVs."
+        )
+    wanted = [tile for tile in covered if not sampling.tiles or tile in sampling.tiles]
     if not wanted:
-        where = shorten_list(found) or "no tile"
+        where = shorten_list(covered) or "no tile"
         raise BakeError(
             f"{low.name!r} lies on {where}"
             + (f", not on {shorten_list(sampling.tiles)}." if sampling.tiles else ": its UVs are empty or negative.")

@@ -262,10 +262,10 @@ def share_of_hits(ray_cast: ray_casting.RayCast, tiles: Sequence[int], settings:
     for tile in tiles:
         drawn = target.get("rays", width, height, "RGBA32F", "RGBA32F")
         ray_cast.draw(drawn, udim.uv_to_clip(tile))
-        hits, found = target.get("hits", width, height, "RGBA32UI"), target.get("high", width, height, "RGBA32F")
+        hits, into = target.get("hits", width, height, "RGBA32UI"), target.get("high", width, height, "RGBA32F")
         ray_cast.trace(hits, drawn)
-        cast.heights(found, hits, drawn)
-        alpha = found.texels()[..., 3]
+        cast.heights(into, hits, drawn)
+        alpha = into.texels()[..., 3]
         hit, cast_in_all = hit + np.count_nonzero(alpha > 0.0), cast_in_all + np.count_nonzero(alpha)
     return hit / max(1, cast_in_all)
 
@@ -303,14 +303,14 @@ def _own_heights(
 
     Rays run from `farthest` outside it to `inside` it.
     """
-    found, texels_of_low, hit = [], 0, 0
+    own_heights, texels_of_low, hit = [], 0, 0
     for drawn in probe.drawn(start_offset=farthest, most=PART_PROBE_SIZE):
         search = cast.Search(Hit.OWN, inside, FARTHEST, facing_only=True, by_order=by_order)
         texels = hit_heights(probe.tables, owners, drawn, search)
         heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)
-        found.append(heights[(alpha > 0.0) & (is_not_owned == 0.0)])
+        own_heights.append(heights[(alpha > 0.0) & (is_not_owned == 0.0)])
         texels_of_low, hit = texels_of_low + np.count_nonzero(alpha), hit + np.count_nonzero(alpha > 0.0)
-    own = np.concatenate(found)
+    own = np.concatenate(own_heights)
     return own, texels_of_low, 1.0 - len(own) / max(1, hit)
 
 
@@ -326,11 +326,11 @@ def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: 
 def hit_heights(tables: cast.Tables, owners: Owners | None, drawn: target.Target, search: cast.Search) -> np.ndarray:
     """What cast.heights writes, (height, width, 4) float32."""
     hits = target.get("hits", drawn.width, drawn.height, "RGBA32UI")
-    found = target.get("high", drawn.width, drawn.height, "RGBA32F")
+    into = target.get("high", drawn.width, drawn.height, "RGBA32F")
     for _ in cast.trace_in_slices(hits, drawn, tables, owners, search, pace=Pace()):
         pass
-    cast.heights(found, hits, drawn)
-    return found.texels()
+    cast.heights(into, hits, drawn)
+    return into.texels()
 
 
 def _with_reserve(distances: np.ndarray) -> float:

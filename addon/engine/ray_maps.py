@@ -210,12 +210,12 @@ def meanings(settings: Settings, space: LocalSpace) -> dict[str, dict[str, float
         Family.THICKNESS: [(0.0, thickness_distance(settings.tracing, space))],
         Family.CURVATURE: [(0.5, to_curvature), (0.0, 0.5 * to_curvature), (0.0, -0.5 * to_curvature)],
     }
-    found = {}
+    encodings = {}
     for name in settings.map.drawn_maps:
         if BY_NAME[name].family in by_family:
             midlevel, scale = by_family[BY_NAME[name].family][BY_NAME[name].index]
-            found[name] = {"midlevel": midlevel, "scale": scale}
-    return found
+            encodings[name] = {"midlevel": midlevel, "scale": scale}
+    return encodings
 
 
 def occluders(

@@ -143,11 +143,11 @@ def _ray_probe(ray_cast: ray_casting.RayCast) -> Probe:
     def probe(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
         rays = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
         hits = target.get("audit hits", *size, "RGBA32UI")
-        found = target.get("audit far", *size, "RGBA32F")
+        into = target.get("audit far", *size, "RGBA32F")
         ray_cast.draw(rays, uv_to_clip)
         ray_cast.trace(hits, rays)
-        cast.heights(found, hits, rays)
-        heights, away = found.texels(), rays.texels(1)
+        cast.heights(into, hits, rays)
+        heights, away = into.texels(), rays.texels(1)
         away[..., :3] *= (heights[..., :1] + np.float32(ray_cast.offset)) * unit
         away[..., 3] = heights[..., 3]
         return away

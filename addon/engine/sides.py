@@ -63,14 +63,14 @@ class Sides:
 def suspects_of(patches: HighPatches) -> list[np.ndarray]:
     """Which patches (count,) bool of each mesh may be turned over: those that are against the low mesh, those that are closed
     and point inward, and those whose triangles are against each other. Closed ones that point outward are right."""
-    found = []
+    suspects = []
     for number, (one, ratio) in enumerate(zip(patches.of, patches.agreements, strict=True)):
         is_sampled = np.bincount(patches.samples[number].patches, minlength=one.count) > 0
         asked, dirty = (ratio <= SURE) & is_sampled, patches.is_dirty(number)
         closed = one.is_closed & ~dirty & (asked if patches.count == 1 else True)
         volumes = patches.volumes(number, closed)
-        found.append(dirty | (volumes < 0.0) | (asked & ~(volumes > 0.0)))
-    return found
+        suspects.append(dirty | (volumes < 0.0) | (asked & ~(volumes > 0.0)))
+    return suspects
 
 
 def decided(patches: HighPatches, trials: Trials, suspects: Sequence[np.ndarray]) -> Sides:
@@ -151,12 +151,12 @@ def _largest_of(patches: HighPatches, chosen: Sequence[np.ndarray]) -> list[list
     """The largest of the chosen patches (count,) bool of each mesh, one at a time."""
     sizes = [np.bincount(one.labels, minlength=one.count) * some for one, some in zip(patches.of, chosen, strict=True)]
     places = [(size, number, patch) for number, each in enumerate(sizes) for patch, size in enumerate(each) if size]
-    found = []
+    largest_alone = []
     for _, number, patch in sorted(places, reverse=True)[:MOST_APART]:
         one = [np.zeros(each.count, bool) for each in patches.of]
         one[number][patch] = True
-        found.append(one)
-    return found
+        largest_alone.append(one)
+    return largest_alone
 
 
 def _compared(before: _State, after: _State, asked: Sequence[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -239,13 +239,13 @@ def largest(patches: HighPatches, trials: Trials, sides: Sides) -> tuple[PartTur
     shows = after.counts(np.ones(len(after.patches), bool), trials.count)
     every = np.maximum(shows + lost, 1)
     shares = (stayed + lost) / every, shows / every
-    found = []
+    named = []
     for number, (high, one, mask) in enumerate(zip(patches.meshes.highs, patches.of, sides.masks, strict=True)):
         sizes = np.bincount(one.labels, minlength=one.count)
         for patch in np.unique(one.labels[mask]):
             was, now = (float(share[trials.starts[number] + patch]) for share in shares)
-            found.append(PartTurned(high.name, int(sizes[patch]), len(one.labels), was, now))
-    return tuple(sorted(found, key=lambda part: -part.triangles)[:NAMED])
+            named.append(PartTurned(high.name, int(sizes[patch]), len(one.labels), was, now))
+    return tuple(sorted(named, key=lambda part: -part.triangles)[:NAMED])
 
 
 def _by_shape(

@@ -191,8 +191,8 @@ class StackedParts:
         space = local_space_of([low])
         offset = local_space_of(meshes.highs).origin - space.origin if gap(low, meshes.highs) > 0.0 else np.zeros(3)
         points, uvs = (
-            np.concatenate(found)
-            for found in zip(*(_middles(high, space.points(high)) for high in meshes.highs), strict=True)
+            np.concatenate(middles)
+            for middles in zip(*(_middles(high, space.points(high)) for high in meshes.highs), strict=True)
         )
         points -= (offset / space.size).astype(np.float32)
         nearest = _Nearest(points, uvs)
@@ -261,7 +261,7 @@ def _hiding(
     depth: the most triangles that are looked at on a texel.
     """
     uploaded, count = audit.upload_with_ids(low.triangles, low.uv), int(parts.max()) + 1
-    found, shared, covered = [np.empty(0, np.int64)], 0, 0
+    codes, shared, covered = [np.empty(0, np.int64)], 0, 0
     for tile in tiles if depth > 1 else ():
         above, is_left, is_shared = [], np.ones(size[::-1], bool), np.zeros(size[::-1], bool)
         for numbers in audit.layers_of_triangles(uploaded, size, udim.uv_to_clip(tile), depth):
@@ -270,10 +270,10 @@ def _hiding(
             for upper in above:
                 both = is_left & (upper != part)
                 is_shared |= both
-                found.append(np.unique(upper[both] * count + part[both]))
+                codes.append(np.unique(upper[both] * count + part[both]))
             above.append(part)
         shared, covered = shared + int(is_shared.sum()), covered + int((above[0] >= 0).sum())
-    pairs = np.stack(np.divmod(np.unique(np.concatenate(found)), count), axis=1)
+    pairs = np.stack(np.divmod(np.unique(np.concatenate(codes)), count), axis=1)
     return pairs, shared / max(1, covered)
 
 

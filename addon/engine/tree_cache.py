@@ -178,14 +178,14 @@ class TreeCache:
             raise BakeError(f"The high meshes have {_count(highs):,} triangles together; {_most('Cast')}.")
         with timings.timed("tree"):
             key = tuple(_checksums(highs))
-            found = self._scenes.pop(key, None)
-            if found is None:
-                found = _uploaded(highs, timings, has_tree=True, like=like)
+            scene = self._scenes.pop(key, None)
+            if scene is None:
+                scene = _uploaded(highs, timings, has_tree=True, like=like)
                 self.built += like is None
-            self._scenes[key] = found
+            self._scenes[key] = scene
             while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
                 self._scenes.popitem(last=False)
-        return found
+        return scene
 
     def low_surface_of(
         self, low: Mesh, local_space: LocalSpace, timings: Timings, *, has_clearances: bool = True
@@ -197,13 +197,13 @@ class TreeCache:
         """
         with timings.timed("tree"):
             key = (*_checksums([low]), *local_space.origin.tolist(), local_space.size, has_clearances)
-            found = self._lows.pop(key, None)
-            if found is None:
-                found = build_low_surface(low, local_space, has_clearances=has_clearances)
-            self._lows[key] = found
+            surface = self._lows.pop(key, None)
+            if surface is None:
+                surface = build_low_surface(low, local_space, has_clearances=has_clearances)
+            self._lows[key] = surface
             while len(self._lows) > 1 and (len(self._lows) > self.most_trees or self.bytes > self.most_bytes):
                 self._lows.popitem(last=False)
-        return found
+        return surface
 
     def trim(self) -> None:
         """Free all trees if together they hold more than `most_bytes`."""

@@ -146,8 +146,8 @@ class Explorer:
             points = drawn.texels()[may_jump]
             neighbors = [self._draw(size, to_neighbors).texels(slot)[may_jump] for slot in range(2)]
             steps = np.linalg.norm(points[:, :3] - neighbors[0][:, :3], axis=-1)
-            found = _cast(self._ray_cast, *neighbors)
-            doubts.jumps[may_jump] = _jumps(first.at(may_jump), found, steps, self._gap)
+            beside = _cast(self._ray_cast, *neighbors)
+            doubts.jumps[may_jump] = _jumps(first.at(may_jump), beside, steps, self._gap)
         heights = first.heights[first.is_hit] + np.float32(self._ray_cast.offset)
         return doubts, np.abs(heights) * np.float32(self._unit)
 
@@ -229,12 +229,12 @@ class Explorer:
         """As `_cast`, with rays that have these starts (N,) and end where they did before."""
         later = away.copy()
         later[:, 3] = starts
-        found = _cast(ray_cast, places, later)
+        others = _cast(ray_cast, places, later)
         if not self._ray_cast.has_cage:
-            return found
+            return others
         # From a cage, rays have a length.
         ends = away[:, 3] - self._ray_cast.max_distance / self._unit
-        return replace(found, is_hit=found.is_hit & (found.heights >= ends))
+        return replace(others, is_hit=others.is_hit & (others.heights >= ends))
 
     def _differ(self, one: _Hits, other: _Hits) -> np.ndarray:
         """Where two rules choose different hits, or only one of them finds a hit."""
@@ -290,9 +290,9 @@ def _jumps(one: _Hits, other: _Hits, steps: np.ndarray, gap: float) -> np.ndarra
 
 def _hits(hits: target.Target, drawn: target.Target, count: int | None = None) -> _Hits:
     """What cast.trace wrote into `hits`, (height, width), or of the first `count` texels, (count,)."""
-    found = target.get("audit far", hits.width, hits.height, "RGBA32F")
-    cast.heights(found, hits, drawn)
-    texels = found.texels()
+    into = target.get("audit far", hits.width, hits.height, "RGBA32F")
+    cast.heights(into, hits, drawn)
+    texels = into.texels()
     if count is not None:
         texels = texels.reshape(-1, 4)[:count]
     return _Hits(texels[..., 0], texels[..., 3] > 0.0, texels[..., 1] > 0.0, texels[..., 2] > 0.0)

@@ -102,13 +102,13 @@ def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np
     """
     surface = _Surface(low, max(SMALLEST_PROBE, PROBE_SIZE // math.isqrt(len(highs))))
 
-    def found(by: np.ndarray) -> list[str]:
+    def differences(by: np.ndarray) -> list[str]:
         clauses = (_difference(surface, high, _views(low, high, tiles), by) for high in highs)
         return list(filter(None, clauses))
 
-    clauses = found(np.zeros(3))
+    clauses = differences(np.zeros(3))
     if clauses and offset.any():
-        clauses = min(clauses, found(offset), key=len)
+        clauses = min(clauses, differences(offset), key=len)
     return clauses[0] if clauses else ""
 
 
