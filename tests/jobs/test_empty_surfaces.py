@@ -61,9 +61,15 @@ def beside_a_low(obj, low):
     )
 
 
+def as_the_low_of_an_asset(obj, low):
+    wanted = Wanted(triangles=0, distance=0.01)
+    return finish(asset.work(bpy.context, Job(obj, [low]), wanted, SETTINGS, Pace(), suffixes=Suffixes()))
+
+
 WAYS = {
     "asset": as_asset,
     "levels of an asset": beside_a_low,
+    "low of an asset": as_the_low_of_an_asset,
     "levels": lambda obj, low: finish(lod.work(bpy.context, obj, limits("1, 4"), SETTINGS, Pace())),
     "high": lambda obj, low: bake_all(bpy.context, [Job(low, [obj])], SETTINGS),
     "low": lambda obj, low: bake_all(bpy.context, [Job(obj, [low])], SETTINGS),
