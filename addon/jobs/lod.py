@@ -5,7 +5,6 @@ Each level is made step by step from finer ones, whose deviation from the origin
 degrees and in distance.
 """
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,13 +24,13 @@ from ..core.simplify import Candidate, Limit, StepSearch
 from ..engine import gpu_memory
 from ..output import map_names, outputs
 from ..output.atomic_file import all_or_none
-from ..scene import mesh_reader, object_checks
+from ..scene import object_checks
 from ..scene.object_checks import ObjectRef
 from . import bake_jobs, temporary
 from .job import Job, check_clashes, check_gpu, files_kept
-from .simplify import decimation, texel_judge
+from .simplify import decimation
 from .simplify.decimation import UvDecimation, UvMesh
-from .simplify.texel_judge import Deviations, QuickJudge
+from .simplify.texel_judge import Deviations, TexelJudge
 
 SEARCHED = 0.85
 """The share of the work that is done before maps are baked."""
@@ -45,19 +44,16 @@ class _Levels:
     """Finds the levels of one mesh. count: how many meshes were measured."""
 
     def __init__(self, original: UvMesh, settings: Settings, pace: Pace):
-        self.original, self.count, self._pace = original, 0, pace
-        self._settings = texel_judge.settings_for(settings)
-        self._quick = QuickJudge(original.surface, self._settings, pace)
-        self._maker = UvDecimation(original, original, np.zeros(self._quick.size[::-1], bool))
+        self.original, self.count = original, 0
+        self._judge = TexelJudge(original, settings, pace)
+        self._maker = UvDecimation(original, original, np.zeros(self._judge.size[::-1], bool))
         self._known: list[tuple[UvMesh, Deviations]] = []
         """The original, and the levels that were found: a search starts from the coarsest within its limit."""
 
     def measure_original(self) -> Task[None]:
         """Measure the original with its own map. Raises BakeError if it has no texel on the map."""
-        yield from part(self._quick.prepare(), 0.0, 0.9)
-        deviations = yield from part(self._quickly(0.0, self.original), 0.9, 1.0)
-        if not math.isfinite(deviations.degrees):
-            raise self._nowhere()
+        yield from part(self._judge.prepare(), 0.0, 0.9)
+        deviations = yield from part(self._judge.of_original(), 0.9, 1.0)
         self._known.append((self.original, deviations))
         self.count += 1
 
@@ -72,7 +68,7 @@ class _Levels:
                 f"{limit}, or store more bits."
             )
         start = min((each for each in known if each.excess <= 1.0), key=lambda each: each.triangles)
-        search = StepSearch(limit, partial(self._quickly, limit.distance), UvMesh.remove, self._exactly)
+        search = StepSearch(limit, partial(self._judge.quickly, limit.distance), UvMesh.remove, self._judge.exactly)
         within, beyond = yield from search.coarsest(start, self._maker)
         self.count += search.count
         self._known.append((within.mesh, within.deviation))
@@ -88,7 +84,7 @@ class _Levels:
         yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
         mesh, other = self._maker.of(min(finer, key=lambda each: each.triangles)).make(wanted)
         other.remove()
-        deviations = yield from self._exactly(mesh)
+        deviations = yield from self._judge.exactly(mesh)
         self.count += 1
         self._known.append((mesh, deviations))
         return mesh, self._level(limit, mesh, deviations)
@@ -96,25 +92,6 @@ class _Levels:
     def _level(self, limit: Limit, mesh: UvMesh, deviations: Deviations, *beyond: float) -> Level:
         how = deviations.degrees, deviations.bare_degrees, deviations.distance
         return Level("", limit, mesh.triangles, *how, *beyond)
-
-    def _quickly(self, farthest: float, mesh: UvMesh) -> Task[Deviations]:
-        """As QuickJudge.measure."""
-        yield Progress("Measuring", 0.0)
-        return self._quick.measure(mesh.surface, mesh_reader.smooth_normals(mesh.data, mesh.surface), farthest)
-
-    def _exactly(self, mesh: UvMesh) -> Task[Deviations]:
-        """As texel_judge.measure. Raises BakeError for a mesh on no texel."""
-        deviations = yield from texel_judge.measure(
-            self.original.surface, mesh.data, mesh.layer, self._settings, self._pace
-        )
-        if deviations is None:
-            raise self._nowhere()
-        return deviations
-
-    def _nowhere(self) -> BakeError:
-        return BakeError(
-            f"No triangle of {self.original.name!r} lies on the map: its UVs are outside 0 to 1, or empty."
-        )
 
 
 def work(

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core import udim
 from ...core.declarations.choices import Directions, Hit, Method, Space
+from ...core.errors import BakeError
 from ...core.map_types import NORMAL
 from ...core.progress import Pace, Progress, Task, Timings, part
 from ...core.settings import Run, Settings
@@ -25,6 +26,7 @@ from ...mesh.triangle_mesh import Mesh
 from ...mesh.triangles import angles_between, unit
 from ...passes import cast, data_texture, lit, mesh_upload, target, viewport
 from ...scene import mesh_reader
+from .decimation import UvMesh
 
 SIDE = 512
 """The most texels a side of the map that is measured. It is not filtered, so that a larger one would show the same."""
@@ -145,17 +147,16 @@ def _compared(
     return values
 
 
-class QuickJudge:
-    """Measures levels of one original, about ten times as fast as `measure`: on fewer texels, in object space, and with one
+class TexelJudge:
+    """Measures levels of one original, exactly, or about ten times as fast: on fewer texels, in object space, and with one
     drawing of the map for all levels, since Flatten draws the same normals for each of them.
 
-    settings: from settings_for.
+    size: of the map of quick measurements, in texels. settings: of the bakes.
     """
 
-    def __init__(self, original: Mesh, settings: Settings, pace: Pace):
-        self._original, self._pace = original, pace
-        self.size = settings.of_at_most(QUICK_SIDE).sampling.size
-        self._depth = settings.storing.depth
+    def __init__(self, original: UvMesh, settings: Settings, pace: Pace):
+        self._original, self._settings, self._pace = original, settings_for(settings), pace
+        self.size = self._settings.of_at_most(QUICK_SIDE).sampling.size
         self._scene: tree_cache.RayScene | None = None
         self._normals: list[np.ndarray] = []
         self._count = 0
@@ -163,29 +164,46 @@ class QuickJudge:
     def prepare(self) -> Task[None]:
         """Build the tree of the original, and draw its map."""
         yield Progress("Building the tree", 0.0)
-        timings = Timings()
-        self._scene = tree_cache.trees.ray_scene_of([self._original], timings)
+        timings, original = Timings(), self._original.surface
+        self._scene = tree_cache.trees.ray_scene_of([original], timings)
         drawn = target.Target(*self.size, ("RGBA32F",))
-        batches = HighBatches([self._original], self._original.to_world, timings)
+        batches = HighBatches([original], original.to_world, timings)
         for offset in OFFSETS:
             for done in batches.draw(drawn, self._band(offset)):
                 yield Progress("Drawing the map", done)
             normals = drawn.texels()[..., :3]
-            if self._depth == 8:
+            if self._settings.storing.depth == 8:
                 normals = np.round((0.5 * normals + 0.5) * 255.0) / 127.5 - 1.0
             self._normals.append(unit(normals))
 
     def _band(self, offset: tuple[float, float]) -> Band:
         return Band(0, self.size[1], self.size, 0, offset=offset)
 
-    def measure(self, low: Mesh, smooth_normals: np.ndarray, farthest: float) -> Deviations:
-        """As the function `measure`, without the angles of a level without its map; infinite for a level on no texel.
+    def exactly(self, level: UvMesh) -> Task[Deviations]:
+        """As `measure`. Raises BakeError for a level on no texel."""
+        deviations = yield from measure(self._original.surface, level.data, level.layer, self._settings, self._pace)
+        return self._on_the_map(deviations)
 
-        low: with UVs, in the original's space. smooth_normals: as in Meshes. farthest: how far from the original a level may
-        be, as a share of its longest side.
+    def of_original(self) -> Task[Deviations]:
+        """Those of the original with its own map, quickly. Raises BakeError if it has no texel on the map."""
+        deviations = yield from self.quickly(0.0, self._original)
+        return self._on_the_map(deviations if np.isfinite(deviations.degrees) else None)
+
+    def _on_the_map(self, deviations: Deviations | None) -> Deviations:
+        if deviations is None:
+            raise BakeError(
+                f"No triangle of {self._original.name!r} lies on the map: its UVs are outside 0 to 1, or empty."
+            )
+        return deviations
+
+    def quickly(self, farthest: float, level: UvMesh) -> Task[Deviations]:
+        """As `measure`, without the angles of a level without its map; infinite for a level on no texel.
+
+        farthest: how far from the original a level may be, as a share of its longest side.
         """
-        original, scene = self._original, self._scene
-        meshes = Meshes(low, [original], None, smooth_normals, None, "", False, [])
+        yield Progress("Measuring", 0.0)
+        original, low, scene = self._original.surface, level.surface, self._scene
+        meshes = Meshes(low, [original], None, mesh_reader.smooth_normals(level.data, low), None, "", False, [])
         space, size = scene.local_space, self.size
         surface = tree_cache.build_low_surface(low, space, has_clearances=False)
         directions = ray_distances.choose_directions(Directions.BLENDED, meshes, surface, scene.tables)
