@@ -6,6 +6,7 @@ All of it is kept until an object changes, since a panel is drawn many times a s
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import bpy
 
@@ -65,9 +66,8 @@ class PanelFindings:
 
         is_exported: as in pair_checks.is_for_others.
         """
-        flipped = self._known(
-            "flipped", *_key_of(low, highs), find=lambda: pair_checks.viewport_flipped(context, low, highs)
-        )
+        find = partial(pair_checks.viewport_flipped, context, low, highs)
+        flipped = self._known("flipped", *_key_of(low, highs), find=find)
         if not settings.tracing.keep_faces:  # the bake turns them over
             flipped = [each for each in flipped if not each.values["is_high"]]
         if not pair_checks.is_for_others(settings, is_exported=is_exported):
@@ -100,7 +100,7 @@ class PanelFindings:
             settings.map.exact_materials,
             *((material.session_uid, material.name) for material in slots if material is not None),
         )
-        find = lambda: pair_checks.viewport_material_notes(low, highs, settings.map)  # noqa: E731
+        find = partial(pair_checks.viewport_material_notes, low, highs, settings.map)
         return self._known("materials", key, frozenset(), find=find)
 
     def pose_notes(
