@@ -160,23 +160,18 @@ def why_not(plan: Plan, settings: Settings) -> str:
 class SeenBake:
     """Collects the tiles of the normal map of a bake, and measures it.
 
-    kept: as in deviations.Deviations. is_wanted: whether anything is measured. warnings: why nothing can be, in sentences.
+    kept: as in deviations.Deviations. warnings: why nothing can be measured, in sentences.
     """
 
-    def __init__(self, plan: Plan, settings: Settings, *, kept: Callable[[np.ndarray], np.ndarray], is_wanted: bool):
-        self._plan, self._settings, self._kept, self._is_wanted = plan, settings, kept, is_wanted
+    def __init__(self, plan: Plan, settings: Settings, *, kept: Callable[[np.ndarray], np.ndarray]):
+        self._plan, self._settings, self._kept = plan, settings, kept
         self._tiles: dict[int, np.ndarray] = {}
-        self.warnings: list[str] = []
-        if not is_wanted:
-            return
         reason = why_not(plan, settings)
-        if reason:
-            self.warnings.append(f"The shading error was not measured: {reason}.")
-            self._is_wanted = False
+        self.warnings = [f"The shading error was not measured: {reason}."] if reason else []
 
     def add(self, tile: int, stored: Map) -> None:
         """Add a UDIM tile as it is stored, before rounding."""
-        if not self._is_wanted:
+        if self.warnings:
             return
         texels, state = stored
         columns, rows = self._settings.sampling.size
@@ -187,13 +182,8 @@ class SeenBake:
             shown = np.dstack([means, is_known.astype(np.float32)])
         self._tiles[tile] = shown
 
-    def add_raw(self, tile: int, normals: np.ndarray) -> None:
-        """Add a tile of normals as baking.Renderer.raw returns them."""
-        if self._is_wanted:
-            self.add(tile, normal_space.stored(normals, self._settings))
-
     def measured(self) -> Task[Appearance | None]:
-        """Measure the map. Returns None if it is not wanted, or if no pixel shows both meshes."""
+        """Measure the map. Returns None if it cannot be, or if no pixel shows both meshes."""
         if not self._tiles:
             return None
         meshes, settings = self._plan.meshes, self._settings

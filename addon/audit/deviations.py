@@ -50,10 +50,9 @@ class Deviations:
     """The angles at the centers of texels, with the map as it is kept, and read by its own basis.
 
     Each triangle of the low mesh counts at its own place, also where it shares texels that were drawn for another one. Texels
-    on which Flatten draws another place of the high surface are left out. drawing: of the bake, with own hits. is_wanted:
-    whether anything is measured. It takes about as long as one sample. pictures: receives them. kept: what images and files
-    keep of rows of the map (rows, width, 4) float32. hidden: the parts of the low mesh that others hide; None to leave them
-    out.
+    on which Flatten draws another place of the high surface are left out. drawing: of the bake, with own hits. It takes
+    about as long as one sample. pictures: receives them. kept: what images and files keep of rows of the map (rows, width, 4)
+    float32. hidden: the parts of the low mesh that others hide; None to leave them out.
     """
 
     def __init__(
@@ -63,19 +62,15 @@ class Deviations:
         pictures: BakePictures | None = None,
         *,
         kept: Callable[[np.ndarray], np.ndarray],
-        is_wanted: bool,
         hidden: StackedParts | None = None,
     ):
         self._kept = kept
         self._plan, self.settings, self._pictures = drawing.plan, settings, pictures
-        self._counts, self._is_wanted = AngleCounts(), is_wanted
-        self._hidden, self._pool = hidden, target.TargetPool()
+        self._counts, self._hidden, self._pool = AngleCounts(), hidden, target.TargetPool()
         self.whole = _Drawn(drawing)
 
     def add(self, tile: int, stored: Map) -> None:
         """Measure a UDIM tile of the normal map as it is stored, before rounding."""
-        if not self._is_wanted:
-            return
         height, width = stored[1].shape
         self._add(tile, stored, self.whole.bands((width, height), tile), self.whole)
         with target.using(self._pool):
@@ -103,11 +98,6 @@ class Deviations:
             self._counts.add(angles[is_known][:, 0])
             if self._pictures is not None:
                 self._pictures.add_degrees(tile, band.start, angles[..., 0], is_known, is_drawn)
-
-    def add_raw(self, tile: int, normals: np.ndarray) -> None:
-        """Measure a tile of normals as baking.Renderer.raw returns them."""
-        if self._is_wanted:
-            self.add(tile, normal_space.stored(normals, self.settings))
 
     def results(self) -> dict[str, float | int]:
         """The angles as Report.deviation has them; empty if no texel was measured."""
@@ -154,14 +144,12 @@ class BetweenTexels:
     Arguments as in Deviations.
     """
 
-    def __init__(self, drawing: Drawing, settings: Settings, *, kept: Callable, is_wanted: bool):
-        self._of = Deviations(drawing, settings, kept=kept, is_wanted=False)
-        self._kept, self._is_wanted, self._counts, self._sums = kept, is_wanted, AngleCounts(), np.zeros(2)
+    def __init__(self, drawing: Drawing, settings: Settings, *, kept: Callable):
+        self._of = Deviations(drawing, settings, kept=kept)
+        self._kept, self._counts, self._sums = kept, AngleCounts(), np.zeros(2)
 
     def add(self, tile: int, stored: Map) -> None:
         """Measure a UDIM tile of the normal map as it is stored, before rounding."""
-        if not self._is_wanted:
-            return
         drawn = self._of.whole
         texels = self._kept(np.ascontiguousarray(stored[0], np.float32))
         width, height = (min(2 * side + 1, MOST_BETWEEN) for side in stored[1].shape[::-1])
@@ -172,11 +160,6 @@ class BetweenTexels:
             known = angles[angles[..., 3] > 0.0]
             self._counts.add(known[:, 0])
             self._sums += np.maximum(known[:, :2] - (UNSEEN, 0.0), 0.0).sum(axis=0)
-
-    def add_raw(self, tile: int, normals: np.ndarray) -> None:
-        """Measure a tile of normals as baking.Renderer.raw returns them."""
-        if self._is_wanted:
-            self.add(tile, normal_space.stored(normals, self._of.settings))
 
     def results(self) -> dict[str, float | int]:
         """As Report.between has it; empty if nothing was measured."""
@@ -245,11 +228,6 @@ class OtherEngines:
                 other = normal_space.reading_by(engine, self.settings)
                 angles = audit.measure_engine_angles(self._uploaded, texture, to_clip, own, other)
                 self._counts[engine.name].add(angles[is_written & (angles >= 0.0)])
-
-    def add_raw(self, tile: int, normals: np.ndarray) -> None:
-        """Measure a tile of normals as baking.Renderer.raw returns them."""
-        if self.engines:
-            self.add(tile, normal_space.stored(normals, self.settings))
 
     def results(self, backwards: int) -> dict[str, dict[str, float | int]]:
         """The angles by the names of the engines, as Report.targets has them. backwards: the texels with a z of 0 or less."""

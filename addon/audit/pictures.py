@@ -28,10 +28,10 @@ _NONE, _NOT_MEASURED = -2.0, -1.0
 
 
 class BakePictures:
-    """Collects the tiles of one bake. settings: of the map. is_wanted: whether anything is collected."""
+    """Collects the tiles of one bake. settings: of the map."""
 
-    def __init__(self, low: Mesh, tiles: Sequence[int], settings: Settings, *, is_wanted: bool):
-        self._low, self._settings, self._is_wanted = low, settings, is_wanted
+    def __init__(self, low: Mesh, tiles: Sequence[int], settings: Settings):
+        self._low, self._settings = low, settings
         self._board = _Board(tiles, settings.sampling.size)
         self._maps: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._degrees: dict[int, np.ndarray] = {}
@@ -40,8 +40,6 @@ class BakePictures:
     def add(self, tile: int, maps: Mapping[str, Map]) -> None:
         """Add a UDIM tile with its maps as they are stored, before rounding. Without a normal map, only the first of the others
         is shown."""
-        if not self._is_wanted:
-            return
         other = next((name for name in maps if name != NORMAL.name), NORMAL.name)
         texels, state = maps[NORMAL.name if self._settings.map.normal else other]
         is_known = state != 0
@@ -51,11 +49,6 @@ class BakePictures:
             means, _ = square_means(texels, is_known, most)
             self._textures[tile] = np.dstack([means, np.ones(means.shape[:2], np.float32)])
 
-    def add_raw(self, tile: int, normals: np.ndarray) -> None:
-        """Add a tile of normals as baking.Renderer.raw returns them."""
-        if self._is_wanted:
-            self.add(tile, {NORMAL.name: normal_space.stored(normals, self._settings)})
-
     def add_degrees(
         self, tile: int, start: int, degrees: np.ndarray, is_known: np.ndarray, is_drawn: np.ndarray
     ) -> None:
@@ -63,10 +56,9 @@ class BakePictures:
 
         is_known, is_drawn: (rows, width) bool, where they are measured, and where the map was drawn.
         """
-        if self._is_wanted:
-            values = np.where(is_known, degrees, np.where(is_drawn, _NOT_MEASURED, _NONE)).astype(np.float32)
-            into = self._degrees.setdefault(tile, np.full(self._board.shape, _NONE, np.float32))
-            add_greatest(into, values, start, self._board.factor)
+        values = np.where(is_known, degrees, np.where(is_drawn, _NOT_MEASURED, _NONE)).astype(np.float32)
+        into = self._degrees.setdefault(tile, np.full(self._board.shape, _NONE, np.float32))
+        add_greatest(into, values, start, self._board.factor)
 
     def result(self) -> np.ndarray | None:
         """The three pictures side by side, PICTURE_SIDE rows of RGB in uint8, row 0 on top. Those that there are not stay gray.

@@ -208,9 +208,7 @@ def _deviations(meshes: Meshes, run: Run) -> Task[Maps]:
     """The median, two percentiles and the largest angle, if the low mesh had a map of flat normals."""
     drawn = yield from baking.draw(plan_of(meshes, run.settings), run)
     hidden = StackedParts(drawn, run.settings)
-    measured = Deviations(
-        drawn, run.settings, kept=lambda texels: np.full_like(texels, FLAT_COLOR), is_wanted=True, hidden=hidden
-    )
+    measured = Deviations(drawn, run.settings, kept=lambda texels: np.full_like(texels, FLAT_COLOR), hidden=hidden)
     measured.add(FIRST, (np.zeros((SIZE, SIZE, 4), np.float32), np.full((SIZE, SIZE), WRITTEN, np.uint8)))
     results = measured.results()
     numbers = np.array([[results[name] for name in ANGLES]], np.float32)

@@ -39,7 +39,7 @@ def stored(color, size=(64, 64), state=2):
 
 
 def pictures(low, tiles=(1001,), **values):
-    return BakePictures(low, tiles, scenes.settings(**values), is_wanted=True)
+    return BakePictures(low, tiles, scenes.settings(**values))
 
 
 def parts(result):
