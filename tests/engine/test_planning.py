@@ -16,7 +16,7 @@ from addon.engine.planning import plan_of
 from addon.jobs import Job, masks
 from addon.jobs.job import Request, read_meshes
 from addon.jobs.live_session import Session
-from tests.engine.test_orienting import ball
+from tests.engine.test_orienting import SAME, ball
 from tests.engine.test_stacked_uvs import asymmetric, mirrored
 from tests.support import maps, scenes, spoiled, zoo
 
@@ -117,15 +117,29 @@ def test_what_is_left_out_is_a_mask_too_seed_9():
     rng = np.random.default_rng(9)
     clean, _ = ball(level=3)
     inner = spoiled.flipped_at_random(spoiled.replace(clean, points=0.95 * clean.points), rng, 0.3)
-    soup = spoiled.joined(spoiled.flipped_in_regions(clean, rng, 0.1), inner)
-    copies = soup.at(np.arange(20))
-    plan = planned(zoo.sphere("lo", n=16), spoiled.build("hi", spoiled.joined(soup, copies)), method="CAST")
-    count, both = len(clean.triangles), len(soup.triangles)
+    is_flipped = spoiled.regions(clean, rng, 0.1)
+    soup = spoiled.joined(spoiled.flipped(clean, is_flipped), inner)
+    chosen = np.flatnonzero(~is_flipped)[:20]
+    high = spoiled.build("hi", spoiled.joined(soup.at(chosen), soup))
+    plan = planned(zoo.sphere("lo", n=16), high, method="AUTO")
+    (masks,), (read,), (drawn,) = plan.masks, plan.read.highs, plan.highs
+    outer = 20 + np.arange(len(clean.triangles))
     assert (plan.told.hidden, plan.told.twice) == (len(inner.triangles), 20)
-    assert np.array_equal(np.flatnonzero(plan.masks[0].left_out), np.arange(count, both + 20))
-    assert np.array_equal(np.flatnonzero(plan.masks[0].copies), np.arange(both, both + 20))
-    assert len(plan.read.highs[0].triangles) == both + 20
-    assert len(plan.highs[0].triangles) == count
+    assert np.array_equal(np.flatnonzero(masks.copies), outer[chosen])
+    kept = np.concatenate([np.arange(20), np.delete(outer, chosen)])
+    assert np.array_equal(np.flatnonzero(~masks.left_out), kept)
+    assert np.array_equal(masks.turned[outer], is_flipped)
+    assert np.array_equal((drawn.triangles != read.triangles[kept]).any(axis=1), masks.turned_of_kept)
+    assert masks.turned_of_kept.sum() == is_flipped.sum()
+    assert plan.choice.separation is None, "distances are measured between what is left"
+
+
+def test_flatten_builds_no_tree_for_clean_parts():
+    """Only rays miss what an open part behind another layer should show."""
+    low, highs = zoo.terrain("lo", 8), [zoo.terrain("hi", 24, height=0.1), zoo.terrain("other", 24, height=-0.2)]
+    before = tree_cache.trees.built
+    scenes.bake(low, *highs, method="FLATTEN")
+    assert tree_cache.trees.built == before
 
 
 def test_stacked_parts_have_their_order_in_the_plan():
@@ -230,3 +244,19 @@ def test_a_high_mesh_out_of_reach_is_named_in_any_order(far):
     assert plan.warnings == [f"{names[far]!r} lies out of reach of the rays and was left out."]
     assert [high.name for high in plan.meshes.listed_highs] == names[:far] + names[far + 1 :]
     assert [high.name for high in plan.listed.highs] == names
+
+
+def test_live_decides_anew_for_other_triangles_seed_8(counted):
+    low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 24, height=0.15))
+    high = spoiled.build("hi", spoiled.flipped_in_regions(soup, np.random.default_rng(8), 0.3))
+    settings = settings_of(method="FLATTEN", space="OBJECT", modifiers="VIEWPORT")
+    session = Session(bpy.context, Job(low, [high]), settings, progress.Pace())
+    session.run(bpy.context)
+    before = session.texels.copy()
+    counted.update(dict.fromkeys(counted, 0))
+    high.data.flip_normals()
+    bpy.context.view_layer.update()
+    session.run(bpy.context, {high.session_uid})
+    assert (counted["order"], counted["orientation"]) == (0, 1)
+    assert np.abs(session.texels - before).max() < SAME
+    session.free()
