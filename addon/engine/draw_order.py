@@ -63,10 +63,10 @@ class Order(ComparedByValue):
         """The meshes in this order. They are made once for each mesh."""
         low, basis, kept, highs = meshes.low, meshes.basis, meshes.kept, meshes.highs
         if self.low is not None:
-            low = low.remembered("in order", (self.low,), lambda: meshes.low.with_triangles(self.low))
+            low = low.remembered("in order", (self.low,), partial(low.with_triangles, self.low))
             kept = None if kept is None else kept[self.low]
         if basis is not None and self.basis is not None:
-            basis = basis.remembered("in order", (self.basis,), lambda: meshes.basis.with_triangles(self.basis))
+            basis = basis.remembered("in order", (self.basis,), partial(basis.with_triangles, self.basis))
         if self.is_reversed:
             highs = [high.remembered("reversed", (), partial(_reversed, high)) for high in reversed(highs)]
         if not self.is_any:

@@ -145,11 +145,8 @@ def plan_of(
     timings = timings or Timings()
     plan = decided(meshes, settings, timings, tiles=tiles, before=before)
     if plan.smooth:
-        degrees = (
-            tuple(float(np.percentile(plan.degrees, share)) for share in (50.0, 95.0))
-            if len(plan.degrees)
-            else (0.0, 0.0)
-        )
+        turned = plan.degrees if len(plan.degrees) else np.zeros(1)
+        degrees = tuple(float(np.percentile(turned, share)) for share in (50.0, 95.0))
         plan = replace(plan, told=replace(plan.told or Mended.nothing(meshes.highs), degrees=degrees))
     with timings.timed("method"):
         return _within_reach(plan, settings.tracing, length) if plan.casts_rays else plan
@@ -167,31 +164,31 @@ def decided(
     tracing = settings.tracing
     tiles = tuple(tiles_to_bake(meshes, settings.sampling) if tiles is None else tiles)
     with timings.timed("method"):
-        if before is not None and before.read.low is meshes.low:
-            order = before.order
-        else:
-            order = draw_order.order_of(meshes, tiles, settings.sampling)
-        choice = (
-            choose_method(order.of(meshes), tiles, tracing)
-            if before is None
-            else replace(before.choice, separation=None)
-        )
+        known = before.order if before is not None and before.read.low is meshes.low else None
+        order = known or draw_order.order_of(meshes, tiles, settings.sampling)
+        choice = before and replace(before.choice, separation=None)
+        choice = choice or choose_method(order.of(meshes), tiles, tracing)
     plan = Plan(meshes, tiles, choice, order, smooth=tracing.smooth_high)
+    if tracing.keep_faces or meshes.is_own_base:
+        return plan
     with timings.timed("orient"):
-        if tracing.keep_faces or meshes.is_own_base:
-            return plan
         if before is not None and _is_oriented_alike(meshes, before.read):
             return replace(plan, masks=before.masks, told=before.told)
-        by_rays = choice.method == Method.CAST
-        orientation = orienting.orientation_of(
-            meshes, timings, casts_rays=by_rays, is_reversed=order.is_reversed and by_rays
-        )
-        plan = replace(plan, masks=orientation.masks, told=orientation.told)
-        if any(one.left_out is not None for one in orientation.masks):
-            return replace(plan, choice=replace(choice, separation=None))  # what it shows is not all there any more
-        if orientation.scene is not None:
-            in_order = order.of(replace(meshes, highs=plan.highs)).highs
-            tree_cache.trees.ray_scene_of(in_order, timings, like=orientation.scene)
+        return _oriented(plan, timings)
+
+
+def _oriented(plan: Plan, timings: Timings) -> Plan:
+    """`plan` with what is changed of the high meshes."""
+    order, by_rays = plan.order, plan.method == Method.CAST
+    orientation = orienting.orientation_of(
+        plan.read, timings, casts_rays=by_rays, is_reversed=by_rays and order.is_reversed
+    )
+    plan = replace(plan, masks=orientation.masks, told=orientation.told)
+    if any(one.left_out is not None for one in plan.masks):
+        return replace(plan, choice=replace(plan.choice, separation=None))  # some of what it was measured on is gone
+    if orientation.scene is not None:
+        in_order = order.of(replace(plan.read, highs=plan.highs)).highs
+        tree_cache.trees.ray_scene_of(in_order, timings, like=orientation.scene)
     return plan
 
 

@@ -131,7 +131,14 @@ def test_what_is_left_out_is_a_mask_too_seed_9():
     assert np.array_equal(masks.turned[outer], is_flipped)
     assert np.array_equal((drawn.triangles != read.triangles[kept]).any(axis=1), masks.turned_of_kept)
     assert masks.turned_of_kept.sum() == is_flipped.sum()
-    assert plan.choice.separation is None, "distances are measured between what is left"
+
+
+def test_distances_are_measured_between_what_is_left():
+    low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 32, height=0.05))
+    for name, high in (("all", soup), ("some", spoiled.joined(soup, soup.at(np.arange(90))))):
+        plan = planned(low, spoiled.build(name, high), method="AUTO")
+        assert plan.method == "FLATTEN"
+        assert (plan.choice.separation is None) == (name == "some")
 
 
 def test_flatten_builds_no_tree_for_clean_parts():
