@@ -790,7 +790,8 @@ def compare(high: bpy.types.Object) -> Steps:
     yield 1.0
     picture("5 menu")
     window.mouse("key", "s")  # the underlined letter
-    yield 3.0
+    yield from until(lambda: bpy.context.scene.imprint_view.mode == "SPLIT")
+    yield 1.0
     check("View: Split", bpy.context.scene.imprint_view.mode == "SPLIT")
     picture("5 split")
     yield from drag_line()
