@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path, PurePath
 from typing import Any
 
-from ..core import asset, file_formats, levels, naming, udim
+from ..core import asset_limits, file_formats, levels, naming, udim
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError, warn_of_former
@@ -302,7 +302,7 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     own, rest = ASSET.parser(program).parse_known_args(words)
     limits_of_asset = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
     try:
-        wanted = asset.Wanted.of_texts(*limits_of_asset)
+        wanted = asset_limits.Wanted.of_texts(*limits_of_asset)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
     size = ["--size", own.size] if own.size and not wanted.finds_size else []

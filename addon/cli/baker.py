@@ -17,7 +17,7 @@ import numpy as np
 
 from .. import older_blender
 from ..core import levels, naming, progress, udim
-from ..core.asset import Wanted
+from ..core.asset_limits import Wanted
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
 from ..core.naming import printable

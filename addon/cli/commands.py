@@ -9,7 +9,7 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from ..core import asset
+from ..core.asset_limits import A_METER, AUTO, TRIANGLES
 from ..core.naming import did_you_mean
 from . import option_types
 from .options import FILE, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption
@@ -149,7 +149,7 @@ ASSET = Command(
     {
         "": {
             "triangles": CommandOption(
-                f"How many triangles the low mesh has (default: at most {asset.TRIANGLES}); with --degrees or --distance, the "
+                f"How many triangles the low mesh has (default: at most {TRIANGLES}); with --degrees or --distance, the "
                 "most",
                 {"metavar": "N"},
             ),
@@ -168,7 +168,7 @@ ASSET = Command(
                 {"type": int, "default": 0, "metavar": "N"},
             ),
             "size": CommandOption(
-                f"Of the maps: {asset.AUTO} for texels as small as the high meshes' triangles, 512{asset.A_METER} for at "
+                f"Of the maps: {AUTO} for texels as small as the high meshes' triangles, 512{A_METER} for at "
                 "least 512 texels a meter, or as for `bake`",
                 {"metavar": "auto"},
             ),

@@ -13,8 +13,8 @@ from functools import partial
 
 import bpy
 
-from ..core import asset, naming
-from ..core.asset import HowMade, Wanted
+from ..core import asset_limits, naming
+from ..core.asset_limits import HowMade, Wanted
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError, NothingDrawn
 from ..core.naming import Suffixes
@@ -79,7 +79,7 @@ def work(
     Returns:
         The reports of the low object and of its levels, from the finest.
     """
-    start, timings = time.perf_counter(), Timings(asset.STAGES)
+    start, timings = time.perf_counter(), Timings(asset_limits.STAGES)
     _check(job, wanted, settings)
     with temporary.only_if_finished(), all_or_none(), temporary.meshes(), ExitStack() as stack:
         high, lows = None, [] if job.low in job.highs else [Low(job.low, wanted, HowMade(is_made=False))]

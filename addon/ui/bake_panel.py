@@ -21,7 +21,7 @@ from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
 from . import object_pairs, results
 from .findings import findings
-from .fixes import draw_button, draw_fixable
+from .fix_buttons import draw_button, draw_fixable
 from .live import live
 from .modal import QuickOperator
 from .progress_display import MAIN, display

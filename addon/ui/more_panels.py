@@ -7,7 +7,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..core import levels
-from ..core.asset import AUTO, Wanted
+from ..core.asset_limits import AUTO, Wanted
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError
 from ..core.levels import ChainReport

@@ -18,7 +18,7 @@ from ..jobs.job import Job, jobs_by_name
 from ..scene import object_checks
 from . import modal, results
 from .bake_operators import BakeOperator
-from .fixes import draw_fixable
+from .fix_buttons import draw_fixable
 from .modal import QuickOperator
 from .preferences import flamenco_address
 from .progress_display import SettingsPanel, display

@@ -9,7 +9,7 @@ from bpy.props import IntProperty, StringProperty
 
 from ..core.errors import BakeError
 from ..passes import allocation
-from . import gpu_test
+from . import gpu_button
 from .bake_results import find_viewport
 from .callbacks import Timer
 from .modal import QuickOperator
@@ -51,7 +51,7 @@ class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
         row.operator("imprint.open_manual", icon="HELP")
         layout.prop(self, "gpu_memory")
         layout.prop(self, "flamenco")
-        gpu_test.draw(layout, context)
+        gpu_button.draw(layout, context)
 
 
 def gpu_memory() -> int | None:

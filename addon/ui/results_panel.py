@@ -10,7 +10,7 @@ from ..core.report import Report
 from ..output import materials
 from ..scene import reading
 from . import bake_results, object_pairs, results
-from .fixes import draw_fixable
+from .fix_buttons import draw_fixable
 from .results import high_objects
 from .texts import SidebarPanel, draw_paragraphs, message
 

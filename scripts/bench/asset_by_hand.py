@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT))
 from addon.audit import appearance  # noqa: E402
 from addon.audit.appearance import ShownMap  # noqa: E402
 from addon.core import udim  # noqa: E402
-from addon.core.asset import Wanted  # noqa: E402
+from addon.core.asset_limits import Wanted  # noqa: E402
 from addon.core.naming import Suffixes  # noqa: E402
 from addon.core.progress import Pace, finish  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402

@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from addon.cli import run_report  # noqa: E402
 from addon.cli.run_report import Entry, FileNote, ThisCall  # noqa: E402
-from addon.core.asset import HowMade  # noqa: E402
+from addon.core.asset_limits import HowMade  # noqa: E402
 from addon.core.levels import ChainReport, Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402
 from addon.core.stored_normals import ConversionReport  # noqa: E402

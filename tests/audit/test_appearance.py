@@ -12,7 +12,7 @@ from mathutils import Euler, Matrix
 from addon.audit import appearance
 from addon.audit.appearance import Detail, SeenHighs, ShownMap, measure
 from addon.cli import limits
-from addon.core.asset import Wanted
+from addon.core.asset_limits import Wanted
 from addon.core.map_types import NORMAL
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, finish

@@ -7,7 +7,7 @@ import pytest
 
 from addon import older_blender
 from addon.audit import appearance
-from addon.core.asset import STAGES, Wanted
+from addon.core.asset_limits import STAGES, Wanted
 from addon.core.errors import BakeError, NothingDrawn
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, Timings, finish

@@ -10,7 +10,7 @@ import pytest
 from mathutils import Euler, Matrix
 from mathutils.bvhtree import BVHTree
 
-from addon.core.asset import Wanted
+from addon.core.asset_limits import Wanted
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, finish

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.asset import Wanted
+from addon.core.asset_limits import Wanted
 from addon.core.errors import BakeError
 from addon.core.levels import limits
 from addon.core.naming import Suffixes

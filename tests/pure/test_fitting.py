@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.core.asset import SIZES, Wanted, size_for
+from addon.core.asset_limits import SIZES, Wanted, size_for
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes, low_name_of
 from addon.mesh import fitting, welding

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from addon.core import asset, progress
+from addon.core import asset_limits, progress
 from addon.core.progress import (
     BEGUN,
     LONGEST,
@@ -70,7 +70,7 @@ def test_each_stage_that_the_code_times_is_declared():
     timed = {
         stage for path in addon.rglob("*.py") for stage in re.findall(r"timed\(.*\"(\w+)\"\)", path.read_text("utf-8"))
     }
-    assert timed == {*STAGES, *asset.STAGES}
+    assert timed == {*STAGES, *asset_limits.STAGES}
 
 
 def test_time_between_steps_does_not_count(clock, measured):

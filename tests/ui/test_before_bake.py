@@ -15,7 +15,7 @@ from addon.ui import bake_panel
 from addon.ui.bake_results import results
 from addon.ui.callbacks import events
 from addon.ui.findings import findings
-from addon.ui.fixes import FIXES
+from addon.ui.fix_buttons import FIXES
 from addon.ui.properties import Chosen
 from tests.support import panel_layout, zoo
 from tests.support.panel import use

@@ -12,8 +12,8 @@ from addon.core.errors import NoGpu
 from addon.core.gpu_report import GpuReport, Outcome, Verdict
 from addon.core.progress import Progress
 from addon.jobs import gpu_test as job
-from addon.ui import gpu_test
-from addon.ui.gpu_test import last
+from addon.ui import gpu_button
+from addon.ui.gpu_button import last
 from addon.ui.live import live
 from addon.ui.progress_display import display
 from tests.support import panel
@@ -54,7 +54,7 @@ def drawn():
     layout = Layout()
     system = SimpleNamespace(ui_scale=1.0)
     context = SimpleNamespace(region=SimpleNamespace(width=600), preferences=SimpleNamespace(system=system))
-    gpu_test.draw(layout, context)
+    gpu_button.draw(layout, context)
     return layout.drawn
 
 
@@ -124,8 +124,8 @@ def test_without_a_test_there_is_no_report(operator):
 
 def test_a_report_is_not_kept_after_the_add_on():
     last.report = RIGHT
-    gpu_test.unregister()
+    gpu_button.unregister()
     try:
         assert last.report is None
     finally:
-        gpu_test.register()
+        gpu_button.register()

@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 
-from .. import asset, file_formats, levels, udim
+from .. import asset_limits, file_formats, levels, udim
 from ..file_formats import USUAL_DEPTH
 from ..naming import Suffixes
 from ..udim import TOKEN
@@ -89,7 +89,7 @@ ASSET: dict[str, Setting] = {
     "asset_triangles": Text(
         label="Triangles",
         tooltip="How many triangles the low mesh has. With degrees or a distance it is the most, and empty stands for no limit",
-        default=str(asset.TRIANGLES),
+        default=str(asset_limits.TRIANGLES),
         option=None,
     ),
     "asset_degrees": Text(
@@ -109,7 +109,7 @@ ASSET: dict[str, Setting] = {
     "asset_fits_size": Switch(
         label="Size by Detail",
         tooltip="Make the maps as large as it takes for texels as small as the triangles of the high objects, from "
-        f"{asset.SIZES[0]} to {asset.SIZES[1]}",
+        f"{asset_limits.SIZES[0]} to {asset_limits.SIZES[1]}",
         option=None,
     ),
     "asset_levels": WholeNumber(
@@ -118,7 +118,7 @@ ASSET: dict[str, Setting] = {
         "before it, or twice its limits",
         default=0,
         least=0,
-        most=asset.MOST_LEVELS,
+        most=asset_limits.MOST_LEVELS,
         option=None,
     ),
 }

@@ -11,8 +11,8 @@ import numpy as np
 
 from ...audit import appearance
 from ...audit.appearance import Appearance, SeenHighs, ShownMap
-from ...core import asset, udim
-from ...core.asset import Wanted
+from ...core import asset_limits, udim
+from ...core.asset_limits import Wanted
 from ...core.declarations.choices import Method
 from ...core.errors import NoGpu, NothingDrawn
 from ...core.map_types import NORMAL
@@ -171,4 +171,4 @@ def map_side(low: bpy.types.Object, texel: float) -> int:
     points = mesh.positions.astype(np.float64) @ mesh.to_world[:3, :3].T
     used = uv_stretch.measure(points[mesh.vertices[mesh.triangles]], mesh.uv[mesh.triangles]).used
     area = float(face_areas(points, mesh.vertices[mesh.triangles]).sum())
-    return asset.size_for(texel, area, min(used, 1.0))
+    return asset_limits.size_for(texel, area, min(used, 1.0))

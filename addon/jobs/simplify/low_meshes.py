@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...core.asset import OFF
+from ...core.asset_limits import OFF
 from ...core.progress import Timings
 from ...core.simplify import Candidate
 from ...mesh import face_weights, fitting, folds
