@@ -262,12 +262,12 @@ class Baker:
         """The files that a bake wrote, each once, as in Entry. scene: the path of the saved scene, or ""."""
         paths = {what: {} for what in (run_report.MAP, run_report.MIP, run_report.EXPORT, run_report.SCENE)}
         for report in reports:
-            for what, found in run_report.written_paths(report).items():
-                paths[what].update(dict.fromkeys(found))
+            for what, written in run_report.written_paths(report).items():
+                paths[what].update(dict.fromkeys(written))
         if scene:
             paths[run_report.SCENE][scene] = None
-        for what, found in paths.items():
-            for path in found:
+        for what, written in paths.items():
+            for path in written:
                 yield (self._contents.of(path, what) if is_hashed else Content(path, what)).facts()
 
 
@@ -338,8 +338,8 @@ def look_at(options: argparse.Namespace) -> int:
     jobs, problems = _jobs(options, loader)
     settings, smooth = arguments.settings(options), loader.smooth(jobs, options.smooth_files)
     for job in jobs:
-        found = pair_checks.look_at_high(bpy.context, job, settings)
-        lines = found.lines(lengths_of(bpy.context.scene))
+        look = pair_checks.look_at_high(bpy.context, job, settings)
+        lines = look.lines(lengths_of(bpy.context.scene))
         lines += smooth_sentences({high.name: smooth[high.name] for high in job.highs if high.name in smooth})
         print("\n".join(map(printable, (f"{job.low.name}:", *(f"  {line}" for line in lines)))))
     for problem in problems:
@@ -353,8 +353,8 @@ MOST_PICTURES = 4
 
 def _image(reports: Sequence[Report]) -> bytes:
     """The pictures of the first few reports, one above the other, as a PNG file; empty if there are none."""
-    found = [report.picture for report in reports if report.picture is not None][:MOST_PICTURES]
-    return png_writer.small(np.concatenate(found)) if found else b""
+    pictures = [report.picture for report in reports if report.picture is not None][:MOST_PICTURES]
+    return png_writer.small(np.concatenate(pictures)) if pictures else b""
 
 
 def _summary(reports: Sequence[Report], chain: ChainReport | None, kind: str) -> list[str]:
@@ -594,17 +594,17 @@ def _export(
         by_low.setdefault(report.refs[0].uid, []).append(report)
     lows = list(by_low.values())
     together = [[low] for low in lows] if naming.has_low(output) else [lows]
-    found = {}
+    by_uid = {}
     for bakes in together:
         report = bakes[0][0]
         path = Path(naming.fill(output, report.low, low_suffix=report.settings.get("low_suffix", ""))).absolute()
         with standard_streams.silence():
             are_linked = are_levels and len(bakes) > 1
             done = engine_files.export_files(bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside)
-        found |= {bake[0].refs[0].uid: one for bake, one in zip(bakes, done, strict=True)}
+        by_uid |= {bake[0].refs[0].uid: one for bake, one in zip(bakes, done, strict=True)}
     result = []
     for report in reports:
-        one = found[report.refs[0].uid]
+        one = by_uid[report.refs[0].uid]
         result.append(report.with_export(one.to_dict()).with_warnings(one.warnings))
     return result
 

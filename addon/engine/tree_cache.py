@@ -222,10 +222,10 @@ def _checksums(meshes: Sequence[Mesh]) -> list[tuple]:
     arrays = [
         array for mesh in new for array in (mesh.positions, mesh.vertices, mesh.normals, mesh.triangles, mesh.to_world)
     ]
-    found = threads.map_parallel(lambda array: (zlib.crc32(np.ascontiguousarray(array)), array.shape), arrays)
+    checksums = threads.map_parallel(lambda array: (zlib.crc32(np.ascontiguousarray(array)), array.shape), arrays)
     count = len(arrays) // max(1, len(new))
     for number, mesh in enumerate(new):
-        mesh.remembered(CHECKSUMS, (), lambda own=tuple(found[number * count : (number + 1) * count]): own)
+        mesh.remembered(CHECKSUMS, (), lambda own=tuple(checksums[number * count : (number + 1) * count]): own)
     return [mesh.remembered(CHECKSUMS, (), tuple) for mesh in meshes]
 
 

@@ -37,10 +37,10 @@ def pack(lows: Sequence[bpy.types.Object], settings: Settings, *, is_done_once: 
         staying, coming = [], list(lows)
     margin = mip_gaps.needed(settings.sampling) / 2.0 / min(settings.sampling.size)
     uv = [] if not coming else _beside(staying, coming, margin) if staying else _packed(coming, margin)
-    for low, found in zip(coming, uv, strict=True):
+    for low, coordinates in zip(coming, uv, strict=True):
         layers = low.data.uv_layers
         layer = layers[LAYER] if LAYER in layers else layers.new(name=LAYER, do_init=False)
-        layer.uv.foreach_set("vector", np.ascontiguousarray(found, np.float32).reshape(-1))
+        layer.uv.foreach_set("vector", np.ascontiguousarray(coordinates, np.float32).reshape(-1))
     for low in lows:
         low.data.uv_layers.active = low.data.uv_layers[LAYER]
         low.data.update()
@@ -90,11 +90,11 @@ def _beside(staying: Sequence[bpy.types.Object], coming: Sequence[bpy.types.Obje
     kept_surface, kept_used = _areas(staying)
     uv *= np.sqrt(kept_used / kept_surface / (used / surface))
     with _joined([*staying, *coming]) as obj:
-        found = mesh_reader.uvs(obj.data, LAYER)
-        found[-len(uv) :] = uv
-        obj.data.uv_layers[LAYER].uv.foreach_set("vector", found.reshape(-1))
+        coordinates = mesh_reader.uvs(obj.data, LAYER)
+        coordinates[-len(uv) :] = uv
+        obj.data.uv_layers[LAYER].uv.foreach_set("vector", coordinates.reshape(-1))
         pins = obj.data.attributes.new(f".pn.{LAYER}", "BOOLEAN", "CORNER")
-        pins.data.foreach_set("value", np.arange(len(found)) < len(found) - len(uv))
+        pins.data.foreach_set("value", np.arange(len(coordinates)) < len(coordinates) - len(uv))
         with editing(obj):
             bpy.ops.uv.pack_islands(
                 rotate=True, scale=False, margin_method="FRACTION", margin=margin, shape_method="CONCAVE",

@@ -122,9 +122,9 @@ class Atlas:
 
     def _of_others(self, tile: int, maps: dict[str, np.ndarray]) -> np.ndarray:
         """The texels (height, width) bool of a tile that low objects have which are not baked."""
-        found = coverage.covered(self.kept.lows, tile, self.drawn[0].request.settings.sampling)
+        is_covered = coverage.covered(self.kept.lows, tile, self.drawn[0].request.settings.sampling)
         is_hit = maps[NORMAL.name][..., 3] > 0.0
-        lost = np.count_nonzero(is_hit & found)
+        lost = np.count_nonzero(is_hit & is_covered)
         if lost > MOST_TAKEN * np.count_nonzero(is_hit):
             names = [shorten_list(repr(low.name) for low in lows) for lows in (self._lows, self.kept.lows)]
             raise BakeError(
@@ -136,7 +136,7 @@ class Atlas:
                 f"{lost:,} texels overlap texels of other objects in the same image, which stay as they are: move their UVs "
                 "apart, or bake a map for each with {low} in the name."
             )
-        return found
+        return is_covered
 
     def _lay_over(self, below: dict[str, np.ndarray], above: dict[str, np.ndarray]) -> None:
         """Combine one tile of the last bake with those of the bakes before it."""

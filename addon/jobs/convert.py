@@ -315,8 +315,8 @@ def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image, 
 
 
 def _tiles(image: bpy.types.Image, sampling: SamplingSettings) -> tuple[int, ...]:
-    found = textures.stored_tiles(image)
-    wanted = tuple(tile for tile in found if not sampling.tiles or tile in sampling.tiles)
+    stored = textures.stored_tiles(image)
+    wanted = tuple(tile for tile in stored if not sampling.tiles or tile in sampling.tiles)
     if not wanted:
         raise BakeError(f"The image {image.name!r} has none of the tiles {', '.join(map(str, sampling.tiles))}.")
     return wanted
@@ -336,5 +336,5 @@ def _sized(image: bpy.types.Image, stored: dict[int, np.ndarray], settings: Sett
 
 def _counts(state: np.ndarray) -> tuple[int, int, int]:
     """The numbers of written texels, of those in the margin, and of all."""
-    found = (np.count_nonzero(state == which) for which in (WRITTEN, MARGIN))
-    return *map(int, found), state.size
+    counts = (np.count_nonzero(state == which) for which in (WRITTEN, MARGIN))
+    return *map(int, counts), state.size

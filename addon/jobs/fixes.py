@@ -143,10 +143,10 @@ def _check_editable(obj: bpy.types.Object) -> None:
 
 
 def _flip(context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> str:
-    found = viewport_flipped(context, low, highs, is_sure=False)
-    if not found:
+    findings = viewport_flipped(context, low, highs, is_sure=False)
+    if not findings:
         raise BakeError(f"The faces of {low.name!r} and its high objects point to the same sides.")
-    flipped = highs if found[0].values["is_high"] else [low]
+    flipped = highs if findings[0].values["is_high"] else [low]
     for obj in flipped:
         _check_editable(obj)
     blocks = list(dict.fromkeys(obj.data for obj in flipped))
@@ -203,8 +203,8 @@ def _soften(low: bpy.types.Object, settings: Settings) -> str:
 
 def _move_mirrored(low: bpy.types.Object, settings: Settings) -> str:
     mesh = _own_mesh(low, settings.map)
-    found = before_bake.mirrored_copies(mesh)
-    if not found.any():
+    is_copy = before_bake.mirrored_copies(mesh)
+    if not is_copy.any():
         mirrors = [modifier for modifier in low.modifiers if modifier.type == "MIRROR"]
         if not mirrors:
             raise BakeError(f"Modifiers make the mirrored parts of {low.name!r}: move their UVs there.")
@@ -213,11 +213,11 @@ def _move_mirrored(low: bpy.types.Object, settings: Settings) -> str:
         return f"UVs are moved aside by {shorten_list(repr(modifier.name) for modifier in mirrors)} of {low.name!r}"
     layer = low.data.uv_layers[_layer_name(low, settings.map)]
     uv = mesh_reader.uvs(low.data, layer.name)
-    corners = mesh_elements.face_corners(low.data, np.unique(mesh.faces[found]))
+    corners = mesh_elements.face_corners(low.data, np.unique(mesh.faces[is_copy]))
     uv[corners, 0] += ONE_TILE
     layer.uv.foreach_set("vector", uv.reshape(-1))
     low.data.update()
-    return f"{int(np.count_nonzero(found)):,} triangles of {low.name!r} are moved aside by one tile"
+    return f"{int(np.count_nonzero(is_copy)):,} triangles of {low.name!r} are moved aside by one tile"
 
 
 def _own_mesh(low: bpy.types.Object, map_settings: MapSettings) -> Mesh:

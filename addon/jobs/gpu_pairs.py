@@ -107,7 +107,7 @@ def _baked(meshes: Meshes, run: Run) -> Task[Maps]:
     tiles = yield from baking.bake(meshes, run)
     if list(tiles) == [FIRST]:
         return tiles[FIRST]
-    return {f"{name} {tile}": found for tile, maps in tiles.items() for name, found in maps.items()}
+    return {f"{name} {tile}": one_map for tile, maps in tiles.items() for name, one_map in maps.items()}
 
 
 # Meshes
@@ -306,9 +306,9 @@ ROUNDED = {"degrees": 4e-3, "": 4e-5}
 """What storing an answer in 16 bits may change."""
 
 
-def compare(pair: Pair, name: str, answer: Answer, found: Map) -> Outcome:
+def compare(pair: Pair, name: str, answer: Answer, drawn: Map) -> Outcome:
     """What the map `name` of a pair says of the GPU."""
-    (texels, states), limit = found, pair.limit(name)
+    (texels, states), limit = drawn, pair.limit(name)
     of_map = BY_NAME.get(name.partition(" ")[0])
     title = f"{pair.name}: {name if of_map is None else name.replace(of_map.name, of_map.label.lower())}"
     if states.shape != answer.states.shape:
@@ -344,7 +344,7 @@ STEPS = 65535
 def answers_of(pair: Pair) -> dict[str, Answer]:
     """The answers of a pair, by map."""
     start = f"{pair.name}: "
-    return {key.removeprefix(start): found for key, found in _answers().items() if key.startswith(start)}
+    return {key.removeprefix(start): array for key, array in _answers().items() if key.startswith(start)}
 
 
 @functools.cache

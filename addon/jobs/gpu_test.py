@@ -173,12 +173,12 @@ def _limits() -> dict[str, int | str]:
         "varying floats": "max_varying_floats_get",
         "vertex attributes": "max_vertex_attribs_get",
     }
-    found: dict[str, int | str] = {}
+    limits: dict[str, int | str] = {}
     for name, get in told.items():
-        found[name] = getattr(gpu.capabilities, get)()
+        limits[name] = getattr(gpu.capabilities, get)()
     for name, get in (("work groups", "max_work_group_count_get"), ("work group size", "max_work_group_size_get")):
-        found[name] = " x ".join(str(getattr(gpu.capabilities, get)(axis)) for axis in range(3))
-    return found
+        limits[name] = " x ".join(str(getattr(gpu.capabilities, get)(axis)) for axis in range(3))
+    return limits
 
 
 # Times

@@ -158,12 +158,12 @@ def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[J
     Raises BakeError if there is no job.
     """
     objects = object_checks.by_name(context.view_layer.objects)
-    found, problems = match(objects, suffixes)
-    if not found:
+    pairs, problems = match(objects, suffixes)
+    if not pairs:
         raise BakeError(" ".join(problems) or f"No object has a name that ends in {suffixes.low!r}.")
     jobs = [
         Job(objects[pair.low], [objects[name] for name in pair.highs], objects[pair.cage] if pair.cage else None)
-        for pair in found
+        for pair in pairs
     ]
     return jobs, problems
 
@@ -247,8 +247,8 @@ def files_read_by(jobs: Sequence[Job], *, has_maps: bool = True) -> list[tuple[s
     has_maps: whether maps of earlier bakes are among them.
     """
     bakes = [(job.low, job.highs, list(filter(None, [job.cage]))) for job in jobs]
-    found = (each for each in dependencies.not_to_replace(bakes) if has_maps or not each.is_own_map)
-    return [(path, each.what) for each in found for path in _files(each.path)]
+    files = (each for each in dependencies.not_to_replace(bakes) if has_maps or not each.is_own_map)
+    return [(path, each.what) for each in files for path in _files(each.path)]
 
 
 def _files(path: str) -> Iterable[str]:
@@ -304,22 +304,22 @@ def read_meshes(context: bpy.types.Context, request: Request) -> Meshes:
 
 def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:
     """A job for each texture set of each of `jobs`. Raises BakeError for names that the sets would share."""
-    found = [job.but(texture_set=one) for job in jobs for one in sets_of(job.low, is_own_base=job.low in job.highs)]
-    if len(found) > len(jobs):
+    split = [job.but(texture_set=one) for job in jobs for one in sets_of(job.low, is_own_base=job.low in job.highs)]
+    if len(split) > len(jobs):
         for text, what in ((storing.output, "file"), (storing.image, "image")):
             if text and MATERIAL not in text:
                 raise BakeError(f"Texture sets need {MATERIAL} in the name of the {what}: {text!r} has none.")
-    return found
+    return split
 
 
 def set_numbers(low: bpy.types.Object, meshes: Meshes) -> np.ndarray | None:
     """The number (T,) int of the texture set of each triangle of the low mesh, as it was read; None if there is only one, or if
     they were not read, as for maps without tangents."""
-    found = sets_of(low, is_own_base=meshes.is_own_base)
-    if len(found) < 2 or meshes.basis is None or len(meshes.basis.triangles) != len(meshes.low.triangles):
+    sets = sets_of(low, is_own_base=meshes.is_own_base)
+    if len(sets) < 2 or meshes.basis is None or len(meshes.basis.triangles) != len(meshes.low.triangles):
         return None
-    of_slot = np.zeros(1 + max(slot for one in found for slot in one.slots), np.int64)
-    for number, one in enumerate(found):
+    of_slot = np.zeros(1 + max(slot for one in sets for slot in one.slots), np.int64)
+    for number, one in enumerate(sets):
         of_slot[list(one.slots)] = number
     return of_slot[meshes.basis.labels[:, 0].astype(np.int64).clip(0, len(of_slot) - 1)]
 

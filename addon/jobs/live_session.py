@@ -258,13 +258,13 @@ class Session:
             return
         low, highs, cage = self._objects
         try:
-            found = reading.differences(context, [*highs, low, *([cage] if cage else [])])
+            differing = reading.differences(context, [*highs, low, *([cage] if cage else [])])
         except BakeError as error:
             self.differences = [str(error)]
             return
         self.differences = [
             FOLLOWED.format(name=repr(obj.name), shown=f"{shown:,}", rendered=f"{rendered:,}")
-            for obj, shown, rendered in found
+            for obj, shown, rendered in differing
         ]
 
     def other_steps(self) -> Task[None]:
@@ -288,8 +288,8 @@ class Session:
         if meshes is None:
             return True
         known = [meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])]
-        found = {ref.uid: (ref.find(), mesh) for ref, mesh in zip(self.job.refs, known, strict=True)}
-        obj, mesh = found.get(uid, (None, None))
+        by_uid = {ref.uid: (ref.find(), mesh) for ref, mesh in zip(self.job.refs, known, strict=True)}
+        obj, mesh = by_uid.get(uid, (None, None))
         if obj is None:  # it was deleted, or is shown as an instance: instances are read as one mesh
             return True
         with mesh_reader.evaluated(obj, bpy.context.evaluated_depsgraph_get()) as data:
@@ -413,8 +413,8 @@ class Session:
     def _warnings(self) -> list[Warned]:
         """Those about the objects, as a bake has them."""
         read = self.plan.read
-        found = [*self.differences, *read.lacks, *object_checks.warnings(self.job.low, self.job.highs)]
-        return [Warned(text) for text in (*found, *orienting.notes(read, self.plan.told))]
+        texts = [*self.differences, *read.lacks, *object_checks.warnings(self.job.low, self.job.highs)]
+        return [Warned(text) for text in (*texts, *orienting.notes(read, self.plan.told))]
 
     @property
     def _labels(self) -> dict[Labeled, list[str]]:

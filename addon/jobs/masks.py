@@ -60,12 +60,12 @@ def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
     if kind in ON_EDGES:
         return _in_edit_mesh(context, view, uv_seams.hard_edges(view.meshes.low), "EDGE")
     if kind in ON_FACES:
-        found = np.flatnonzero(
+        numbers = np.flatnonzero(
             {"polygons": face_shapes.non_triangles, "uneven": face_shapes.non_planar}[kind](view.meshes.low)
         )
     else:
-        found = np.unique(view.meshes.low.faces[_triangles(view, kind)])
-    return _in_edit_mesh(context, view, found, "FACE")
+        numbers = np.unique(view.meshes.low.faces[_triangles(view, kind)])
+    return _in_edit_mesh(context, view, numbers, "FACE")
 
 
 def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.types.Image:
@@ -91,12 +91,12 @@ def mask_work(context: bpy.types.Context, report: Report, kind: str) -> Task[dic
 
 def _whole_masks(view: "_View", kind: str) -> Task[dict[int, np.ndarray]]:
     size = view.size[::-1]
-    found: dict[int, np.ndarray] = {}
+    masks: dict[int, np.ndarray] = {}
     for band, rows, _ in _masks(view, kind):
-        mask = found.setdefault(band.tile, np.zeros(size, bool))
+        mask = masks.setdefault(band.tile, np.zeros(size, bool))
         mask[band.start : band.stop] = rows
-        yield Progress("Checking the texels", (len(found) - 1 + band.stop / size[0]) / len(view.plan.tiles))
-    return found
+        yield Progress("Checking the texels", (len(masks) - 1 + band.stop / size[0]) / len(view.plan.tiles))
+    return masks
 
 
 @dataclass(frozen=True)
@@ -150,13 +150,13 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
     if kind in ON_TRIANGLES:
         areas = uv_layout.areas(low)
         return areas < 0.0 if kind == "mirrored" else areas == 0.0
-    found = np.zeros(len(low.triangles) + 1, bool)
+    is_marked = np.zeros(len(low.triangles) + 1, bool)
     uploaded = audit.upload_with_ids(low.triangles, low.uv)
     for band, mask, depth in _masks(view, kind):
         if mask.any():
             for numbers in audit.layers_of_triangles(uploaded, mask.shape[::-1], band.uv_to_clip, depth):
-                found[numbers[mask].astype(np.int64)] = True
-    return found[1:]
+                is_marked[numbers[mask].astype(np.int64)] = True
+    return is_marked[1:]
 
 
 def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
@@ -242,8 +242,8 @@ def _close(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool that are too close to another island or to the border."""
     sparse = mip_gaps.grid(view.settings.sampling, mip_gaps.FULL_SIDE)
     columns, rows = sparse.steps
-    for found in mip_gaps.find(view.meshes.low, view.plan.tiles, view.settings.sampling, sparse, overlaps=True):
-        close = np.repeat(np.repeat(found.close | found.border, rows, axis=0), columns, axis=1)
+    for gaps in mip_gaps.find(view.meshes.low, view.plan.tiles, view.settings.sampling, sparse, overlaps=True):
+        close = np.repeat(np.repeat(gaps.close | gaps.border, rows, axis=0), columns, axis=1)
         yield close[: view.settings.sampling.height, : view.settings.sampling.width]
 
 
@@ -254,21 +254,21 @@ def _backwards(view: _View) -> Iterator[np.ndarray]:
         yield (normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)
 
 
-def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, domain: str) -> np.ndarray:
+def _in_edit_mesh(context: bpy.types.Context, view: _View, elements: np.ndarray, domain: str) -> np.ndarray:
     """The object's own faces (N,), or edges (N, 2) by their vertices, for faces or edges of the baked mesh.
 
-    domain: "FACE" or "EDGE". found: in the baked mesh, which modifiers may have changed.
+    domain: "FACE" or "EDGE". elements: in the baked mesh, which modifiers may have changed.
     """
     low = view.job.low
     has_modifiers = low not in view.job.highs and len(low.modifiers) > 0
     if domain == "FACE" and not has_modifiers:
-        return found
+        return elements
 
     def look(depsgraph: bpy.types.Depsgraph, name: str) -> tuple[np.ndarray | None, np.ndarray]:
         if not has_modifiers:
-            return None, mesh_elements.edges(low.data, found)
+            return None, mesh_elements.edges(low.data, elements)
         with mesh_reader.evaluated(low, depsgraph) as data:
-            chosen = found if domain == "FACE" else mesh_elements.edges(data, found)
+            chosen = elements if domain == "FACE" else mesh_elements.edges(data, elements)
             return mesh_reader.numbers(data, name, domain), chosen
 
     modifiers = view.settings.map.modifiers
@@ -276,12 +276,12 @@ def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, do
         evaluation.in_object_mode(context, [low]),
         mesh_reader.numbered(low, domain) if has_modifiers else nullcontext("") as name,
     ):
-        numbers, found = evaluation.evaluate(context, [low], partial(look, name=name), modifiers=modifiers)
+        numbers, elements = evaluation.evaluate(context, [low], partial(look, name=name), modifiers=modifiers)
     if not has_modifiers:
-        return found
+        return elements
     if numbers is None:
         raise BakeError(
             f"The modifiers of {low.name!r} make new faces, which cannot be selected: apply the modifiers first."
         )
-    numbers = np.unique(numbers[found])
+    numbers = np.unique(numbers[elements])
     return numbers[numbers >= 0]

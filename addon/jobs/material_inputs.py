@@ -20,8 +20,8 @@ def notes(meshes: Meshes, map_settings: MapSettings) -> list[str]:
     wanted = _sockets(map_settings)
     sockets = [*wanted, ""] if wanted else []
     sockets += ["Normal"] if map_settings.detail_maps else []
-    found = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))
-    return list(dict.fromkeys(found))
+    notes = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))
+    return list(dict.fromkeys(notes))
 
 
 def bare_notes(meshes: Meshes, highs: Sequence[bpy.types.Object], map_settings: MapSettings) -> list[str]:
@@ -46,10 +46,10 @@ def bare_notes(meshes: Meshes, highs: Sequence[bpy.types.Object], map_settings: 
 def ways(meshes: Meshes, map_settings: MapSettings) -> dict[str, dict[str, str]]:
     """How each input that the maps show is read, as Report.materials has it."""
     sockets = dict.fromkeys(_sockets(map_settings))
-    found: dict[str, dict[str, str]] = {}
+    ways: dict[str, dict[str, str]] = {}
     for material in meshes.materials if sockets else ():
-        found.setdefault(material.name, {}).update({socket: _way(material, socket) for socket in sockets})
-    return found
+        ways.setdefault(material.name, {}).update({socket: _way(material, socket) for socket in sockets})
+    return ways
 
 
 def _sockets(map_settings: MapSettings) -> list[str]:

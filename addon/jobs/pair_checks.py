@@ -44,10 +44,10 @@ def look_at_high(context: bpy.types.Context, job: Job, settings: Settings) -> Hi
     check_job(context, job, settings.without_other_maps())
     with gpu_memory.trimmed():
         meshes = read_meshes(context, Request(job, settings))
-        found = high_look.look(meshes, settings.without_other_maps())
+        looked = high_look.look(meshes, settings.without_other_maps())
     inputs = [*evaluated(material_inputs.ways(meshes, settings.map)), *material_inputs.notes(meshes, settings.map)]
     inputs = [*pose_notes(context, job, settings), *inputs]
-    return replace(found, notes=(*found.notes, *inputs))
+    return replace(looked, notes=(*looked.notes, *inputs))
 
 
 def is_for_others(settings: Settings, *, is_exported: bool) -> bool:
@@ -115,10 +115,10 @@ def flipped_findings(plan: Plan, timings: Timings) -> list[Finding]:
     highs = before_bake.joined_faces(list(faces))
     names = shorten_list(repr(high.name) for high in meshes.highs)
     against = before_bake.suspicion(len(meshes.low.triangles)) if plan.casts_rays else before_bake.MAYBE
-    found = before_bake.find_flipped(low, highs, repr(meshes.low.name), names, against=against)
+    flipped = before_bake.find_flipped(low, highs, repr(meshes.low.name), names, against=against)
     is_mended = any(mask is not None for mask in turned)
-    found = [each for each in found if not (is_mended and each.values["is_high"])]
-    return [each for each in found if _shows_more_flipped(meshes, turned, timings, is_high=each.values["is_high"])]
+    flipped = [each for each in flipped if not (is_mended and each.values["is_high"])]
+    return [each for each in flipped if _shows_more_flipped(meshes, turned, timings, is_high=each.values["is_high"])]
 
 
 def _shows_more_flipped(
@@ -191,10 +191,10 @@ def viewport_flipped(
     on_high = before_bake.joined_faces([_some_faces(high, each) for high in shown])
     names = shorten_list(repr(high.name) for high in highs)
     against = before_bake.AGAINST if is_sure else before_bake.suspicion(len(on_low.centers))
-    found = before_bake.find_flipped(on_low, on_high, repr(low.name), names, against=against)
-    if not found or sum(len(high.data.polygons) for high in shown) > MOST_TRACED:
+    flipped = before_bake.find_flipped(on_low, on_high, repr(low.name), names, against=against)
+    if not flipped or sum(len(high.data.polygons) for high in shown) > MOST_TRACED:
         return []
-    offset, is_high = before_bake.offset_beside(on_low, on_high), found[0].values["is_high"]
+    offset, is_high = before_bake.offset_beside(on_low, on_high), flipped[0].values["is_high"]
     surfaces = [Surface.of(high, depsgraph) for high in shown]
     shares = traced_sides.shares(
         on_low.centers,
@@ -205,7 +205,7 @@ def viewport_flipped(
         size=_size(evaluated_low),
         is_high=is_high,
     )
-    return found if before_bake.gains(*shares) else []
+    return flipped if before_bake.gains(*shares) else []
 
 
 def _size(obj: bpy.types.Object) -> float:

@@ -152,8 +152,8 @@ class _Search:
 
 
 def _object(name: str) -> bpy.types.Object | None:
-    found = bpy.data.objects.get(name) if name else None
-    return found if found is not None and found.type == "MESH" and not object_checks.is_deleted(found) else None
+    obj = bpy.data.objects.get(name) if name else None
+    return obj if obj is not None and obj.type == "MESH" and not object_checks.is_deleted(obj) else None
 
 
 def _users(name: str) -> Iterator[bpy.types.Object]:
@@ -179,11 +179,11 @@ def _check(name: str, of_map: Settings, parts: Sequence[Part], lows: Sequence[Me
     tiles = _tiles(of_map, lows)
     _check_place(of_map, parts, tiles, search)
     wanted = shared_maps.wanted(of_map)
-    stored = {tile: found for tile in tiles if (found := shared_maps.stored(of_map, tile)) is not None}
-    for found in stored.values():
-        if found.format != wanted:
+    stored = {tile: one for tile in tiles if (one := shared_maps.stored(of_map, tile)) is not None}
+    for one in stored.values():
+        if one.format != wanted:
             raise BakeError(
-                f"{found.where} also has the map of {whose}, as {found.format}, and this bake would make it {wanted}: bake "
+                f"{one.where} also has the map of {whose}, as {one.format}, and this bake would make it {wanted}: bake "
                 "all of them together, or with the same settings as before."
             )
     return list(stored)

@@ -77,10 +77,10 @@ class Unwrapped:
     @property
     def sentence(self) -> str:
         """The figures, as a clause."""
-        found = self.layout
+        layout = self.layout
         return (
-            f"{self.islands:,} islands by {self.name}, {found.used:.0%} of the map used, stretch {found.angle:.2f} (angles), "
-            f"{found.area:.2f} (areas)"
+            f"{self.islands:,} islands by {self.name}, {layout.used:.0%} of the map used, stretch {layout.angle:.2f} (angles), "
+            f"{layout.area:.2f} (areas)"
         )
 
     def packed(self, margin: float, *, is_quick: bool = False) -> "Unwrapped":
@@ -90,8 +90,8 @@ class Unwrapped:
         uv = uv_packing.pack(self.mesh.uv, self.mesh.triangles, PackOptions(margin, self.of, is_quick))
         if uv is None:
             return self
-        found = replace(self, mesh=replace(self.mesh, uv=uv.astype(np.float32)))
-        return max(self, found, key=lambda each: each.layout.sharpness)
+        packed = replace(self, mesh=replace(self.mesh, uv=uv.astype(np.float32)))
+        return max(self, packed, key=lambda each: each.layout.sharpness)
 
 
 def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -> str:
@@ -101,8 +101,8 @@ def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False)
     """
     if low.type != "MESH" or not low.data.polygons:
         raise BakeError(f"{low.name!r} has no faces: choose a mesh that has some.")
-    found = attempts(low, settings.sampling, is_quick=is_quick)
-    best = max(found, key=lambda each: each.layout.sharpness, default=None)
+    unwrapped = attempts(low, settings.sampling, is_quick=is_quick)
+    best = max(unwrapped, key=lambda each: each.layout.sharpness, default=None)
     if best is None or best.layout.sharpness == 0.0:
         raise BakeError(f"{low.name!r} has no UV map, and Blender cannot unwrap it: its faces have no area.")
     if not is_quick:
@@ -134,10 +134,12 @@ def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: boo
                 ways[name] = partial(_by_charts, obj, charts, charts.steps)
         if seams.any() and not is_quick:
             ways["the mesh's seams"] = partial(_by_seams, obj, seams)
-        found = [each for each in (_attempt(obj, name, way, margin(sampling)) for name, way in ways.items()) if each]
-        if not found:
-            found = [_attempt(obj, "Smart Project", partial(_project, obj), margin(sampling))]
-        yield from filter(None, found)
+        unwrapped = [
+            each for each in (_attempt(obj, name, way, margin(sampling)) for name, way in ways.items()) if each
+        ]
+        if not unwrapped:
+            unwrapped = [_attempt(obj, "Smart Project", partial(_project, obj), margin(sampling))]
+        yield from filter(None, unwrapped)
 
 
 def _attempt(obj: bpy.types.Object, name: str, way: Callable[[], bool], margin: float) -> Unwrapped | None:

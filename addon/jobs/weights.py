@@ -123,36 +123,36 @@ def best(meshes: Meshes, trace: Callable[[Meshes, int], unsure_texels.Traced]) -
         "straight_group": _by_vertex(meshes, None if meshes.straight is None else (meshes.straight + 1.0) / 2.0),
     }
     now = trace(_painted(meshes, present), TEXELS)
-    fewest, found = _around_vertices(meshes, now.doubtful()) * BETTER, dict(present)
+    fewest, proposed = _around_vertices(meshes, now.doubtful()) * BETTER, dict(present)
     for setting, weight in TRIALS:
         trial = present | {setting: np.full_like(present[setting], weight)}
         tried = trace(_painted(meshes, trial), TEXELS)
         around = _around_vertices(meshes, tried.doubtful())
         is_better = (around < fewest) & (_around_vertices(meshes, now.lost(tried)) == 0)
         fewest = np.where(is_better, around, fewest)
-        found = {name: np.where(is_better, trial[name], weights) for name, weights in found.items()}
-    return _checked(meshes, trace, present, found)
+        proposed = {name: np.where(is_better, trial[name], weights) for name, weights in proposed.items()}
+    return _checked(meshes, trace, present, proposed)
 
 
 def _checked(
     meshes: Meshes,
     trace: Callable[[Meshes, int], unsure_texels.Traced],
     present: dict[str, np.ndarray],
-    found: dict[str, np.ndarray],
+    proposed: dict[str, np.ndarray],
 ) -> Proposal:
     """`found` as far as it changes no sure texel, or `present` if that is no better. They are as Proposal.weights."""
     now = trace(_painted(meshes, present), CHECKED_TEXELS)
     before, texels = now.doubtful().sum(), max(1, len(now.triangles))
     # Between vertices with different weights, rays are between those of two trials.
     for _ in range(ROUNDS):
-        then = trace(_painted(meshes, found), CHECKED_TEXELS)
+        then = trace(_painted(meshes, proposed), CHECKED_TEXELS)
         is_harmful = _around_vertices(meshes, now.lost(then)) > 0
         if not is_harmful.any():
             after = then.doubtful().sum()
             if after < before:
-                return Proposal(found, float(before / texels), float(after / texels))
+                return Proposal(proposed, float(before / texels), float(after / texels))
             break
-        found = {name: np.where(is_harmful, present[name], weights) for name, weights in found.items()}
+        proposed = {name: np.where(is_harmful, present[name], weights) for name, weights in proposed.items()}
     return Proposal(present, float(before / texels), float(before / texels))
 
 

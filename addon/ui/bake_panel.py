@@ -337,11 +337,11 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         chosen = settings.chosen(context)
         problem = "" if live.is_on else bake_problem(context, chosen)  # Live does not depend on the selection
         is_planned = not (live.is_on or problem)
-        found = _findings(context, chosen) if is_planned else []
+        issues = _findings(context, chosen) if is_planned else []
         notes = [*_material_notes(chosen), *_pose_notes(context, chosen)] if is_planned else []
         column = layout.column()
         column.enabled = display.current is None and not live.is_on
-        _draw_slots(column, settings, _sign(problem, found, notes))
+        _draw_slots(column, settings, _sign(problem, issues, notes))
         column = split_layout(layout.column())
         column.enabled = display.current is None
         row = column.row(align=True)
@@ -357,7 +357,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         row.enabled = display.current is None and (live.is_on or not problem)
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
         row.prop(settings, "live_every_time")
-        _draw_plan(layout.box(), context, chosen, problem, found)
+        _draw_plan(layout.box(), context, chosen, problem, issues)
         draw_batch(layout, context)
         if live.is_on and live.message:
             draw_fixable(layout.box(), context, live.message, "ERROR")
@@ -377,11 +377,11 @@ def _pose_notes(context: bpy.types.Context, chosen: Chosen) -> list[str]:
     return findings.pose_notes(context, chosen.low, chosen.highs, chosen.settings)
 
 
-def _sign(problem: str, found: Sequence[Finding], notes: Sequence[str]) -> str:
+def _sign(problem: str, issues: Sequence[Finding], notes: Sequence[str]) -> str:
     """The icon of a pair: whether it can be baked, and will look right."""
-    if problem or notes or any(finding.harms for finding in found):
+    if problem or notes or any(finding.harms for finding in issues):
         return "ERROR"
-    return "INFO" if found else "CHECKMARK"
+    return "INFO" if issues else "CHECKMARK"
 
 
 def _draw_slots(layout: bpy.types.UILayout, settings: ImprintSettings, sign: str) -> None:
@@ -407,7 +407,7 @@ def _draw_plan(
     context: bpy.types.Context,
     chosen: Chosen,
     problem: str,
-    found: Sequence[Finding],
+    issues: Sequence[Finding],
 ) -> None:
     """What the button will do, or why it cannot, with buttons for what fixes it."""
     if live.is_on:
@@ -423,7 +423,7 @@ def _draw_plan(
         draw_hidden(box, context, chosen.hidden(context))
         for text in _pose_notes(context, chosen):
             draw_fixable(box, context, text, "ERROR")
-        draw_findings(box, context, found)
+        draw_findings(box, context, issues)
         draw_paragraphs(box, context, _material_notes(chosen)[:MOST_NOTES], "ERROR")
         box.operator("imprint.look_at_high", icon="VIEWZOOM")
         draw_paragraphs(box, context, findings.look_of(chosen.low, chosen.highs), "BLANK1")
@@ -461,9 +461,9 @@ def draw_hidden(layout: bpy.types.UILayout, context: bpy.types.Context, hidden: 
         layout.operator("imprint.show_hidden", icon="HIDE_OFF")
 
 
-def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, found: Sequence[Finding]) -> None:
+def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, issues: Sequence[Finding]) -> None:
     """What is wrong with the low object for other programs, and a button that fixes it."""
-    for finding in found:
+    for finding in issues:
         text = message(finding.template).format(**finding.values)
         draw_paragraphs(layout, context, [text], "ERROR" if finding.harms else "INFO")
         draw_button(layout, finding.kind)

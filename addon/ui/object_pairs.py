@@ -116,12 +116,12 @@ class ImprintHigh(bpy.types.PropertyGroup):
 
     def settle(self) -> None:
         """Make the pointer that of `find`, so that it keeps no deleted object, and note the object's name."""
-        before, found, title = self.object, self.find(), self.title
-        if before != found:
-            self.object = found
+        before, now, title = self.object, self.find(), self.title
+        if before != now:
+            self.object = now
             free(before)
-        if self.called != (found.name if found else title):
-            self.called = found.name if found else title
+        if self.called != (now.name if now else title):
+            self.called = now.name if now else title
 
 
 class ImprintMap(bpy.types.PropertyGroup):
@@ -217,8 +217,8 @@ class ImprintPair(bpy.types.PropertyGroup):
         if len(highs) != len(report.high):  # one was removed since
             highs = [bpy.data.objects.get(name, name) for name in report.high]
         cages = [self.cage or report.cage] if report.cage else []
-        found = [low, *highs, *cages]
-        return [ObjectRef(GONE, one) if isinstance(one, str) else ObjectRef.of(one) for one in found]
+        objects = [low, *highs, *cages]
+        return [ObjectRef(GONE, one) if isinstance(one, str) else ObjectRef.of(one) for one in objects]
 
 
 @lru_cache(maxsize=256)  # a panel lists the results of all low objects
@@ -255,15 +255,21 @@ def remember(reports: Sequence[Report]) -> None:
     by_low: dict[int, list[Report]] = {}
     for report in reports:
         by_low.setdefault(report.refs[0].uid, []).append(report)
-    for found in by_low.values():
-        low = found[0].refs[0].find()
+    for own in by_low.values():
+        low = own[0].refs[0].find()
         if low is None:
             continue
-        objects = [ref.find() for ref in found[0].refs[1:]]
-        number = len(found[0].high)
+        objects = [ref.find() for ref in own[0].refs[1:]]
+        number = len(own[0].high)
         cage = next(iter(objects[number:]), None)
-        remember_objects(low, [high for high in objects[:number] if high], cage, found[0].settings, found[0].distances)
-        keep_reports(low, found)
+        remember_objects(
+            low,
+            [high for high in objects[:number] if high],
+            cage,
+            own[0].settings,
+            own[0].distances,
+        )
+        keep_reports(low, own)
 
 
 def keep_reports(low: bpy.types.Object, reports: Sequence[Report]) -> None:
@@ -289,9 +295,9 @@ def remember_objects(
         pair.cage = cage
     pair.measure = settings["extrusion"] is None and settings["max_distance"] is None
     for name in ("extrusion", "max_distance") if not pair.measure else ():
-        found = settings[name] if settings[name] is not None else measured.get(name)
-        if found is not None:
-            setattr(pair, name, found)
+        value = settings[name] if settings[name] is not None else measured.get(name)
+        if value is not None:
+            setattr(pair, name, value)
 
 
 def _touch_reference(low: bpy.types.Object) -> None:

@@ -35,8 +35,8 @@ class IMPRINT_OT_bake_pairs(BakeOperator, bpy.types.Operator):
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         settings = context.scene.imprint
-        found, problems = jobs_by_name(context, settings.suffixes())
-        jobs = [_with_own(job) for job in found if job.low.imprint_is_baked]
+        all_jobs, problems = jobs_by_name(context, settings.suffixes())
+        jobs = [_with_own(job) for job in all_jobs if job.low.imprint_is_baked]
         if not jobs:
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
         values = settings.to_settings()
@@ -169,14 +169,14 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
         for name in ("low_suffix", "high_suffix", "cage_suffix"):
             row.prop(settings, name, text="")
         try:
-            found, problems = settings.pairs_by_name(context)
+            pairs, problems = settings.pairs_by_name(context)
         except BakeError as error:
-            found, problems = [], [str(error)]
+            pairs, problems = [], [str(error)]
         box = layout.box()
-        for pair in found:
+        for pair in pairs:
             _draw_pair(box, context, pair)
         draw_paragraphs(box, context, problems, "ERROR")
-        if not found and not problems:
+        if not pairs and not problems:
             draw_paragraphs(box, context, [message("No object name ends with one of these suffixes.")], "INFO")
         layout.prop(settings, "share_image")
         if settings.share_image:
@@ -186,10 +186,10 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         try:
-            found = bool(context.scene.imprint.pairs_by_name(context)[0])
+            is_enabled = bool(context.scene.imprint.pairs_by_name(context)[0])
         except BakeError:  # the box says it
-            found = False
-        display.draw_operator(layout, "imprint.bake_pairs", enabled=found, icon="RENDER_STILL")
+            is_enabled = False
+        display.draw_operator(layout, "imprint.bake_pairs", enabled=is_enabled, icon="RENDER_STILL")
 
 
 CLASSES = (IMPRINT_OT_bake_pairs, IMPRINT_OT_pack_uvs, IMPRINT_OT_send_to_flamenco, IMPRINT_PT_pairs)

@@ -326,8 +326,8 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        rays, found = context.scene.imprint.chosen(context).rays, distances(results.of(context))
-        rays.extrusion, rays.max_distance = found["extrusion"], found["max_distance"]
+        rays, measured = context.scene.imprint.chosen(context).rays, distances(results.of(context))
+        rays.extrusion, rays.max_distance = measured["extrusion"], measured["max_distance"]
         rays.measure = False
         return {"FINISHED"}
 

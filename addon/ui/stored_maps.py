@@ -63,7 +63,7 @@ class StoredMap:
 
 def maps_of(low: bpy.types.Object | None) -> dict[str, list[StoredMap]]:
     """The maps of the last bake of a low object whose images exist, by name: an image for each texture set and tile."""
-    pair, found = object_pairs.of(low), {}
+    pair, by_name = object_pairs.of(low), {}
     for report in pair.reports() if pair is not None else ():
         images = {NORMAL.name: report.image} if report.settings.get("normal", True) else {}
         images |= {name.upper(): how["image"] for name, how in report.maps.items()}
@@ -72,8 +72,8 @@ def maps_of(low: bpy.types.Object | None) -> dict[str, list[StoredMap]]:
             if image is not None:
                 tiles = [tile.number for tile in image.tiles] if image.source == "TILED" else [SINGLE]
                 maps = (StoredMap(name, image, report, tile) for tile in tiles if tile in (SINGLE, *report.tiles))
-                found.setdefault(name, []).extend(maps)
-    return found
+                by_name.setdefault(name, []).extend(maps)
+    return by_name
 
 
 class StoredBake:
