@@ -102,8 +102,7 @@ class HighPatches:
 
     def is_dirty(self, number: int) -> np.ndarray:
         """Which patches (count,) bool of a mesh have triangles against others of the patch."""
-        one = self.of[number]
-        return np.bincount(one.labels[one.is_against], minlength=one.count) > 0
+        return self.of[number].against > 0
 
     def volumes(self, number: int, asked: np.ndarray) -> np.ndarray:
         """The volumes (count,) that some patches (count,) bool of a mesh enclose, 0 for the others; negative if they point

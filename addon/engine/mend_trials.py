@@ -96,9 +96,7 @@ class Trials:
         about."""
         one, some = self._patches.of[number], self._patches.samples[number]
         counts = np.maximum(np.bincount(some.patches, minlength=one.count), 1)
-        areas = (
-            np.bincount(some.patches, some.weights, one.count) / counts * np.bincount(one.labels, minlength=one.count)
-        )
+        areas = np.bincount(some.patches, some.weights, one.count) / counts * one.sizes
         return self.spread * areas / max(float(self._patches.low_areas.sum()), 1e-300)
 
     def as_read(self) -> Shown:

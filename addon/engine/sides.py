@@ -149,7 +149,7 @@ def _turn_sheets(state: _State, sheets: list[np.ndarray]) -> _State:
 
 def _largest_of(patches: HighPatches, chosen: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
     """The largest of the chosen patches (count,) bool of each mesh, one at a time."""
-    sizes = [np.bincount(one.labels, minlength=one.count) * some for one, some in zip(patches.of, chosen, strict=True)]
+    sizes = [one.sizes * some for one, some in zip(patches.of, chosen, strict=True)]
     places = [(size, number, patch) for number, each in enumerate(sizes) for patch, size in enumerate(each) if size]
     largest_alone = []
     for _, number, patch in sorted(places, reverse=True)[:MOST_APART]:
@@ -197,8 +197,7 @@ def _compared(before: _State, after: _State, asked: Sequence[np.ndarray]) -> tup
 def _is_mixed(patches: HighPatches, number: int) -> np.ndarray:
     """Which patches (count,) bool of a mesh have almost as many triangles that point to one side as to the other."""
     one = patches.of[number]
-    sizes = np.bincount(one.labels, minlength=one.count)
-    return np.bincount(one.labels[one.is_against], minlength=one.count) > MIXED * sizes
+    return one.against > MIXED * one.sizes
 
 
 def _without_worse(state: _State, undecided: list[np.ndarray]) -> Sides:
@@ -241,7 +240,7 @@ def largest(patches: HighPatches, trials: Trials, sides: Sides) -> tuple[PartTur
     shares = (stayed + lost) / every, shows / every
     named = []
     for number, (high, one, mask) in enumerate(zip(patches.meshes.highs, patches.of, sides.masks, strict=True)):
-        sizes = np.bincount(one.labels, minlength=one.count)
+        sizes = one.sizes
         for patch in np.unique(one.labels[mask]):
             was, now = (float(share[trials.starts[number] + patch]) for share in shares)
             named.append(PartTurned(high.name, int(sizes[patch]), len(one.labels), was, now))

@@ -73,6 +73,16 @@ class Patches:
     conflicts: int = 0
     contradicting: int = 0
 
+    @property
+    def sizes(self) -> np.ndarray:
+        """How many triangles (count,) int each patch has."""
+        return np.bincount(self.labels, minlength=self.count)
+
+    @property
+    def against(self) -> np.ndarray:
+        """How many triangles (count,) int of each patch are against the rest."""
+        return np.bincount(self.labels[self.is_against], minlength=self.count)
+
 
 def patches(points: np.ndarray, triangles: np.ndarray, size: float) -> Patches:
     """The patches of a mesh. Meshes without a conflict take a hundredth of a second for 100,000 triangles.
