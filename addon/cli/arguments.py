@@ -163,7 +163,7 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield CONVERT.refusal.format(", ".join(others))
     if options.convert and options.export:
         yield "--export follows a bake: leave it out with --convert"
-    if options.pack_uvs and not (options.pairs and not is_folder(options) and not naming.has_low(options.output)):
+    if options.pack_uvs and not (options.pairs and not is_folder(options) and not naming.has_low(options.output or "")):
         yield "--pack-uvs is for --pairs that share one map: leave it out, or {low} in --output"
     if options.pairs and options.frames:
         yield "--frames is for one low object, --pairs for many"

@@ -44,6 +44,7 @@ class Labeled(StrEnum):
 
     OBJECTS = "the high objects"
     MATERIALS = "the materials of the high objects"
+    PARTS = "the parts of the high objects, by the setting ID By"
 
 
 class Family(StrEnum):
@@ -167,6 +168,16 @@ VECTOR_DISPLACEMENT = MapType(
     index=2,
     is_vector=True,
 )
+PART_ID = MapType(
+    "PART_ID",
+    "Part ID",
+    "A color for each part of the high objects: loose parts, or what ID By names",
+    Kind.LABEL,
+    "part_id",
+    labeled=Labeled.PARTS,
+    index=7,
+    is_deep=False,
+)
 AO = MapType(
     "AO",
     "Ambient Occlusion",
@@ -251,6 +262,7 @@ OTHERS = (
         is_deep=False,
         painter_suffix="id",
     ),
+    PART_ID,
     AO,
     MapType(
         "BENT_NORMAL",

@@ -43,6 +43,7 @@ class MapSettings:
     """Names among map_types.NAMES, in their order."""
     attribute: str = _field("attribute")
     """Empty for the color attribute that is set to render."""
+    id_by: str = _field("id_by")
     exact_materials: str = _field("exact_materials")
     detail_maps: bool = _field("detail_maps")
     appearance: bool = _field("appearance")

@@ -206,9 +206,9 @@ class HighSurface:
 
     @cached_property
     def labels(self) -> gpu.types.GPUTexture:
-        """A data texture with the numbers of each triangle's object and material in x and y."""
+        """A data texture with the numbers of each triangle's object, material and part in x, y and z."""
         labels = np.concatenate([high.labels for high in self.highs])[self.ray_scene.order]
-        return data_texture.upload(np.pad(labels, ((0, 0), (0, 1))))
+        return data_texture.upload(np.pad(labels, ((0, 0), (0, 3 - labels.shape[1]))))
 
     def uvs(self, layer: str) -> CornerValues:
         """A UV map of the high meshes, as surface_tables.upload_uvs arranges it. Meshes without it have zeros."""

@@ -60,6 +60,7 @@ class Baked:
         return {
             Labeled.OBJECTS: self.high_names,
             Labeled.MATERIALS: [material.name for material in self.meshes.materials],
+            Labeled.PARTS: self.meshes.parts,
         }
 
     @property

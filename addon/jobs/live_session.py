@@ -420,7 +420,7 @@ class Session:
     def _labels(self) -> dict[Labeled, list[str]]:
         """As Outputs.commit takes them."""
         materials = [material.name for material in self._as_read.materials]
-        return {Labeled.OBJECTS: self._high_names, Labeled.MATERIALS: materials}
+        return {Labeled.OBJECTS: self._high_names, Labeled.MATERIALS: materials, Labeled.PARTS: self._as_read.parts}
 
     @property
     def _high_names(self) -> list[str]:

@@ -56,6 +56,7 @@ class Meshes:
         uv_layer: the name of the low mesh's UV map.
         is_own_base: whether the high mesh is the low object's own surface with modifiers.
         materials: those behind the material labels of the high meshes, which count from 1.
+        parts: the names behind the part labels of the high meshes, which count from 1.
         shown: with is_own_base, the high mesh with the UVs that modifiers moved, as the viewport shows it; None if none does.
         offset: (C,) float32, painted factors from 0 to 2 on the extrusion by corner of `low`; None without a painted group.
         straight: (C,) float32, painted from -1 to 1, added to the share of the mesh's own normals in the directions; or None.
@@ -77,6 +78,7 @@ class Meshes:
     uv_layer: str
     is_own_base: bool
     materials: list[HighMaterial]
+    parts: list[str] = field(default_factory=list)
     shown: Mesh | None = None
     offset: np.ndarray | None = None
     straight: np.ndarray | None = None

@@ -10,13 +10,13 @@ import numpy as np
 
 from ..core.declarations.choices import ExactMaterials, Method
 from ..core.errors import BakeError
-from ..core.map_types import BY_NAME
+from ..core.map_types import BY_NAME, PART_ID
 from ..core.material_feeds import HighMaterial
 from ..core.settings import Settings
 from ..mesh import joining, topology
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import GENERATED, FaceCorners, Mesh, changed_rows, changed_share
-from . import mesh_reader, mesh_writer, object_checks
+from . import high_parts, mesh_reader, mesh_writer, object_checks
 from .high_materials import MaterialNumbers, Shown, read_layers
 from .materials.material_reading import NORMAL
 from .textures import ImageTextures
@@ -37,6 +37,7 @@ class Reader:
         low, low_layer: The low object, and its mesh's UV layer.
         before: The materials of an earlier reading, which keep their numbers.
         known: Meshes of that reading, by the number of their high object; if only vertices have moved, little is read again.
+        parts: The names of parts of that reading, which keep their numbers.
     """
 
     depsgraph: bpy.types.Depsgraph
@@ -45,6 +46,12 @@ class Reader:
     settings: Settings
     before: Sequence[HighMaterial] = ()
     known: Mapping[int, Mesh] = field(default_factory=dict)
+    parts: Sequence[str] = ()
+
+    @property
+    def part_names(self) -> list[str]:
+        """The names of the parts of the meshes, by their numbers from 1."""
+        return list(self._part_numbers)
 
     @property
     def is_for_render(self) -> bool:
@@ -52,6 +59,7 @@ class Reader:
         return self.depsgraph.mode == "RENDER"
 
     def __post_init__(self):
+        self._part_numbers = {name: number for number, name in enumerate(self.parts, start=1)}
         sockets = {BY_NAME[name].socket for name in self.settings.map.drawn_maps} - {""}
         if self.settings.map.detail_maps:
             sockets.add(NORMAL)
@@ -147,6 +155,8 @@ class Reader:
         if not has_labels:
             return mesh
         mesh = self._labeled(mesh, number, slots, data)
+        if PART_ID.name in self.settings.map.drawn_maps:
+            mesh = self._with_parts(mesh, data, obj)
         layers = read_layers(obj.original, data, shown, self.settings.map, for_render=self.is_for_render)
         if (GENERATED, "") not in layers:
             why = f"the generated coordinates of {obj.name!r} are not known after its modifiers"
@@ -161,13 +171,21 @@ class Reader:
         labels = np.stack([np.full(len(indices), number), numbers[indices]], axis=1).astype(np.float32)
         return replace(mesh, labels=labels)
 
+    def _with_parts(self, mesh: Mesh, data: bpy.types.Mesh, obj: bpy.types.Object) -> Mesh:
+        """`mesh` with a third label, the number of each triangle's part."""
+        parts, names = high_parts.of_triangles(mesh, data, obj, self.settings.map.id_by)
+        known = self._part_numbers
+        numbers = np.array([known.setdefault(name, len(known) + 1) for name in names], np.float32)
+        return replace(mesh, labels=np.column_stack([mesh.labels, numbers[parts]]))
+
 
 def with_labels(meshes: Sequence[Mesh]) -> list[Mesh]:
-    """`meshes`, all with labels if one has them. The number 0 stands for no object and no material."""
-    if all(mesh.labels is None for mesh in meshes):
-        return list(meshes)
+    """`meshes`, all with labels if one has them. The number 0 stands for no object, no material and no part."""
+    count = max((mesh.labels.shape[1] for mesh in meshes if mesh.labels is not None), default=0)
     return [
-        replace(mesh, labels=np.zeros((len(mesh.triangles), 2), np.float32)) if mesh.labels is None else mesh
+        replace(mesh, labels=np.zeros((len(mesh.triangles), count), np.float32))
+        if count and mesh.labels is None
+        else mesh
         for mesh in meshes
     ]
 

@@ -127,9 +127,9 @@ def read_again(
         else:
             known = dict(enumerate(before.highs, start=1))
             new = {number: high for number, high in enumerate(highs, start=1) if high.session_uid in changed}
-            reader = Reader(depsgraph, low, before.uv_layer, settings, before.materials, known)
+            reader = Reader(depsgraph, low, before.uv_layer, settings, before.materials, known, before.parts)
             all_highs = with_labels(list((known | dict(zip(new, reader.read(new), strict=True))).values()))
-            meshes = replace(before, highs=all_highs, materials=reader.materials.materials)
+            meshes = replace(before, highs=all_highs, materials=reader.materials.materials, parts=reader.part_names)
             _check_triangles(meshes.highs)
     if meshes.is_own_base and evaluation.smooths_uvs(low):
         meshes = _with_kept_uvs(context, low, settings, meshes, before)
@@ -215,6 +215,7 @@ def _read(
         meshes,
         highs=read,
         materials=reader.materials.materials,
+        parts=reader.part_names,
         load_image=reader.materials.images.load,
         evaluate=partial(cycles_values.evaluate, [high.session_uid for high in highs]),
     )

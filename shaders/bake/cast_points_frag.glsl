@@ -1,4 +1,4 @@
-// Writes the point on the high surface that each ray hit, and the numbers of its object and its material.
+// Writes the point on the high surface that each ray hit, and the numbers of its object, its material and its part.
 #include "lib/surface_lib.glsl"
 
 void main()
@@ -8,5 +8,5 @@ void main()
     discard;
   }
   point_out = vec4(surface_point(hit), 1.0);
-  labels_out = vec4(texel_at(labels, texture_place(hit_triangle(hit))).xy, 0.0, 1.0);
+  labels_out = vec4(texel_at(labels, texture_place(hit_triangle(hit))).xyz, 1.0);
 }

@@ -7,6 +7,7 @@ const int INDEX_DISTANCE = 3;
 const int INDEX_COVERAGE = 4;
 const int INDEX_OBJECT_ID = 5;
 const int INDEX_MATERIAL_ID = 6;
+const int INDEX_PART_ID = 7;
 
 void main()
 {
@@ -15,7 +16,7 @@ void main()
   vec3 point = texelFetch(points, texel, 0).xyz;
   vec4 low_point = texelFetch(low_points, texel, 0);
   vec3 offset = point - low_point.xyz;
-  vec2 label = texelFetch(labels, texel, 0).xy;
+  vec3 label = texelFetch(labels, texel, 0).xyz;
   vec3 value = vec3(0.0);
   bool is_on_low = low_point.a > 0.0;
   bool is_known = normal.a > 0.0;
@@ -39,7 +40,7 @@ void main()
     is_known = true;  // 0 is a known value too
   }
   else {
-    value = vec3(map_index == INDEX_OBJECT_ID ? label.x : label.y);
+    value = vec3(map_index == INDEX_OBJECT_ID ? label.x : map_index == INDEX_MATERIAL_ID ? label.y : label.z);
   }
   value_out = is_known ? vec4(value, 1.0) : vec4(0.0, 0.0, 0.0, min(normal.a, 0.0));
 }

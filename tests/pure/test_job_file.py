@@ -68,6 +68,7 @@ SAID = {
     "attribute": ("--attribute Col", "Col"),
     "appearance": ("--appearance", True),
     "exact_materials": ("--exact-materials off", "OFF"),
+    "id_by": ("--id-by face-set", "FACE_SET"),
     "detail_maps": ("--no-detail-maps", False),
     "pack": ("--pack hdrp", "HDRP"),
     "pack_red": ("--pack-red cavity", "CAVITY"),

@@ -87,6 +87,16 @@ class Occluders(StrEnum):
     ALL = "ALL"
 
 
+class IdBy(StrEnum):
+    """What the parts of the part ID map are."""
+
+    LOOSE_PART = "LOOSE_PART"
+    UV_ISLAND = "UV_ISLAND"
+    FACE_SET = "FACE_SET"
+    COLOR = "COLOR"
+    COLLECTION = "COLLECTION"
+
+
 class ExactMaterials(StrEnum):
     """Whether Cycles evaluates what Imprint does not follow of materials."""
 

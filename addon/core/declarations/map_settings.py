@@ -10,6 +10,7 @@ from .choices import (
     DistanceUnit,
     ExactMaterials,
     Fade,
+    IdBy,
     MarginType,
     Method,
     Modifiers,
@@ -412,6 +413,18 @@ MAPS: dict[str, Setting] = {
         label="Attribute",
         tooltip="Name of the attribute of the high meshes for the attribute map",
         empty="the color attribute that is set to render",
+    ),
+    "id_by": Choice(
+        label="ID By",
+        tooltip="What has a color of its own in the part ID map",
+        default=IdBy.LOOSE_PART,
+        items=(
+            Item(IdBy.LOOSE_PART, "Loose Parts", "Faces that are connected"),
+            Item(IdBy.UV_ISLAND, "UV Islands", "Faces that are connected in the UV map"),
+            Item(IdBy.FACE_SET, "Face Sets", "Those of Sculpt Mode"),
+            Item(IdBy.COLOR, "Vertex Colors", "Faces of one color, by the active color attribute"),
+            Item(IdBy.COLLECTION, "Collections", "The first collection of each object"),
+        ),
     ),
     "exact_materials": Choice(
         label="Exact Materials",
