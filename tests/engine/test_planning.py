@@ -139,6 +139,9 @@ def test_distances_are_measured_between_what_is_left():
         plan = planned(low, spoiled.build(name, high), method="AUTO")
         assert plan.method == "FLATTEN"
         assert (plan.choice.separation is None) == (name == "some")
+    (masks,) = plan.masks
+    assert np.array_equal(np.flatnonzero(masks.left_out), len(soup.triangles) + np.arange(90))
+    assert masks.left_out.sum() == plan.told.twice
 
 
 def test_flatten_builds_no_tree_for_clean_parts():
