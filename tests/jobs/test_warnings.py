@@ -12,7 +12,7 @@ from mathutils import Matrix
 
 from addon.core.errors import BakeError, Fix, in_window
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_all
+from addon.jobs import Job, Wants, bake_all
 from tests.audit.test_unsure_hits import plates
 from tests.support import scenes, zoo
 from tests.support.real_meshes import PAIRS
@@ -559,3 +559,15 @@ def test_right_bakes_of_real_meshes_give_no_warning(file, method, shared_assets)
         (obj for obj in loaded.objects if obj.type == "MESH"), key=lambda obj: len(obj.data.polygons)
     )
     assert case(low, high, width=1024, height=1024, method=method).bake() == []
+
+
+@pytest.mark.parametrize(("method", "count"), [("CAST", 1), ("FLATTEN", 0)])
+def test_why_files_may_not_fit_is_said_of_rays_alone(method, count):
+    """And in place of what follows from it: most rays miss."""
+    high, hint = zoo.plane("hi"), "The high mesh is a fifth as large."
+    high.scale = 0.2, 0.2, 1.0
+    job = Job(zoo.plane("lo"), [high])
+    settings = Settings(width=32, height=32, method=method, storage="MEMORY", material=False)
+    (report,) = bake_all(bpy.context, [job], settings, wants=Wants(hints=(hint,)))
+    assert report.warnings.count(hint) == count
+    assert not any("missed" in text or "hit nothing" in text for text in report.warnings)
