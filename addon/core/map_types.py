@@ -110,6 +110,14 @@ class MapType:
         return self.kind is Kind.VALUE and not self.is_color and not self.is_vector
 
     @property
+    def fills_misses(self) -> bool:
+        """Whether texels whose rays miss have the nearest color, with alpha 0, so that filtering mixes no other into it.
+
+        Not maps that say what is there, as heights and opacity: a filled hole would be wrong.
+        """
+        return self.kind is Kind.VALUE and self.family is not Family.POINTS and self.socket != "Alpha"
+
+    @property
     def is_gray(self) -> bool:
         """Whether the red, green and blue of its texels are the same."""
         return self.is_scalar or self.kind is Kind.STATE
@@ -329,8 +337,9 @@ NAMES = tuple(map_type.name for map_type in OTHERS)
 BY_NAME = MappingProxyType({map_type.name: map_type for map_type in (NORMAL, MASK, *OTHERS)})
 
 
-MARGIN, WRITTEN, MISSED, DEFERRED = 1, 2, 3, 4
-"""States of a texel, as in shaders/lib/state_lib.glsl; 0 is background. The margin fills deferred texels later."""
+MARGIN, WRITTEN, MISSED, DEFERRED, FILLED = 1, 2, 3, 4, 5
+"""States of a texel, as in shaders/lib/state_lib.glsl; 0 is background. The margin fills deferred texels later.
+Filled ones are missed, and have the color of the nearest."""
 
 Map = tuple[np.ndarray, np.ndarray]
 """Texels (height, width, 4) float32 as they are stored, and their state (height, width) uint8."""

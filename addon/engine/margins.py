@@ -7,7 +7,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import MarginType, Space
-from ..core.map_types import BY_NAME, DEFERRED, MARGIN, MISSED, NORMAL, WRITTEN, Kind, Map
+from ..core.map_types import BY_NAME, DEFERRED, FILLED, MARGIN, MISSED, NORMAL, WRITTEN, Kind, Map
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
@@ -43,11 +43,12 @@ class PostProcess:
     """Encodes the values of one map and draws its margin.
 
     kind: of the values: VALUE, LABEL, NORMAL or TANGENT of margin_fill. A normal n is stored as 0.5 n + 0.5, other values as
-    they are. borders: for a margin that continues the adjacent faces; None for a margin of the nearest texels.
+    they are. borders: for a margin that continues the adjacent faces; None for a margin of the nearest texels. fills_misses: as
+    MapType has it.
     """
 
-    def __init__(self, settings: Settings, kind: int, borders: Borders | None = None):
-        self.settings, self.kind, self.borders = settings, kind, borders
+    def __init__(self, settings: Settings, kind: int, borders: Borders | None = None, *, fills_misses: bool = False):
+        self.settings, self.kind, self.borders, self.fills_misses = settings, kind, borders, fills_misses
         self._bands: list[Band] = []
         """Those of the map that is drawn."""
         self.encode = np.eye(4)
@@ -76,6 +77,7 @@ class PostProcess:
             halo=band.halo,
             encode=self.encode,
             missed=self.settings.map.missed,
+            fills_misses=self.fills_misses,
         )
         if self.borders:
             margin_fill.fill_across_seams(
@@ -112,7 +114,7 @@ class PostProcess:
                 self._complete_across(self.borders.on(tile), band, texels, state)
             _take_nearest(texels, state)
         if self.settings.sampling.margin is None or self.settings.sampling.margin > REACH:
-            _complete_far(texels, state, self.settings.sampling.margin)
+            _complete_far(texels, state, self.settings.sampling.margin, fills_misses=self.fills_misses)
 
     def _complete_across(self, seams: margin_fill.Seams, band: Band, texels: np.ndarray, state: np.ndarray) -> None:
         """Fill the deferred texels whose walk across the seam starts in the rows of a band."""
@@ -144,7 +146,7 @@ class PostProcess:
             rows = slice(start, start + ROWS)
             values[rows, :, :3] = texels[rows, :, :3] @ decode[:3, :3].T + decode[:3, 3]
             values[rows, :, 3] = state[rows] == WRITTEN
-            values[rows, :, 3] -= state[rows] == MISSED
+            values[rows, :, 3] -= (state[rows] == MISSED) | (state[rows] == FILLED)
         return values
 
 
@@ -157,8 +159,11 @@ def _take_nearest(texels: np.ndarray, state: np.ndarray) -> None:
         texels[y, x], state[y, x] = texels[y + up, x + right], MARGIN
 
 
-def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
-    """Fill the background within `reach` texels of written ones, or all of it, from the nearest or almost the nearest."""
+def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None, *, fills_misses: bool) -> None:
+    """Fill the background within `reach` texels of written ones, or all of it, from the nearest or almost the nearest.
+
+    fills_misses: fill misses as well.
+    """
     # One written texel of each block, if it has any.
     height, width = (-(-side // COARSE) for side in state.shape)
     values = np.zeros((height, width, 4), np.float32)
@@ -172,13 +177,16 @@ def _complete_far(texels: np.ndarray, state: np.ndarray, reach: int | None) -> N
     nearest = margin_fill.find_nearest(uploaded, None if reach is None else reach // COARSE)
     margin_fill.fill_from_nearest(stored, uploaded, nearest, halo=0, encode=np.eye(4), missed=(0.0, 0.0, 0.0))
     stored.read(values)
+    fill_as = {0: MARGIN} | ({MISSED: FILLED} if fills_misses else {})
     for start in range(0, len(state), ROWS):
-        y, x = np.nonzero(state[start : start + ROWS] == 0)
-        y += start
-        coarse = values[y // COARSE, x // COARSE]
-        is_found = coarse[:, 3] > 0.0
-        y, x = y[is_found], x[is_found]
-        texels[y, x], state[y, x] = coarse[is_found], MARGIN
+        for empty, filled in fill_as.items():
+            y, x = np.nonzero(state[start : start + ROWS] == empty)
+            y += start
+            coarse = values[y // COARSE, x // COARSE]
+            is_found = coarse[:, 3] > 0.0
+            y, x = y[is_found], x[is_found]
+            texels[y, x], state[y, x] = coarse[is_found], filled
+            texels[y, x, 3] = filled == MARGIN
 
 
 OWNER = "OWNER"
@@ -195,8 +203,13 @@ def for_maps(lows: Sequence[Mesh], settings: Settings, *, has_owner: bool = Fals
     normal = margin_fill.TANGENT if settings.map.space == Space.TANGENT else margin_fill.NORMAL
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: margin_fill.VALUE, Kind.LABEL: margin_fill.LABEL}
     kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.map.drawn_maps)}
-    kinds |= {OWNER: margin_fill.LABEL} if has_owner else {}
-    return {name: PostProcess(settings, kind, borders) for name, kind in kinds.items()}
+    processes = {
+        name: PostProcess(settings, kind, borders, fills_misses=BY_NAME[name].fills_misses)
+        for name, kind in kinds.items()
+    }
+    if has_owner:
+        processes[OWNER] = PostProcess(settings, margin_fill.LABEL, borders, fills_misses=True)
+    return processes
 
 
 def with_owner(maps: dict[str, np.ndarray], is_others: np.ndarray) -> dict[str, np.ndarray]:
@@ -218,8 +231,12 @@ def without_others(finished: dict[str, Map], processes: dict[str, PostProcess]) 
     Returns these texels (height, width) bool, with the background.
     """
     owner, state = finished.pop(OWNER)
-    is_others = (owner[..., 0] > 0.5) & (state != MISSED)
+    is_nearest = owner[..., 0] > 0.5
+    is_others = is_nearest & (state != MISSED) & (state != FILLED)
     for name, (texels, states) in finished.items():
         texels[is_others] = (*(processes[name].encode @ (0.0, 0.0, 1.0, 1.0))[:3], 0.0)
         states[is_others] = 0
+        is_missed = is_nearest & (states == FILLED)  # the color of others is not known
+        texels[is_missed] = (*processes[name].settings.map.missed, 0.0)
+        states[is_missed] = MISSED
     return is_others | (state == 0)

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..core.declarations.choices import MarginType
-from ..core.map_types import BY_NAME, MISSED, NORMAL, WIDENED_ROUGHNESS, WRITTEN, Kind, Map
+from ..core.map_types import BY_NAME, FILLED, MISSED, NORMAL, WIDENED_ROUGHNESS, WRITTEN, Kind, Map
 from ..core.progress import Progress, Task, finish
 from ..core.settings import MapSettings, Run
 from . import margins
@@ -88,7 +88,7 @@ class Mean:
 
     def _written(self, rows: slice) -> "Sums":
         hits = (self.state[rows] == WRITTEN).astype(np.float32)
-        misses = (self.state[rows] == MISSED).astype(np.float32)
+        misses = np.isin(self.state[rows], (MISSED, FILLED)).astype(np.float32)
         values = self.texels[rows, :, :3]
         return Sums(((values - 0.5) @ self.decode if self.is_normal else values) * hits[..., None], hits, misses)
 

@@ -231,8 +231,7 @@ def _engine_angles(meshes: Meshes, run: Run) -> Task[Maps]:
 def _packed(meshes: Meshes, run: Run) -> Task[Maps]:
     """As `_baked`, with the packed image of these maps."""
     maps = yield from _baked(meshes, run)
-    encoded = {name: texels for name, (texels, _) in maps.items()}
-    return maps | {"packed": (value_encoding.packed(PACKING, encoded), maps["ROUGHNESS"][1])}
+    return maps | {"packed": (value_encoding.packed(PACKING, maps), maps["ROUGHNESS"][1])}
 
 
 FLATTEN, CAST = {"method": Method.FLATTEN}, {"method": Method.CAST}

@@ -378,13 +378,13 @@ class Outputs:
         }
         """The writers of mip levels, by the name of the map and the number of the level."""
         self._first = map_names.first_map(settings.map)
-        self._late: dict[str, dict[tuple[int, int], np.ndarray]] = {
+        self._late: dict[str, dict[tuple[int, int], Map]] = {
             name: {}
             for name in settings.map.drawn_maps
             if value_encoding.needs_range(BY_NAME[name], self._settings_of(name).storing)
         }
         """The maps that are encoded when the range of all tiles is known, by tile and level. Others do not stay in memory."""
-        self._unpacked: dict[tuple[int, int], dict[str, np.ndarray]] = {}
+        self._unpacked: dict[tuple[int, int], dict[str, Map]] = {}
         """The maps to pack, by tile and level, and by name, if they are encoded late."""
         self._kept: dict[int, np.ndarray] = {}
         """The texels of each tile that stay as they are stored."""
@@ -448,11 +448,11 @@ class Outputs:
         """Add one level of the maps beside the normal map."""
         for name in (name for name in self.settings.map.drawn_maps if name in maps):
             if name in self._late:
-                self._late[name][tile, level] = maps[name][0]
+                self._late[name][tile, level] = maps[name]
             else:
-                self._encode(name, tile, level, maps[name][0], self._encoding(name, []))
+                self._encode(name, tile, level, maps[name], self._encoding(name, []))
         if self._packed:
-            self._unpacked[tile, level] = {name: maps[name][0] for name in self.settings.map.packing.maps}
+            self._unpacked[tile, level] = {name: maps[name] for name in self.settings.map.packing.maps}
             if not self._late.keys() & self._unpacked[tile, level].keys():
                 self._pack()
 
@@ -466,8 +466,8 @@ class Outputs:
         for name in self.settings.map.drawn_maps:
             labeled = BY_NAME[name].labeled
             encodings[name] = self._encoding(name, labels[labeled] if labeled else [])
-            for (tile, level), texels in self._late.get(name, {}).items():
-                self._encode(name, tile, level, texels, encodings[name])
+            for (tile, level), drawn in self._late.get(name, {}).items():
+                self._encode(name, tile, level, drawn, encodings[name])
             if name in self._empty:
                 encodings[name] |= {"empty": True}
         maps = {name: encodings[name] for name in self.settings.map.maps}
@@ -514,15 +514,16 @@ class Outputs:
 
     def _encoding(self, name: str, labels: Sequence[str]) -> dict:
         """How to decode a map. labels: as in value_encoding.encoding."""
-        tiles = list(self._late.get(name, {}).values())
+        tiles = [texels for texels, _ in self._late.get(name, {}).values()]
         return value_encoding.encoding(BY_NAME[name], tiles, labels, self._settings_of(name).storing)
 
-    def _encode(self, name: str, tile: int, level: int, texels: np.ndarray, how: dict) -> None:
+    def _encode(self, name: str, tile: int, level: int, drawn: Map, how: dict) -> None:
         """Encode a level of a tile of a map in place, and add it to its writer if it has one of its own."""
+        texels, _ = drawn
         if BY_NAME[name].is_color:
             datablocks.to_rec709(texels)
         if BY_NAME[name].kind is not Kind.NORMAL:
-            value_encoding.encode(texels, how)
+            value_encoding.encode(drawn, how)
         settings = self._settings_of(name)
         storing = settings.storing
         is_half = storing.is_float and storing.storage == Storage.FILE and storing.depth == value_encoding.HALF

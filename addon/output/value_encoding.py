@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..core.map_types import Kind, MapType, Packing, Range
+from ..core.map_types import FILLED, Kind, Map, MapType, Packing, Range
 from ..core.settings import StorageSettings
 
 HALF, MOST_HALF = 16, np.float32(65504.0)
@@ -148,11 +148,17 @@ def color_space(map_type: MapType, storing: StorageSettings) -> str:
     return LINEAR if storing.is_float else SRGB
 
 
-def encode(texels: np.ndarray, how: dict) -> None:
-    """Encode `texels` (height, width, 4) float32 in place. Alpha does not change. how: the result of `encoding`."""
-    known = texels[..., 3:] > 0.0
+def known(drawn: Map) -> np.ndarray:
+    """Which texels (height, width) bool have a value: those that were written, the margin, and misses that were filled."""
+    texels, state = drawn
+    return (texels[..., 3] > 0.0) | (state == FILLED)
+
+
+def encode(drawn: Map, how: dict) -> None:
+    """Encode the texels of a map in place. Alpha does not change. how: the result of `encoding`."""
+    texels, is_known = drawn[0], known(drawn)[..., None]
     if "colours" in how:
-        np.copyto(texels[..., :3], np.float32(0.0), where=~known)
+        np.copyto(texels[..., :3], np.float32(0.0), where=~is_known)
         texels[..., :3] = palette(int(texels[..., 0].max()))[texels[..., 0].astype(np.int32)]
     else:
         offset = how.get("offset", 0.0)
@@ -164,22 +170,20 @@ def encode(texels: np.ndarray, how: dict) -> None:
             for start in range(0, len(texels), ENCODED_ROWS):  # a few rows at a time, which stay in the cache
                 rows = texels[start : start + ENCODED_ROWS, :, :3]
                 rows[...] = to_srgb(rows)
-        np.copyto(texels[..., :3], np.float32(how["midlevel"]), where=~known)
+        np.copyto(texels[..., :3], np.float32(how["midlevel"]), where=~is_known)
 
 
-def packed(packing: Packing, maps: Mapping[str, np.ndarray]) -> np.ndarray:
-    """A packed image (height, width, 4) float32 of encoded maps (height, width, 4) by name. Alpha is a channel as others.
+def packed(packing: Packing, maps: Mapping[str, Map]) -> np.ndarray:
+    """A packed image (height, width, 4) float32 of encoded maps by name. Alpha is a channel as others.
 
     Backgrounds stay as they are, also in an inverted channel.
     """
-    result = np.empty(next(iter(maps.values())).shape, np.float32)
+    result = np.empty(next(iter(maps.values()))[0].shape, np.float32)
     for number, channel in enumerate(packing.channels):
         if channel.map:
-            texels = maps[channel.map]
-            values = texels[..., 0]
-            result[..., number] = (
-                np.where(texels[..., 3] > 0.0, 1.0 - values, values) if channel.is_inverted else values
-            )
+            drawn = maps[channel.map]
+            values = drawn[0][..., 0]
+            result[..., number] = np.where(known(drawn), 1.0 - values, values) if channel.is_inverted else values
         else:
             result[..., number] = channel.constant
     return result

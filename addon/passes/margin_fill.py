@@ -119,7 +119,7 @@ FILL = Program(
     fragment="margin/margin_fill_frag.glsl",
     inputs=(("VEC2", "position"),),
     texels=(("RGBA32F", "FLOAT_2D", "values"), ("R16I", "INT_2D", "offsets"), ("R32I", "INT_2D", "source_rows")),
-    constants=(("INT", "halo"), ("MAT4", "encode"), ("VEC4", "missed")),
+    constants=(("INT", "halo"), ("INT", "fills_misses"), ("MAT4", "encode"), ("VEC4", "missed")),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )
 
@@ -132,11 +132,13 @@ def fill_from_nearest(
     halo: int,
     encode: np.ndarray,
     missed: tuple[float, float, float],
+    fills_misses: bool = False,
 ) -> None:
     """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `values`.
 
     values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what `find_nearest`
     returned for `values`. encode: (4, 4), from a value and 1 to red, green and blue. missed: the color of misses.
+    fills_misses: whether misses with a written texel in reach have its color.
     """
     target.fill(
         into,
@@ -145,6 +147,7 @@ def fill_from_nearest(
         offsets=nearest.offsets,
         source_rows=nearest.rows,
         halo=halo,
+        fills_misses=int(fills_misses),
         encode=shader.mat4(encode),
         missed=(*missed, 0.0),
     )

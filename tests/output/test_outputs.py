@@ -479,7 +479,7 @@ def test_a_range_that_is_set_is_the_same_for_all_bakes(name, values, wanted):
         texels = np.ones((1, 3, 4), np.float32)
         texels[0, :, :3] = factor * np.array(values, np.float32)[:, None]
         how = value_encoding.encoding(BY_NAME[name], [texels], (), storing)
-        value_encoding.encode(texels, how)
+        value_encoding.encode((texels, np.full((1, 3), WRITTEN, np.uint8)), how)
         middle = 0.0 if name == "DISTANCE" else 0.5
         assert texels[0, :, 0] == pytest.approx(middle + factor * (np.array(wanted) - middle), abs=1e-6)
 
