@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.map_types import FILLED, MARGIN, MISSED, OTHERS, WRITTEN
+from addon.core.map_types import FILLED, MARGIN, MISSED, WRITTEN
 from addon.core.settings import Settings
 from addon.engine import bands, margins
 from addon.jobs import Job, bake_all
@@ -21,6 +21,10 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SIDE = 48
 RAYS = {"method": "CAST", "extrusion": 0.5, "max_distance": 1.0, "size": SIDE}
+FILLED_MAPS = (
+    *("AO", "THICKNESS", "CURVATURE", "CONVEXITY", "CAVITY"),
+    *("BASE_COLOR", "ROUGHNESS", "METALLIC", "EMISSION", "SPECULAR", "ATTRIBUTE"),
+)
 STAY = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "OBJECT_ID", "MATERIAL_ID", "BENT_NORMAL", "ALPHA")
 
 
@@ -73,7 +77,7 @@ def test_a_miss_shows_the_nearest_place_of_the_leaf(margin):
 
 
 def test_maps_that_say_what_is_there_keep_their_holes():
-    chosen = [each.name for each in OTHERS if each.name != "WIDENED_ROUGHNESS"]
+    chosen = [*FILLED_MAPS, *STAY, "COVERAGE"]
     report, found = maps.bake_all_maps(
         zoo.plane("card"), leaf(), maps=chosen, attribute="place", margin=None, mask=True, rays=16, **RAYS
     )
@@ -84,7 +88,7 @@ def test_maps_that_say_what_is_there_keep_their_holes():
     assert np.array_equal(white, holes)
     assert (normal[holes] == np.float32((0.5, 0.5, 1.0, 0.0))).all()
     assert np.array_equal(found["coverage"][..., 0] == 0.0, holes)
-    for name in (each.lower() for each in chosen if each != "COVERAGE"):
+    for name in map(str.lower, FILLED_MAPS + STAY):
         assert (found[name][holes][:, 3] == 0.0).all(), name
         written = found[name][~holes][:, :3]
         if name.upper() in STAY:
