@@ -26,8 +26,8 @@ from ..core.report import Report, smooth_sentences
 from ..core.settings import Settings
 from ..core.stored_normals import ConversionReport
 from ..jobs import bake_jobs, pair_checks
-from ..jobs.bake_jobs import work_on_frames
 from ..jobs.job import Job, Wants, files_read_by, jobs_by_name
+from ..jobs.sequence import work_on_frames
 from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import addons, object_checks

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bakes several jobs, each into its own image, all into a shared one, or one job for each frame of an animation.
+"""Bakes several jobs, each into its own image, or all into a shared one.
 
 Fills in names, checks for clashes, and counts maps.
 """
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import PurePath
 
 import bpy
 import numpy as np
@@ -16,7 +14,7 @@ import numpy as np
 from .. import older_blender
 from ..audit import severity
 from ..core import naming, progress
-from ..core.declarations.choices import Occluders, Storage
+from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, MARGIN, NORMAL, Labeled
 from ..core.naming import ATLAS
@@ -27,11 +25,10 @@ from ..engine import coverage, gpu_memory, margins, mip_levels
 from ..engine.baking import texels_of
 from ..engine.bands import DrawnMaps
 from ..mesh.triangle_mesh import Mesh
-from ..output import datablocks, map_names, materials, outputs, shared_maps
-from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_low_name
+from ..output import map_names
 from ..output.materials import into_materials
 from ..output.outputs import Outputs
-from ..scene.object_checks import ObjectRef, scene_by_uid
+from ..scene.object_checks import ObjectRef
 from . import pair_checks, shared_image, weights
 from .bake import bake_job, draw_raw
 from .baked import Baked
@@ -42,7 +39,6 @@ from .job import (
     Wants,
     by_material,
     check_clashes,
-    check_file_clashes,
     check_job,
     files_kept,
 )
@@ -328,119 +324,3 @@ def for_low(settings: Settings, name: str, material: str = "") -> Settings:
         image=map_names.name_for(name, settings.storing, material),
         output=naming.fill(settings.storing.output, name, material, low_suffix=settings.storing.low_suffix),
     )
-
-
-FRAME_IMAGE = "Imprint frame"
-"""The image that shows each frame while the sequence is baked."""
-
-
-def work_on_frames(
-    context: bpy.types.Context,
-    job: Job,
-    settings: Settings,
-    frames: Sequence[int],
-    pace: Pace,
-    *,
-    wants: Wants = NOTHING_ELSE,
-) -> Task[list[Report]]:
-    """Bake each of `frames`, and put the image sequence into the low object's materials. A generator, as `work`.
-
-    If it is closed early, finished frames stay. A step with its report follows each. Raises BakeError.
-    """
-    _check_frames(settings, frames)
-    scene, before = context.scene.session_uid, context.scene.frame_current_final
-    low = job.low.name
-    settings = with_low_name(settings, low).stored(image=map_names.name_for(low, settings.storing))
-    frame_base = settings.without_materials().stored(image=FRAME_IMAGE)
-    image = datablocks.get(settings.storing.image)
-    if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
-        raise BakeError(f"The image {image.name!r} is not a picture or sequence: choose another name for the map.")
-    only_normal = settings.without_other_maps().without_file()  # other maps of frames are only files
-    shared_image.check_alone(context, job, only_normal, "the sequence")
-    if settings.storing.material:
-        materials.check(job.low)  # the bakes of frames do not change it
-    frame_settings = [of_frame(frame_base, frame) for frame in frames]
-    advice = "put the frame number into the name with #"
-    check_file_clashes(frame_settings, [low] * len(frames), advice, files_kept([job], settings.storing))
-    reports: list[Report] = []
-
-    def noted(frame: float, number: int, step: Progress) -> Progress:
-        report = step.report and replace(step.report, image=settings.storing.image)
-        reports.extend([report] if report else [])
-        return replace(step, what=f"Frame {frame}: {step.what}", finished=number + step.finished, report=report)
-
-    try:
-        for number, frame in enumerate(frames):
-            _go_to(scene, frame)
-            steps = part(
-                work(context, [job], frame_settings[number], pace, wants=wants),
-                number / len(frames),
-                (number + 1) / len(frames),
-            )
-            yield from relay(steps, partial(noted, frame, number))
-        yield Progress("Storing", 1.0, finished=len(frames))
-    finally:
-        if scene_by_uid(scene) is not None:
-            _go_to(scene, before)
-        for map_settings in settings_by_map(frame_base).values():
-            image = datablocks.get(map_settings.storing.image)
-            if image is not None:
-                bpy.data.images.remove(image)
-        if reports:
-            reports = _show_frames(job, settings, frames, reports)
-    return reports
-
-
-def _go_to(uid: int, frame: float) -> None:
-    scene = scene_by_uid(uid)
-    if scene is None:
-        raise BakeError("The scene of the sequence was deleted: bring it back with Undo, or choose another one.")
-    scene.frame_set(int(frame), subframe=frame - int(frame))
-
-
-def _check_frames(settings: Settings, frames: Sequence[int]) -> None:
-    """Raise BakeError for what cannot be a sequence."""
-    if settings.storing.storage != Storage.FILE:
-        raise BakeError("A sequence needs files: set Store to File.")
-    if not settings.map.normal:
-        raise BakeError("A sequence shows the normal map: switch Normal Map on.")
-    if settings.sampling.udim:
-        raise BakeError("A sequence has only one tile: turn UDIM Tiles off.")
-    if settings.map.texture_sets:
-        raise BakeError("A sequence has one image for all materials: turn Texture Sets off.")
-    if any(frame < 0 for frame in frames):
-        raise BakeError("A sequence cannot have frames below 0: Blender would not find their files.")
-    if re.search(r"#[^#]*\d", PurePath(settings.storing.output).stem):
-        raise BakeError(
-            f"{settings.storing.output!r} has a number after the frame number, and Blender would read it as the frame: "
-            "put it before."
-        )
-    if not frames:
-        raise BakeError("There is no frame to bake: set the end frame to the start frame or later.")
-
-
-def _show_frames(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence[Report]) -> list[Report]:
-    """Make the image a sequence of the finished frames, also if the low object was deleted.
-
-    Returns the reports of these frames with that image.
-    """
-    image = datablocks.show(settings.storing.image, output_of_frame(settings.storing.output, frames[0]))
-    image.source = "SEQUENCE"
-    shared_maps.note(image, [])
-    first, *others = reports
-    done = [first.with_warnings(outputs.sign(image, [ref.name for ref in job.high_refs])), *others]
-    low = job.low_ref.find()
-    if low is not None:
-        datablocks.note_maps(low, [image])
-    if low is None or not settings.storing.material:
-        return done
-    is_own_base = low in job.highs
-    notes = materials.show_normal_map(low, image, done[-1].uv_layer, settings, is_own_base=is_own_base)
-    done[-1] = done[-1].with_warnings(notes)
-    for material in materials.of(low, is_own_base=is_own_base):
-        for node in material.node_tree.nodes:
-            if node.bl_idname == "ShaderNodeTexImage" and node.image == image:
-                user = node.image_user
-                user.frame_start, user.frame_duration = frames[0], len(reports)
-                user.frame_offset, user.use_auto_refresh = frames[0] - 1, True
-    return done

@@ -16,9 +16,9 @@ from ..core.report import Report
 from ..core.stored_normals import ConversionReport, StoredNormals
 from ..export import engine_files
 from ..jobs import asset, convert, lod
-from ..jobs.bake_jobs import work_on_frames
 from ..jobs.convert import Conversion
 from ..jobs.job import Job, Wants
+from ..jobs.sequence import work_on_frames
 from . import modal
 from .bake_operators import BakeOperator, OnePairOperator
 from .progress_display import SettingsPanel, display

@@ -11,7 +11,7 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair, live_session, masks
-from addon.jobs.bake_jobs import work_on_frames
+from addon.jobs.sequence import work_on_frames
 from addon.output import datablocks
 from addon.ui.live import live
 from tests.support import scenes, zoo

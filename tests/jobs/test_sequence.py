@@ -11,7 +11,7 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_pair
-from addon.jobs.bake_jobs import FRAME_IMAGE, work_on_frames
+from addon.jobs.sequence import FRAME_IMAGE, work_on_frames
 from addon.output import datablocks, map_names
 from tests.support import zoo
 from tests.support.maps import pixels

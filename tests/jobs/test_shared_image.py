@@ -15,9 +15,9 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.core.stored_normals import StoredNormals
-from addon.jobs import Job, bake_jobs, convert, shared_image
+from addon.jobs import Job, bake_jobs, convert, sequence, shared_image
 from addon.jobs.live_session import Session
-from addon.output import datablocks, image_file, shared_maps
+from addon.output import datablocks, image_file, map_names, shared_maps
 from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -75,7 +75,7 @@ def texels_of(name):
 def all_maps(settings):
     """The texels of all images of a bake with one image, by name."""
     filled = bake_jobs.for_low(settings, "atlas")
-    found = bake_jobs.settings_by_map(filled)
+    found = map_names.settings_by_map(filled)
     return {name: stored(of_map, of_map, bpy.data.images[of_map.storing.image]) for name, of_map in found.items()}
 
 
@@ -418,11 +418,11 @@ def test_a_sequence_does_not_replace_it(tmp_path):
     bake(jobs.values(), settings_in(tmp_path, image="both", output="m.png"))
     frames = settings_in(tmp_path / "frames", image="both", output="m_####.png", depth=16)
     with pytest.raises(BakeError, match="'b_low', which the sequence would"):
-        finish(bake_jobs.work_on_frames(bpy.context, jobs["a"], frames, [1, 2], Pace()))
+        finish(sequence.work_on_frames(bpy.context, jobs["a"], frames, [1, 2], Pace()))
     assert bpy.data.images["both"].source == "FILE"
     assert not (tmp_path / "frames").exists()
     bpy.data.objects.remove(jobs["b"].low)
-    finish(bake_jobs.work_on_frames(bpy.context, jobs["a"], frames, [1, 2], Pace()))
+    finish(sequence.work_on_frames(bpy.context, jobs["a"], frames, [1, 2], Pace()))
     assert bpy.data.images["both"].source == "SEQUENCE"
     assert not shared_maps.parts_of_image("both")
 
