@@ -16,6 +16,7 @@ from addon.engine.planning import plan_of
 from addon.jobs import Job, masks
 from addon.jobs.job import Request, read_meshes
 from addon.jobs.live_session import Session
+from addon.mesh.triangle_mesh import Mesh
 from tests.engine.test_orienting import SAME, ball
 from tests.engine.test_stacked_uvs import asymmetric, mirrored
 from tests.support import maps, scenes, spoiled, zoo
@@ -158,6 +159,18 @@ def test_stacked_parts_have_their_order_in_the_plan():
     assert sorted(plan.order.low) == list(range(len(plan.read.low.triangles)))
     assert np.array_equal(plan.meshes.low.triangles, plan.read.low.triangles[plan.order.low])
     assert plan.listed.highs[0] is plan.read.highs[0]
+    count = len(plan.read.low.triangles)
+    of_set = replace(plan.read, whole=plan.read.low, kept=np.arange(count))  # a texture set of all triangles
+    assert np.array_equal(plan.order.of(of_set).kept, plan.order.low)
+
+
+def test_a_mesh_remembers_what_was_made_of_the_same_objects():
+    mesh = Mesh.of_arrays("mesh", np.eye(3), np.array([[0, 1, 2]]))
+    one, other = np.zeros(1), np.zeros(1)
+    assert mesh.remembered("made", (one,), lambda: "first") == "first"
+    assert mesh.remembered("made", (one,), lambda: "again") == "first"
+    assert mesh.remembered("made", (other,), lambda: "of another") == "of another"
+    assert replace(mesh, name="copy").remembered("made", (other,), lambda: "of the copy") == "of the copy"
 
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
@@ -221,7 +234,8 @@ def test_the_content_of_each_mesh_is_compared_once_seed_3(monkeypatch):
 
 def test_live_decides_anew_for_another_low_mesh(counted):
     low, high = mirrored(), asymmetric()
-    settings = settings_of(method="CAST", space="OBJECT", modifiers="VIEWPORT")
+    margin = {"margin": 8, "margin_type": "ADJACENT_FACES"}
+    settings = settings_of(method="CAST", space="OBJECT", modifiers="VIEWPORT", **margin)
 
     def session():
         return Session(bpy.context, Job(low, [high]), settings, progress.Pace())
@@ -231,7 +245,7 @@ def test_live_decides_anew_for_another_low_mesh(counted):
     first = live.plan
     counted.update(dict.fromkeys(counted, 0))
     low.modifiers["Mirror"].use_mirror_u = True  # nothing shares texels any more
-    scenes.move_uvs(low, (0.5, 1.0))
+    scenes.move_uvs(low, (0.4, 0.7), offset=(0.05, 0.1))
     bpy.context.view_layer.update()
     live.run(bpy.context, {low.session_uid})
     assert (counted["order"], counted["orientation"], counted["method"]) == (1, 1, 0)
