@@ -192,11 +192,15 @@ def test_shells_of_rays_that_were_never_cast_are_measured(small):
         overlay.hide()
 
 
-def test_shells_without_high_objects_are_not_measured(small):
+def test_shells_of_a_mesh_alone_are_those_of_its_bake(small):
+    """It is its own high object."""
     small.low = zoo.cube("lo")
     bpy.ops.imprint.show_cage()
     try:
-        assert overlay.lengths(bpy.context, small.low) == RayLengths()
+        measured = overlay.lengths(bpy.context, small.low)
+        assert measured.extrusion > 0.0
+        assert bpy.ops.imprint.bake() == {"FINISHED"}
+        assert overlay.lengths(bpy.context, small.low) == measured
         overlay.hide()
         high = zoo.cube("hi")
         small.highs.add().object = high
