@@ -28,6 +28,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import map_names
 from ..output.materials import into_materials
 from ..output.outputs import Outputs
+from ..scene import object_checks
 from ..scene.object_checks import ObjectRef
 from . import pair_checks, shared_image, weights
 from .bake import bake_job, draw_raw
@@ -275,12 +276,19 @@ def _requests(
 
 
 def _of_job(settings: Settings, job: Job, shares_image: bool) -> Settings:
-    """The settings with the size and the distance that a job has for itself."""
+    """The settings with the size and the distance that a job has for itself, see also `beside_materials`."""
+    settings = beside_materials(settings, job)
     if job.size and not shares_image:
         settings = settings.sampled(width=job.size, height=job.size)
     if job.distance:  # rays start outside, and reach as far inside
         settings = settings.traced(extrusion=job.distance, max_distance=2.0 * job.distance)
     return settings
+
+
+def beside_materials(settings: Settings, job: Job) -> Settings:
+    """The settings; of a mesh that is baked onto itself, the materials stay: the next bake would read the maps in them."""
+    is_itself = object_checks.is_itself(job.low, job.highs)
+    return settings.stored(material=False, connect_maps=False) if is_itself else settings
 
 
 def _occluders(job: Job, jobs: Sequence[Job], tracing: TracingSettings) -> tuple[ObjectRef, ...]:

@@ -120,7 +120,7 @@ class Session:
             mask=False,
             exact_materials=ExactMaterials.OFF,  # Cycles would take seconds after each stroke
         )
-        settings = bake_jobs.for_low(settings, job.low.name)
+        settings = bake_jobs.for_low(bake_jobs.beside_materials(settings, job), job.low.name)
         self._all_settings = settings
         self.settings = settings.without_other_maps()
         self.others = LiveMaps(settings)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's color spaces: of images, and the working space in which the colors of materials are."""
+"""The image datablocks of maps: made, filled, packed, marked, and found again by the next bake; and their color spaces."""
 
 import itertools
 from collections.abc import Iterable, Iterator

@@ -16,7 +16,7 @@ from ..core.settings import Settings
 from ..mesh import joining, topology
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import GENERATED, FaceCorners, Mesh, changed_rows, changed_share
-from . import high_parts, mesh_reader, mesh_writer, object_checks
+from . import mesh_reader, mesh_writer, object_checks, part_ids
 from .high_materials import MaterialNumbers, Shown, read_layers
 from .materials.material_reading import NORMAL
 from .textures import ImageTextures
@@ -173,7 +173,7 @@ class Reader:
 
     def _with_parts(self, mesh: Mesh, data: bpy.types.Mesh, obj: bpy.types.Object) -> Mesh:
         """`mesh` with a third label, the number of each triangle's part."""
-        parts, names = high_parts.of_triangles(mesh, data, obj, self.settings.map.id_by)
+        parts, names = part_ids.of_triangles(mesh, data, obj, self.settings.map.id_by)
         known = self._part_numbers
         numbers = np.array([known.setdefault(name, len(known) + 1) for name in names], np.float32)
         return replace(mesh, labels=np.column_stack([mesh.labels, numbers[parts]]))

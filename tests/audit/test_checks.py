@@ -555,7 +555,7 @@ def test_only_harmful_faces_outside_the_tile_are_selected():
     assert faces(report, "outside") == [2]
 
 
-def test_high_parts_moved_by_whole_tiles_raise_no_warning():
+def test_part_ids_moved_by_whole_tiles_raise_no_warning():
     assert bake(tiles("lo", (0, 0, 1, 1)), tiles("hi", (0, 0, 1, 1), (1, 0, 2, 1)), space="OBJECT").warnings == []
     report = bake(tiles("lo2", (0, 0, 1, 1)), tiles("hi2", (0.5, 0, 1.5, 1), (0, 0, 1, 1)), space="OBJECT")
     (warning,) = report.warnings

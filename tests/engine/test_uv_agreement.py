@@ -202,7 +202,7 @@ def test_cast_depends_on_no_order():
     np.testing.assert_allclose(*maps, atol=1e-6)
 
 
-def test_high_parts_that_are_close_to_no_part_are_not_crossed():
+def test_part_ids_that_are_close_to_no_part_are_not_crossed():
     report = bake(winged("lo"), winged("hi", is_reversed=True, aside=1.0), method="FLATTEN", width=256, height=256)
     assert report.checks["far"]["count"]
     assert not crossed(report)

@@ -12,6 +12,7 @@ from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
+SIDE = 32
 OTHERS = ("AO", "BENT_NORMAL", "THICKNESS", "CURVATURE", "POSITION", "MATERIAL_ID", "BASE_COLOR", "ROUGHNESS")
 
 
@@ -92,6 +93,26 @@ def test_arrays_are_baked_onto_themselves():
     result = api.bake(api.Surface(points, triangles, uv), maps=["ao"], size=32)
     ao = result.maps["ao"][..., 0]
     assert ao[16, 17] < 0.8 < ao[16, 31]  # beside the wall, and far from it
+
+
+def test_a_second_bake_is_the_same():
+    """Maps in the materials that a bake reads would be read by the next one, and its detail be lost."""
+    obj = closed()
+    tree = obj.data.materials[0].node_tree
+    image = bpy.data.images.new("bumps", SIDE, SIDE)
+    image.colorspace_settings.name = "Non-Color"
+    noise = np.random.default_rng(3).normal(size=(SIDE, SIDE, 3)) * 0.2 + (0.0, 0.0, 1.0)
+    noise /= np.linalg.norm(noise, axis=-1, keepdims=True)
+    image.pixels.foreach_set(np.dstack([noise * 0.5 + 0.5, np.ones((SIDE, SIDE))]).astype(np.float32).ravel())
+    texture, normal_map = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexImage", "NormalMap"))
+    texture.image = image
+    tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
+    tree.links.new(normal_map.outputs["Normal"], tree.nodes["Principled BSDF"].inputs["Normal"])
+    links = len(tree.links)
+    first, second = (maps.bake(obj, obj, maps=("ROUGHNESS",), material=True, connect_maps=True) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+    assert np.ptp(first[..., 0]) > 0.2
+    assert len(tree.links) == links
 
 
 def test_zoo_planes_keep_their_normals():

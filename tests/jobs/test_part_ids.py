@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.jobs import Job, bake_all
-from addon.scene.high_parts import FACE_SETS
+from addon.scene.part_ids import FACE_SETS
 from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
