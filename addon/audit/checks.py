@@ -13,21 +13,17 @@ from ..core.errors import Fix, Length, shorten_list
 from ..core.map_types import WRITTEN
 from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
 from ..engine import ray_casting, separation, uv_agreement
-from ..engine.baking import Drawing
-from ..engine.bands import Band
 from ..engine.planning import Plan
 from ..engine.ray_casting import RayCast
-from ..engine.sampling import SampledMaps
-from ..engine.stacked_uvs import StackedParts
 from ..engine.unsure_texels import REASONS, Explorer
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import audit as audit_module
 from ..passes import mesh_upload, target
-from . import mip_gaps, severity
+from . import mip_gaps, severity, stacked_checks
 from .appearance import Appearance
-from .severity import MUCH_OVERLAP, Check, Warned
+from .severity import Check, Warned
 from .tally import Tally, at_most, sampled
 
 TURNED_AWAY = 0.5
@@ -79,7 +75,7 @@ def audit(
     stacked: Check,
 ) -> Findings:
     """Check a map. ray_cast: the rays that were cast, or None. length: a length in scene units as text. stacked: from
-    check_stacked."""
+    stacked_checks.check_stacked."""
     meshes, low = plan.meshes, plan.meshes.low
     uv_checks, uv_warnings = _uv_layout(plan, settings.sampling)
     texel_checks = _texels(plan, tally, settings.sampling)
@@ -106,7 +102,7 @@ def audit(
             *uv_warnings,
             *_placement_warnings(plan, checks, settings.tracing, placement, length),
             *_crossed_warnings(plan, checks, settings),
-            *_other_detail_warnings(low, stacked),
+            *stacked_checks.warnings(low, stacked),
             *(
                 Warned(severity.warning(kind, check, low.name, with_method, length), kind)
                 for kind, check in checks.items()
@@ -317,21 +313,6 @@ def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterato
             yield Warned(Fix.CAST.after(text), severity.CROSSED)
 
 
-def _other_detail_warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
-    if stacked["differing"] <= severity.MANY_DIFFERENT:
-        return
-    if stacked["under_others"] > 0.5 * stacked["hidden"]:
-        text = f"Materials of {low.name!r} share UVs, and its map has the detail of one of them."
-        yield Warned(Fix.TEXTURE_SETS.after(text), severity.MATERIALS)
-        return
-    yield Warned(
-        f"{stacked['hidden']:,} triangles of {low.name!r} show the detail of other parts with the same UVs, and on "
-        f"{stacked['differing']:.1%} of their texels it is more than {DIFFERENT:.0f} degrees from their own. "
-        "Give these parts UVs of their own.",
-        severity.OTHER_DETAIL,
-    )
-
-
 def _faces(meshes: Meshes) -> Checks:
     polygons, uneven = face_shapes.non_triangles(meshes.low), face_shapes.non_planar(meshes.low)
     return {
@@ -391,44 +372,3 @@ def check_unsure(plan: Plan, sampling: SamplingSettings, ray_cast: RayCast | Non
                 counts[name] += int(np.count_nonzero(texels))
             distances.append(far)
     return counts | {"share": counts["count"] / max(1, counts["of"])}, np.concatenate(distances)
-
-
-STACKED_SIDE = 256
-"""Texels a side, at most, on which detail is compared."""
-DIFFERENT = 2.0
-"""Degrees, in tangent space, above which parts do not have the same detail."""
-
-
-def check_stacked(
-    hidden: StackedParts, drawn: Drawing, settings: Settings, materials: np.ndarray | None = None
-) -> Check:
-    """What Report.checks has of hidden parts, for the check "overlap". drawn: the bake, with own hits. materials (T,) int: the
-    number of each low triangle's material; None to leave them out."""
-    counts = {"hidden": 0, "under_others": 0, "differing": 0.0}
-    if not hidden.are_many(MUCH_OVERLAP):  # decimation leaves slivers on other triangles
-        return counts
-    counts["hidden"] = hidden.triangles
-    if settings.map.space != Space.TANGENT or not settings.map.normal:  # each part has other normals in other spaces
-        return counts
-    if materials is not None:
-        counts["under_others"] = hidden.under_others(materials)
-    compared = differing = 0
-    size = min(settings.sampling.width, STACKED_SIDE), min(settings.sampling.height, STACKED_SIDE)
-    with target.using(target.TargetPool()):
-        for tile in drawn.plan.tiles:
-            band = Band(0, size[1], size, 0, tile)
-            shown, is_shown = _detail(drawn.maps, band)
-            for layer in hidden.layers:
-                own, is_known = _detail(layer.maps, band)
-                both = is_known & is_shown & hidden.is_hidden(layer, band)
-                cosines = (shown[both] * own[both]).sum(axis=1)
-                compared += len(cosines)
-                differing += int(np.count_nonzero(cosines < np.cos(np.radians(DIFFERENT))))
-    return counts | {"differing": differing / max(1, compared)}
-
-
-def _detail(maps: SampledMaps, band: Band) -> tuple[np.ndarray, np.ndarray]:
-    """The normals of the high surface (height, width, 3) in tangent space, and where they are known (height, width) bool."""
-    texels = np.empty((band.height, band.width, 4), np.float32)
-    target.read(maps.space.of_sample(maps.high_normals(band), band), texels)
-    return texels[..., :3], texels[..., 3] > 0.0

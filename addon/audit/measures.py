@@ -16,9 +16,10 @@ from ..engine.baking import Drawing
 from ..engine.planning import Plan
 from ..engine.stacked_uvs import StackedParts
 from .appearance import SeenBake
-from .checks import Findings, audit, check_stacked
+from .checks import Findings, audit
 from .deviations import BetweenTexels, Deviations, OtherEngines
 from .pictures import BakePictures
+from .stacked_checks import check_stacked
 from .tally import Tally
 
 

@@ -80,7 +80,7 @@ def warning(kind: str, check: Check, low: str, settings: Settings, length: Lengt
 def _overlap(check: Check, settings: Settings) -> bool:
     # Stacked parts share their detail on purpose. In object and world space, the map still has the normals of only one part.
     shared = check["count"] - (check["stacked"] if settings.map.space == Space.TANGENT else 0)
-    return shared > MUCH_OVERLAP * check["of"]
+    return shared > MUCH_OVERLAP * check["of"] or check.get("other_material", 0.0) > MUCH_OVERLAP
 
 
 def _uncovered(check: Check, settings: Settings) -> bool:

@@ -8,8 +8,9 @@ import bpy
 import gpu
 import numpy as np
 
-from ..audit.checks import audit, check_stacked
+from ..audit.checks import audit
 from ..audit.severity import Warned
+from ..audit.stacked_checks import check_stacked
 from ..audit.tally import Tally
 from ..core import progress, udim
 from ..core.declarations.choices import ExactMaterials, Modifiers, VertexDomain
