@@ -23,8 +23,6 @@ PROBE_SIZE = 256
 """The most rays a side that are cast."""
 PART_PROBE_SIZE = 128
 """The most rays a side that look for parts that stand off: they go farther, and ask for owners."""
-FEW_RAYS = 32
-"""The most rays a side where distances are set, and rays only tell whether layers have an order."""
 QUANTILE = 0.999
 """Distances beyond this quantile are outliers: rays that pass an edge and hit a surface behind it."""
 RESERVE = 1.5
@@ -80,10 +78,6 @@ def measured_rays(
         extrusion = outside * unit if extrusion is None else extrusion
         # Measured from the low surface; rays start `extrusion` outside it.
         max_distance = extrusion + inside * unit if max_distance is None else max_distance
-    elif tracing.hit == Hit.OWN and not has_cage:
-        with timings.timed("distances"):
-            ends = {"farthest": extrusion / unit, "inside": (max_distance - extrusion) / unit}
-            by_order = is_by_order(start.probe, start.low_surface.owners, most=FEW_RAYS, **ends)
     return ray_casting.RayCast(
         ray_scene,
         start.low_surface,
@@ -220,23 +214,14 @@ def with_room(
     farthest = max(outside, FARTHEST_PART * owners.room)
     inside = max(inside, owners.room)
     heights, texels, strays = _own_heights(probe, owners, farthest=farthest, inside=inside)
-    by_order = strays > MOST_STRAYS and is_by_order(probe, owners, farthest=farthest, inside=inside)
+    by_order = strays > MOST_STRAYS
+    if by_order:
+        *_, left = _own_heights(probe, owners, farthest=farthest, inside=inside, by_order=True)
+        by_order = left < 0.5 * strays
     parts = heights[heights > owners.room]
     height = float(parts.max(initial=0.0)) if len(parts) <= MOST_PARTS * texels else 0.0
     extrusion = max(owners.room, min(rounded(PART_RESERVE * height), farthest))
     return max(outside, _within(extrusion, measured[1], max_distance)), inside, by_order
-
-
-def is_by_order(probe: Probe, owners: Owners, *, farthest: float, inside: float, most: int = PART_PROBE_SIZE) -> bool:
-    """Whether layers are told apart by their order, since otherwise many hits belong to no texel.
-
-    Rays run from `farthest` outside the low surface to `inside` it, at most `most` along u and v.
-    """
-    *_, strays = _own_heights(probe, owners, farthest=farthest, inside=inside, most=most)
-    if strays <= MOST_STRAYS:
-        return False
-    *_, left = _own_heights(probe, owners, farthest=farthest, inside=inside, most=most, by_order=True)
-    return left < 0.5 * strays
 
 
 def with_outermost(
@@ -311,15 +296,15 @@ def rounded(distance: float) -> float:
 
 
 def _own_heights(
-    probe: Probe, owners: Owners, *, farthest: float, inside: float, most: int = PART_PROBE_SIZE, by_order: bool = False
+    probe: Probe, owners: Owners, *, farthest: float, inside: float, by_order: bool = False
 ) -> tuple[np.ndarray, int, float]:
     """How high above the low surface the outermost hits are that belong to it, (N,) float32, the number of texels, and the
     share of hits that belong to none.
 
-    Rays run from `farthest` outside it to `inside` it, at most `most` along u and v.
+    Rays run from `farthest` outside it to `inside` it.
     """
     own_heights, texels_of_low, hit = [], 0, 0
-    for drawn in probe.drawn(start_offset=farthest, most=most):
+    for drawn in probe.drawn(start_offset=farthest, most=PART_PROBE_SIZE):
         search = cast.Search(Hit.OWN, inside, FARTHEST, facing_only=True, by_order=by_order)
         texels = hit_heights(probe.tables, owners, drawn, search)
         heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)

@@ -160,8 +160,6 @@ def test_hair_cards_show_themselves():
     assert is_covered.mean() > 0.7
     assert (shown != right).mean() < 0.06
     assert report.checks["unsure"]["share"] < 0.12
-    _, _, frozen = baked(low, [high], size=size, **report.distances)
-    assert np.array_equal(frozen, places)
 
 
 def test_seams_of_a_clean_mesh_stay():
