@@ -44,7 +44,8 @@ def unregister() -> None:
     events.tell("end")
     for module in reversed(modules()):
         module.unregister()
-    bpy.app.handlers.load_pre.remove(before_loading)
+    if before_loading in bpy.app.handlers.load_pre:  # scripts clear such lists
+        bpy.app.handlers.load_pre.remove(before_loading)
     atexit.unregister(free)
     free()
 

@@ -74,7 +74,7 @@ class Result:
 
 def bake(
     low: Source,
-    high: Source | list[Source] | tuple[Source, ...] = (),
+    high: Source | list[Source] | tuple[Source, ...] | None = None,
     *,
     maps: Sequence[str] | str = ("normal",),
     size: int | tuple[int, int] = 1024,
@@ -88,7 +88,7 @@ def bake(
 
     Args:
         low: with UVs. A file must hold one mesh.
-        high: one mesh or a list of them; without any, `low` is baked onto itself: its materials and its shape.
+        high: one mesh or a list of them; None to bake `low` onto itself: its materials and its shape.
         maps: names as on the command line: "normal", "ao", "height", "basecolor" ...
         size: the side of a square map in texels, or its width and height.
         cage: a mesh with the vertices of `low` in the same order, on which rays start.
@@ -107,7 +107,9 @@ def bake(
     names = _names(maps)
     asked = _settings(names, size, output, settings)
     degrees = _ANGLE.coerced(smooth_files)
-    sources = list(high) if isinstance(high, list | tuple) else [high]
+    sources = [] if high is None else list(high) if isinstance(high, list | tuple) else [high]
+    if not sources and high is not None:
+        raise BakeError("high: the list is empty. Leave it out to bake the low mesh onto itself.")
     with _nothing_left() as made_by_caller:
         low_object = _only(_objects(low, "low"), "low")
         highs, smooth_highs = [], {}

@@ -86,7 +86,7 @@ def audit(
         distances = separation.distances(texels, np.zeros(3))[texels[..., 3] > 0.0]
     distance_checks, placement = _distances(plan, settings, distances if ray_cast else None)
     checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
-    checks["overlap"] |= stacked
+    checks["overlap"] |= stacked | {"materials": len(stacked["materials"])}
     checks["behind"]["backwards"] = checks["backwards"]["share"]
     with_method = settings.traced(method=Method.CAST) if plan.casts_rays else settings
     for kind, check in checks.items():

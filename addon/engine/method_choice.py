@@ -45,7 +45,7 @@ def choose_method(meshes: Meshes, tiles: Sequence[int], tracing: TracingSettings
     if tracing.method != Method.AUTO:
         return Choice(tracing.method)
     if meshes.is_own_base and meshes.highs[0].uv is not None and not meshes.highs[0].instances:
-        return Choice(Method.FLATTEN, "a surface and its own base mesh share their UVs")
+        return Choice(Method.FLATTEN, "the low object is its own high object")
     if meshes.cage is not None:
         return Choice(Method.CAST, "there is a cage")
     agreement = uv_agreement.measure(meshes.low, meshes.drawn_highs, tiles)

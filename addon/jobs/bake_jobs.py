@@ -88,7 +88,8 @@ class Atlas:
                 self._warnings[0] += stored.warnings
                 for low, drawn, warnings in zip(lows, self.drawn, self._warnings, strict=True):
                     layer, is_own_base = drawn.meshes.uv_layer, drawn.meshes.is_own_base
-                    warnings.extend(into_materials(low, stored, layer, self.settings, is_own_base=is_own_base))
+                    own = drawn.request.settings
+                    warnings.extend(into_materials(low, stored, layer, own, is_own_base=is_own_base))
         return [
             Report.of(drawn.stored_as(stored, warnings, margin))
             for drawn, warnings in zip(self.drawn, self._warnings, strict=True)

@@ -85,7 +85,7 @@ def add_modifier(
         raise BakeError(f"{low.name!r} is linked from another file: make it local to add a modifier.")
     if is_own_base:
         raise BakeError(
-            f"{low.name!r} was baked from its own modifiers onto its base mesh: triangulate the base mesh instead."
+            f"{low.name!r} is baked onto its mesh without modifiers: triangulate that mesh instead, with Triangulate Faces."
         )
     if low.modifiers and low.modifiers[-1].type == "TRIANGULATE":
         raise BakeError(f"{low.name!r} already has a Triangulate modifier: {low.modifiers[-1].name!r}.")

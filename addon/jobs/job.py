@@ -4,7 +4,7 @@ baked, whether their maps can be stored, and whether two maps would be written t
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -187,12 +187,24 @@ def covers_detail(low: bpy.types.Object, highs: Sequence[bpy.types.Object], imag
     if not object_checks.is_itself(low, highs):
         return ""
     for name in images:
+        users = list(users_of_image(name))
+        if users and low not in users:
+            continue  # a map of others, which shared_image keeps
         if before := outputs.replaced(name, [low.name]):
             return (
                 f"The image {name!r} holds a map of {before}, and {low.name!r} would be baked onto itself: select {before} as "
                 "well, or choose another name for the image."
             )
     return ""
+
+
+def users_of_image(name: str) -> Iterator[bpy.types.Object]:
+    """The low objects for which the image of this name was baked."""
+    image = datablocks.get(name)
+    for obj in bpy.data.objects if image is not None else ():
+        is_known = obj.type == "MESH" and hasattr(obj, "imprint") and obj.is_property_set("imprint")
+        if is_known and any(item.image == image for item in obj.imprint.maps) and not object_checks.is_deleted(obj):
+            yield obj
 
 
 def check_gpu() -> None:

@@ -18,7 +18,7 @@ from ..output import datablocks, map_names, materials, outputs, shared_maps
 from ..output.map_names import of_frame, output_of_frame, settings_by_map, with_low_name
 from ..scene.object_checks import scene_by_uid
 from . import bake_jobs, shared_image
-from .job import NOTHING_ELSE, Job, Wants, check_file_clashes, files_kept
+from .job import NOTHING_ELSE, Job, Wants, check_file_clashes, covers_detail, files_kept
 
 FRAME_IMAGE = "Imprint frame"
 """The image that shows each frame while the sequence is baked."""
@@ -38,11 +38,14 @@ def work_on_frames(
     If it is closed early, finished frames stay. A step with its report follows each. Raises BakeError.
     """
     _check_frames(settings, frames)
+    settings = bake_jobs.beside_materials(settings, job)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
     settings = with_low_name(settings, low).stored(image=map_names.name_for(low, settings.storing))
     frame_base = settings.without_materials().stored(image=FRAME_IMAGE)
     image = datablocks.get(settings.storing.image)
+    if reason := covers_detail(job.low, job.highs, [settings.storing.image]):
+        raise BakeError(reason)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
         raise BakeError(f"The image {image.name!r} is not a picture or sequence: choose another name for the map.")
     only_normal = settings.without_other_maps().without_file()  # other maps of frames are only files

@@ -21,7 +21,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, map_names, shared_maps, value_encoding
 from ..output.shared_maps import Part
 from ..scene import evaluation, object_checks, reading
-from .job import Job
+from .job import Job, users_of_image
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class _Search:
         """The parts of a map that are not baked, as they are in this file. Raises BakeError for one that is not in it."""
         name = of_map.storing.image
         in_image, in_files = shared_maps.parts_of_image(name), shared_maps.parts_of_files(of_map)
-        users = list(_users(name))
+        users = list(users_of_image(name))
         for part in shared_maps.joined(in_files, in_image):
             if part.name in {low.name for low in self.lows}:
                 continue
@@ -154,15 +154,6 @@ class _Search:
 def _object(name: str) -> bpy.types.Object | None:
     obj = bpy.data.objects.get(name) if name else None
     return obj if obj is not None and obj.type == "MESH" and not object_checks.is_deleted(obj) else None
-
-
-def _users(name: str) -> Iterator[bpy.types.Object]:
-    """The low objects for which the image of this name was baked."""
-    image = datablocks.get(name)
-    for obj in bpy.data.objects if image is not None else ():
-        is_known = obj.type == "MESH" and hasattr(obj, "imprint") and obj.is_property_set("imprint")
-        if is_known and any(item.image == image for item in obj.imprint.maps) and not object_checks.is_deleted(obj):
-            yield obj
 
 
 def _place(of_map: Settings) -> str:

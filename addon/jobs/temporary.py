@@ -11,6 +11,9 @@ from ..scene import new_datablocks
 TEMPORARY = "Imprint temporary"
 """The name, or its start, of datablocks that exist within one step of a task, or as meshes until its end."""
 
+MADE = ("objects", "meshes", "collections", "materials", "images", "node_groups")
+"""What assets and levels make in the file."""
+
 
 @contextmanager
 def meshes() -> Iterator[None]:
@@ -26,9 +29,9 @@ def meshes() -> Iterator[None]:
 
 @contextmanager
 def only_if_finished() -> Iterator[None]:
-    """Remove all datablocks that the block has made, if it fails."""
+    """Remove the datablocks of the kinds of MADE that the block has made, if it fails. Others may come from another window."""
     with ExitStack() as undo:
-        undo.callback(new_datablocks.remove_new, new_datablocks.known())
+        undo.callback(new_datablocks.remove_new, new_datablocks.known(), MADE)
         yield
         undo.pop_all()
 

@@ -29,10 +29,11 @@ class Events:
             self._heard[name].append(function)
 
     def tell(self, name: str, *arguments: object) -> None:
-        """Call the functions of an event, the last one that was added first: it may depend on others. If one raises, the rest
-        is called, too."""
+        """Call the functions of an event: of Blender's in the order in which they were added, of our own in the reverse one,
+        as what ends may depend on what was there before. If one raises, the rest is called, too."""
+        functions = self._heard[name]
         with ExitStack() as calls:
-            for function in self._heard[name]:
+            for function in reversed(functions) if name in self.OF_BLENDER else functions:
                 calls.callback(function, *arguments)
 
     def register(self) -> None:
@@ -42,7 +43,9 @@ class Events:
 
     def unregister(self) -> None:
         for name, handler in self._handlers.items():
-            getattr(bpy.app.handlers, name).remove(handler)
+            handlers = getattr(bpy.app.handlers, name)
+            if handler in handlers:  # scripts clear such lists
+                handlers.remove(handler)
 
     def _handler(self, name: str) -> Callable[..., None]:
         self._heard[name] = []

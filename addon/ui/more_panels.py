@@ -19,9 +19,11 @@ from ..jobs import asset, convert, lod
 from ..jobs.convert import Conversion
 from ..jobs.job import Job, Wants
 from ..jobs.sequence import work_on_frames
-from . import modal
+from ..scene import object_checks
+from . import modal, object_pairs
 from .bake_operators import BakeOperator, OnePairOperator
 from .progress_display import SettingsPanel, display
+from .properties import Chosen
 from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, split_layout
 
 
@@ -173,11 +175,19 @@ class IMPRINT_OT_convert(modal.MapOperator, bpy.types.Operator):
         if settings.convert_image is None:
             raise BakeError("No map to convert: choose an image.")
         before = StoredNormals(**{field.name: getattr(settings, field.name) for field in fields(StoredNormals)})
-        conversion = Conversion(chosen.low, settings.convert_image, before, is_own_base=chosen.low in chosen.highs)
+        conversion = Conversion(chosen.low, settings.convert_image, before, is_own_base=_is_own_base(chosen))
         return (yield from convert.work(context, conversion, settings.to_settings(), pace))
 
     def finish(self, context: bpy.types.Context, result: ConversionReport) -> None:
         self.show(context, result.summary(), result.warnings)
+
+
+def _is_own_base(chosen: Chosen) -> bool:
+    """Whether a map of the low object is of its mesh without modifiers: these add detail, or it was baked onto itself."""
+    pair = object_pairs.of(chosen.low)
+    return chosen.low in chosen.highs and (
+        bool(object_checks.own_highs(chosen.low)) or (pair is not None and pair.is_own)
+    )
 
 
 class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):

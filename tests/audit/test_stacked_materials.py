@@ -57,7 +57,7 @@ def test_two_materials_on_half_of_the_texels_are_told(method, space):
     (text,), check = warned(low, high, method=method, space=space)
     assert text == START + "'bark', 'leaf'), and the maps show one of them: Unwrap gives each face a place of its own."
     assert check["other_material"] == pytest.approx(0.5)
-    assert check["materials"] == ["bark", "leaf"]
+    assert check["materials"] == 2
     assert check["severity"] == "WRONG"
 
 
@@ -98,7 +98,7 @@ def test_mirrored_halves_of_one_material_are_right_input(method):
     high.data.materials.append(material("leaf"))
     told, check = warned(low, high, names=("BASE_COLOR", "ROUGHNESS"), method=method)
     assert not told
-    assert (check["other_material"], check["materials"]) == (0.0, [])
+    assert (check["other_material"], check["materials"]) == (0.0, 0)
 
 
 def test_materials_side_by_side_are_right_input():

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from addon import api
-from addon.jobs import fixes
+from addon.core import progress
+from addon.core.errors import BakeError
+from addon.core.progress import Pace
+from addon.jobs import Job, bake_all, fixes
+from addon.jobs.sequence import work_on_frames
+from addon.output import datablocks
 from addon.scene import object_checks
 from tests.support import maps, scenes, zoo
 
@@ -120,3 +125,35 @@ def test_zoo_planes_keep_their_normals():
     plane = zoo.plane("lo", 4)
     texels = maps.bake(plane, plane)[..., :3] * 2.0 - 1.0
     assert np.abs(texels - (0.0, 0.0, 1.0)).max() < 1e-6
+
+
+def test_an_empty_list_of_high_meshes_is_told():
+    """A caller whose filter matched nothing must not get a flat map."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0]], float)
+    with pytest.raises(api.BakeError, match="the list is empty"):
+        api.bake(api.Surface(points, np.array([[0, 1, 2]]), points[:, :2]), [], size=16)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_in_an_image_of_several_only_its_own_materials_stay(first):
+    """The others get the map into theirs, whichever comes first."""
+    alone, low, high = closed("alone"), zoo.plane("lo"), zoo.plane("hi", 4)
+    for layer, at in ((alone.data.uv_layers[0], 0.0), (low.data.uv_layers[0], 0.5)):
+        for corner in layer.uv:
+            corner.vector[0] = at + 0.5 * corner.vector[0]
+    jobs = [Job(alone, [alone]), Job(low, [high])]
+    settings = scenes.settings(method="AUTO", material=True, image="both")
+    bake_all(bpy.context, [jobs[first], jobs[1 - first]], settings, share_image=True)
+    assert not alone.data.materials[0].node_tree.nodes.get("Normal Map")
+    assert [node.image.name for node in low.data.materials[0].node_tree.nodes if node.type == "TEX_IMAGE"] == ["both"]
+
+
+def test_a_sequence_leaves_its_materials_and_maps_of_others(tmp_path):
+    low, high = closed("lo"), zoo.plane("hi")
+    files = {"storage": "FILE", "output": str(tmp_path / "#.png"), "depth": 8}
+    settings = scenes.settings(method="FLATTEN", image="seq", material=True, **files)
+    progress.finish(work_on_frames(bpy.context, Job(low, [low]), settings, [1, 2], Pace(None)))
+    assert [node.type for node in low.data.materials[0].node_tree.nodes if node.type == "TEX_IMAGE"] == []
+    datablocks.set_source_objects(bpy.data.images["seq"], [high.name])
+    with pytest.raises(BakeError, match="holds a map of 'hi'"):
+        progress.finish(work_on_frames(bpy.context, Job(low, [low]), settings, [1], Pace(None)))

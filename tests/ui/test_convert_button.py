@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.ui import more_panels
 from tests.support import angles, panel_layout, zoo
 from tests.support.maps import bake, pixels
 
@@ -34,6 +35,21 @@ def test_one_press_converts_with_the_settings_of_the_panels():
     off = angles.degrees(angles.decode(found), angles.decode(expected))
     assert np.percentile(off[expected[..., 3] > 0], 99) < EXACT
     assert "Converted map from tangent space (All Normalized; +X, -Y, +Z)" in bpy.context.window_manager.imprint_summary
+
+
+def test_modifiers_of_an_object_alone_count_unless_it_was_baked_onto_itself():
+    low, high = zoo.terrain("low", n=9, height=0.3), zoo.terrain("high", n=64, height=0.3)
+    low.modifiers.new("Flat", "EDGE_SPLIT").split_angle = 0.0
+    expected = bake(low, high, space="OBJECT", image="expected")
+    bake(low, high, image="map")
+    settings = bpy.context.scene.imprint
+    settings.low, settings.convert_image = low, bpy.data.images["map"]
+    settings.space, settings.depth, settings.margin, settings.storage = "OBJECT", "32", 0, "MEMORY"
+    assert bpy.ops.imprint.convert() == {"FINISHED"}
+    off = angles.degrees(angles.decode(pixels(bpy.data.images["map_object"])), angles.decode(expected))
+    assert np.percentile(off[expected[..., 3] > 0], 99) < EXACT
+    low.imprint.is_own, low.imprint.had_detail = True, False
+    assert more_panels._is_own_base(settings.chosen(bpy.context))
 
 
 @pytest.mark.parametrize(

@@ -126,14 +126,17 @@ def test_a_timer_of_a_method_is_found_after_another_look_up(registered):
 def test_events_are_heard_between_registering_and_unregistering():
     heard, events = [], Events()
     events.hear(undo_post=lambda *_: heard.append("first"), end=lambda: heard.append("end"))
-    events.hear(undo_post=lambda *_: heard.append("last"))
+    events.hear(undo_post=lambda *_: heard.append("last"), end=lambda: heard.append("end of the last"))
     before = list(bpy.app.handlers.undo_post)
     events.register()
     (ours,) = (each for each in bpy.app.handlers.undo_post if each not in before)
     ours(bpy.context.scene)
-    assert heard == ["last", "first"]
+    assert heard == ["first", "last"]
+    events.tell("end")  # what came last may depend on what came first
+    assert heard[2:] == ["end of the last", "end"]
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert ours in bpy.app.handlers.undo_post
+    bpy.app.handlers.redo_post.clear()  # as some scripts do
     events.unregister()
     assert bpy.app.handlers.undo_post == before
 
