@@ -270,7 +270,6 @@ OTHERS = (
         is_deep=False,
         painter_suffix="id",
     ),
-    PART_ID,
     AO,
     MapType(
         "BENT_NORMAL",
@@ -331,8 +330,10 @@ OTHERS = (
     _of_socket("SHEEN", "Sheen", "Sheen Weight"),
     _of_socket("SUBSURFACE", "Subsurface", "Subsurface Weight"),
     ATTRIBUTE,
+    PART_ID,
 )
-"""The maps that can be baked beside the normal map, in the order of baking."""
+"""The maps that can be baked beside the normal map, in the order of baking. Files of Blender hold the places of the chosen
+ones: a new one goes to the end."""
 NAMES = tuple(map_type.name for map_type in OTHERS)
 BY_NAME = MappingProxyType({map_type.name: map_type for map_type in (NORMAL, MASK, *OTHERS)})
 

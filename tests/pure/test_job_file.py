@@ -184,7 +184,7 @@ WRONG = {
     "no such map": ("--low a --output m.png --maps heigth", "'heigth' is not one of position, height"),
     "a misspelled map": (
         "--low a --output m.png --maps ao,curvture",
-        "subsurface, attribute, normal, did you mean 'curvature'?",
+        "subsurface, attribute, part-id, normal, did you mean 'curvature'?",
     ),
     "misspelled maps": (
         "--low a --output m.png --maps hight,ao,curvture",
