@@ -138,9 +138,10 @@ class Report:
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = _of("maps", default_factory=dict)
     """The maps besides the normal map, by name: the image, and how to decode it: value = (stored - midlevel) * scale + offset
-    in scene units, or the colors of its labels (colours). With a color_space, `stored` is linear after decoding the space. With
-    empty, no texel has a value. The packed image has channels: red, green, blue and alpha, each with its map, whether it is
-    inverted (1 - stored) and how to decode it, or a constant."""
+    in scene units, or the colors of its labels (colours). With a color_space, `stored` is linear after decoding the space. A
+    displacement with the space TANGENT holds tangent, normal and bitangent, in the low object's units. With empty, no texel
+    has a value. The packed image has channels: red, green, blue and alpha, each with its map, whether it is inverted
+    (1 - stored) and how to decode it, or a constant."""
     attributes: dict[str, str] = _of("stored.attributes", default_factory=dict)
     """The attributes of the low mesh in which maps were stored, by the map's name. Values are decoded, colors linear."""
     loss: dict[str, float] = _of("stored.loss", default_factory=dict)

@@ -11,10 +11,19 @@ from typing import Any
 from . import file_formats, udim
 from .declarations import bases
 from .declarations.all_settings import DECLARED, FORMER
-from .declarations.choices import Method, Pack, Storage, VertexDomain
+from .declarations.choices import Method, Pack, Space, Storage, VertexDomain
 from .declarations.map_settings import ADAPTIVE_FROM
 from .errors import BakeError, warn_of_former
-from .map_types import BY_NAME, CUSTOM_SUFFIX, NAMES, PACKINGS, WHITE, WIDENED_ROUGHNESS, Packing
+from .map_types import (
+    BY_NAME,
+    CUSTOM_SUFFIX,
+    NAMES,
+    PACKINGS,
+    VECTOR_DISPLACEMENT,
+    WHITE,
+    WIDENED_ROUGHNESS,
+    Packing,
+)
 from .naming import LOW, MATERIAL, NAME
 from .progress import Pace, Timings
 from .udim import TOKEN
@@ -43,6 +52,8 @@ class MapSettings:
     """Names among map_types.NAMES, in their order."""
     attribute: str = _field("attribute")
     """Empty for the color attribute that is set to render."""
+    tangent_displacement: bool = _field("tangent_displacement")
+    """Whether vectors follow normals into tangent space."""
     id_by: str = _field("id_by")
     exact_materials: str = _field("exact_materials")
     detail_maps: bool = _field("detail_maps")
@@ -71,6 +82,12 @@ class MapSettings:
             return Packing.of(CUSTOM_SUFFIX, self.pack_red, self.pack_green, self.pack_blue, self.pack_alpha)
         layout = PACKINGS.get(self.pack)
         return layout.of_widened_roughness() if layout and WIDENED_ROUGHNESS.name in self.maps else layout
+
+    @property
+    def has_tangent_displacement(self) -> bool:
+        """Whether the vector displacement is in tangent space."""
+        is_drawn = VECTOR_DISPLACEMENT.name in self.drawn_maps
+        return is_drawn and self.tangent_displacement and self.space == Space.TANGENT
 
     @cached_property
     def drawn_maps(self) -> tuple[str, ...]:

@@ -10,14 +10,15 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import Space
-from ..core.map_types import BY_NAME, Kind
+from ..core.map_types import BY_NAME, VECTOR_DISPLACEMENT, Kind
 from ..core.progress import Task
 from ..core.settings import Run
-from ..mesh.triangle_mesh import Mesh
+from ..mesh.inputs import Meshes
 from ..passes import cast, low_in_uv, mesh_upload, samples, target
 from ..passes.surface_tables import Blocks
 from .bands import Band
 from .high_meshes import HighSurface
+from .normal_space import VectorSpace
 
 
 @dataclass(frozen=True)
@@ -100,10 +101,13 @@ class PointMaps(MapFamily):
 
     effort = 0.2
 
-    def __init__(self, names: Sequence[str], low: Mesh, surface: HighSurface, run: Run):
+    def __init__(self, names: Sequence[str], meshes: Meshes, surface: HighSurface, run: Run):
+        low = meshes.low
         self.names, self.surface, self.timings = names, surface, run.timings
         self.means = [Mean(name) for name in names] if run.settings.sampling.samples > 1 else []
         self._single: Sample | None = None
+        is_tangent = run.settings.map.has_tangent_displacement
+        self.vectors = VectorSpace(meshes.basis, run.settings) if is_tangent else None
         local_space = surface.local_space
         self.low = mesh_upload.upload(
             low.triangles,
@@ -151,7 +155,7 @@ class PointMaps(MapFamily):
     def finished(self, band: Band, _known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         for mean in self.means:
             with self.timings.timed("draw"):
-                drawn = mean.texture(band)
+                drawn = self._in_space(mean.name, mean.texture(band), band)
             yield mean.name, drawn
         if self.means or self._single is None:
             return
@@ -160,4 +164,10 @@ class PointMaps(MapFamily):
         for name in self.names:
             with self.timings.timed("draw"):
                 draw(name, into)
-            yield name, into.texture
+                drawn = self._in_space(name, into.texture, band)
+            yield name, drawn
+
+    def _in_space(self, name: str, drawn: gpu.types.GPUTexture, band: Band) -> gpu.types.GPUTexture:
+        """What was drawn of a map, in tangent space if it is stored so: by the tangents at the centers of texels."""
+        is_turned = self.vectors is not None and name == VECTOR_DISPLACEMENT.name
+        return self.vectors.of_texels(drawn, band, "vectors") if is_turned else drawn

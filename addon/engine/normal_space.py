@@ -12,7 +12,7 @@ from ..core.declarations.choices import Space
 from ..core.declarations.targets import TargetEngine
 from ..core.map_types import WRITTEN, Map, states_of_raw
 from ..core.settings import MapSettings, Settings
-from ..mesh import uv_layout
+from ..mesh import triangle_mesh, uv_layout
 from ..mesh.triangle_mesh import Mesh
 from ..passes import lit, low_in_uv, mesh_upload, samples, target
 from .bands import Band
@@ -25,6 +25,8 @@ SQUARE = 8
 class NormalSpace:
     """The space of the normals of a bake. mesh: the low mesh with tangents; None for normals that keep the source's space.
     uploads: a cache of uploaded meshes."""
+
+    program = low_in_uv.TANGENT
 
     def __init__(self, mesh: Mesh | None, settings: Settings, uploads: mesh_upload.UploadCache | None = None):
         self.mesh = mesh
@@ -76,13 +78,24 @@ class NormalSpace:
                 stretch=mesh.stretch,
                 clear=False,
                 stopped=stopped,
+                program=self.program,
             )
 
     def _drawn(self, mesh: Mesh, role: str, normals: gpu.types.GPUTexture, band: Band) -> target.Target:
         into = target.get(role, band.width, band.height, "RGBA32F")
-        how = {"basis_flags": self.flags, "stretch": mesh.stretch}
+        how = {"basis_flags": self.flags, "stretch": mesh.stretch, "program": self.program}
         low_in_uv.draw_in_tangent_space(into, self._uploaded, normals, band.uv_to_clip, **how)
         return into
+
+
+class VectorSpace(NormalSpace):
+    """The tangent space of vectors in the low object's space, of any length. mesh: Meshes.basis, in tangent space."""
+
+    program = low_in_uv.TANGENT_VECTOR
+
+    def __init__(self, mesh: Mesh, settings: Settings):
+        super().__init__(triangle_mesh.without_stretch(mesh, settings.map.basis), settings)
+        self.flags = bases.OF_DISPLACEMENT.flags
 
 
 def channels(map_settings: MapSettings) -> np.ndarray:

@@ -242,7 +242,7 @@ def _families(
         return [name for name in run.settings.map.drawn_maps if BY_NAME[name].family is family]
 
     if names(Family.POINTS):
-        yield PointMaps(names(Family.POINTS), meshes.low, surface, run)
+        yield PointMaps(names(Family.POINTS), meshes, surface, run)
     if names(Family.OPENNESS):
         yield OpennessMaps(names(Family.OPENNESS), surface, run, others=meshes.others, to_space=to_space, space=space)
     if names(Family.MATERIAL):

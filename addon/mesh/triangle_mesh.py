@@ -275,6 +275,14 @@ def with_stretch(low: Mesh, basis: str) -> Mesh:
     return replace(low, normals=normals, tangents=tangents, stretch=matrix)
 
 
+def without_stretch(low: Mesh, basis: str) -> Mesh:
+    """`low` before `with_stretch`."""
+    if low.stretch is None:
+        return low
+    normals, tangents = stretched(np.linalg.inv(low.stretch), low.normals, low.tangents, bases.of_name(basis))
+    return replace(low, normals=normals, tangents=tangents, stretch=None)
+
+
 def stretched(
     matrix: np.ndarray, normals: np.ndarray, tangents: np.ndarray, basis: Basis
 ) -> tuple[np.ndarray, np.ndarray]:

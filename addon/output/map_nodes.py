@@ -74,7 +74,8 @@ class MapImage:
         channel: Of a packed image, "Red", "Green", "Blue" or "Alpha", else empty.
         is_inverted: Whether the channel holds 1 - value.
         midlevel, scale: The value is (stored - midlevel) * scale.
-        space: Of vectors, as in Settings.
+        space: Of vectors, as in Settings: with normals in tangent space, they are in the low object's.
+        is_tangent: Whether vectors are in tangent space as well.
     """
 
     image: Image
@@ -85,6 +86,7 @@ class MapImage:
     midlevel: float = 0.0
     scale: float = 1.0
     space: str = Space.TANGENT
+    is_tangent: bool = False
 
 
 def feed_socket(editor: TreeEditor, node: Node, socket: NodeSocket, image: MapImage) -> bool:
@@ -162,7 +164,8 @@ def connect_displacement(editor: TreeEditor, image: MapImage, *, is_vector: bool
             is_shown = True
             # Heights are distances in the scene; vectors are in the space of the map.
             is_world = not is_vector or image.space == Space.WORLD
-            tree_editing.change(node, space="WORLD" if is_world else "OBJECT")
+            of_node = Space.TANGENT if image.is_tangent else Space.WORLD if is_world else Space.OBJECT
+            tree_editing.change(node, space=str(of_node))
             tree_editing.change(node.inputs["Midlevel"], default_value=image.midlevel)
             tree_editing.change(node.inputs["Scale"], default_value=image.scale)
     if is_shown and editor.material.displacement_method == BUMP_ONLY:

@@ -54,6 +54,7 @@ def images_of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, Ma
                 midlevel=part["midlevel"],
                 scale=part["scale"],
                 space=space,
+                is_tangent=part.get("space") == Space.TANGENT,
             )
     warnings = []
     if gone:

@@ -18,9 +18,9 @@ import bpy
 import numpy as np
 
 from ..core import file_formats, udim
-from ..core.declarations.choices import Storage, VertexDomain
+from ..core.declarations.choices import Space, Storage, VertexDomain
 from ..core.errors import BakeError, Fix, shorten_list
-from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, Kind, Labeled, Map
+from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, VECTOR_DISPLACEMENT, Kind, Labeled, Map
 from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
 from . import atomic_file, datablocks, image_file, map_names, shared_maps, value_encoding
@@ -515,7 +515,9 @@ class Outputs:
     def _encoding(self, name: str, labels: Sequence[str]) -> dict:
         """How to decode a map. labels: as in value_encoding.encoding."""
         tiles = [texels for texels, _ in self._late.get(name, {}).values()]
-        return value_encoding.encoding(BY_NAME[name], tiles, labels, self._settings_of(name).storing)
+        how = value_encoding.encoding(BY_NAME[name], tiles, labels, self._settings_of(name).storing)
+        is_tangent = name == VECTOR_DISPLACEMENT.name and self.settings.map.has_tangent_displacement
+        return how | {"space": str(Space.TANGENT)} if is_tangent else how
 
     def _encode(self, name: str, tile: int, level: int, drawn: Map, how: dict) -> None:
         """Encode a level of a tile of a map in place, and add it to its writer if it has one of its own."""

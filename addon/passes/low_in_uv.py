@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..core.map_types import MapType
@@ -40,6 +42,7 @@ TANGENT = Program(
     constants=(("MAT4", "to_basis"), ("VEC4", "uv_to_clip"), ("INT", "basis_flags")),
     outputs=(("VEC4", "normal_out"),),
 )
+TANGENT_VECTOR = replace(TANGENT, fragment="bake/tangent_vector_frag.glsl")
 TURNED = Program(
     vertex="lib/nearer_vert.glsl",
     fragment="bake/turned_frag.glsl",
@@ -59,16 +62,18 @@ def draw_in_tangent_space(
     stretch: np.ndarray | None = None,
     clear: bool = True,
     stopped: gpu.types.GPUTexture | None = None,
+    program: Program = TANGENT,
 ) -> None:
     """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, on texels that `low` and `normals` cover.
 
     low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
     the same size. basis_flags: core.declarations.bases.Basis.flags. stretch: as Mesh.stretch has it, of `low`.
-    clear: False to keep other texels of `into`. stopped: as in target.drawing.
+    clear: False to keep other texels of `into`. stopped: as in target.drawing. program: TANGENT_VECTOR for vectors of any
+    length, as tangent, normal and bitangent.
     """
     target.draw(
         into,
-        TANGENT,
+        program,
         low,
         clear=clear,
         stopped=stopped,

@@ -8,7 +8,7 @@ import bpy
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Method, Pack, Space, Storage
 from ..core.declarations.map_settings import ADAPTIVE_FROM
-from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, PART_ID, Family
+from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, PART_ID, VECTOR_DISPLACEMENT, Family
 from ..core.report import Report
 from ..jobs import weights
 from ..output import datablocks
@@ -183,6 +183,10 @@ def draw_group(
         _draw_ray_settings(layout, context.scene.imprint, [name for name in names if name in drawn])
     if any(BY_NAME[name].socket for name in names if name in drawn):
         split_layout(layout.column()).prop(context.scene.imprint, "exact_materials")
+    if VECTOR_DISPLACEMENT.name in names and VECTOR_DISPLACEMENT.name in drawn:
+        row = _indented(layout)
+        row.active = context.scene.imprint.space == Space.TANGENT
+        row.prop(context.scene.imprint, "tangent_displacement")
     if PART_ID.name in names and PART_ID.name in drawn:
         _indented(layout).prop(context.scene.imprint, "id_by")
     if ATTRIBUTE.name in names and ATTRIBUTE.name in drawn:

@@ -287,6 +287,14 @@ def test_heights_and_vectors_displace_as_reported(map_type, kind, entry, space):
     assert node.space == ("WORLD" if map_type is HEIGHT or space == "WORLD" else "OBJECT")
 
 
+def test_vectors_in_tangent_space_move_along_the_surface():
+    material, tree, _ = make_material()
+    image = of(VECTOR_DISPLACEMENT, is_tangent=True)
+    connect(make_low(material), {VECTOR_DISPLACEMENT.name: image})
+    node = source(tree.nodes["Material Output"].inputs["Displacement"], "VectorDisplacement")
+    assert node.space == "TANGENT"
+
+
 @pytest.mark.parametrize("method", ["DISPLACEMENT", "BOTH"])
 def test_no_note_where_the_surface_moves(method):
     material, *_ = make_material()

@@ -68,6 +68,7 @@ SAID = {
     "attribute": ("--attribute Col", "Col"),
     "appearance": ("--appearance", True),
     "exact_materials": ("--exact-materials off", "OFF"),
+    "tangent_displacement": ("--tangent-displacement", True),
     "id_by": ("--id-by face-set", "FACE_SET"),
     "detail_maps": ("--no-detail-maps", False),
     "pack": ("--pack hdrp", "HDRP"),

@@ -90,6 +90,15 @@ NORMALIZED = Basis(
     normalizes_bitangent=True,
     normalizes_normal=True,
 )
+OF_DISPLACEMENT = Basis(
+    "",
+    "",
+    "Cycles' Vector Displacement node in tangent space, which takes tangent, normal and bitangent in this order",
+    normalizes_bitangent=True,
+    normalizes_normal=True,
+    in_object_space=True,
+)
+"""Not for normals."""
 # Files of Blender hold the place of a basis in this order, after AUTO.
 BASES = (CYCLES, MIKKTSPACE, MIKKTSPACE_VERTEX, NORMALIZED)
 BY_NAME = MappingProxyType({basis.name: basis for basis in BASES})

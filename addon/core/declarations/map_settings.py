@@ -414,6 +414,11 @@ MAPS: dict[str, Setting] = {
         tooltip="Name of the attribute of the high meshes for the attribute map",
         empty="the color attribute that is set to render",
     ),
+    "tangent_displacement": Switch(
+        label="Tangent Displacement",
+        tooltip="Store vector displacement along tangent, normal and bitangent, as Blender's Vector Displacement node "
+        "reads it in tangent space. For normal maps in tangent space",
+    ),
     "id_by": Choice(
         label="ID By",
         tooltip="What has a color of its own in the part ID map",
