@@ -186,6 +186,14 @@ PART_ID = MapType(
     index=7,
     is_deep=False,
 )
+GRADIENT = MapType(
+    "GRADIENT",
+    "Gradient",
+    "Position along the Gradient Axis, 0 to 1 from end to end of the low mesh, in the position map's space",
+    Kind.VALUE,
+    "gradient",
+    index=8,
+)
 AO = MapType(
     "AO",
     "Ambient Occlusion",
@@ -331,6 +339,7 @@ OTHERS = (
     _of_socket("SUBSURFACE", "Subsurface", "Subsurface Weight"),
     ATTRIBUTE,
     PART_ID,
+    GRADIENT,
 )
 """The maps that can be baked beside the normal map, in the order of baking. Files of Blender hold the places of the chosen
 ones: a new one goes to the end."""

@@ -54,6 +54,7 @@ class MapSettings:
     """Empty for the color attribute that is set to render."""
     tangent_displacement: bool = _field("tangent_displacement")
     """Whether vectors follow normals into tangent space."""
+    gradient_axis: str = _field("gradient_axis")
     id_by: str = _field("id_by")
     exact_materials: str = _field("exact_materials")
     detail_maps: bool = _field("detail_maps")

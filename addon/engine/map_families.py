@@ -10,10 +10,11 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import Space
-from ..core.map_types import BY_NAME, VECTOR_DISPLACEMENT, Kind
+from ..core.map_types import BY_NAME, GRADIENT, VECTOR_DISPLACEMENT, Kind
 from ..core.progress import Task
 from ..core.settings import Run
 from ..mesh.inputs import Meshes
+from ..mesh.triangle_mesh import Mesh
 from ..passes import cast, low_in_uv, mesh_upload, samples, target
 from ..passes.surface_tables import Blocks
 from .bands import Band
@@ -119,6 +120,13 @@ class PointMaps(MapFamily):
         from_world = np.eye(4) if run.settings.map.space == Space.WORLD else np.linalg.inv(low.to_world)
         self.to_space = from_world[:3, :3] * local_space.size
         self.origin = from_world[:3, :3] @ local_space.origin + from_world[:3, 3]
+        self.gradient = None
+        if GRADIENT.name in names:
+            axis = "XYZ".index(run.settings.map.gradient_axis)
+            of_low = low.to_world if run.settings.map.space == Space.WORLD else np.eye(4)
+            start, length = _extent(meshes.whole_low, of_low, axis)
+            rows = np.tile(np.append(self.to_space[axis], self.origin[axis] - start) / length, (3, 1))
+            self.gradient = rows[:, :3], rows[:, 3]
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
         self._single = drawn[0]
@@ -139,14 +147,15 @@ class PointMaps(MapFamily):
         low_in_uv.draw_points(low_points, self.low, band.uv_to_clip)
 
         def draw(name: str, into: target.Target) -> None:
+            to_space, origin = self.gradient if name == GRADIENT.name else (self.to_space, self.origin)
             low_in_uv.draw_point_map(
                 into,
                 BY_NAME[name],
                 sample.normals.texture,
                 points,
                 low_points,
-                to_space=self.to_space,
-                origin=self.origin,
+                to_space=to_space,
+                origin=origin,
                 scale=self.surface.local_space.size,
             )
 
@@ -171,3 +180,17 @@ class PointMaps(MapFamily):
         """What was drawn of a map, in tangent space if it is stored so: by the tangents at the centers of texels."""
         is_turned = self.vectors is not None and name == VECTOR_DISPLACEMENT.name
         return self.vectors.of_texels(drawn, band, "vectors") if is_turned else drawn
+
+
+FLAT = 1e-6
+"""How small an extent is, as a share of the largest, that rounding makes of none."""
+
+
+def _extent(low: Mesh, to_space: np.ndarray, axis: int) -> tuple[float, float]:
+    """The least coordinate of the vertices that triangles use, along an axis of the space after to_space (4, 4), and how far
+    it is to the greatest: infinitely far if all are the same, so that each is 0 of the way."""
+    used = low.positions[np.unique(low.vertices[low.triangles])].astype(np.float64)
+    points = used @ to_space[:3, :3].T + to_space[:3, 3]
+    lengths = np.ptp(points, axis=0)
+    is_flat = lengths[axis] <= FLAT * lengths.max()
+    return float(points[:, axis].min()), float("inf" if is_flat else lengths[axis])

@@ -8,7 +8,7 @@ import bpy
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Method, Pack, Space, Storage
 from ..core.declarations.map_settings import ADAPTIVE_FROM
-from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, PART_ID, VECTOR_DISPLACEMENT, Family
+from ..core.map_types import ATTRIBUTE, BY_NAME, GRADIENT, OTHERS, PART_ID, VECTOR_DISPLACEMENT, Family
 from ..core.report import Report
 from ..jobs import weights
 from ..output import datablocks
@@ -187,6 +187,8 @@ def draw_group(
         row = _indented(layout)
         row.active = context.scene.imprint.space == Space.TANGENT
         row.prop(context.scene.imprint, "tangent_displacement")
+    if GRADIENT.name in names and GRADIENT.name in drawn:
+        _indented(layout).prop(context.scene.imprint, "gradient_axis")
     if PART_ID.name in names and PART_ID.name in drawn:
         _indented(layout).prop(context.scene.imprint, "id_by")
     if ATTRIBUTE.name in names and ATTRIBUTE.name in drawn:

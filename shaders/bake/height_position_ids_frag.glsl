@@ -8,6 +8,7 @@ const int INDEX_COVERAGE = 4;
 const int INDEX_OBJECT_ID = 5;
 const int INDEX_MATERIAL_ID = 6;
 const int INDEX_PART_ID = 7;
+const int INDEX_GRADIENT = 8;
 
 void main()
 {
@@ -22,6 +23,9 @@ void main()
   bool is_known = normal.a > 0.0;
   if (map_index == INDEX_POSITION) {
     value = mat3(to_space) * point + origin.xyz;
+  }
+  else if (map_index == INDEX_GRADIENT) {
+    value = clamp(mat3(to_space) * point + origin.xyz, 0.0, 1.0);
   }
   else if (map_index == INDEX_HEIGHT) {
     value = vec3(dot(offset, texelFetch(directions, texel, 0).xyz) * scale);

@@ -69,6 +69,7 @@ SAID = {
     "appearance": ("--appearance", True),
     "exact_materials": ("--exact-materials off", "OFF"),
     "tangent_displacement": ("--tangent-displacement", True),
+    "gradient_axis": ("--gradient-axis x", "X"),
     "id_by": ("--id-by face-set", "FACE_SET"),
     "detail_maps": ("--no-detail-maps", False),
     "pack": ("--pack hdrp", "HDRP"),
@@ -185,7 +186,7 @@ WRONG = {
     "no such map": ("--low a --output m.png --maps heigth", "'heigth' is not one of position, height"),
     "a misspelled map": (
         "--low a --output m.png --maps ao,curvture",
-        "subsurface, attribute, part-id, normal, did you mean 'curvature'?",
+        "subsurface, attribute, part-id, gradient, normal, did you mean 'curvature'?",
     ),
     "misspelled maps": (
         "--low a --output m.png --maps hight,ao,curvture",

@@ -87,6 +87,14 @@ class Occluders(StrEnum):
     ALL = "ALL"
 
 
+class Axis(StrEnum):
+    """An axis of a space."""
+
+    X = "X"
+    Y = "Y"
+    Z = "Z"
+
+
 class IdBy(StrEnum):
     """What the parts of the part ID map are."""
 

@@ -4,9 +4,10 @@
 from dataclasses import replace
 
 from .. import map_types
-from ..map_types import AO, METALLIC, NORMAL, ONE, ROUGHNESS, SMOOTHNESS, ZERO, Kind
+from ..map_types import AO, GRADIENT, METALLIC, NORMAL, ONE, ROUGHNESS, SMOOTHNESS, ZERO, Kind
 from . import bases, targets
 from .choices import (
+    Axis,
     DistanceUnit,
     ExactMaterials,
     Fade,
@@ -309,8 +310,9 @@ def _packed(name: str, default: str) -> Choice:
         items=(
             Item(ZERO, "Black", "0 everywhere"),
             Item(ONE, "White", "1 everywhere"),
-            *(Item(kind.name, kind.label, kind.tooltip) for kind in PACKABLE),
+            *(Item(kind.name, kind.label, kind.tooltip) for kind in PACKABLE if kind is not GRADIENT),
             Item(SMOOTHNESS, "Smoothness", "1 - roughness"),
+            Item(GRADIENT.name, GRADIENT.label, GRADIENT.tooltip),  # files of Blender hold the places of the others
         ),
         option=Option(explains=False),
     )
@@ -418,6 +420,13 @@ MAPS: dict[str, Setting] = {
         label="Tangent Displacement",
         tooltip="Store vector displacement along tangent, normal and bitangent, as Blender's Vector Displacement node "
         "reads it in tangent space. For normal maps in tangent space",
+    ),
+    "gradient_axis": Choice(
+        label="Gradient Axis",
+        tooltip="Axis along which the gradient map rises",
+        default=Axis.Z,
+        items=tuple(Item(axis, str(axis), f"From the lowest {axis.lower()} to the highest") for axis in Axis),
+        option=Option(explains=False),
     ),
     "id_by": Choice(
         label="ID By",
