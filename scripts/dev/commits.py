@@ -17,7 +17,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-RULED_SINCE = "84cdca62"
+RULED_SINCE = "225d7526"
 """The last commit before the rule."""
 MOST_CHARACTERS = 60
 """Of a subject: what `git log --oneline` shows on a terminal of 72 columns."""
