@@ -26,13 +26,13 @@ def scene(tmp_path):
 @pytest.fixture
 def drawing(monkeypatch):
     """Makes each bake print a line before it draws."""
-    shares = bake._shares
+    shares = bake.shares_of_tiles
 
     def note(plan):
         sys.stderr.write("drawing\n")
         return shares(plan)
 
-    monkeypatch.setattr(bake, "_shares", note)
+    monkeypatch.setattr(bake, "shares_of_tiles", note)
 
 
 @pytest.mark.usefixtures("drawing")
