@@ -55,6 +55,14 @@ def test_its_own_shape_is_told_in_no_warning():
     assert not [text for text in report.warnings if "flat" in text or "high object" in text]
 
 
+def test_what_is_wrong_with_its_uvs_is_told_once():
+    obj = closed()
+    for corner in obj.data.uv_layers[0].uv:
+        corner.vector[0] += 0.3
+    report = scenes.bake(obj, obj, method="AUTO", maps=("AO",))
+    assert len([text for text in report.warnings if "reach outside the UV tile" in text]) == 1
+
+
 def test_a_normal_map_alone_that_is_flat_is_told():
     report = scenes.bake(closed(), bpy.context.object, method="AUTO")
     (warning,) = [text for text in report.warnings if "flat" in text]
