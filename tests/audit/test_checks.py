@@ -418,7 +418,7 @@ def test_a_surface_and_its_own_base_mesh():
     again = bake(low, low, method="AUTO")
     assert again.checks["uneven"]["count"] == 4
     assert not any("add a Triangulate" in warning for warning in again.warnings)
-    with pytest.raises(BakeError, match="triangulate the base mesh instead"):
+    with pytest.raises(BakeError, match="without modifiers: triangulate that mesh instead"):
         fixes.add_triangulate(bpy.context, report)
 
 
