@@ -77,9 +77,8 @@ class Atlas:
             for each in self.drawn
         ]
         with last.in_total(), Outputs(self.settings, baked, self.kept.parts, self.kept.tiles) as outputs:
-            lows = [
-                drawn.request.job.low for drawn in self.drawn
-            ]  # before anything changes: it raises if one was deleted
+            # Before anything changes: it raises if one was deleted.
+            lows = [drawn.request.job.low for drawn in self.drawn]
             for low, drawn in zip(lows, self.drawn, strict=True):
                 outputs.sample_onto(low, drawn.meshes.uv_layer, is_own_base=drawn.meshes.is_own_base)
             margin = self._fill(outputs, last)

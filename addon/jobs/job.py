@@ -187,10 +187,9 @@ def covers_detail(low: bpy.types.Object, highs: Sequence[bpy.types.Object], imag
     if not object_checks.is_itself(low, highs):
         return ""
     for name in images:
-        users = list(users_of_image(name))
-        if users and low not in users:
-            continue  # a map of others, which shared_image keeps
-        if before := outputs.replaced(name, [low.name]):
+        before = outputs.replaced(name, [low.name])
+        users = list(users_of_image(name)) if before else []  # it goes through all objects
+        if before and (low in users or not users):  # a map of others stays, see shared_image
             return (
                 f"The image {name!r} holds a map of {before}, and {low.name!r} would be baked onto itself: select {before} as "
                 "well, or choose another name for the image."
