@@ -11,6 +11,7 @@ from ..core import threads
 from ..core.declarations import bases, targets
 from ..core.declarations.choices import Space, Storage
 from ..core.settings import MapSettings, SamplingSettings, Settings
+from ..engine.orienting import INWARD
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.local_space import gap_of_boxes
 from ..mesh.triangle_mesh import Mesh
@@ -26,8 +27,6 @@ AGAINST, MAYBE = 0.8, 0.2
 or may be: the nearest face can be the other side of a thin part, or of one that is sunk into the surface. Rays decide."""
 LEAST_FACES = 64
 """Fewer low faces say nothing."""
-INWARD = -0.3
-"""How much of a closed mesh's surface points inward: -1 for a flipped sphere, 0 for a plane."""
 
 
 @dataclass(frozen=True)

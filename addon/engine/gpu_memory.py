@@ -9,6 +9,9 @@ from ..core.errors import NoGpuMemory
 from ..passes import target
 from . import tree_cache
 
+IDLE_SECONDS = 60.0
+"""So long after the last bake, what it cached is freed."""
+
 
 @contextmanager
 def trimmed() -> Iterator[None]:
@@ -29,9 +32,9 @@ def free() -> None:
     tree_cache.trees.free()
 
 
-def free_if_idle(seconds: float) -> None:
-    """Free trees and targets if no bake has drawn for this many seconds."""
-    if target.common.idle_seconds > seconds:
+def free_if_idle() -> None:
+    """Free trees and targets if no bake has drawn for IDLE_SECONDS."""
+    if target.common.idle_seconds > IDLE_SECONDS:
         free()
 
 

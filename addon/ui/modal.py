@@ -249,16 +249,14 @@ class IMPRINT_OT_stop(bpy.types.Operator):
         return {"FINISHED"}
 
 
-AFTER = 60.0
-"""Seconds without a bake."""
 EVERY = 15.0
 """Seconds between two checks."""
 
 
 def free_if_idle() -> float:
-    """Free cached GPU memory after AFTER seconds without a bake. Returns the seconds until the next check."""
+    """Free what bakes cache on the GPU if they are idle. Returns the seconds until the next check."""
     if display.current is None and not live.is_on:
-        gpu_memory.free_if_idle(AFTER)
+        gpu_memory.free_if_idle()
     return EVERY
 
 

@@ -220,6 +220,21 @@ def test_the_table_of_packages_has_the_permitted_imports():
     assert found == {package: (MAY_IMPORT[package], WITHOUT.get(package, set())) for package in MAY_IMPORT}
 
 
+def test_the_index_names_modules():
+    """Each word at the start of a line of the index is a module or a folder of the add-on, and each is there once."""
+    index = section(ROOT / "docs" / "architecture.md", "## Where do I find ...")
+    named = [
+        name
+        for line in re.findall(
+            r"^ *(\w+(?:, \w+)*)/?(?:  |$)", "".join(re.findall(r"```text\n(.*?)```", index, re.DOTALL)), re.MULTILINE
+        )
+        for name in line.split(", ")
+    ]
+    there = {path.stem for path in (ROOT / "addon").rglob("*") if path.suffix == ".py" or path.is_dir()}
+    assert [name for name in named if name not in there] == []
+    assert len(named) > 150
+
+
 def test_the_version_is_the_same_everywhere():
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]

@@ -286,10 +286,10 @@ def test_adjust_last_operation_shows_the_summary_and_no_settings(pair):
 
 def test_cached_memory_is_freed_when_idle(pair, monkeypatch):
     bpy.ops.imprint.bake()
-    gpu_memory.free_if_idle(60.0)
+    gpu_memory.free_if_idle()
     assert len(tree_cache.trees)
     assert len(target.common)
-    monkeypatch.setattr(modal, "AFTER", 0.0)
+    monkeypatch.setattr(gpu_memory, "IDLE_SECONDS", 0.0)
     monkeypatch.setattr(display, "current", progress.Progress("Baking", 0.5))
     free_if_idle()
     assert len(tree_cache.trees)
