@@ -182,6 +182,11 @@ def low_name_of(high_name: str, suffixes: Suffixes) -> str:
     return key.name(suffixes.low) if role == "high" and key is not None else f"{high_name}{suffixes.low}"
 
 
+def role(name: str, suffixes: Suffixes) -> str:
+    """The role of an object by its name: "low", "high", "cage" or ""."""
+    return _role(name, suffixes)[0]
+
+
 @functools.lru_cache(maxsize=2**16)
 def _role(name: str, suffixes: Suffixes) -> tuple[str, _Key | None]:
     """The role of an object by its name, "low", "high", "cage" or "", and what the names of its pair share.

@@ -276,8 +276,12 @@ def _requests(
 
 
 def _of_job(settings: Settings, job: Job, shares_image: bool) -> Settings:
-    """The settings with the size and the distance that a job has for itself, see also `beside_materials`."""
+    """The settings with the size and the distances that a job has for itself, see also `beside_materials`."""
     settings = beside_materials(settings, job)
+    if job.tracing is not None:
+        settings = settings.traced(
+            method=job.tracing.method, extrusion=job.tracing.extrusion, max_distance=job.tracing.max_distance
+        )
     if job.size and not shares_image:
         settings = settings.sampled(width=job.size, height=job.size)
     if job.distance:  # rays start outside, and reach as far inside

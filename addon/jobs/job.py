@@ -19,7 +19,7 @@ from ..core.errors import BakeError, NoGpu
 from ..core.naming import MATERIAL, Suffixes, match
 from ..core.progress import Progress
 from ..core.report import Report
-from ..core.settings import SamplingSettings, Settings, StorageSettings
+from ..core.settings import SamplingSettings, Settings, StorageSettings, TracingSettings
 from ..engine.bands import bands
 from ..mesh.inputs import Meshes
 from ..output import datablocks, materials, outputs, vertex_attributes
@@ -48,6 +48,8 @@ class Job:
     """Of its square maps in texels; 0 for that of the settings."""
     distance: float
     """How far its rays reach outward and inward, in scene units; 0 for that of the settings."""
+    tracing: TracingSettings | None
+    """Whose method, extrusion and distance its own pair has; None for those of the settings."""
 
     def __init__(
         self,
@@ -58,6 +60,7 @@ class Job:
         texture_set: MaterialSet | None = None,
         size: int = 0,
         distance: float = 0.0,
+        tracing: TracingSettings | None = None,
     ):
         vars(self).update(  # a frozen class has no other way
             low_ref=ObjectRef.of(low),
@@ -66,11 +69,12 @@ class Job:
             texture_set=texture_set,
             size=size,
             distance=distance,
+            tracing=tracing,
         )
 
     def but(self, **own: Any) -> "Job":
         """This job with other arguments of its constructor. Raises BakeError if an object was deleted."""
-        same = ("low", "highs", "cage", "texture_set", "size", "distance")
+        same = ("low", "highs", "cage", "texture_set", "size", "distance", "tracing")
         return Job(**{name: getattr(self, name) for name in same if name not in own} | own)
 
     @property

@@ -342,8 +342,13 @@ def itself(low: bpy.types.Object | None) -> list[bpy.types.Object]:
     return [low] if low is not None and low.type == "MESH" else []
 
 
+def shows_own_surface(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> bool:
+    """Whether `low` is baked onto itself or another UV map of it, and no modifier adds detail to it."""
+    return list(highs) == [low] and not is_added(low)
+
+
 def is_itself(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> bool:
-    """Whether `low` is baked onto itself, and no modifier adds detail to it."""
+    """As `shows_own_surface`, onto the UV map that its materials show."""
     return list(highs) == [low] and not own_highs(low)
 
 

@@ -1,32 +1,100 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The buttons Bake Maps and Live, and what operators that bake share."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
 import bpy
-from bpy.props import CollectionProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ..core.declarations.choices import Method
-from ..core.progress import Pace, Task
+from ..core.errors import BakeError, in_window
+from ..core.progress import Pace, Progress, Task, relay
 from ..core.report import Report
 from ..core.settings import Settings
-from ..jobs import bake_jobs
+from ..jobs import bake_jobs, weights
 from ..jobs.job import Job, Wants
-from ..scene import reading
+from ..scene import object_checks, reading
 from ..scene.object_checks import object_by_name
 from . import bake_results, modal, object_pairs, results
 from .live import live
 from .properties import Chosen, Options
+from .results import Batch
 from .texts import labeled
 
 
-class BakeOperator(modal.MapOperator):
-    """An operator that bakes maps; `task` returns their reports."""
+@dataclass(frozen=True)
+class Several:
+    """The result of a bake of several low objects.
 
-    def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
-        lines = [line for report in result for line in report.summary(reading.lengths_of(context.scene))]
-        self.show(context, lines, [warning for report in result for warning in report.warnings])
-        results.remember(result)
+    Attributes:
+        left_out: What was not baked, as results.Batch has it.
+    """
+
+    reports: list[Report]
+    left_out: list[tuple[str, str]]
+
+
+class BakeOperator(modal.MapOperator):
+    """An operator that bakes maps; `task` returns their reports, or Several."""
+
+    def finish(self, context: bpy.types.Context, result: list[Report] | Several) -> None:
+        reports = result.reports if isinstance(result, Several) else result
+        lines = [line for report in reports for line in report.summary(reading.lengths_of(context.scene))]
+        self.show(context, lines, [warning for report in reports for warning in report.warnings])
+        results.remember(reports)
         if self.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
-            bake_results.show_bake(context, result)
+            bake_results.show_bake(context, reports)
+        if isinstance(result, Several):
+            results.keep_batch(Batch(result.left_out, sorted({report.low for report in reports})))
+            for _, reason in result.left_out:
+                self.report({"WARNING"}, in_window(reason)[0])
+
+
+def bake_several(
+    context: bpy.types.Context,
+    jobs: Sequence[Job],
+    settings: Settings,
+    pace: Pace,
+    left_out: Sequence[tuple[str, str]] = (),
+) -> Task[Several]:
+    """Bake several low objects: into one image if the panel has it set, which is whole or is not baked, or into one each,
+    without those that cannot be baked.
+
+    left_out: what is known of these.
+    """
+    done = Several([], [*left_out])
+    if context.scene.imprint.share_image:
+        reports = yield from bake_jobs.work(context, jobs, settings, pace, share_image=True)
+        return replace(done, reports=reports)
+    jobs = _ready(context, jobs, weights.settings_by_job(jobs, settings), done.left_out)
+
+    def noted(step: Progress) -> Progress:
+        done.reports.extend([step.report] if step.report else [])
+        done.left_out.extend([step.failure] if step.failure else [])
+        return step
+
+    try:
+        yield from relay(bake_jobs.work(context, jobs, settings, pace, goes_on=True), noted)
+    except GeneratorExit:  # the maps that are done stay
+        results.remember(done.reports)
+        raise
+    return done
+
+
+def _ready(
+    context: bpy.types.Context, jobs: Sequence[Job], settings: list[Settings], left_out: list[tuple[str, str]]
+) -> list[Job]:
+    """The jobs that can be baked. The others are added to `left_out`. Raises BakeError if none can be."""
+    context.view_layer.update()
+    reasons = [
+        object_checks.problem(context, job.low, job.highs, job.cage, of_job.tracing.method)
+        for job, of_job in zip(jobs, settings, strict=True)
+    ]
+    if all(reasons):
+        raise BakeError(reasons[0])
+    left_out += [(job.low.name, reason) for job, reason in zip(jobs, reasons, strict=True) if reason]
+    return [job for job, reason in zip(jobs, reasons, strict=True) if not reason]
 
 
 class OnePairOperator(BakeOperator, Options):
@@ -70,6 +138,29 @@ class IMPRINT_OT_bake(OnePairOperator, bpy.types.Operator):
     bl_idname = "imprint.bake"
     bl_label = "Bake Maps"
     bl_options = {"REGISTER", "UNDO"}
+
+    each: labeled(
+        BoolProperty,
+        "Each Onto Itself",
+        "Bake each selected object for itself, also if they lie over one another: onto itself, or the detail of its pair",
+        options={"SKIP_SAVE"},
+    )
+
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task:
+        panel = context.scene.imprint
+        all_chosen = [] if self.low or self.high else panel.all_chosen(context, is_each=self.each)
+        if len(all_chosen) < 2:
+            return (yield from super().task(context, pace))
+        jobs = []
+        for chosen in all_chosen:
+            settings = self.to_settings(panel, chosen.rays, object_pairs.CHOSEN)
+            cage = chosen.cage if chosen.pair else None  # the slot is for one low object
+            jobs.append(Job(chosen.low, chosen.highs, cage, tracing=settings.tracing))
+        left_out = [(chosen.low.name, why) for chosen in all_chosen if (why := object_pairs.problem(chosen.missing))]
+        ready = [job for job, chosen in zip(jobs, all_chosen, strict=True) if not chosen.missing]
+        if not ready:
+            raise BakeError(left_out[0][1])
+        return (yield from bake_several(context, ready, self.to_settings(panel), pace, left_out))
 
 
 class IMPRINT_OT_live(modal.WaitingOperator, modal.SlicedOperator, bpy.types.Operator):

@@ -12,6 +12,7 @@ from bpy.props import FloatProperty, IntProperty, StringProperty
 from ..core.declarations.choices import Method, Space, Storage
 from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
+from ..core.naming import ATLAS
 from ..core.settings import Settings
 from ..jobs import bake_jobs, fixes
 from ..jobs.job import Job, by_material, covers_detail
@@ -19,7 +20,7 @@ from ..jobs.pair_checks import Finding
 from ..output import datablocks, map_names, materials, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
-from . import object_pairs, results
+from . import object_pairs, results, several
 from .findings import findings
 from .fix_buttons import draw_button, draw_fixable
 from .live import live
@@ -179,6 +180,18 @@ def draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> 
         column.prop(settings, "height")
 
 
+MOST_CHECKED = 16
+"""Of several low objects, those whose names and materials are checked at each redraw. The bake checks all."""
+
+
+def problems(context: bpy.types.Context, all_chosen: Sequence[Chosen]) -> dict[bpy.types.Object | None, str]:
+    """Why low objects cannot be baked, in sentences."""
+    found = {chosen.low: bake_problem(context, chosen) for chosen in all_chosen[:MOST_CHECKED]}
+    for chosen in all_chosen[MOST_CHECKED:]:
+        found[chosen.low] = object_checks.problem(context, chosen.low, chosen.highs, chosen.cage, chosen.rays.method)
+    return {low: reason for low, reason in found.items() if reason}
+
+
 def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
     """Why the button cannot bake, in a sentence; empty if no problem is visible."""
     low, highs, values = chosen.low, chosen.highs, chosen.settings
@@ -245,7 +258,7 @@ def describe_bake(chosen: Chosen) -> str:
         Method.FLATTEN: message("Flattens {highs} onto {low}"),
         Method.CAST: message("Casts rays from {low} to {highs}"),
     }[chosen.rays.method]
-    if object_checks.is_itself(low, highs):
+    if object_checks.shows_own_surface(low, highs):
         action = message("Bakes the materials and the shape of {low} itself")
     space = {
         Space.TANGENT: message("tangent space"),
@@ -271,6 +284,19 @@ def describe_bake(chosen: Chosen) -> str:
     return f"{action.format(**objects)}: {', '.join(parts)}."
 
 
+def describe_several(all_chosen: Sequence[Chosen]) -> str:
+    """What the button will do with several low objects, in a sentence."""
+    settings = all_chosen[0].panel
+    if all(object_checks.shows_own_surface(chosen.low, chosen.highs) for chosen in all_chosen):
+        action = message("Bakes the materials and the shape of {} objects, each onto itself")
+    else:
+        action = message("Bakes {} objects, each onto itself or with the detail of its pair")
+    first = planned_images(all_chosen[0].low, settings, ATLAS if settings.share_image else "")[0]
+    into = message("into one image {}") if settings.share_image else message("into images as {}")
+    size = f"{settings.width} x {settings.height}"
+    return f"{action.format(len(all_chosen))}: {size}, {into.format(repr(first.name))}."
+
+
 def count_images(low: bpy.types.Object, settings: ImprintSettings) -> str:
     """How many images the button fills, in a line: the box keeps its height, so that lists below it do not move."""
     return message("Images of this bake: {}").format(len(planned_images(low, settings)))
@@ -293,9 +319,14 @@ class PlannedImage:
         return f"{self.name} ({self.file})" if self.file else self.name
 
 
-def planned_images(low: bpy.types.Object, settings: ImprintSettings) -> list[PlannedImage]:
-    """The images that a bake would fill: that of the report first, then the others. settings: valid."""
-    return [image for filled in _filled(low, settings) for image in _images(filled)]
+def planned_images(low: bpy.types.Object, settings: ImprintSettings, name: str = "") -> list[PlannedImage]:
+    """The images that a bake would fill: that of the report first, then the others.
+
+    Args:
+        settings: Valid.
+        name: In place of the low object's name.
+    """
+    return [image for filled in _filled(low, settings, name) for image in _images(filled)]
 
 
 def _images(filled: Settings) -> list[PlannedImage]:
@@ -308,12 +339,12 @@ def _images(filled: Settings) -> list[PlannedImage]:
     ]
 
 
-def _filled(low: bpy.types.Object, settings: ImprintSettings) -> list[Settings]:
+def _filled(low: bpy.types.Object, settings: ImprintSettings, low_name: str = "") -> list[Settings]:
     """The settings of each texture set, or of the whole low object, with names filled in. Raises BakeError for names that
     texture sets would share."""
     values = settings.to_settings()
     names = [job.material for job in by_material([Job(low, [])], values.storing)] if values.map.texture_sets else [""]
-    return [bake_jobs.for_low(values, low.name, name) for name in names]
+    return [bake_jobs.for_low(values, low_name or low.name, name) for name in names]
 
 
 def swap_warning(low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:
@@ -334,9 +365,11 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         settings = context.scene.imprint
-        chosen = settings.chosen(context)
-        problem = "" if live.is_on else bake_problem(context, chosen)  # Live does not depend on the selection
-        is_planned = not (live.is_on or problem)
+        all_chosen = settings.all_chosen(context)
+        chosen = all_chosen[0]  # of the active object
+        reasons = {} if live.is_on else problems(context, all_chosen)  # Live does not depend on the selection
+        problem = next(iter(reasons.values()), "") if len(reasons) == len(all_chosen) else ""
+        is_planned = not (live.is_on or problem or chosen.low in reasons)
         issues = _findings(context, chosen) if is_planned else []
         notes = [*_material_notes(chosen), *_pose_notes(context, chosen)] if is_planned else []
         column = layout.column()
@@ -357,7 +390,10 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         row.enabled = display.current is None and (live.is_on or not problem)
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
         row.prop(settings, "live_every_time")
-        _draw_plan(layout.box(), context, chosen, problem, issues)
+        if len(all_chosen) > 1 and not live.is_on:
+            _draw_several(layout.box(), context, all_chosen, reasons)
+        else:
+            _draw_plan(layout.box(), context, chosen, problem, issues)
         draw_batch(layout, context)
         if live.is_on and live.message:
             draw_fixable(layout.box(), context, live.message, "ERROR")
@@ -419,6 +455,7 @@ def _draw_plan(
         draw_paragraphs(box, context, [describe_bake(chosen)], "INFO")
         box.label(text=count_images(chosen.low, chosen.panel), translate=False)
         draw_asset(box, chosen)
+        _draw_switch(box, context, chosen)
         draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
         draw_hidden(box, context, chosen.hidden(context))
         for text in _pose_notes(context, chosen):
@@ -434,13 +471,42 @@ def _draw_plan(
             row.operator("imprint.export", text="", icon="EXPORT")
 
 
+def _draw_several(
+    box: bpy.types.UILayout,
+    context: bpy.types.Context,
+    all_chosen: Sequence[Chosen],
+    reasons: dict[bpy.types.Object, str],
+) -> None:
+    """What the button will do with several low objects, and why it cannot with some."""
+    settings = context.scene.imprint
+    if len(reasons) < len(all_chosen):
+        draw_paragraphs(box, context, [describe_several(all_chosen)], "INFO")
+    by_low = {chosen.low: chosen for chosen in all_chosen}
+    for low, reason in list(reasons.items())[:MOST_NOTES]:
+        draw_fixable(box, context, reason, "ERROR", low.name)
+        draw_remedy(box, context, by_low[low])
+    box.prop(settings, "share_image")
+    if settings.share_image:
+        box.operator("imprint.pack_uvs", icon="GROUP_UVS").selected = True
+
+
+def _draw_switch(box: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
+    """Where several objects with UV maps are selected and nothing but their place makes them a pair, a button that bakes each
+    for itself."""
+    objects = several.candidates(context, chosen.panel)
+    if objects and chosen.low not in chosen.highs and not any(map(object_checks.lacks_uvs, objects)):
+        row = box.row()
+        row.enabled = display.current is None
+        row.operator(MAIN, text=label("Each Onto Itself"), translate=False, icon="RENDER_STILL").each = True
+
+
 def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
     """A button for a high object that is missing, a low object without UVs, a file that was never saved, or objects that are
     hidden."""
     if chosen.missing:
         layout.operator("imprint.remove_missing", icon="X").high = chosen.missing[0]
     elif object_checks.lacks_uvs(chosen.low):
-        draw_button(layout, fixes.UNWRAP)
+        draw_button(layout, fixes.UNWRAP, chosen.low.name)
         draw_asset(layout, chosen)
     elif _is_unsaved(chosen):
         layout.operator("wm.save_mainfile", icon="FILE_TICK")

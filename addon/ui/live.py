@@ -11,6 +11,7 @@ from ..core.settings import Settings
 from ..jobs import live_session
 from ..jobs.job import Job
 from ..output import datablocks
+from ..scene import object_checks
 from .callbacks import Timer, events
 from .live_following import SLICE, Following
 from .progress_display import display
@@ -95,8 +96,13 @@ class LiveController:
         refs = self._following.session.job.refs
         low, *others = (obj.name if (obj := ref.find()) else ref.name for ref in refs)
         others = [name for name in dict.fromkeys(others) if name != low]
-        followed = ", ".join(map(repr, others)) or message("its own modifiers")
+        followed = ", ".join(map(repr, others)) or self._own_of(refs[0].find())
         return message("Live: {} follows {}.").format(repr(low), followed)
+
+    @staticmethod
+    def _own_of(low: bpy.types.Object | None) -> str:
+        """What Live follows of a low object without high ones."""
+        return message("its own modifiers") if low is not None and object_checks.is_added(low) else message("its mesh")
 
     def start(self, context: bpy.types.Context, job: Job, settings: Settings) -> None:
         """Do the whole task of `starting` at once."""

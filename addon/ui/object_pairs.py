@@ -288,7 +288,7 @@ def remember_objects(
     """Keep objects and settings with a low object. settings: as in Settings. measured: distances, where one is not set."""
     pair = low.imprint
     _touch_reference(low)
-    pair.is_own, pair.had_detail = list(highs) == [low], not object_checks.is_itself(low, highs)
+    pair.is_own, pair.had_detail = list(highs) == [low], not object_checks.shows_own_surface(low, highs)
     pair.put([] if pair.is_own else highs)
     pair.method = str(settings["method"])
     if cage is not None or pair.method != Method.FLATTEN:  # Flatten uses none, and forgets none

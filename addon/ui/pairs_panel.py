@@ -4,25 +4,22 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import IntProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from .. import flamenco
 from ..core import naming
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError, in_window
-from ..core.progress import Pace, Progress, Task, relay
-from ..core.report import Report
-from ..core.settings import Settings
-from ..jobs import atlas, bake_jobs, weights
+from ..core.errors import BakeError
+from ..core.progress import Pace, Task
+from ..jobs import atlas
 from ..jobs.job import Job, jobs_by_name
 from ..scene import object_checks
-from . import modal, results
-from .bake_operators import BakeOperator
+from . import modal
+from .bake_operators import BakeOperator, bake_several
 from .fix_buttons import draw_fixable
 from .modal import QuickOperator
 from .preferences import flamenco_address
 from .progress_display import SettingsPanel, display
-from .results import Batch
 from .texts import draw_paragraphs, labeled, message, tooltip
 
 
@@ -39,32 +36,7 @@ class IMPRINT_OT_bake_pairs(BakeOperator, bpy.types.Operator):
         jobs = [_with_own(job) for job in all_jobs if job.low.imprint_is_baked]
         if not jobs:
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
-        values = settings.to_settings()
-        left_out = [("", problem) for problem in problems]
-        if settings.share_image:  # an atlas is whole, or is not baked
-            reports = yield from bake_jobs.work(context, jobs, values, pace, share_image=True)
-            return reports, left_out
-        jobs = _ready(context, jobs, weights.settings_by_job(jobs, values), left_out)
-        reports: list[Report] = []
-
-        def noted(step: Progress) -> Progress:
-            reports.extend([step.report] if step.report else [])
-            left_out.extend([step.failure] if step.failure else [])
-            return step
-
-        try:
-            yield from relay(bake_jobs.work(context, jobs, values, pace, goes_on=True), noted)
-        except GeneratorExit:  # the maps that are done stay
-            results.remember(reports)
-            raise
-        return reports, left_out
-
-    def finish(self, context: bpy.types.Context, result: tuple[list[Report], list[tuple[str, str]]]) -> None:
-        reports, left_out = result
-        super().finish(context, reports)
-        results.keep_batch(Batch(left_out, sorted({report.low for report in reports})))
-        for _, reason in left_out:
-            self.report({"WARNING"}, in_window(reason)[0])
+        return (yield from bake_several(context, jobs, settings.to_settings(), pace, [("", one) for one in problems]))
 
 
 class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
@@ -74,10 +46,20 @@ class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
     bl_label = "Pack UV Maps"
     bl_options = {"REGISTER", "UNDO"}
 
+    selected: labeled(
+        BoolProperty,
+        "Selected",
+        "Pack the selected objects that are baked each for itself, and not the low objects of pairs",
+        options={"SKIP_SAVE"},
+    )
+
     def apply(self, context: bpy.types.Context) -> str:
         settings = context.scene.imprint
-        jobs, _ = jobs_by_name(context, settings.suffixes())
-        lows = [job.low for job in jobs if job.low.imprint_is_baked]
+        if self.selected:
+            lows = [chosen.low for chosen in settings.all_chosen(context, is_each=True) if chosen.low]
+        else:
+            jobs, _ = jobs_by_name(context, settings.suffixes())
+            lows = [job.low for job in jobs if job.low.imprint_is_baked]
         if not lows:
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
         return atlas.pack(lows, settings.to_settings())
@@ -86,21 +68,6 @@ class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
 def _with_own(job: Job) -> Job:
     """The job with the size and the distance that its low object has in the list of pairs."""
     return job.but(size=int(job.low.imprint_size), distance=job.low.imprint_distance)
-
-
-def _ready(
-    context: bpy.types.Context, jobs: list[Job], settings: list[Settings], left_out: list[tuple[str, str]]
-) -> list[Job]:
-    """The jobs that can be baked. The others are added to `left_out`. Raises BakeError if none can be."""
-    context.view_layer.update()
-    reasons = [
-        object_checks.problem(context, job.low, job.highs, job.cage, of_job.tracing.method)
-        for job, of_job in zip(jobs, settings, strict=True)
-    ]
-    if all(reasons):
-        raise BakeError(reasons[0])
-    left_out += [(job.low.name, reason) for job, reason in zip(jobs, reasons, strict=True) if reason]
-    return [job for job, reason in zip(jobs, reasons, strict=True) if not reason]
 
 
 class IMPRINT_OT_send_to_flamenco(modal.FileOperator, bpy.types.Operator):

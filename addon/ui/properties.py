@@ -16,7 +16,7 @@ from ..core.naming import Pair, Suffixes
 from ..core.settings import Settings
 from ..jobs.job import Job
 from ..scene import evaluation, object_checks
-from . import engine_choice, object_pairs, results
+from . import engine_choice, object_pairs, results, several
 from .callbacks import events, registering
 from .declared_properties import MapList, Options, declared, passed_on, take_former_values
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
@@ -130,15 +130,35 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
 
         Without high objects, those of the low object's pair are used, whether they are hidden or not. For a low object without
         a pair, they are those that are called as it is, as crate_high for crate_low; else it is its own high object. low:
-        overrides the slot.
+        overrides the slot. If several objects are baked each for itself, it is one of them.
         """
         low = low or self.low or context.active_object
+        if low in several.lows(context, self):
+            return self.alone(context, low)
         if any(slot.title for slot in self.highs):
             highs = [obj for slot in self.highs if (obj := slot.find()) is not None]
             missing = [slot.title for slot in self.highs if slot.title and slot.find() is None]
             return Chosen(self, low, highs, self._pair_of(low, highs), missing)
         pair = object_pairs.of(low)
-        selected = self._selected(context, low, pair if pair is not None and pair.is_kept else None)
+        return self._by(context, low, self._selected(context, low, pair if pair is not None and pair.is_kept else None))
+
+    def all_chosen(self, context: bpy.types.Context, *, is_each: bool = False) -> list["Chosen"]:
+        """What the panel bakes: `chosen`, or several selected objects each for itself.
+
+        is_each: also those that lie over one another.
+        """
+        lows = several.candidates(context, self) if is_each else several.lows(context, self)
+        return [self.alone(context, low) for low in lows] or [self.chosen(context)]
+
+    def alone(self, context: bpy.types.Context, low: bpy.types.Object) -> "Chosen":
+        """As `chosen` for an object that is selected alone."""
+        return self._by(context, low, [])
+
+    def _by(
+        self, context: bpy.types.Context, low: bpy.types.Object | None, selected: Sequence[bpy.types.Object]
+    ) -> "Chosen":
+        """A low object with its high ones, as `chosen`. selected: those that can be meant as high ones."""
+        pair = object_pairs.of(low)
         # A light or a camera that is selected too is no high object; where nothing else is, it is named as what it is.
         highs = list(filter(object_checks.may_show, selected))
         if pair is None or not pair.is_kept:

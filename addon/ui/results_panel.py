@@ -69,8 +69,8 @@ def draw_batch(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     box, number = layout.box(), len(batch.baked) + len(batch.left_out)
     for text, pairs in (
-        (message("Not baked: {} of {} pairs"), batch.left_out),
-        (message("With warnings: {} of {} pairs"), warned),
+        (message("Not baked: {} of {} low objects"), batch.left_out),
+        (message("With warnings: {} of {} low objects"), warned),
     ):
         if pairs:
             box.label(text=text.format(len(pairs), number), icon=ICONS[WRONG], translate=False)

@@ -176,10 +176,10 @@ def test_the_main_panel_says_after_a_batch_what_is_wrong(batch):
     bpy.context.view_layer.objects.active = bpy.data.objects["a_low"]
     assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
     labels = main().labels
-    start = labels.index("Not baked: 2 of 5 pairs")
+    start = labels.index("Not baked: 2 of 5 low objects")
     assert labels[start + 1].startswith("'e_low' has no high object")
     assert labels[start + 2] == "'d_low' has no UV layer: unwrap it first."
-    assert labels[start + 3] == "With warnings: 1 of 5 pairs"
+    assert labels[start + 3] == "With warnings: 1 of 5 low objects"
     assert "'b_high' and 'b_low' differ in place or size" in labels[start + 4]
     assert not any("c_low" in label for label in labels[start:])
     for number in range(8):
@@ -187,7 +187,7 @@ def test_the_main_panel_says_after_a_batch_what_is_wrong(batch):
     assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
     assert "And 4 more in Results" in main().labels
     assert bpy.ops.imprint.bake(low="a_low", high=[{"name": "a_high"}]) == {"FINISHED"}
-    assert not {"And 4 more in Results", "With warnings: 1 of 13 pairs"} & {*main().labels}
+    assert not {"And 4 more in Results", "With warnings: 1 of 13 low objects"} & {*main().labels}
     assert len(results.batch().left_out) == 10
 
 

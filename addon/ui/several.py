@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which of the selected objects are baked each for itself, and not as the high objects of the active one.
+
+Each gets what it would get if it were selected alone: its own materials and shape, or the detail of its pair. That is so if
+nothing says that one of them is high: neither a slot, a name, a pair, a cage nor Flatten, and if no two of them lie over one
+another. Where only the last two are not so, the panel has a button for it.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+
+from ..core import naming
+from ..core.declarations.choices import Method
+from ..scene import object_checks
+from . import object_pairs
+
+if TYPE_CHECKING:
+    from .properties import ImprintSettings
+
+REACH = 0.12
+"""How near two objects may be a pair, as a share of the diagonal of a box around one of them: as far as Own Hit reaches."""
+SHARE = 0.5
+"""The share of a box within the enlarged box of another from which these lie over one another. Of cubes side by side it is
+0.21, of a sculpt and its low mesh about 1."""
+FLAT = 0.01
+"""The least thickness of a box, as a share of its diagonal."""
+
+
+def lows(context: bpy.types.Context, panel: "ImprintSettings") -> list[bpy.types.Object]:
+    """The low objects of a bake of several at once; empty if the panel bakes one."""
+    objects = candidates(context, panel)
+    is_pair = panel.method == Method.FLATTEN or panel.cage is not None or _lie_over(objects)
+    return [] if is_pair else objects
+
+
+def candidates(context: bpy.types.Context, panel: "ImprintSettings") -> list[bpy.types.Object]:
+    """The selected objects, the active one first, if there are several and none is high by a name or a pair; else empty."""
+    active = context.active_object
+    if panel.low is not None or any(slot.title for slot in panel.highs) or active is None or not active.select_get():
+        return []
+    selected = list(context.view_layer.objects.selected)
+    pairs = list(filter(None, map(object_pairs.of, selected)))
+    cages = {pair.cage for pair in pairs}
+    others = [obj for obj in selected if obj not in cages and obj != active]
+    objects = [active, *filter(object_checks.may_show, others)]
+    highs = {high for pair in pairs if not pair.is_own for high in pair.found()}
+    is_high = any(obj.type != "MESH" or obj in highs or _is_called_high(obj, panel) for obj in objects)
+    return [] if is_high or len(objects) < 2 else objects
+
+
+def _is_called_high(obj: bpy.types.Object, panel: "ImprintSettings") -> bool:
+    return naming.role(obj.name, panel.suffixes()) in {"high", "cage"}
+
+
+def _lie_over(objects: Sequence[bpy.types.Object]) -> bool:
+    """Whether two of them lie over one another, so that one may be high."""
+    if len(objects) < 2:
+        return False
+    corners = np.array([_corners(obj) for obj in objects])  # (N, 8, 3)
+    least, most = corners.min(axis=1), corners.max(axis=1)
+    diagonal = np.linalg.norm(most - least, axis=1, keepdims=True)
+    thin = np.maximum(0.0, FLAT * diagonal - (most - least)) / 2.0
+    least, most = least - thin, most + thin
+    grown = REACH * diagonal
+    for number in range(len(objects)):  # by rows: a square of hundreds of objects is large
+        shared = np.minimum(most[number] + grown[number], most) - np.maximum(least[number] - grown[number], least)
+        share = shared.clip(0.0).prod(axis=1) / np.maximum((most - least).prod(axis=1), 1e-300)
+        if np.delete(share, number).max() > SHARE:
+            return True
+    return False
+
+
+def _corners(obj: bpy.types.Object) -> np.ndarray:
+    """The corners (8, 3) of its box, in world space."""
+    matrix = np.array(obj.matrix_world)
+    return np.array(obj.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests what the button bakes where several objects are selected: one from the others, or each for itself."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.ui import bake_panel, object_pairs, results
+from addon.ui.live import live
+from tests.support import panel_layout
+from tests.support.panel import select, use
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+SIDE = 64
+
+
+def cube(name, x=0.0, size=2.0):
+    bpy.ops.mesh.primitive_cube_add(location=(x, 0.0, 0.0), size=size)
+    bpy.context.object.name = name
+    return bpy.context.object
+
+
+@pytest.fixture
+def props():
+    """Three cubes side by side, the first of which is active."""
+    objects = [cube(name, 2.0 * number) for number, name in enumerate(("lamp", "table", "vase"))]
+    select(*objects)
+    use(size=SIDE, normal=False, maps={"AO", "POSITION"}, storage="MEMORY", samples="1", rays=16)
+    return objects
+
+
+def chosen():
+    return {
+        one.low.name: [high.name for high in one.highs] for one in bpy.context.scene.imprint.all_chosen(bpy.context)
+    }
+
+
+def texels(name):
+    image = bpy.data.images[name]
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values
+
+
+def drawn():
+    return panel_layout.draw(panels=[bake_panel.IMPRINT_PT_bake])
+
+
+def test_objects_side_by_side_are_baked_each_onto_itself(props):
+    assert chosen() == {name: [name] for name in ("lamp", "table", "vase")}
+    labels = drawn().text
+    assert (
+        "Bakes the materials and the shape of 3 objects, each onto itself: 64 x 64, into images as 'lamp_position'."
+        in labels
+    )
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    baked = {obj.name: texels(f"{obj.name}_position") for obj in props}
+    for obj in props:
+        assert object_pairs.of(obj).is_own
+        select(obj)
+        assert bpy.ops.imprint.bake() == {"FINISHED"}
+        np.testing.assert_array_equal(texels(f"{obj.name}_position"), baked[obj.name])
+
+
+@pytest.mark.parametrize(
+    "says", ["high name", "cage name", "pair", "flatten", "cage", "over", "within reach", "slot", "no mesh"]
+)
+def test_what_says_that_one_is_high_makes_it_a_pair(props, says):
+    lamp, table, vase = props
+    settings = bpy.context.scene.imprint
+    if says == "high name":
+        table.name = "lamp_high"
+    elif says == "cage name":
+        table.name = "lamp_cage"
+    elif says == "pair":
+        lamp.imprint.put([table])
+    elif says == "flatten":
+        settings.method = "FLATTEN"
+    elif says == "cage":
+        settings.cage = cube("hull")
+        select(*props)
+    elif says == "over":
+        table.location.x = 0.1
+        bpy.context.view_layer.update()
+    elif says == "within reach":
+        for obj in (lamp, table):
+            obj.scale.z = 0.0001
+        table.location = (0.0, 0.0, 0.3)
+        bpy.context.view_layer.update()
+    elif says == "slot":
+        settings.low = lamp
+    else:
+        bpy.ops.mesh.primitive_cube_add(location=(9.0, 0.0, 0.0))
+        curve = bpy.data.objects.new("curve", bpy.data.curves.new("curve", "CURVE"))
+        bpy.context.scene.collection.objects.link(curve)
+        select(*props, curve)
+    found = chosen()
+    assert list(found) == ["lamp"]
+    assert len(found["lamp"]) >= 2 or says == "pair"
+
+
+def test_a_button_bakes_each_onto_itself_where_they_lie_over_one_another(props):
+    props[1].location.x = 0.1
+    bpy.context.view_layer.update()
+    (button,) = [given for name, given in drawn().given if name == "imprint.bake" and vars(given)]
+    assert button.each
+    assert bpy.ops.imprint.bake(each=True) == {"FINISHED"}
+    assert {obj.name for obj in props if object_pairs.of(obj).is_own} == {"lamp", "table", "vase"}
+
+
+def test_one_with_a_high_object_and_another_without_are_baked_as_each_is(props):
+    lamp, table, vase = props
+    lamp.name = "lamp_low"
+    high = cube("lamp_high")
+    other = cube("shape", 2.0)
+    select(table, other)
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    select(*props)
+    assert chosen() == {"lamp_low": ["lamp_high"], "table": ["shape"], "vase": ["vase"]}
+    assert "Bakes 3 objects, each onto itself or with the detail of its pair" in drawn().text
+    high.hide_set(True)
+    table.imprint.method = "CAST"
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    reports = {low.name: found[0] for low, found in results.of_scene(bpy.context)}
+    assert {name: one.high for name, one in reports.items()} == chosen()
+    assert [reports[name].method for name in ("table", "vase")] == ["CAST", "FLATTEN"]
+
+
+def test_one_without_uvs_is_left_out_and_told(props):
+    props[1].data.uv_layers.remove(props[1].data.uv_layers[0])
+    assert "'table' has no UV layer: unwrap it first." in drawn().text
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    assert [name for name, _ in results.batch().left_out] == ["table"]
+    assert bpy.ops.imprint.fix(kind="UNWRAP", low="table") == {"FINISHED"}
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    assert not results.batch().left_out
+
+
+def test_one_image_for_all_at_one_texel_density(props):
+    settings = bpy.context.scene.imprint
+    settings.share_image = True
+    assert bpy.ops.imprint.pack_uvs(selected=True) == {"FINISHED"}
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    assert {image.name for image in bpy.data.images if image.name.endswith(("_ao", "_position"))} == {
+        "atlas_ao",
+        "atlas_position",
+    }
+    position = texels("atlas_position").reshape(SIDE, SIDE, 4)
+    assert np.count_nonzero(position[..., 3] > 0.0) > 0.3 * SIDE * SIDE
+
+
+def test_live_follows_the_active_one_alone(props):
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+    try:
+        assert live.description == "Live: 'lamp' follows its mesh."
+    finally:
+        bpy.ops.imprint.live()
