@@ -27,6 +27,8 @@ class Job:
 
     Attributes:
         settings: Those that differ from what the job type sets.
+        name: In Flamenco's list.
+        priority: Jobs with larger numbers come first.
     """
 
     name: str

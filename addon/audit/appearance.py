@@ -71,6 +71,7 @@ class ShownMap:
         tiles: By UDIM tile, its texels (rows, columns, 4) float32 as they are stored, of the same size; without UDIM a single
             one, which repeats.
         read: From lit.reading.
+        is_udim: Whether it has tiles; otherwise it repeats.
     """
 
     tiles: Mapping[int, np.ndarray]

@@ -157,6 +157,7 @@ class Finding:
         template: One of SENTENCES.
         values: To fill in.
         harms: Whether the map is wrong in another program.
+        kind: One of KINDS.
     """
 
     kind: str

@@ -40,17 +40,23 @@ class Findings:
     """What is known of a bake after its maps were checked and measured; as core.report.Report has it, unless noted."""
 
     triangles: dict[str, int]
+    """Numbers of triangles of the meshes."""
     coverage: float
+    """The share of the map that the low mesh covers."""
     margin: float
     missed: float
     checks: Checks
+    """The results of the checks by their names."""
     warnings: tuple[Warned, ...]
     """About the maps, by what they are about."""
     stopped_early: float = 0.0
+    """The share of the texels that took fewer samples."""
     rays: float = 0.0
     targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
     deviation: dict[str, float | int] = field(default_factory=dict)
+    """Degrees at texels."""
     between: dict[str, float | int] = field(default_factory=dict)
+    """Degrees between texels."""
     appearance: Appearance | None = None
     """None if it was not measured."""
     picture: np.ndarray | None = None

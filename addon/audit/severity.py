@@ -205,6 +205,7 @@ class Warned:
 
     Attributes:
         kind: Of Report.checks, or one of this module; empty for one that stands for itself.
+        text: The sentence.
     """
 
     text: str

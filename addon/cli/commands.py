@@ -39,6 +39,7 @@ class Command:
     name: str
     """The first word of a call; empty for a bake."""
     description: str
+    """What it does, for its --help."""
     groups: Mapping[str, Mapping[str, CommandOption]]
     """Its own options without their dashes, by the titles of their groups in --help; those below an empty title have none."""
     usage: str | None = None

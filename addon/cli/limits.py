@@ -69,6 +69,7 @@ class Metric:
         keys: Where it is in a report. `BASIS` stands for the basis of an export.
         needs: The setting without which it is not measured, as "targets" or "export"; empty if it always is.
         missing: Its value where the report does not have it; None if it was not measured then.
+        name: As in --strict: `deviation.p99`.
     """
 
     name: str
@@ -139,6 +140,8 @@ class Limit:
 
     Attributes:
         limit: A share from 0 to 1, or in the metric's unit.
+        name: The name of its metric.
+        sign: One of COMPARISONS.
     """
 
     name: str

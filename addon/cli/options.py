@@ -364,6 +364,7 @@ class RunOptions:
     call: ThisCall = field(default_factory=ThisCall.of)
     """For reports, also those that workers write."""
     jobs: str | None = None
+    """The job file."""
     folder: str | None = None
     """The folder of mesh files whose pairs are baked."""
     report: str | None = None
@@ -388,7 +389,9 @@ class RunOptions:
     pictures: str | None = None
     untrusted: bool = False
     input_folder: str | None = None
+    """With --untrusted: all that may be read."""
     output_folder: str | None = None
+    """With --untrusted: all that may be written."""
     quiet: bool = False
 
     @classmethod

@@ -78,7 +78,9 @@ class Plan:
     name: str
     options: argparse.Namespace
     problem: str = ""
+    """Why it is known to fail, as a sentence."""
     number: int = 1
+    """Its place among all bakes of the call, from 1."""
     chain: int = 0
     """The number of the first bake whose changes of the scene it needs, since it or a later one saves them; 0 for none."""
     rivals: tuple[argparse.Namespace, ...] = ()

@@ -253,6 +253,7 @@ class Record:
 
     key: Key
     key_value: str
+    """The hash of `key`."""
     others: tuple[Content, ...]
     """The files that the bake read beside those of its key."""
     files: tuple[Content, ...]

@@ -41,7 +41,9 @@ class Bounds:
     """The folder that is read, and the one that is written, as absolute paths without links."""
 
     inputs: str
+    """The folder that is read."""
     outputs: str
+    """The folder that is written."""
     spelled: tuple[str, ...] = ()
     """The same folders as the caller named them, as absolute paths that may lead over links."""
 

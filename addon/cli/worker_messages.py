@@ -37,7 +37,11 @@ class Setup:
 
 @dataclass(frozen=True)
 class Answer:
-    """To a worker: its files may be used, or the sentence that says why not."""
+    """To a worker: its files may be used, or the sentence that says why not.
+
+    Attributes:
+        problem: The sentence; empty if the files may be used.
+    """
 
     problem: str = ""
 
@@ -60,15 +64,24 @@ class Begun:
 
 @dataclass(frozen=True)
 class Gone:
-    """To the parent, from the thread that reads: the process has ended, or a sentence that says what is wrong with it."""
+    """To the parent, from the thread that reads: the process has ended, or a sentence that says what is wrong with it.
+
+    Attributes:
+        why: The sentence; empty for an end without one.
+    """
 
     why: str = ""
 
 
 @dataclass(frozen=True)
 class FilesFound:
-    """To the parent, which sends an Answer: a bake found more files, as the arguments of clashes.RunFiles.opened, or an export,
-    that of clashes.RunFiles.exported."""
+    """To the parent, which sends an Answer: a bake found more files: see clashes.RunFiles.opened and clashes.RunFiles.exported.
+
+    Attributes:
+        lows: Names of low objects.
+        used: Paths of files, and what they are.
+        export: A path; empty for none.
+    """
 
     lows: list[str] = field(default_factory=list)
     used: list[tuple[str, str]] = field(default_factory=list)
@@ -81,6 +94,8 @@ class Percent:
 
     Attributes:
         done: From 0 to 1.
+        subject: What is baked.
+        what: The step that it is in.
     """
 
     subject: str

@@ -69,6 +69,7 @@ class Timed:
     Attributes:
         value: The median, in `unit`.
         note: Of what, in a few words.
+        name: Of the stage.
     """
 
     name: str

@@ -110,6 +110,10 @@ class ChainReport:
     Attributes:
         original: The name of its object.
         measured: How many meshes were measured.
+        triangles: Of the mesh that the levels are made of.
+        collection: The name of the collection that holds the levels.
+        seconds: Of all.
+        warnings: Sentences.
     """
 
     original: str

@@ -99,6 +99,9 @@ class AttributeFeed:
 
     Attributes:
         name: Empty for the color attribute that is set to render. Others as in ImageFeed.
+        channel: Which component feeds a number; None for a color.
+        scale: What each channel is multiplied by.
+        offset: What is added then.
     """
 
     name: str
@@ -138,6 +141,8 @@ class NormalMapFeed:
 
     Attributes:
         uv_layer: Of its tangents; empty for the active render layer.
+        strength: Of the node, from 0 on.
+        is_green_down: Whether green stores -Y, as for DirectX.
     """
 
     image: ImageFeed
@@ -148,7 +153,11 @@ class NormalMapFeed:
 
 @dataclass(frozen=True)
 class BumpFeed:
-    """A bump map of a high mesh: heights of `distance` scene units for the value 1. It may lie on a normal map."""
+    """A bump map of a high mesh: heights of `distance` scene units for the value 1. It may lie on a normal map.
+
+    Attributes:
+        strength: Of the node, from 0 to 1.
+    """
 
     image: ImageFeed
     strength: float = 1.0

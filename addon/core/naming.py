@@ -81,7 +81,11 @@ _WORDS = {"low": "low|lo|lp|low[_ -]?poly", "high": "high|hi|hp|high[_ -]?poly",
 
 @dataclass(frozen=True)
 class Suffixes:
-    """The endings of the names, in any case. A default suffix also matches the usual variants of it in _WORDS."""
+    """The endings of the names, in any case. A default suffix also matches the usual variants of it in _WORDS.
+
+    Attributes:
+        high: That of high objects; an underscore and more may follow it.
+    """
 
     low: str = "_low"
     high: str = "_high"

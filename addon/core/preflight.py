@@ -64,7 +64,9 @@ class Need:
     """
 
     program: int
+    """Blender and its modules."""
     meshes: int
+    """Of the arrays of all meshes."""
     tree: int
     maps: int
     storing: int

@@ -138,6 +138,7 @@ class ConversionReport(Report):
     method: str = "CONVERT"
     space: str = ""
     high: list[str] = field(default_factory=list)
+    """Names of high objects: none."""
     source: str
     """The name of the image that was converted."""
     before: dict[str, str]

@@ -32,6 +32,7 @@ class Fit:
         missed: With alpha 0.
         unit: With a length near 1.
         away: Whose normal points into the mesh.
+        covered: All of them.
     """
 
     covered: int = 0

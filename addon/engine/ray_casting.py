@@ -60,6 +60,7 @@ class RayCast:
         by_order: As cast.Search has it.
         offset: In local space. The high meshes lie so far outside the low one everywhere, which was moved to them. Rays,
             heights and `low` are those of the moved mesh, the two distances are not.
+        has_cage: Whether rays start on a cage.
     """
 
     ray_scene: RayScene
@@ -188,8 +189,13 @@ TEXEL = np.array([(-0.4, -0.3), (0.4, -0.3), (0.0, 0.5)], np.float32)
 
 @dataclass(frozen=True)
 class RayPoints:
-    """Rays at points: places (P, 3), unit directions away from the surface (P, 3), 0 where there is none, and the distances
-    (P,) outside the surface at which rays start. All float32, in local space."""
+    """Rays at points, all float32, in local space.
+
+    Attributes:
+        places (P, 3): The points.
+        directions (P, 3): Unit vectors away from the surface; 0 where there is none.
+        starts (P,): The distances outside the surface at which the rays start.
+    """
 
     places: np.ndarray
     directions: np.ndarray

@@ -152,6 +152,7 @@ class Probe:
     Attributes:
         size: Width and height of the map.
         tiles: Its UDIM tiles. The others are as rays.draw and cast.trace take them.
+        ray_mesh: The low mesh, or the cage, as rays start on it.
     """
 
     tables: cast.Tables

@@ -47,6 +47,7 @@ class Agreement:
     Attributes:
         separation: The result of separation.sample on a large map, if they do.
         is_everywhere: Whether they share it on so many texels that nothing is missing or out of place.
+        is_shared: Whether they do.
     """
 
     is_shared: bool

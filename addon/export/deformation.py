@@ -19,7 +19,11 @@ STILL = 1e-5
 
 @dataclass(frozen=True)
 class ShapeKey:
-    """A shape key at its full value: the points (V, 3), and the normals (T, 3, 3) of the corners of the triangles."""
+    """A shape key at its full value: the points (V, 3), and the normals (T, 3, 3) of the corners of the triangles.
+
+    Attributes:
+        name: As Blender has it.
+    """
 
     name: str
     points: np.ndarray

@@ -39,6 +39,8 @@ class Exported:
         basis: The name of the basis that its normal map was made for.
         has_applied_scale: As BakedLow has it.
         measured: None without a normal map.
+        triangles: How many triangles the file has of it.
+        warnings: Sentences.
     """
 
     low: str

@@ -63,7 +63,12 @@ TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 
 @dataclass
 class Glb:
-    """A file: its JSON, and its bytes."""
+    """A file: its JSON, and its bytes.
+
+    Attributes:
+        tree: The JSON.
+        binary: The bytes that its buffer views are parts of.
+    """
 
     tree: dict[str, Any]
     binary: bytes

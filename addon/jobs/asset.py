@@ -49,6 +49,7 @@ class Low:
     Attributes:
         wanted: Its limits.
         how: It was made, so far.
+        obj: The object.
     """
 
     obj: bpy.types.Object

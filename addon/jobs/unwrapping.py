@@ -58,6 +58,7 @@ class Unwrapped:
     Attributes:
         mesh: With its UVs.
         of: The island of each of its triangles.
+        name: Of the way, for messages.
     """
 
     name: str

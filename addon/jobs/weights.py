@@ -68,6 +68,7 @@ class Proposal:
 
     Attributes:
         before, after: The shares of the checked texels that are doubtful, without and with them.
+        weights: Groups by the names of settings.
     """
 
     weights: dict[str, np.ndarray]

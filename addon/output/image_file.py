@@ -65,6 +65,7 @@ class Format:
         size: Width and height.
         depth: Bits per channel.
         has_alpha: Whether alpha is stored.
+        is_float: Whether values are floats.
     """
 
     size: tuple[int, int]

@@ -42,6 +42,7 @@ class Part:
         uv_layer: Of its UVs there.
         is_own_base: Whether these are of its mesh without modifiers.
         layout: A checksum of the UVs, by which it is known if it was renamed. Names are empty where only that was kept.
+        name: Of the low object.
     """
 
     name: str
@@ -138,6 +139,7 @@ class Stored:
 
     Attributes:
         where: In a sentence.
+        read: Reads them, (height, width, 4) float32.
     """
 
     where: str

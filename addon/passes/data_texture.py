@@ -36,7 +36,14 @@ class BuiltTree(Protocol):
 
 @dataclass(frozen=True)
 class Tree:
-    """A tree (mesh.bvh.Tree) on the GPU, as shaders/lib/tree_lib.glsl walks it."""
+    """A tree (mesh.bvh.Tree) on the GPU, as shaders/lib/tree_lib.glsl walks it.
+
+    Attributes:
+        nodes: The boxes of all nodes.
+        first_leaf: The number of the first node that is a leaf.
+        origin: Where the grid of boxes begins (3,).
+        scale: The size of a step of the grid (3,).
+    """
 
     nodes: gpu.types.GPUTexture
     first_leaf: int

@@ -192,7 +192,12 @@ FARTHEST_ACROSS = 256
 
 @dataclass(frozen=True)
 class Seams:
-    """The borders of the UV islands of one map on the GPU: mesh.uv_seams.Seams, uploaded."""
+    """The borders of the UV islands of one map on the GPU: mesh.uv_seams.Seams, uploaded.
+
+    Attributes:
+        strips: Strips of triangles along the borders.
+        similarities: The transform of each border to the island across it.
+    """
 
     strips: gpu.types.GPUBatch
     similarities: gpu.types.GPUTexture

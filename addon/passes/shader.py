@@ -32,13 +32,17 @@ class Program:
     fragment: str = ""
     compute: str = ""
     inputs: tuple[Declaration, ...] = ()
+    """Attributes of vertices."""
     varyings: tuple[Declaration, ...] = ()
     """From vertex to fragment, interpolated."""
     flat: tuple[Declaration, ...] = ()
     """From vertex to fragment, not interpolated: whole numbers that all corners of a triangle share."""
     samplers: tuple[Declaration, ...] = ()
+    """Textures to sample or fetch."""
     constants: tuple[Declaration, ...] = ()
+    """Push constants."""
     outputs: tuple[Declaration, ...] = ()
+    """Colors of the fragment shader."""
     images: tuple[tuple[str, str, str, str], ...] = ()
     """The images that a compute shader writes: (format, type, name, "WRITE" or "READ WRITE")."""
     texels: tuple[tuple[str, str, str], ...] = ()

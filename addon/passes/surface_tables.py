@@ -140,6 +140,7 @@ class ImageLevels:
         top: The number of levels.
         flags: Of the values above.
         reduced: By how much the image was too large for the GPU; 1 if it was not.
+        bytes: What it takes on the GPU.
     """
 
     pixels: gpu.types.GPUTexture

@@ -35,6 +35,7 @@ class Complaint:
 
     Attributes:
         text: Why, as a clause without a full stop.
+        owner: The name of the object.
     """
 
     owner: str

@@ -212,6 +212,7 @@ class MaterialSet:
 
     Attributes:
         slots: The numbers of the slots that have it.
+        name: Of the material.
     """
 
     name: str

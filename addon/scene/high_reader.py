@@ -38,6 +38,7 @@ class Reader:
         before: The materials of an earlier reading, which keep their numbers.
         known: Meshes of that reading, by the number of their high object; if only vertices have moved, little is read again.
         parts: The names of parts of that reading, which keep their numbers.
+        depsgraph: In which they are evaluated.
     """
 
     depsgraph: bpy.types.Depsgraph

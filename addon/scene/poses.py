@@ -68,6 +68,7 @@ class Deformer:
         kind: "rig", "key" or "modifier".
         name: Of the armature object, the shape key or the modifier.
         what: What it does, equal for deformers that move two objects alike.
+        type: Of a modifier.
     """
 
     kind: str
@@ -84,7 +85,11 @@ class Deformer:
 
 @dataclass(frozen=True)
 class Posed:
-    """An object with deformers that others lack."""
+    """An object with deformers that others lack.
+
+    Attributes:
+        obj: The object.
+    """
 
     obj: bpy.types.Object
     own: list[Deformer]

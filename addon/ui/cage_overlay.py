@@ -65,6 +65,7 @@ class Subject:
     Attributes:
         settings: Only those of rays that give the shells their shape.
         blend_width: In scene units.
+        is_own_base: Whether the low object is its own high object.
     """
 
     low: ObjectRef

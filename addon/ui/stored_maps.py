@@ -241,7 +241,11 @@ MASK_COLOR = (0.9, 0.12, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Mask:
-    """Which texels a check has found: a texture for each tile, and texture set by its slots, 1 where it did."""
+    """Which texels a check has found: a texture for each tile, and texture set by its slots, 1 where it did.
+
+    Attributes:
+        kind: One of the masks of jobs.masks.
+    """
 
     kind: str
     textures: dict[Part, gpu.types.GPUTexture]

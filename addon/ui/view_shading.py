@@ -217,6 +217,10 @@ class Deviations:
     Attributes:
         elsewhere: The share of texels that are not measured, because Flatten has drawn another part of the high surface there.
             The other values are NaN if no texel is measured.
+        mean: With the map.
+        percentile_99: With the map.
+        bare_mean: Without it.
+        bare_percentile_99: Without it.
     """
 
     mean: float

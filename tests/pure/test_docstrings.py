@@ -6,6 +6,8 @@ import functools
 import re
 from collections import defaultdict
 
+from addon.cli.options import RUN_OPTIONS
+from addon.core.declarations.all_settings import DECLARED
 from scripts.imprint import ROOT
 
 FOREIGN = re.compile(r"(\w+/)*(io_scene_\w+/[\w/]+|gpu_shader_\w+)\.\w+")
@@ -148,4 +150,23 @@ def test_documented_fields_are_there():
 def test_each_documented_field_has_a_line():
     """Below "Attributes:", or in a text behind the field: nobody finds a field in the middle of a paragraph."""
     wrong = [(path.name, node.name, names) for path, node in dataclasses() if (names := run_on(node))]
+    assert wrong == [], wrong
+
+
+def is_plain(node, field):
+    """Whether a field needs no line: its class names it, or its type or the declaration of the setting says what it is."""
+    name, kinds = field.target.id, set(re.findall(r"\w+", ast.unparse(field.annotation)))
+    is_named = re.search(rf"\b{name}\b", ast.get_docstring(node) or "")
+    return name.startswith("_") or is_named or kinds & {*classes(), "ClassVar"} or name in {**DECLARED, **RUN_OPTIONS}
+
+
+def test_each_field_says_what_it_is():
+    """None of the fields of a public dataclass is left to guess."""
+    wrong = [
+        (path.name, node.name, field.target.id)
+        for path, node in dataclasses()
+        for field, behind in zip(node.body, [*node.body[1:], None], strict=True)
+        if not node.name.startswith("_") and isinstance(field, ast.AnnAssign)
+        if not (behind is not None and is_text(behind)) and not is_plain(node, field)
+    ]
     assert wrong == [], wrong

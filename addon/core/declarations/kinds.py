@@ -66,8 +66,11 @@ class Setting:
     """The base of all kinds. Texts end without a full stop, as Blender's tooltips do."""
 
     label: str
+    """In the panel."""
     tooltip: str
+    """Also the help of the option."""
     default: Any
+    """Also of scripts and shells."""
     empty: str = ""
     """The value of a setting that is empty or not given, in words."""
     switch: str = ""
@@ -108,6 +111,7 @@ class Switch(Setting):
     """On or off."""
 
     default: bool = False
+    """On, where it is true."""
     empties: bool | None = None
     """The state in which the settings that name this switch are None. None if no setting names it."""
 
@@ -123,6 +127,9 @@ class Item:
 
     Attributes:
         former: Earlier values, which the command line and job files still take.
+        value: What settings hold.
+        label: In the panel.
+        tooltip: In the panel, and in the help of the option.
     """
 
     value: Any
@@ -160,6 +167,7 @@ class Flags(Choice):
     """Any number of several values."""
 
     default: tuple = ()
+    """Those that are chosen."""
     also: tuple[str, ...] = ()
     """More values that the command line takes, and that change nothing."""
     metavar: ClassVar[str] = "NAME,NAME..."
@@ -180,7 +188,9 @@ class WholeNumber(Setting):
     """A whole number between limits."""
 
     least: int
+    """The smallest value."""
     most: int
+    """The largest value."""
     usual_most: int | None = None
     """The end of the panel's slider."""
     none_word: str = ""
@@ -219,6 +229,7 @@ class Distance(Setting):
     usual_most: float
     """The end of the panel's slider."""
     may_be_zero: bool = False
+    """Whether 0 is a distance."""
     metavar: ClassVar[str] = "D"
 
     def check(self, value: float | None) -> None:
@@ -263,7 +274,11 @@ class Color(Setting):
 
 @dataclass(frozen=True, kw_only=True)
 class Text(Setting):
-    """A name."""
+    """A name.
+
+    Attributes:
+        default: Empty for none.
+    """
 
     default: str = ""
     metavar: ClassVar[str] = "NAME"
@@ -290,7 +305,11 @@ class FilePath(Text):
 
 @dataclass(frozen=True, kw_only=True)
 class Tiles(Setting):
-    """UDIM tiles by their numbers."""
+    """UDIM tiles by their numbers.
+
+    Attributes:
+        default: Empty for all that the low mesh covers.
+    """
 
     default: tuple[int, ...] = ()
     metavar: ClassVar[str] = "1001,1002..."
@@ -305,7 +324,11 @@ class Tiles(Setting):
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectSlot(Setting):
-    """An object of the scene."""
+    """An object of the scene.
+
+    Attributes:
+        default: No object.
+    """
 
     default: None = None
     metavar: ClassVar[str] = "NAME"

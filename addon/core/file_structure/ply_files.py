@@ -32,6 +32,8 @@ class Property:
 
     Attributes:
         counts: The type of a list's length; empty for a single value.
+        name: As the file spells it.
+        kind: The type of a value, as numpy names it.
     """
 
     name: str
@@ -41,7 +43,12 @@ class Property:
 
 @dataclass(frozen=True)
 class Element:
-    """Rows of a .ply, such as its points or its faces."""
+    """Rows of a .ply, such as its points or its faces.
+
+    Attributes:
+        name: As the file spells it.
+        count: The number of rows.
+    """
 
     name: str
     count: int

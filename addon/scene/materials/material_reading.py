@@ -64,6 +64,7 @@ class Shader:
         notes: Clauses of sentences, of which normal_notes are about the normals.
         normal: What moves the normals.
         parts: How many shaders are mixed, one as often as mixes lead to it.
+        node: Its node.
     """
 
     node: Node

@@ -17,7 +17,11 @@ MOST_STEPS = 10_000
 
 @dataclass(frozen=True)
 class Place:
-    """A socket, and the group nodes around it, from the outside in: the same group can be used several times."""
+    """A socket, and the group nodes around it, from the outside in: the same group can be used several times.
+
+    Attributes:
+        groups: The outermost first.
+    """
 
     socket: NodeSocket
     groups: tuple[Node, ...] = ()
