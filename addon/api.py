@@ -140,7 +140,7 @@ class _Maps(dict[str, np.ndarray]):
 
 _ELSEWHERE = {"width": "size", "height": "size", "normal": "maps"}
 """Settings that an argument of another name holds."""
-_OF_SCENES = ("image", "storage", "material", "connect_maps", "texture_sets")
+_OF_SCENES = ("image", "storage", "material", "connect_maps", "one_material", "texture_sets")
 """Settings of what a bake leaves in the file, where this one leaves nothing."""
 
 

@@ -104,7 +104,7 @@ CONVERT = Command(
     {},
     refused=(
         *("high_file", "cage", "cage_file", "pairs", "pack_uvs", "frames", "normal", "maps", "pack", "texture_sets"),
-        *("vertex_domain", "connect_maps", "mask", "targets"),
+        *("vertex_domain", "connect_maps", "one_material", "mask", "targets"),
     ),
     refusal="--convert converts one normal map: leave out {}",
     ignored=("size", "samples", "adaptive", *OF_RAYS),
@@ -140,6 +140,7 @@ LOD = Command(
     "--output has {low}, which stands for the level's name.",
     refused=(
         *("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers"),
+        "one_material",
         *OF_RAYS,
     ),
     refusal="{} is not for lod, which makes coarser meshes of one mesh",

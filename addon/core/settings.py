@@ -184,6 +184,8 @@ class StorageSettings:
     connect_maps: bool = _field("connect_maps")
     material: bool = _field("material")
     single_user: bool = _field("single_user")
+    one_material: bool = _field("one_material")
+    """Whether the maps replace all materials, whatever connect_maps and material say."""
 
     @property
     def is_float(self) -> bool:
@@ -239,7 +241,7 @@ class Settings:
 
     def without_materials(self) -> "Settings":
         """These settings for maps that are put into no material and no attribute."""
-        return self.stored(material=False, connect_maps=False, vertex_domain=VertexDomain.NONE)
+        return self.stored(material=False, connect_maps=False, one_material=False, vertex_domain=VertexDomain.NONE)
 
     def without_other_maps(self) -> "Settings":
         """These settings for the normal map alone."""
@@ -305,6 +307,8 @@ class Settings:
         if self.map.packing and not self.map.packing.maps:
             yield "The packed image would hold no map: choose a map for one of its channels."
         yield from self._wrong_tiles()
+        if self.map.texture_sets and self.storing.one_material:
+            yield "Texture sets have an image for each material, and one material has one: choose one of them."
         for text in (self.storing.image, self.storing.output):
             for placeholder in dict.fromkeys(re.findall(r"\{\w*\}", text)):
                 if placeholder == MATERIAL and not self.map.texture_sets:

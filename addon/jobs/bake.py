@@ -25,9 +25,10 @@ from ..mesh.edges import is_without_area
 from ..output.materials import into_materials
 from ..output.outputs import Outputs, kept
 from ..scene import object_checks, reading
-from . import pair_checks
+from . import one_material, pair_checks
 from .baked import Baked
 from .job import Job, Request, check_job, read_meshes, set_numbers
+from .one_material import Shown
 
 
 def bake_job(context: bpy.types.Context, request: Request, pace: Pace) -> Task[Report]:
@@ -59,7 +60,11 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
         with timings.timed("image"):
             stored = outputs.commit(baked.labels, [low])
             layer, is_own_base = read.uv_layer, read.is_own_base
-            notes = into_materials(low, stored, layer, settings, slots=job.slots, is_own_base=is_own_base)
+            if settings.storing.one_material:
+                shown = Shown(low, layer, stored.image, stored.maps, is_own_base)
+                notes = one_material.put([shown], settings, low.name)
+            else:
+                notes = into_materials(low, stored, layer, settings, slots=job.slots, is_own_base=is_own_base)
     return baked.stored_as(stored, [*stored.warnings, *notes])
 
 

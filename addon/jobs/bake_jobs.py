@@ -27,10 +27,10 @@ from ..engine.bands import DrawnMaps
 from ..mesh.triangle_mesh import Mesh
 from ..output import map_names
 from ..output.materials import into_materials
-from ..output.outputs import Outputs
+from ..output.outputs import Outputs, Stored
 from ..scene import object_checks
 from ..scene.object_checks import ObjectRef
-from . import pair_checks, shared_image, weights
+from . import one_material, pair_checks, shared_image, weights
 from .bake import bake_job, draw_raw
 from .baked import Baked
 from .job import (
@@ -43,6 +43,7 @@ from .job import (
     check_job,
     files_kept,
 )
+from .one_material import Shown
 from .shared_image import Kept
 
 
@@ -85,14 +86,24 @@ class Atlas:
             with last.timed("image"):
                 stored = outputs.commit(self.labels, lows)
                 self._warnings[0] += stored.warnings
-                for low, drawn, warnings in zip(lows, self.drawn, self._warnings, strict=True):
-                    layer, is_own_base = drawn.meshes.uv_layer, drawn.meshes.is_own_base
-                    own = drawn.request.settings
-                    warnings.extend(into_materials(low, stored, layer, own, is_own_base=is_own_base))
+                self._show(lows, stored)
         return [
             Report.of(drawn.stored_as(stored, warnings, margin))
             for drawn, warnings in zip(self.drawn, self._warnings, strict=True)
         ]
+
+    def _show(self, lows: Sequence[bpy.types.Object], stored: Stored) -> None:
+        """Show the stored maps in the materials of the low objects. Adds to the warnings."""
+        shown = [
+            Shown(low, drawn.meshes.uv_layer, stored.image, stored.maps, drawn.meshes.is_own_base)
+            for low, drawn in zip(lows, self.drawn, strict=True)
+        ]
+        if self.settings.storing.one_material:
+            self._warnings[0] += one_material.put(shown, self.settings, ATLAS if len(lows) > 1 else lows[0].name)
+            return
+        for each, drawn, warnings in zip(shown, self.drawn, self._warnings, strict=True):
+            own = drawn.request.settings
+            warnings.extend(into_materials(each.low, stored, each.uv_layer, own, is_own_base=each.is_own_base))
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
         """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""

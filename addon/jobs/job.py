@@ -29,6 +29,7 @@ from ..passes.shader import is_software
 from ..scene import dependencies, object_checks, reading
 from ..scene.high_materials import MaterialSet, sets_of
 from ..scene.object_checks import ObjectRef
+from . import one_material
 
 
 @dataclass(frozen=True, init=False)
@@ -222,6 +223,8 @@ def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
     """Raise BakeError if the maps cannot be stored or drawn."""
     for image_settings in settings_by_map(settings).values():
         outputs.check_storage(low.name, image_settings)
+    if settings.storing.one_material:
+        one_material.check(low)
     if settings.changes_materials:
         materials.check(low, can_be_off=not settings.storing.connect_maps)
     if settings.storing.vertex_domain != VertexDomain.NONE:

@@ -115,7 +115,9 @@ class Session:
         settings.check()
         if settings.map.texture_sets:
             raise BakeError("Live draws one image for all materials: turn Texture Sets off.")
-        settings = settings.read_by(context.scene.render.engine).stored(vertex_domain=VertexDomain.NONE)
+        settings = settings.read_by(context.scene.render.engine).stored(
+            vertex_domain=VertexDomain.NONE, one_material=False
+        )
         settings = settings.mapped(
             modifiers=Modifiers.VIEWPORT if is_followed else settings.map.modifiers,
             mask=False,

@@ -101,6 +101,8 @@ def _check_frames(settings: Settings, frames: Sequence[int]) -> None:
         raise BakeError("A sequence has only one tile: turn UDIM Tiles off.")
     if settings.map.texture_sets:
         raise BakeError("A sequence has one image for all materials: turn Texture Sets off.")
+    if settings.storing.one_material:
+        raise BakeError("A sequence stays beside the materials: turn One Material off.")
     if any(frame < 0 for frame in frames):
         raise BakeError("A sequence cannot have frames below 0: Blender would not find their files.")
     if re.search(r"#[^#]*\d", PurePath(settings.storing.output).stem):

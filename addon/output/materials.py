@@ -112,16 +112,39 @@ def hook_up(
     linked from a library or used by other objects. slots: the numbers of the slots whose
     materials change; None for all. is_own_base: whether low was baked without its modifiers, which may set materials.
     """
+    settings, notes = _normal_map(image, space, uv_layer, channels)
+    if settings is None:
+        return notes
+    connect = partial(map_nodes.connect_normals, settings=settings, coordinates=_coordinates(low, uv_layer))
+    return _edit(low, connect, single_user=single_user, slots=slots, is_own_base=is_own_base)
+
+
+def _normal_map(
+    image: Image, space: str, uv_layer: str, channels: tuple[str, str, str]
+) -> tuple[map_nodes.NormalMapSettings | None, list[str]]:
+    """The settings of the nodes of a normal map, or None and why no node reads it."""
     image[MARK] = True
     if channels not in CONVENTIONS:
-        return [f"No Normal Map node reads channels of {', '.join(channels)}: the material was left as it is."]
+        return None, [f"No Normal Map node reads channels of {', '.join(channels)}: the material was left as it is."]
     normal_map = {"space": space, "convention": CONVENTIONS[channels]}
     if space == Space.TANGENT:
         normal_map["uv_map"] = uv_layer
-    settings = map_nodes.NormalMapSettings(image, normal_map)
-    coordinates = _coordinates(low, uv_layer)
-    connect = partial(map_nodes.connect_normals, settings=settings, coordinates=coordinates)
-    return _edit(low, connect, single_user=single_user, slots=slots, is_own_base=is_own_base)
+    return map_nodes.NormalMapSettings(image, normal_map), []
+
+
+def show_in(material: Material, image: Image, maps: Mapping[str, dict], uv_layer: str, settings: Settings) -> list[str]:
+    """Show all maps of a bake, as in Report.maps, in one material. Returns warnings. image: the normal map.
+
+    uv_layer: the UV map that renders see; "" for that of each object.
+    """
+    coordinates = Coordinates(uv_layer, (uv_layer, ""))
+    images, notes = images_of_report(maps, settings.map.space)
+    if settings.map.normal:
+        normal_map, unread = _normal_map(image, settings.map.space, uv_layer, settings.map.channels)
+        notes += unread if normal_map is None else map_nodes.connect_normals(material, normal_map, coordinates)
+    for each in images.values():
+        each.image[MARK] = True
+    return notes + map_nodes.connect_surface(material, images, coordinates)
 
 
 def connect_maps(

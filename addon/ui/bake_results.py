@@ -4,14 +4,16 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from ..core import file_formats, naming
 from ..core.errors import BakeError
 from ..core.progress import Pace, Task
 from ..core.report import Report
+from ..core.settings import Settings
 from ..export import engine_files
 from ..export.engine_files import Exported
+from ..jobs import one_material
 from ..output import materials
 from ..scene import evaluation
 from ..scene.object_checks import object_by_name
@@ -102,7 +104,8 @@ def show_bake(context: bpy.types.Context, reports: list[Report]) -> None:
 def _is_in_material(report: Report) -> bool:
     """Whether the bake put a map into the materials of its low object."""
     settings = report.settings
-    return bool((settings.get("material") and settings.get("normal")) or settings.get("connect_maps"))
+    has_normals = settings.get("material") and settings.get("normal")
+    return bool(has_normals or settings.get("connect_maps") or settings.get("one_material"))
 
 
 def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
@@ -170,6 +173,37 @@ class IMPRINT_OT_connect_maps(QuickOperator, bpy.types.Operator):
             )
         for warning in dict.fromkeys(warnings):
             self.report({"WARNING"}, warning)
+        return ""
+
+
+class IMPRINT_OT_one_material(QuickOperator, bpy.types.Operator):
+    """Replace the materials of this low object, and of those in the same images, by one with the maps of the last bake"""
+
+    bl_idname = "imprint.one_material"
+    bl_label = "Make One Material"
+    bl_options = {"REGISTER", "UNDO"}
+
+    on_copies: labeled(
+        BoolProperty, "On Copies", "Copy the objects and hide them: the copies get the material", default=False
+    )
+    join: labeled(BoolProperty, "Join", "Join the objects that get the material", default=False)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if results.of(context) is None:
+            cls.poll_message_set(tooltip("Bake this low object first"))
+            return False
+        return display.current is None
+
+    def apply(self, context: bpy.types.Context) -> str:
+        reports = [results.of(context), *results.beside(context)]
+        single_user = context.scene.imprint.single_user
+        settings = Settings.of_json(reports[0].settings).stored(single_user=single_user)
+        shown = list(map(one_material.Shown.of, reports))
+        warnings = one_material.put_checked(context, shown, settings, on_copies=self.on_copies, is_joined=self.join)
+        for warning in warnings:
+            self.report({"WARNING"}, warning)
+        redraw()
         return ""
 
 
@@ -307,6 +341,7 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
 
 CLASSES = (
     IMPRINT_OT_connect_maps,
+    IMPRINT_OT_one_material,
     IMPRINT_OT_show_map,
     IMPRINT_OT_select_result,
     IMPRINT_OT_show_high,

@@ -154,6 +154,7 @@ def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
     draw_maps(box, names)
     if any(materials.takes_any(report.maps) for report in reports):
         layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
+    layout.operator("imprint.one_material", icon="MATERIAL")
     layout.operator("imprint.export", icon="EXPORT")
 
 

@@ -315,6 +315,7 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         row = layout.row()
         row.enabled = settings.material
         row.prop(settings, "single_user")
+        layout.prop(settings, "one_material")
         layout.prop(settings, "show_result")
         layout.prop(settings, "export")
 

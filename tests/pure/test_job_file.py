@@ -104,6 +104,7 @@ SAID = {
     "mip_files": ("--mip-files", True),
     "material": ("--no-material", False),
     "single_user": ("--single-user", True),
+    "one_material": ("--one-material", True),
 }
 
 

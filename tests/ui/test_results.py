@@ -2,17 +2,19 @@
 """Results of bakes in the window: each belongs to its low object, and the file keeps it."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import bpy
 import pytest
 
 from addon.core.errors import Fix
+from addon.jobs import Job, bake_all
 from addon.scene.object_checks import ObjectRef
 from addon.ui import bake_panel, bake_results, object_pairs, pairs_panel, results_panel, texts
 from addon.ui.bake_results import results
 from tests.export.test_glb import bent_pair
-from tests.support import panel_layout, zoo
+from tests.support import panel_layout, scenes, zoo
 from tests.support.panel import area, image_editor, use, window
 from tests.support.panel_layout import Layout
 from tests.support.snapshot import difference, snapshot
@@ -493,6 +495,50 @@ def test_undo_of_the_button_leaves_the_images(low):
     assert bpy.ops.ed.undo() == {"FINISHED"}
     assert difference(before, snapshot()) == {}
     assert "lo_height" in bpy.data.images
+
+
+def colored(obj):
+    """Give an object two materials."""
+    for name in ("red", "blue"):
+        obj.data.materials.append(bpy.data.materials.new(name))
+    obj.data.polygons.foreach_set("material_index", [number % 2 for number in range(len(obj.data.polygons))])
+
+
+@pytest.mark.parametrize("way", ["setting", "button", "copy"])
+def test_undo_brings_all_materials_back_in_one_step(low, way):
+    low.data = zoo.plane("finer", n=2).data
+    colored(low)
+    settings = bpy.context.scene.imprint
+    settings.maps, settings.one_material = {"ROUGHNESS"}, way == "setting"
+    bake = partial(bpy.ops.imprint.bake, "EXEC_DEFAULT", True, low="lo", high=[{"name": "lo"}])
+    if way != "setting":
+        bake()
+    bpy.ops.ed.undo_push(message="before")
+    before = snapshot()
+    if way == "setting":
+        bake()
+    else:
+        assert bpy.ops.imprint.one_material("EXEC_DEFAULT", True, on_copies=way == "copy") == {"FINISHED"}
+    shown = bpy.data.objects["lo.001" if way == "copy" else "lo"]
+    assert [slot.material.name for slot in shown.material_slots] == [shown.name]
+    assert len(bpy.data.objects["lo"].material_slots) == (2 if way == "copy" else 1)
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert difference(before, snapshot()) == {}
+    assert list(bpy.data.objects["lo"].data.materials.keys()) == ["red", "blue"]
+
+
+def test_the_button_takes_all_objects_of_the_image(low):
+    other = zoo.plane("other")
+    for obj in (low, other):
+        colored(obj)
+    scenes.move_uvs(low, scale=(0.4, 1.0))
+    scenes.move_uvs(other, scale=(0.4, 1.0), offset=(0.5, 0.0))
+    jobs = [Job(obj, [obj]) for obj in (low, other)]
+    results.remember(bake_all(bpy.context, jobs, scenes.settings(maps=("ROUGHNESS",), image="both"), share_image=True))
+    assert bpy.ops.imprint.one_material(join=True) == {"FINISHED"}
+    assert "other" not in bpy.data.objects
+    assert len(low.data.polygons) == 2
+    assert [slot.material.name for slot in low.material_slots] == ["atlas"]
 
 
 def test_the_button_connects_each_texture_set_with_its_own_material(low):

@@ -208,6 +208,10 @@ OUTPUT: dict[str, Setting] = {
         default=True,
         option=Option(word="no-material", off="Leave the low object's material as it is"),
     ),
+    "one_material": Switch(
+        label="One Material",
+        tooltip="Replace all materials of the low object by one with the maps. Objects in one image share it",
+    ),
     "export": FilePath(
         label="Export",
         tooltip=f"File for an engine: {file_formats.listed_meshes()}. It gets the low mesh in the triangles that were "

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Gives low objects one material, which shows their maps, in place of all that they have; also on copies, or joined.
+
+What no map holds stays where all materials have it alike. The materials stay in the file, but the objects use them no more.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+from bpy.types import Image, Material, Mesh, Object
+
+from .. import older_blender
+from ..core.errors import BakeError, shorten_list
+from ..core.map_types import BY_NAME, MARK, NORMAL, OTHERS
+from ..core.material_feeds import Constant
+from ..core.naming import ATLAS
+from ..core.report import Report
+from ..core.settings import Settings
+from ..output import materials
+from ..scene import evaluation
+from ..scene.high_materials import sets_of
+from ..scene.materials import material_reading
+from ..scene.textures import ImageTextures
+
+ROLE = "one material"
+"""The mark of such a material, by which the next bake finds it again."""
+PRINCIPLED = material_reading.PRINCIPLED
+_SURFACE = ("displacement_method", "surface_render_method", "use_backface_culling", "use_backface_culling_shadow")
+"""Settings of a material that the new one has where all others agree."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A low object with its maps."""
+
+    low: Object
+    uv_layer: str
+    image: Image
+    """The normal map."""
+    maps: Mapping[str, dict]
+    """As in Report.maps."""
+    is_own_base: bool = True
+    """Whether it was baked without its modifiers, which may set materials."""
+
+    @classmethod
+    def of(cls, report: Report) -> "Shown":
+        """The maps of a finished bake. Raises BakeError if the object or the image is gone, or for a texture set."""
+        low, *highs = (ref.resolve() for ref in report.refs[: 1 + len(report.high)])
+        if report.slots:
+            raise BakeError(f"{low.name!r} has an image for each material: bake it without Texture Sets.")
+        image = bpy.data.images.get(report.image)
+        if image is None:
+            raise BakeError(f"The image {report.image!r} was undone, renamed or deleted: bake again.")
+        return cls(low, report.uv_layer, image, report.maps, low in highs)
+
+
+def check(low: Object) -> None:
+    """Raise BakeError if the materials of `low` cannot be replaced."""
+    for block, what in ((low, "it"), (low.data, "its mesh")):
+        if not block.is_editable or block.override_library:
+            raise BakeError(f"{low.name!r} cannot get one material: {what} comes from a library. Make it local first.")
+
+
+def put(shown: Sequence[Shown], settings: Settings, name: str) -> list[str]:
+    """Give all of `shown`, which share their images, one material with these. Returns warnings.
+
+    settings: of the bake. name: of the material, if there is none of an earlier bake.
+    """
+    old = dict.fromkeys(material for each in shown for material in _used(each))
+    material, notes = _made(list(old), shown, settings, name)
+    for each in shown:
+        notes += _alone(each.low, material, single_user=settings.storing.single_user)
+        layer = each.low.data.uv_layers.get(each.uv_layer)  # modifiers may make it
+        if layer is not None:
+            layer.active_render = True
+    layers = {each.uv_layer for each in shown}
+    layer = layers.pop() if len(layers) == 1 else ""
+    return notes + materials.show_in(material, shown[0].image, shown[0].maps, layer, settings)
+
+
+def put_checked(
+    context: bpy.types.Context, shown: Sequence[Shown], settings: Settings, *, on_copies: bool, is_joined: bool
+) -> list[str]:
+    """As `put`, for objects that were baked before. Returns warnings.
+
+    on_copies: whether copies get it; the objects stay, hidden in the viewport. is_joined: whether all become one object.
+    Raises BakeError, and then nothing has changed.
+    """
+    lows = [each.low for each in shown]
+    for low in lows:
+        if not on_copies:
+            check(low)
+    if is_joined and len(lows) > 1:
+        _check_joined(shown)
+    shown = _copied(shown) if on_copies else shown
+    lows = [each.low for each in shown]
+    warnings = put(shown, settings, ATLAS if len(lows) > 1 else lows[0].name)
+    if is_joined and len(lows) > 1:
+        _join(context, lows)
+    return warnings
+
+
+def _used(shown: Shown) -> list[Material]:
+    """The materials on the faces of a low object."""
+    slots = [number for one in sets_of(shown.low, is_own_base=shown.is_own_base) for number in one.slots]
+    return materials.of(shown.low, slots, is_own_base=shown.is_own_base)
+
+
+def _made(old: Sequence[Material], shown: Sequence[Shown], settings: Settings, name: str) -> tuple[Material, list[str]]:
+    """The material, without the maps, and what they lack of the `old` ones, in sentences."""
+    if len(old) == 1 and old[0].get(MARK) == ROLE:
+        return old[0], []
+    material = bpy.data.materials.new(name)
+    material[MARK] = ROLE
+    older_blender.switch_on_nodes(material)
+    for setting in _SURFACE:
+        values = {getattr(each, setting) for each in old if hasattr(each, setting)}
+        if len(values) == 1:
+            setattr(material, setting, values.pop())
+    shader = next(node for node in material.node_tree.nodes if node.bl_idname == PRINCIPLED)
+    lacking = [*_set_maps_alike(shader, old, shown, settings), *_set_inputs_alike(shader, old)]
+    if not lacking:
+        return material, []
+    names = shorten_list(repr(each.low.name) for each in shown)
+    return material, [
+        f"The materials of {names} differ in {shorten_list(lacking)}, which no baked map holds: the one material has the same "
+        "everywhere. Bake these maps as well, if they are among the maps."
+    ]
+
+
+def _set_maps_alike(
+    shader: bpy.types.Node, old: Sequence[Material], shown: Sequence[Shown], settings: Settings
+) -> list[str]:
+    """Set the inputs of the shader whose maps were not baked, where all materials have one number. Returns the other ones."""
+    images, _ = materials.images_of_report(shown[0].maps, settings.map.space)
+    baked = {BY_NAME[name].socket for name in images}
+    surfaces = material_reading.read_materials(old, ImageTextures())
+    lacking = []
+    for map_type in OTHERS:
+        socket = map_type.socket
+        if not socket or socket in baked or map_type.label in lacking:
+            continue
+        baked.add(socket)
+        feeds = [surface.feeds[socket] for surface in surfaces if socket in surface.feeds]
+        values = {feed.color if isinstance(feed, Constant) else None for feed in feeds}
+        if len(values) > 1 or None in values:
+            lacking.append(map_type.label)
+        elif values:
+            _set(shader, socket, values.pop())
+    if not settings.map.normal and any(surface.detail is not None for surface in surfaces):
+        lacking.append(NORMAL.label)
+    return lacking
+
+
+def _set(shader: bpy.types.Node, socket: str, color: Sequence[float]) -> None:
+    entry = shader.inputs[socket]
+    entry.default_value = (*color[:3], 1.0) if entry.type == "RGBA" else color[0]
+    if socket == material_reading.EMISSION:  # with its strength
+        shader.inputs["Emission Strength"].default_value = 1.0 if any(color[:3]) else 0.0
+
+
+def _set_inputs_alike(shader: bpy.types.Node, old: Sequence[Material]) -> list[str]:
+    """Set the inputs that are no maps, such as IOR, where all Principled BSDFs agree. Returns the names of the other ones."""
+    mapped = {map_type.socket for map_type in OTHERS} | {"Normal", "Emission Strength", "Weight"}
+    shaders = [node for each in old if each.node_tree for node in each.node_tree.nodes if node.bl_idname == PRINCIPLED]
+    lacking = []
+    for entry in shader.inputs:
+        others = [found for node in shaders if (found := node.inputs.get(entry.name)) is not None]
+        if entry.name in mapped or not hasattr(entry, "default_value") or not others:
+            continue
+        values = {_plain(other) for other in others}
+        if len(values) == 1 and not any(other.is_linked for other in others):
+            entry.default_value = others[0].default_value
+        elif _counts(entry.name, shaders):
+            lacking.append(entry.name)
+    return lacking
+
+
+def _plain(entry: bpy.types.NodeSocket) -> object:
+    value = entry.default_value
+    return value if isinstance(value, int | float | str) else tuple(value)
+
+
+def _counts(name: str, shaders: Sequence[bpy.types.Node]) -> bool:
+    """Whether an input such as "Coat Roughness" has an influence: the weight of what it is part of is not 0 everywhere."""
+    weights = [node.inputs.get(f"{name.partition(' ')[0]} Weight") for node in shaders]
+    return any(each is None or each.is_linked or each.default_value > 0.0 for each in weights)
+
+
+def _alone(low: Object, material: Material, *, single_user: bool) -> list[str]:
+    """Make `material` the only one of `low`, on all faces. Returns notes."""
+    notes = []
+    with evaluation.in_object_mode(bpy.context, [low]):
+        others = [obj.name for obj in bpy.data.objects if obj.data == low.data and obj != low and obj.users]
+        if others and single_user:
+            low.data = low.data.copy()
+        elif others:
+            names = shorten_list(map(repr, others))
+            notes.append(f"The mesh of {low.name!r} is also that of {names}, which show the one material, too.")
+        if [slot.material for slot in low.material_slots] != [material]:
+            data: Mesh = low.data
+            data.materials.clear()
+            data.materials.append(material)
+            low.material_slots[0].link = "DATA"
+            data.polygons.foreach_set("material_index", np.zeros(len(data.polygons), np.int32))
+            data.update()
+    return notes
+
+
+def _copied(shown: Sequence[Shown]) -> list[Shown]:
+    """Copies of the objects with meshes of their own, in the same collections. The originals are hidden in the viewport."""
+    result = []
+    for each in shown:
+        copy = each.low.copy()
+        copy.data = each.low.data.copy()
+        for collection in each.low.users_collection:
+            collection.objects.link(copy)
+        each.low.hide_set(True)
+        result.append(replace(each, low=copy))
+    return result
+
+
+def _check_joined(shown: Sequence[Shown]) -> None:
+    """Raise BakeError if joining the objects would lose more than their names."""
+    layers = dict.fromkeys(each.uv_layer for each in shown)
+    if len(layers) > 1:
+        raise BakeError(
+            f"The maps are on UV maps of several names, {shorten_list(map(repr, layers))}: give these one name to join the "
+            "objects."
+        )
+    first, *others = (each.low for each in shown)
+    for low in others:
+        if _modifiers(low) != _modifiers(first):
+            raise BakeError(
+                f"{low.name!r} has other modifiers than {first.name!r}, and would lose them: apply them to join the objects."
+            )
+
+
+def _join(context: bpy.types.Context, lows: Sequence[Object]) -> None:
+    """Join the objects into the first one."""
+    with evaluation.in_object_mode(context, lows):
+        for low in lows:
+            evaluation.show_object(context, low)
+        with context.temp_override(
+            active_object=lows[0], object=lows[0], selected_objects=lows, selected_editable_objects=lows
+        ):
+            bpy.ops.object.join()
+
+
+def _modifiers(low: Object) -> list[tuple]:
+    return [(each.type, each.name, getattr(each, "object", None)) for each in low.modifiers]
