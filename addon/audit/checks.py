@@ -12,19 +12,17 @@ from ..core.declarations.choices import Method, Space
 from ..core.errors import Fix, Length, shorten_list
 from ..core.map_types import WRITTEN
 from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
-from ..engine import ray_casting, separation, uv_agreement
+from ..engine import coverage, ray_casting, separation, uv_agreement
 from ..engine.planning import Plan
 from ..engine.ray_casting import RayCast
 from ..engine.unsure_texels import REASONS, Explorer
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..passes import audit as audit_module
-from ..passes import mesh_upload, target
 from . import mip_gaps, severity, stacked_checks
 from .appearance import Appearance
 from .severity import Check, Warned
-from .tally import Tally, at_most, sampled
+from .tally import Tally
 
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
@@ -187,11 +185,11 @@ def _uv_layout(plan: Plan, sampling: SamplingSettings) -> tuple[Checks, list[War
 def _texels(plan: Plan, tally: Tally, sampling: SamplingSettings) -> Checks:
     low, tiles, size = plan.meshes.low, plan.tiles, (sampling.width, sampling.height)
     covered = shared = uncovered = 0
-    for counts, state in zip(covering(low, size, tiles), tally.states, strict=True):
+    for counts, state in zip(coverage.counts(plan.read.low, size, tiles), tally.states, strict=True):
         covered += int(np.count_nonzero(counts))
-        shared += int(np.count_nonzero(counts > 1.0))
+        shared += int(np.count_nonzero(counts > 1))
         if not plan.casts_rays:
-            uncovered += int(np.count_nonzero((counts > 0.0) & (state != WRITTEN)))
+            uncovered += int(np.count_nonzero((counts > 0) & (state != WRITTEN)))
     overlap_check = _overlap(low, size, tiles, covered, shared)
     missed = _share(tally.missed, tally.missed + tally.written)
     return {
@@ -204,9 +202,9 @@ def _texels(plan: Plan, tally: Tally, sampling: SamplingSettings) -> Checks:
 def overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> Check:
     """The texels of a map that belong to two or more triangles of `low`, as in Report.checks without the severity."""
     covered = shared = 0
-    for counts in covering(low, size, tiles):
+    for counts in coverage.counts(low, size, tiles):
         covered += int(np.count_nonzero(counts))
-        shared += int(np.count_nonzero(counts > 1.0))
+        shared += int(np.count_nonzero(counts > 1))
     return _overlap(low, size, tiles, covered, shared)
 
 
@@ -214,7 +212,7 @@ def _overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int], covered: in
     crossed = shared
     if shared > severity.MUCH_OVERLAP * covered:  # fewer are harmless, stacked on purpose or not
         unique = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])
-        crossed = sum(int(np.count_nonzero(counts > 1.0)) for counts in covering(unique, size, tiles))
+        crossed = sum(int(np.count_nonzero(counts > 1)) for counts in coverage.counts(unique, size, tiles))
     return _share(shared, covered) | {"stacked": shared - crossed}
 
 
@@ -346,19 +344,6 @@ def _count(is_counted: np.ndarray, of: int) -> dict[str, float]:
     return {"count": int(np.count_nonzero(is_counted)), "of": of}
 
 
-def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRST,)) -> Iterator[np.ndarray]:
-    """How many triangles of `low` cover each texel that tally.sampled selects, tile by tile. size: of the map.
-
-    Yields (height, width) float32.
-    """
-    sparse = sampled(size)
-    drawn = target.get("overlap", *sparse.small, "R16F")
-    uploaded = mesh_upload.upload(low.triangles, uv=low.uv)
-    for tile in tiles:
-        audit_module.draw_overlap(drawn, uploaded, sparse.uv_to_clip(tile))
-        yield drawn.texels()
-
-
 UNSURE_SIDE = 128
 """Texels a side, at most, whose rays are followed farther."""
 
@@ -372,7 +357,7 @@ def check_unsure(plan: Plan, sampling: SamplingSettings, ray_cast: RayCast | Non
     counts, distances = dict.fromkeys(names, 0), [np.empty(0, np.float32)]
     if ray_cast is not None:
         explorer = Explorer(ray_cast, plan.meshes.whole_low)
-        sparse = at_most(sampling.size, UNSURE_SIDE)
+        sparse = coverage.at_most(sampling.size, UNSURE_SIDE)
         for tile in plan.tiles:
             doubts, far = explorer.sample(sparse.small, sparse.uv_to_clip(tile), sparse.uv_to_clip(tile, shift=1))
             masks = doubts.unsure, doubts.on_low, doubts.not_owned, *(getattr(doubts, reason) for reason in REASONS)

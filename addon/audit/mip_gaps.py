@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.settings import SamplingSettings
+from ..engine.coverage import Sparse, at_most
 from ..mesh import topology, uv_islands
 from ..mesh.triangle_mesh import Mesh
 from ..passes import audit
-from .tally import Sparse, at_most
 
 QUICK = 256
 """Texels a side, at most, of a quick check, unless gaps are too narrow for it."""

@@ -1,45 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Counts the texels of a map by their state, tile by tile, and selects those that are checked."""
+"""Counts the texels of a map by their state, tile by tile."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..core import udim
 from ..core.declarations.choices import Space
 from ..core.map_types import MARGIN, MISSED, WRITTEN, Map, states_of_raw
 from ..core.settings import MapSettings
-from ..core.udim import UvToClip
 from ..engine import normal_space
+from ..engine.coverage import sampled
 
-
-@dataclass(frozen=True)
-class Sparse:
-    """A map of `size` (width, height) in texels, on which every `steps`-th texel along u and v is checked."""
-
-    size: tuple[int, int]
-    steps: tuple[int, int]
-
-    @property
-    def small(self) -> tuple[int, int]:
-        """How many texels along u and v are checked."""
-        return -(-self.size[0] // self.steps[0]), -(-self.size[1] // self.steps[1])
-
-    def uv_to_clip(self, tile: int, shift: int = 0) -> UvToClip:
-        """As udim.uv_to_clip. Texel i of the small map lies on texel i * step + shift of the map."""
-        (step_u, step_v), (count_u, count_v) = self.steps, self.small
-        start = (1 - step_u) / 2 + shift, (1 - step_v) / 2 + shift
-        return udim.uv_to_clip(tile, self.size, start, (step_u * count_u, step_v * count_v))
-
-
-def at_most(size: tuple[int, int], most: int) -> Sparse:
-    """A map of `size` on which at most `most` texels a side are checked."""
-    return Sparse(size, (-(-size[0] // most), -(-size[1] // most)))
-
-
-SAMPLES_A_SIDE = 1024
-"""Texels a side, at most, on which overlaps are counted."""
 LEANING_Z = 0.5 * np.cos(np.radians(0.1))
 """Half the z of a normal that differs by 0.1 degrees from the low mesh's. Smaller differences are invisible."""
 COMPARED = np.s_[::4, ::4]
@@ -103,8 +75,3 @@ class Tally:
         self.leaning += int(np.count_nonzero(upward < LEANING_Z))
         if not self.leaning:  # a few bolts can lie between the compared texels
             self.leaning += int(np.count_nonzero(upwards(np.s_[:, :])[state == WRITTEN] < LEANING_Z))
-
-
-def sampled(size: tuple[int, int]) -> Sparse:
-    """The texels of a map of width and height that are checked, evenly spaced: at most SAMPLES_A_SIDE a side."""
-    return at_most(size, SAMPLES_A_SIDE)

@@ -7,17 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from ..core import udim
 from ..core.declarations.choices import Stacked
 from ..core.settings import SamplingSettings
 from ..core.values import ComparedByValue
 from ..mesh import uv_islands, uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import MaybeArray, Mesh
-from ..passes import audit, mesh_upload, target
-
-PROBE = 1024
-"""Texels a side, at most, on which triangles that share some are looked for."""
+from . import coverage
 
 COPIED = 1.25
 """How many times the area in UV space of its base mesh a surface has at least that has copies of parts of it."""
@@ -30,7 +26,7 @@ class Overlaps:
     Attributes:
         depth: The most on one texel.
         shared: The share of the covered texels that have several.
-        size: Of the map on which they were looked for.
+        size: Of the map on which they were looked for, in texels that were counted.
     """
 
     depth: int = 1
@@ -87,7 +83,7 @@ def order_of(meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings) -
     """
     low, is_first = meshes.low, meshes.is_own_base or sampling.stacked == Stacked.FIRST
     order = of_basis = None
-    overlaps = overlaps_of(low, (min(sampling.width, PROBE), min(sampling.height, PROBE)), tiles)
+    overlaps = overlaps_of(low, sampling.size, tiles)
     if overlaps.depth > 1:
         order = _order(low, is_first=is_first)
         basis = meshes.basis
@@ -101,14 +97,11 @@ def order_of(meshes: Meshes, tiles: Sequence[int], sampling: SamplingSettings) -
 
 def overlaps_of(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> Overlaps:
     """How triangles of `low` share texels of maps of this size."""
-    drawn = target.get("overlap", *size, "R16F")
-    uploaded, depth, shared, covered = mesh_upload.upload(low.triangles, uv=low.uv), 0, 0, 0
-    for tile in tiles:
-        audit.draw_overlap(drawn, uploaded, udim.uv_to_clip(tile))
-        counts = drawn.texels()
+    depth = shared = covered = 0
+    for counts in coverage.counts(low, size, tiles):
         depth = max(depth, int(counts.max()))
-        shared, covered = shared + np.count_nonzero(counts > 1.0), covered + np.count_nonzero(counts)
-    return Overlaps(depth, shared / max(1, covered), size)
+        shared, covered = shared + np.count_nonzero(counts > 1), covered + np.count_nonzero(counts)
+    return Overlaps(depth, shared / max(1, covered), coverage.sampled(size).small)
 
 
 def _has_copies(meshes: Meshes) -> bool:

@@ -121,9 +121,9 @@ class StackedParts:
 
     def are_many(self, least: float) -> bool:
         """Whether more than this share of the covered texels hides a part."""
-        overlaps, size = self._plan.order.overlaps, _size(self._settings.sampling, HIDDEN_PROBE)
-        is_known = overlaps.size == size and not self._tiles.any()
-        return not (is_known and overlaps.shared <= least) and self._hidden.share > least
+        # No more texels can hide one than have several triangles, which the plan has counted on as many texels or more.
+        are_few = self._plan.order.overlaps.shared <= least and not self._tiles.any()
+        return not are_few and self._hidden.share > least
 
     @property
     def triangles(self) -> int:

@@ -192,11 +192,8 @@ def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
     """The texels that triangles share, as `_masks` has them."""
     uploaded = mesh_upload.upload(view.meshes.low.triangles, uv=view.meshes.low.uv)
     for band in bands:
-        drawn = target.get("overlap", band.width, band.height, "R16F")
-        audit.draw_overlap(drawn, uploaded, band.uv_to_clip)
-        counts = np.empty((band.height, band.width), np.float32)
-        drawn.read(counts)
-        yield band, counts > 1.0, int(counts.max())
+        counts = audit.counts(uploaded, (band.width, band.height), band.uv_to_clip)
+        yield band, counts > 1, int(counts.max())
 
 
 def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:

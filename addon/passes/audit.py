@@ -21,15 +21,17 @@ OVERLAP = Program(
 )
 
 
-def draw_overlap(into: target.Target, mesh: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
-    """Clear `into` (R16F, exact up to 2048) and write the number of triangles of `mesh` that cover each texel's center.
+def counts(mesh: gpu.types.GPUBatch, size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
+    """The number (height, width) uint8 of triangles of `mesh` that cover each texel's center; 255 for more.
 
     mesh: batch with the attribute uv. Triangles that share an edge do not share texels along it.
     """
-    with target.drawing(into):
+    drawn = target.get("overlap", *size, "R8")
+    with target.drawing(drawn):
         gpu.state.blend_set("ADDITIVE")
         target.draw_bound(OVERLAP, mesh, uv_to_clip=uv_to_clip)
         gpu.state.blend_set("NONE")
+    return drawn.texels()
 
 
 TRIANGLE_IDS = Program(

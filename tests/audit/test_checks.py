@@ -11,7 +11,7 @@ from addon.audit import mip_gaps, severity, tally
 from addon.core.errors import BakeError
 from addon.core.report import Report
 from addon.core.settings import Settings
-from addon.engine import separation
+from addon.engine import coverage, separation
 from addon.jobs import Job, bake_all, fixes, masks
 from tests.support import maps, random_cases, zoo
 from tests.support.snapshot import difference, snapshot
@@ -369,11 +369,13 @@ def test_large_maps_are_checked_in_bands(monkeypatch):
 
 
 def test_a_map_larger_than_the_probe_is_sampled_on_every_second_texel():
-    report = bake(tiles("lo", (0, 0, 0.5, 1), (0.25, 0, 0.5, 1)), zoo.plane("hi"), size=(2 * tally.SAMPLES_A_SIDE, 16))
-    assert part(report.checks["overlap"], *TEXELS) == counted(
-        tally.SAMPLES_A_SIDE // 4 * 16, tally.SAMPLES_A_SIDE // 2 * 16
+    report = bake(
+        tiles("lo", (0, 0, 0.5, 1), (0.25, 0, 0.5, 1)), zoo.plane("hi"), size=(2 * coverage.SAMPLES_A_SIDE, 16)
     )
-    assert mask(report, "overlap").sum() == tally.SAMPLES_A_SIDE // 2 * 16
+    assert part(report.checks["overlap"], *TEXELS) == counted(
+        coverage.SAMPLES_A_SIDE // 4 * 16, coverage.SAMPLES_A_SIDE // 2 * 16
+    )
+    assert mask(report, "overlap").sum() == coverage.SAMPLES_A_SIDE // 2 * 16
 
 
 # Objects as they are now

@@ -4,11 +4,11 @@
 import numpy as np
 import pytest
 
-from addon.audit import checks, tally
 from addon.core import udim
+from addon.engine import coverage
 from addon.mesh import uv_layout
 from addon.mesh.triangle_mesh import Mesh
-from addon.passes import audit, mesh_upload, target
+from addon.passes import audit, mesh_upload
 from tests.support import maps, oracle, random_cases
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -29,7 +29,7 @@ def laid_out(uv, triangles):
 
 def overlap_share(low, size):
     """The share of the texels of `low` that two or more of its triangles cover."""
-    counts = next(checks.covering(low, size))
+    counts = coverage.counts(low, size)[0]
     return np.count_nonzero(counts > 1) / np.count_nonzero(counts)
 
 
@@ -74,10 +74,10 @@ def test_random_triangles_seed_4():
 @pytest.mark.parametrize(
     "size",
     [
-        (tally.SAMPLES_A_SIDE, 8),
-        (2 * tally.SAMPLES_A_SIDE, 8),
-        (3 * tally.SAMPLES_A_SIDE - 1, 5),
-        (7, tally.SAMPLES_A_SIDE + 1),
+        (coverage.SAMPLES_A_SIDE, 8),
+        (2 * coverage.SAMPLES_A_SIDE, 8),
+        (3 * coverage.SAMPLES_A_SIDE - 1, 5),
+        (7, coverage.SAMPLES_A_SIDE + 1),
     ],
 )
 @pytest.mark.parametrize("tile", [1001, 1013])
@@ -85,12 +85,10 @@ def test_samples_of_a_large_map_are_texels_of_the_map_seed_9(size, tile):
     rng = np.random.default_rng(9)
     uv = rng.random((60, 2)).astype(np.float32) + ((tile - 1001) % 10, (tile - 1001) // 10)
     low = laid_out(uv, np.arange(60).reshape(-1, 3))
-    drawn, all_of_them = target.get("test", *size, "R16F"), np.empty(size[::-1], np.float32)
-    audit.draw_overlap(drawn, mesh_upload.upload(low.triangles, uv=low.uv), udim.uv_to_clip(tile))
-    drawn.read(all_of_them)
-    sampled = next(checks.covering(low, size, [tile]))
-    assert max(sampled.shape) <= tally.SAMPLES_A_SIDE
-    columns, rows = tally.sampled(size).steps
+    all_of_them = audit.counts(mesh_upload.upload(low.triangles, uv=low.uv), size, udim.uv_to_clip(tile))
+    sampled = coverage.counts(low, size, [tile])[0]
+    assert max(sampled.shape) <= coverage.SAMPLES_A_SIDE
+    columns, rows = coverage.sampled(size).steps
     truth = all_of_them[::rows, ::columns]
     assert sampled.shape == truth.shape
     # Rasterizers round corners to a fraction of a texel, and texels are larger if fewer are drawn.
@@ -108,7 +106,7 @@ def test_every_second_texel_of_a_large_map_is_sampled_at_its_center(column):
     """A pair of triangles covers the middle half of one column of texels. Only even columns are sampled."""
     left, right = (column + 0.25) / 2048, (column + 0.75) / 2048
     low = laid_out([(left, 0), (right, 0), (right, 1), (left, 1)], HALVES)
-    counts = next(checks.covering(low, (2048, 64)))
+    counts = coverage.counts(low, (2048, 64))[0]
     assert counts.shape == (64, 1024)
     assert (counts[:, column // 2] == 1.0).all()
     assert np.count_nonzero(counts) == 64

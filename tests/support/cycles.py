@@ -5,7 +5,7 @@ import numpy as np
 
 from addon.core import udim
 from addon.mesh.triangle_mesh import Mesh
-from addon.passes import audit, mesh_upload, target
+from addon.passes import audit, mesh_upload
 from addon.scene import mesh_reader
 from tests.support import angles
 
@@ -19,11 +19,8 @@ def read(obj) -> Mesh:
 def shared(obj, size) -> np.ndarray:
     """Which texels (H, W) bool several triangles of `obj` share: Cycles writes the last of them, Imprint that of the first
     part."""
-    mesh, counts = read(obj), np.empty(size[::-1], np.float32)
-    drawn = target.get("shared", *size, "R16F")
-    audit.draw_overlap(drawn, mesh_upload.upload(mesh.triangles, uv=mesh.uv), udim.uv_to_clip())
-    drawn.read(counts)
-    return counts > 1.0
+    mesh = read(obj)
+    return audit.counts(mesh_upload.upload(mesh.triangles, uv=mesh.uv), size, udim.uv_to_clip()) > 1
 
 
 def world_normals(obj, size, **options) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from addon.core import udim
 from addon.core.settings import Settings
 from addon.engine import tree_cache
 from addon.jobs import bake_pair
-from addon.passes import audit, mesh_upload, target
+from addon.passes import audit, mesh_upload
 from scripts.bench import bakers, scenes
 
 RAYS = 128
@@ -52,14 +52,13 @@ def compare(folder: Path | None, quick: bool) -> Iterator[dict]:
 
 
 def covering(low: bpy.types.Object, size: int) -> np.ndarray:
-    """How many triangles of `low` cover the center of each texel, (size, size) float32."""
+    """How many triangles of `low` cover the center of each texel, (size, size) uint8."""
     mesh = low.data
     corners, uv = np.empty(3 * len(mesh.loop_triangles), np.int32), np.empty(2 * len(mesh.loops), np.float32)
     mesh.loop_triangles.foreach_get("loops", corners)
     mesh.uv_layers.active.uv.foreach_get("vector", uv)
-    drawn = target.get("overlap", size, size, "R16F")
-    audit.draw_overlap(drawn, mesh_upload.upload(corners.reshape(-1, 3), uv=uv.reshape(-1, 2)), udim.uv_to_clip(1001))
-    return drawn.texels()
+    uploaded = mesh_upload.upload(corners.reshape(-1, 3), uv=uv.reshape(-1, 2))
+    return audit.counts(uploaded, (size, size), udim.uv_to_clip(1001))
 
 
 def rms(error: np.ndarray) -> float:
