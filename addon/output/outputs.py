@@ -13,6 +13,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import bpy
 import numpy as np
@@ -111,13 +112,9 @@ class MapWriter:
     ):
         self.parts, self.has_kept = shared_maps.joined(baked, kept), bool(kept)
         self._kept_tiles = kept_tiles
-        self.name, self.settings, self.is_normal = (
-            settings.storing.image or name_for(low_name, settings.storing),
-            settings,
-            is_normal,
-        )
-        self.color_space, self.is_packed, self.has_image = color_space, is_packed, has_image
-        self.is_gray = is_gray
+        self.name, self.settings = settings.storing.image or name_for(low_name, settings.storing), settings
+        self.is_normal, self.is_packed, self.is_gray = is_normal, is_packed, is_gray
+        self.color_space, self.has_image = color_space, has_image
         self._texels: np.ndarray | None = None
         self._partials: dict[int, Partial] = {}
         self._queue, self._is_own_queue = queue or WriteQueue(), queue is None
@@ -159,11 +156,8 @@ class MapWriter:
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             # As in Blender's own packed images, floats have 32 bits.
-            depth = (
-                file_formats.OPEN_EXR.depths[-1]
-                if self._folder and settings.storing.is_float
-                else settings.storing.depth
-            )
+            is_packed_float = self._folder and settings.storing.is_float
+            depth = file_formats.OPEN_EXR.depths[-1] if is_packed_float else settings.storing.depth
             with partial.writing():
                 partial.temporary.touch()
             has_alpha, is_color = settings.storing.alpha or bool(self._folder), self.color_space == SRGB
@@ -343,37 +337,27 @@ class Outputs:
     ):
         """baked, kept, kept_tiles: as in MapWriter; what is kept by the name of the map."""
         self.settings = settings
-        types = stored_maps(settings.map)
-        self._queue = WriteQueue()
-        self._packed = settings.map.packing.map_type.name if settings.map.packing else ""
+        types, queue = stored_maps(settings.map), WriteQueue()
+        self._queue, self._packed = queue, settings.map.packing.map_type.name if settings.map.packing else ""
+
+        def writer(name: str, of_map: Settings, **more: Any) -> MapWriter:
+            is_packed = name == self._packed
+            shared = {"baked": baked, "kept": kept.get(name, ()), "kept_tiles": kept_tiles.get(name, ())}
+            is_gray = types[name].is_gray and not is_packed
+            return MapWriter("", of_map, is_packed=is_packed, is_gray=is_gray, queue=queue, **shared, **more)
+
         self._writers = {
-            name: MapWriter(
-                "",
+            name: writer(
+                name,
                 of_map,
                 is_normal=types[name] is NORMAL,
                 color_space=value_encoding.color_space(types[name], of_map.storing),
-                is_packed=name == self._packed,
-                is_gray=types[name].is_gray and name != self._packed,
-                queue=self._queue,
-                baked=baked,
-                kept=kept.get(name, ()),
-                kept_tiles=kept_tiles.get(name, ()),
             )
             for name, of_map in settings_by_map(settings).items()
         }
         self._levels = {
-            (name, level): MapWriter(
-                "",
-                map_names.of_level(writer.settings, level),
-                is_packed=name == self._packed,
-                is_gray=types[name].is_gray and name != self._packed,
-                queue=self._queue,
-                has_image=False,
-                baked=baked,
-                kept=kept.get(name, ()),
-                kept_tiles=kept_tiles.get(name, ()),
-            )
-            for name, writer in self._writers.items()
+            (name, level): writer(name, map_names.of_level(of_map.settings, level), has_image=False)
+            for name, of_map in self._writers.items()
             for level in map_names.levels_of(settings, name)
         }
         """The writers of mip levels, by the name of the map and the number of the level."""
@@ -526,8 +510,7 @@ class Outputs:
             datablocks.to_rec709(texels)
         if BY_NAME[name].kind is not Kind.NORMAL:
             value_encoding.encode(drawn, how)
-        settings = self._settings_of(name)
-        storing = settings.storing
+        storing = self._settings_of(name).storing
         is_half = storing.is_float and storing.storage == Storage.FILE and storing.depth == value_encoding.HALF
         if (
             is_half
