@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of a bake as Blender properties, made from their declarations, and the way back to plain data."""
 
-from collections.abc import Collection
-from functools import singledispatch
+from collections.abc import Callable, Collection
 from typing import Any
 
 import bpy
@@ -19,7 +18,7 @@ from bpy.props import (
 
 from ..core import file_formats, map_types, udim
 from ..core.declarations import kinds
-from ..core.declarations.all_settings import DECLARED, FORMER
+from ..core.declarations.all_settings import DECLARED, FORMER, PANELS
 from ..core.declarations.choices import DistanceUnit, Storage
 from ..core.errors import warn_of_former
 from ..core.map_types import MapType
@@ -29,101 +28,55 @@ from .texts import LABEL
 
 def declared(name: str, **more: Any):
     """The property of the setting `name`. more: arguments that a declaration cannot have, such as `poll` or `update`."""
-    return _property(DECLARED[name], more)
+    setting = DECLARED[name]
+    kind, own = _property(setting)
+    if "get" in more:  # its value is made, and so has no default
+        own.pop("default", None)
+    if options := {*own.get("options", ()), *more.get("options", ())}:
+        more["options"] = options
+    words = {"name": setting.label, "description": setting.panel_tooltip, "translation_context": LABEL}
+    return kind(**words, **(own | more))
 
 
-def _words(setting: kinds.Setting) -> dict[str, str]:
-    return {"name": setting.label, "description": setting.panel_tooltip, "translation_context": LABEL}
-
-
-@singledispatch
-def _property(setting: kinds.Setting, more: dict[str, Any]):
-    """The property for a declaration of any kind."""
+def _property(setting: kinds.Setting) -> tuple[Callable, dict[str, Any]]:
+    """The kind of property for a declaration of any kind, and its arguments."""
+    match setting:
+        case kinds.Switch():
+            return BoolProperty, {"default": setting.default}
+        case kinds.Flags():
+            items = [(item.value, item.label, item.tooltip) for item in setting.items]
+            return EnumProperty, {"items": items, "default": set(setting.default), "options": {"ENUM_FLAG"}}
+        case kinds.Choice():
+            items = [(str(item.value), item.label, item.tooltip) for item in setting.items]
+            return EnumProperty, {"items": items, "default": str(setting.default)}
+        case kinds.WholeNumber():
+            limits = {"min": setting.least, "max": setting.most, "soft_max": setting.usual_most or setting.most}
+            return IntProperty, {"default": setting.default, **limits}
+        case kinds.Reach():
+            return FloatProperty, {
+                "default": setting.shown,
+                "min": 1e-6,
+                "soft_max": setting.usual_most,
+                "precision": 4,
+            }
+        case kinds.Distance():
+            limits = {"min": setting.shown_least, "soft_max": setting.usual_most, "precision": 4}
+            return FloatProperty, {"default": setting.shown, "subtype": "DISTANCE", **limits}
+        case kinds.Color():
+            limits = {"size": 3, "min": 0.0, "max": 1.0}
+            return FloatVectorProperty, {"default": setting.default, "subtype": "COLOR_GAMMA", **limits}
+        case kinds.FilePath():
+            options = {"subtype": "FILE_PATH", "options": {"PATH_SUPPORTS_BLEND_RELATIVE"}}
+            return StringProperty, {"default": setting.default, **options}
+        case kinds.Text():
+            return StringProperty, {"default": setting.default}
+        case kinds.Tiles():
+            return StringProperty, {}
+        case kinds.ObjectSlots():
+            return CollectionProperty, {}
+        case kinds.ObjectSlot():
+            return PointerProperty, {"type": bpy.types.Object}
     raise TypeError(f"there is no property for {setting!r}")
-
-
-@_property.register
-def _(setting: kinds.Switch, more):
-    return BoolProperty(**_words(setting), default=setting.default, **more)
-
-
-@_property.register
-def _(setting: kinds.Choice, more):
-    items = [(str(item.value), item.label, item.tooltip) for item in setting.items]
-    return EnumProperty(**_words(setting), items=items, default=str(setting.default), **more)
-
-
-@_property.register
-def _(setting: kinds.Flags, more):
-    items = [(item.value, item.label, item.tooltip) for item in setting.items]
-    options = {"ENUM_FLAG", *more.pop("options", ())}
-    return EnumProperty(**_words(setting), items=items, default=set(setting.default), options=options, **more)
-
-
-@_property.register
-def _(setting: kinds.WholeNumber, more):
-    limits = {"min": setting.least, "max": setting.most, "soft_max": setting.usual_most or setting.most}
-    if "get" not in more:
-        limits["default"] = setting.default
-    return IntProperty(**_words(setting), **limits, **more)
-
-
-@_property.register
-def _(setting: kinds.Distance, more):
-    return FloatProperty(
-        **_words(setting),
-        default=setting.shown,
-        min=setting.shown_least,
-        soft_max=setting.usual_most,
-        precision=4,
-        subtype="DISTANCE",
-        **more,
-    )
-
-
-@_property.register
-def _(setting: kinds.Reach, more):
-    if "get" not in more:
-        more = {**more, "default": setting.shown}
-    return FloatProperty(**_words(setting), min=1e-6, soft_max=setting.usual_most, precision=4, **more)
-
-
-@_property.register
-def _(setting: kinds.Color, more):
-    return FloatVectorProperty(
-        **_words(setting), default=setting.default, size=3, min=0.0, max=1.0, subtype="COLOR_GAMMA", **more
-    )
-
-
-@_property.register
-def _(setting: kinds.Text, more):
-    return StringProperty(**_words(setting), default=setting.default, **more)
-
-
-@_property.register
-def _(setting: kinds.FilePath, more):
-    return StringProperty(
-        **_words(setting),
-        default=setting.default,
-        subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
-        **more,
-    )
-
-
-@_property.register
-def _(setting: kinds.Tiles, more):
-    return StringProperty(**_words(setting), **more)
-
-
-@_property.register
-def _(setting: kinds.ObjectSlot, more):
-    return PointerProperty(**_words(setting), type=bpy.types.Object, **more)
-
-
-@_property.register
-def _(setting: kinds.ObjectSlots, more):
-    return CollectionProperty(**_words(setting), **more)
 
 
 FORMER_PROPERTIES = {"imprint": FORMER, "imprint_view": {"reader": "target"}}
@@ -221,6 +174,15 @@ Options.__annotations__ = {
     for name, setting in DECLARED.items()
     if name in PART_OF or getattr(setting, "empties", None) is not None
 } | {former: declared(name, options={"HIDDEN", "SKIP_SAVE"}) for former, name in FORMER.items()}
+
+
+class OfPanels:
+    """The settings of panels that no bake has: of pairs, levels, assets and conversions."""
+
+
+OfPanels.__annotations__ = {
+    name: declared(name) for panel in ("pairs", "levels", "asset", "convert") for name in PANELS[panel].settings
+}
 
 
 REACHES = tuple(name for name, setting in DECLARED.items() if isinstance(setting, kinds.Reach))

@@ -24,7 +24,7 @@ from . import modal, object_pairs
 from .bake_operators import BakeOperator, OnePairOperator
 from .progress_display import SettingsPanel, display
 from .properties import Chosen
-from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, split_layout
+from .texts import SidebarPanel, draw_paragraphs, draw_props, label, labeled, message, split_layout
 
 
 class IMPRINT_PT_more(SidebarPanel, bpy.types.Panel):
@@ -85,10 +85,8 @@ class IMPRINT_PT_levels(SettingsPanel, bpy.types.Panel):
         column.prop(settings, "level_triangles")
         by_deviation = column.column()
         by_deviation.active = not settings.level_triangles.strip()
-        for name in ("level_degrees", "level_distance"):
-            by_deviation.prop(settings, name)
-        column.prop(settings, "level_beside")
-        column.prop(settings, "export")
+        draw_props(by_deviation, settings, "level_degrees", "level_distance")
+        draw_props(column, settings, "level_beside", "export")
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         display.draw_operator(layout, "imprint.make_levels", icon="MOD_DECIM")
@@ -151,9 +149,8 @@ class IMPRINT_PT_asset(SettingsPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        column, settings = split_layout(layout.column()), context.scene.imprint
-        for name in ("asset_triangles", "asset_degrees", "asset_distance", "asset_fits_size", "asset_levels", "export"):
-            column.prop(settings, name)
+        names = "asset_triangles", "asset_degrees", "asset_distance", "asset_fits_size", "asset_levels", "export"
+        draw_props(split_layout(layout.column()), context.scene.imprint, *names)
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         is_possible = bool(context.selected_objects)
@@ -205,9 +202,7 @@ class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):
         layout.prop(settings, "from_space")
         if settings.from_space == Space.TANGENT:
             layout.prop(settings, "from_basis")
-        column = layout.column(align=True)
-        for name in ("from_red", "from_green", "from_blue"):
-            column.prop(settings, name)
+        draw_props(layout.column(align=True), settings, "from_red", "from_green", "from_blue")
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         is_possible = context.scene.imprint.convert_image is not None

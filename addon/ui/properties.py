@@ -18,7 +18,7 @@ from ..jobs.job import Job
 from ..scene import evaluation, object_checks
 from . import engine_choice, object_pairs, results, several
 from .callbacks import events, registering
-from .declared_properties import MapList, Options, declared, passed_on, take_former_values
+from .declared_properties import MapList, OfPanels, Options, declared, passed_on, take_former_values
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
 from .texts import labeled
 
@@ -63,7 +63,7 @@ def _choose(name: str):
     return update
 
 
-class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
+class ImprintSettings(bpy.types.PropertyGroup, Options, OfPanels, MapList):
     """Scene.imprint."""
 
     readers: declared("targets", update=passed_on("readers", "targets"), options={"HIDDEN"})
@@ -74,19 +74,6 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     measure: declared("measure", update=_choose("measure"))
     extrusion: declared("extrusion", update=_choose("extrusion"))
     max_distance: declared("max_distance", update=_choose("max_distance"))
-    low_suffix: declared("low_suffix")
-    high_suffix: declared("high_suffix")
-    cage_suffix: declared("cage_suffix")
-    share_image: declared("share_image")
-    level_triangles: declared("level_triangles")
-    level_degrees: declared("level_degrees")
-    level_distance: declared("level_distance")
-    level_beside: declared("level_beside")
-    asset_triangles: declared("asset_triangles")
-    asset_degrees: declared("asset_degrees")
-    asset_distance: declared("asset_distance")
-    asset_fits_size: declared("asset_fits_size")
-    asset_levels: declared("asset_levels")
     live_every_time: declared("live_every_time")
     size: declared("size", get=lambda self: self.width, set=_set_size)
     square: declared("square", update=_make_square)
@@ -118,11 +105,6 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     convert_image: labeled(
         PointerProperty, "Map", "Normal map to convert: an image of Imprint or of another baker", type=bpy.types.Image
     )
-    from_space: declared("from_space")
-    from_basis: declared("from_basis")
-    from_red: declared("from_red")
-    from_green: declared("from_green")
-    from_blue: declared("from_blue")
     active_high: labeled(IntProperty, "Active High", "Index of the selected slot")
 
     def chosen(self, context: bpy.types.Context, low: bpy.types.Object | None = None) -> "Chosen":

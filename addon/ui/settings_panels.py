@@ -19,7 +19,7 @@ from .modal import QuickOperator
 from .progress_display import SettingsPanel, display
 from .properties import ImprintSettings
 from .results import distances
-from .texts import font_size, label, room, split_layout, text_width, tooltip
+from .texts import draw_props, font_size, label, room, split_layout, text_width, tooltip
 
 
 class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
@@ -52,13 +52,8 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         row = column.row(align=True)
         row.active = not settings.unlimited
         row.prop(settings, "margin")
-        column.prop(settings, "unlimited")
-        column.prop(settings, "mips")
-        layout.prop(settings, "stacked")
-        layout.prop(settings, "modifiers")
-        layout.prop(settings, "rest_pose")
-        layout.prop(settings, "keep_faces")
-        layout.prop(settings, "smooth_high")
+        draw_props(column, settings, "unlimited", "mips")
+        draw_props(layout, settings, "stacked", "modifiers", "rest_pose", "keep_faces", "smooth_high")
         column = layout.column(align=True)
         column.prop(settings, "limited")
         if settings.limited:
@@ -83,9 +78,7 @@ class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         layout = split_layout(layout)
-        column = layout.column(align=True)
-        for name in ("red", "green", "blue"):
-            column.prop(context.scene.imprint, name)
+        draw_props(layout.column(align=True), context.scene.imprint, "red", "green", "blue")
 
 
 class IMPRINT_PT_targets(SettingsPanel, bpy.types.Panel):
@@ -130,8 +123,7 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
             row = layout.row()
             row.separator(factor=INDENT)
             column = row.column(align=True)
-            column.prop(settings, "detail_maps")
-            column.prop(settings, "appearance")
+            draw_props(column, settings, "detail_maps", "appearance")
         drawn = settings.to_settings().map.drawn_maps
         titles = {
             "rays": label("Occlusion and Curvature"),
@@ -225,10 +217,7 @@ def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family
         _draw_reach(layout, settings, "ao_distance", label(DECLARED["ao_distance"].label))
         if settings.ao_limited:
             layout.prop(settings, "ao_fade")
-        layout.prop(settings, "bias_angle")
-        layout.prop(settings, "occluders")
-        layout.prop(settings, "floor")
-        layout.prop(settings, "two_sided")
+        draw_props(layout, settings, "bias_angle", "occluders", "floor", "two_sided")
     layout.separator()
 
 
@@ -275,11 +264,8 @@ class IMPRINT_PT_packing(SettingsPanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.prop(settings, "pack")
         if settings.pack == Pack.CUSTOM:
-            for name in ("pack_red", "pack_green", "pack_blue", "pack_alpha"):
-                column.prop(settings, name)
-        layout.prop(settings, "texture_sets")
-        layout.prop(settings, "vertex_domain")
-        layout.prop(settings, "connect_maps")
+            draw_props(column, settings, "pack_red", "pack_green", "pack_blue", "pack_alpha")
+        draw_props(layout, settings, "texture_sets", "vertex_domain", "connect_maps")
 
 
 class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
@@ -308,16 +294,12 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
             layout.prop(settings, "tiles")
         layout.prop(settings, "storage")
         if settings.storage == Storage.FILE:
-            layout.prop(settings, "output")
-            layout.prop(settings, "alpha")
-            layout.prop(settings, "mip_files")
+            draw_props(layout, settings, "output", "alpha", "mip_files")
         layout.prop(settings, "material")
         row = layout.row()
         row.enabled = settings.material
         row.prop(settings, "single_user")
-        layout.prop(settings, "one_material")
-        layout.prop(settings, "show_result")
-        layout.prop(settings, "export")
+        draw_props(layout, settings, "one_material", "show_result", "export")
 
 
 class IMPRINT_OT_freeze_distances(bpy.types.Operator):
@@ -398,26 +380,21 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
         low, rays = chosen.low, chosen.rays
         measured = context.window_manager.imprint_found
         layout.prop(settings, "hit")
-        layout.prop(rays, "cage")
-        layout.prop(rays, "measure")
+        draw_props(layout, rays, "cage", "measure")
         column = layout.column(align=True)
         if rays.measure:
             column.enabled = False
-            column.prop(measured, "extrusion")
-            column.prop(measured, "max_distance")
+            draw_props(column, measured, "extrusion", "max_distance")
             layout.operator("imprint.freeze_distances", icon="FREEZE")
         else:
-            column.prop(rays, "extrusion")
-            column.prop(rays, "max_distance")
+            draw_props(column, rays, "extrusion", "max_distance")
         layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=overlay.is_on)
         layout.prop(settings, "directions")
         if low is not None and low.type == "MESH":
             for name in ("offset_group", "straight_group"):
                 layout.prop_search(settings, name, low, "vertex_groups", icon="GROUP_VERTEX")
             layout.operator("imprint.propose_weights", icon="MOD_VERTEX_WEIGHT")
-        layout.prop(settings, "facing_only")
-        layout.prop(settings, "missed")
-        layout.prop(settings, "mask")
+        draw_props(layout, settings, "facing_only", "missed", "mask")
 
 
 # Blender draws them in the order of registration.

@@ -109,6 +109,12 @@ def split_layout(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     return layout
 
 
+def draw_props(layout: bpy.types.UILayout, group: bpy.types.bpy_struct, *names: str) -> None:
+    """These properties of a group, one below the other."""
+    for name in names:
+        layout.prop(group, name)
+
+
 BESIDE_PANEL = 54.0
 """What tabs and margins take of the sidebar's width, in pixels at a scale of 1."""
 
