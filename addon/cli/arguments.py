@@ -39,6 +39,16 @@ def low_suffix(options: argparse.Namespace) -> str:
     return vars(options).get("suffixes", Suffixes()).low
 
 
+def only_low(options: argparse.Namespace) -> str:
+    """The name of the low object; "" if there are several, or if it is not named."""
+    return options.low[0] if len(options.low) == 1 else ""
+
+
+def are_several(options: argparse.Namespace) -> bool:
+    """Whether the bake has several low objects."""
+    return bool(options.pairs) or len(options.low) > 1
+
+
 def stored_normals(options: argparse.Namespace) -> StoredNormals:
     """What the map to convert means."""
     return StoredNormals(**{field.name: vars(options)[field.name] for field in fields(StoredNormals)})
@@ -155,6 +165,8 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--pairs finds the high objects and the cages by itself"
     elif by_file and (options.file or options.low or options.high or options.cage):
         yield "--low-file, --high-file and --cage-file go together, without FILE, --low, --high and --cage"
+    if len(options.low) > 1:
+        yield from _wrong_lows(options)
     if options.scene and (by_file or is_folder(options)):
         yield "--scene is for a .blend: leave it out"
     if options.high_up and not (options.high_file or options.pairs):
@@ -163,10 +175,23 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield CONVERT.refusal.format(", ".join(others))
     if options.convert and options.export:
         yield "--export follows a bake: leave it out with --convert"
-    if options.pack_uvs and not (options.pairs and not is_folder(options) and not naming.has_low(options.output or "")):
-        yield "--pack-uvs is for --pairs that share one map: leave it out, or {low} in --output"
+    shares = are_several(options) and not is_folder(options) and not naming.has_low(options.output or "")
+    if options.pack_uvs and not shares:
+        yield "--pack-uvs is for low objects that share one map: leave it out, or {low} in --output"
     if options.pairs and options.frames:
         yield "--frames is for one low object, --pairs for many"
+
+
+def _wrong_lows(options: argparse.Namespace) -> Iterator[str]:
+    """What cannot be asked for several low objects."""
+    names = ("high", "cage", "frames", "convert", "levels", "asset")
+    others = [f"--{name}" for name in names[:4] if vars(options)[name]]
+    others += [{"levels": "lod", "asset": "asset"}[name] for name in names[4:] if vars(options)[name]]
+    if others:
+        yield f"{', '.join(others)} is for one low object: give --low once"
+    twice = sorted({name for name in options.low if options.low.count(name) > 1})
+    if twice:
+        yield f"--low names {', '.join(map(repr, twice))} twice"
 
 
 JOB_FILES = (".toml", ".json")

@@ -26,14 +26,11 @@ from ..core.report import Report, smooth_sentences
 from ..core.settings import Settings
 from ..core.stored_normals import ConversionReport
 from ..jobs import bake_jobs, pair_checks
-from ..jobs.job import Job, Wants, files_read_by, jobs_by_name
+from ..jobs.job import Job, Wants, files_read_by
 from ..jobs.sequence import work_on_frames
 from ..output import png_writer
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import addons, object_checks
-from ..scene.importing import Space
-from ..scene.mesh_reader import count_triangles
-from ..scene.object_checks import object_by_name
 from ..scene.reading import lengths_of
 from . import (
     arguments,
@@ -45,6 +42,7 @@ from . import (
     plans,
     run_report,
     scene_files,
+    scene_jobs,
     standard_streams,
     terminal,
 )
@@ -164,12 +162,12 @@ class Baker:
         if self._meter.is_on:
             self._meter.show(name, progress.Progress("Opening", 0.0))
         with startup.spent("opening"):
-            jobs, problems = _jobs(options, loader)
+            jobs, problems = scene_jobs.opened(options, loader)
             if not plan.chain and loader.reopen_if_changed(high.name for job in jobs for high in job.highs):
-                jobs, problems = _jobs(options, loader)  # a bake does not depend on those before it
+                jobs, problems = scene_jobs.opened(options, loader)  # a bake does not depend on those before it
             smooth_files = loader.smooth(jobs, options.smooth_files)
         # In a chain, a bake may read the maps of those before it.
-        read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
+        read = files_read_by([*jobs, *scene_jobs.of_rivals(plan)], has_maps=not plan.chain)
         self._files.opened(plan.name, options, _lows(options, jobs), [*scene_files.used(options), *read])
         notes = input_checks.check_textures(options, settings.map, jobs)
         needed = limits.needs(options.strict)
@@ -200,7 +198,7 @@ class Baker:
         memory = _show_memory(opened, self._meter)
         packed = self._packed(opened)
         # If a pair, a frame, the scene or the report fails, no file of the bake is written.
-        with all_or_none(has_parts=bool(options.pairs or options.frames)):
+        with all_or_none(has_parts=arguments.are_several(options) or bool(options.frames)):
             printed: list[str] = []
             baked = older_blender.with_gpu(lambda: _explained(opened, self._meter, printed))
             is_stopped, chain = baked.is_stopped, baked.chain
@@ -335,7 +333,7 @@ def look_at(options: argparse.Namespace) -> int:
     """Print what the high meshes of a bake are, and what it will change of them. Returns the exit code. Raises BakeError."""
     start_gpu()
     loader = SceneLoader()
-    jobs, problems = _jobs(options, loader)
+    jobs, problems = scene_jobs.opened(options, loader)
     settings, smooth = arguments.settings(options), loader.smooth(jobs, options.smooth_files)
     for job in jobs:
         look = pair_checks.look_at_high(bpy.context, job, settings)
@@ -409,7 +407,7 @@ def _kind(options: argparse.Namespace) -> str:
     """What several reports of one bake are of."""
     if options.levels or (options.asset and Wanted.of_texts(*options.asset).levels):
         return "levels"
-    return "pairs" if options.pairs else "frames" if options.frames else ""
+    return "pairs" if arguments.are_several(options) else "frames" if options.frames else ""
 
 
 def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
@@ -490,8 +488,8 @@ def _for_linked(settings: Settings, options: argparse.Namespace, jobs: Sequence[
 
 
 def _share_image(options: argparse.Namespace) -> bool:
-    """Whether all pairs share one map, whose path has no low object's name."""
-    return bool(options.pairs) and not naming.has_low(options.output)
+    """Whether all low objects share one map, whose path has no low object's name."""
+    return arguments.are_several(options) and not naming.has_low(options.output)
 
 
 def start_gpu() -> None:
@@ -506,72 +504,6 @@ def _started_gpu() -> None:
     # Without the launcher, those lines may be all that explains a crash.
     with standard_streams.silence() if interruption.is_launched() else nullcontext():
         older_blender.start_gpu()
-
-
-def _rival_jobs(plan: Plan) -> Iterator[Job]:
-    """The jobs of the plan's rivals that the open scene has."""
-    for options in plan.rivals:
-        with suppress(BakeError):  # each says itself what it lacks
-            if options.pairs:
-                yield from jobs_by_name(bpy.context, options.suffixes)[0]
-            elif options.low:
-                low = object_by_name(options.low)
-                cage = object_by_name(options.cage) if options.cage else None
-                yield Job(low, [object_by_name(name) for name in options.high] or [low], cage)
-
-
-def _jobs(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], list[str]]:
-    """The jobs, ready in the scene, and sentences about what is wrong with names."""
-    if options.low_file:
-        space = Space(options.origin)
-        job = loader.job(options.low_file, options.high_file, options.cage_file, space, options.high_up or "")
-        return [job], []
-    if options.file:
-        loader.open(options.file, Space(options.origin))
-    elif not bpy.data.filepath:
-        raise BakeError("There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file.")
-    else:
-        loader.take()
-    loader.choose(options.scene)
-    if options.pairs:
-        return jobs_by_name(bpy.context, options.suffixes)
-    if options.asset:
-        job = _job_of_asset(options)
-        return [job], _kept_low(options, job)
-    low = object_by_name(options.low)
-    highs = [object_by_name(name) for name in options.high] or [low]
-    return [Job(low, highs, object_by_name(options.cage) if options.cage else None)], []
-
-
-def _job_of_asset(options: argparse.Namespace) -> Job:
-    """The high objects that are named, or all visible ones, with the low object that is named or belongs to them by its name.
-    If there is none, one of the high objects is in its place."""
-    from ..jobs import asset  # here, since a bake does not need it
-
-    visible = [obj for obj in bpy.context.view_layer.objects if obj.type == "MESH" and obj.visible_get()]
-    low = object_by_name(options.low) if options.low else None
-    lows = {naming.low_name_of(obj.name, options.suffixes) for obj in visible}
-    highs = [object_by_name(name) for name in options.high]
-    highs = highs or [obj for obj in visible if obj != low and obj.name not in lows]
-    if not highs:
-        raise BakeError(
-            "There is no visible mesh to make an asset of: give a FILE that has one, or name it with --high."
-        )
-    return Job(low or asset.known_low(bpy.context, highs, options.suffixes) or highs[0], highs)
-
-
-def _kept_low(options: argparse.Namespace, job: Job) -> list[str]:
-    """That a low object is there already, in a sentence, if a number of triangles was asked for that it does not have."""
-    wanted = options.asset[1].strip()
-    if job.low in job.highs or options.low or not wanted or job.low.type != "MESH":
-        return []
-    count = count_triangles(job.low.data)
-    if count == Wanted.of_texts(*options.asset).triangles:
-        return []
-    return [
-        f"{job.low.name!r} is there already and has {count:,} triangles, not {wanted}: it was baked as it is. Rename or "
-        "remove it to have a low mesh made."
-    ]
 
 
 EXPORTERS = {".fbx": ("io_scene_fbx",)}

@@ -301,7 +301,7 @@ def low_of(options: argparse.Namespace) -> str:
     and assets."""
     if (options.levels or options.asset) and naming.has_low(f"{options.output}{options.export}"):
         return ""
-    low = options.low or (plans.stem(options.low_file) if options.low_file else "")
+    low = arguments.only_low(options) or (plans.stem(options.low_file) if options.low_file else "")
     return low or ("" if naming.has_low(options.output) else ATLAS)
 
 

@@ -80,7 +80,7 @@ class InputProblems:
             if not pairs:
                 yield " ".join(problems) or f"No object has a name that ends in {options.suffixes.low!r}."
         else:
-            for name in dict.fromkeys(filter(None, (options.low, *options.high, options.cage))):
+            for name in dict.fromkeys(filter(None, (*options.low, *options.high, options.cage))):
                 if name not in names:
                     yield naming.no_such_object(name, sorted(names))
 

@@ -137,6 +137,7 @@ _SIZE = DECLARED["size"].default
 _BESIDE = {
     "size": {"type": option_types.size, "default": (_SIZE, _SIZE)},
     "depth": {"default": None},  # it depends on the format
+    "low": {"action": "append", "default": []},
     "highs": {"default": [], "dest": "high"},
     "output": {"default": None},
     "export": {"default": None},
@@ -200,7 +201,7 @@ OBJECTS = {
         "_low,_high,_cage",
     ),
     "pack-uvs": CommandOption(
-        "Give the low objects of --pairs a UV map, Atlas, in which the islands of all lie side by side, and bake into it. "
+        "Give several low objects a UV map, Atlas, in which the islands of all lie side by side, and bake into it. "
         "Those that have it keep their places",
         {"action": "store_true"},
     ),

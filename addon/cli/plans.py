@@ -14,7 +14,7 @@ from itertools import groupby
 from pathlib import Path
 
 from ..core import udim
-from ..core.errors import BakeError, reason
+from ..core.errors import BakeError, reason, shorten_list
 from ..core.file_formats import OPENED
 from ..core.naming import Pair, Suffixes, match, printable
 from . import arguments
@@ -133,7 +133,7 @@ def subject(options: argparse.Namespace, open_file: str = "") -> str:
     if options.name:
         return printable(options.name)
     if options.low or options.low_file:
-        return printable(options.low or stem(options.low_file))
+        return printable(shorten_list(options.low) or stem(options.low_file))
     place = options.pairs if arguments.is_folder(options) else (*options.file, open_file)[0]
     return printable(os.path.basename(os.path.abspath(place)))  # a folder may be called "."
 

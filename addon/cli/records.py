@@ -277,7 +277,8 @@ def record_path(options: argparse.Namespace, records: str | None = None) -> Path
     folders may have one name.
     """
     output = os.path.abspath(options.output)
-    low = "" if options.levels else options.low or (Path(options.low_file).stem if options.low_file else "")
+    low = "" if options.levels else arguments.only_low(options)
+    low = low or (Path(options.low_file).stem if options.low_file and not options.levels else "")
     folder, name = os.path.split(_filled(options, output, low))
     plain = naming.file_name(name)
     is_long = len(os.fsencode(plain)) > LONGEST
@@ -307,7 +308,7 @@ def _identity(options: argparse.Namespace, folder: str) -> str:
     if arguments.is_folder(options):
         files.append(["", path_from(os.path.abspath(options.pairs), folder)])
     output = path_from(os.path.abspath(options.output), folder)
-    names = [options.low, options.high, options.cage, options.frames, output]
+    names = [arguments.only_low(options) or options.low, options.high, options.cage, options.frames, output]
     return hashlib.sha256(canonical([files, names]).encode()).hexdigest()[:16]
 
 

@@ -48,6 +48,7 @@ def files(folder):
 
 
 BAKE = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "flatten", "--limit", "9", "--size", "16"]
+MISSPELLED = ["loo" if word == "lo" else word for word in BAKE]
 
 
 @pytest.fixture
@@ -78,7 +79,7 @@ def test_the_command_in_the_readme_is_parsed():
         "--margin 8 --depth 32 --output MAP.exr --save-blend OUT.blend --report REPORT.json"
     )
     options = arguments.parse(line.split())
-    assert (options.file, options.low, options.high) == (["FILE.blend"], "lo", ["hi", "hi2"])
+    assert (options.file, options.low, options.high) == (["FILE.blend"], ["lo"], ["hi", "hi2"])
     assert (options.space, options.uv_layer, options.method, options.size) == (
         "OBJECT",
         "Layout",
@@ -158,9 +159,12 @@ CANNOT = {
     "a folder for a file": (["scene", *BAKE[1:], "--output", "m.png"], "no file"),
     "no scene file": (["scene/texture.png", *BAKE[1:], "--output", "m.png"], "is not a complete .blend file"),
     "a broken scene file": (["broken.blend", *BAKE[1:], "--output", "m.png"], "is not a complete .blend file"),
-    "low object misspelled": ([*BAKE, "--low", "loo", "--output", "m.png"], "did you mean 'lo'?"),
+    "low object misspelled": ([*MISSPELLED, "--output", "m.png"], "did you mean 'lo'?"),
     "high object misspelled": ([*BAKE, "--high", "hii", "--output", "m.png"], "did you mean 'hi'?"),
-    "no similar name": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 'hi', 'lo'."),
+    "no similar name": (
+        ["Suzanne" if word == "lo" else word for word in BAKE] + ["--output", "m.png"],
+        "it has 'hi', 'lo'.",
+    ),
     "a scene twice": (["scene/file.blend", *BAKE, "--output", "m.png"], "Cannot load from the current blend file"),
     "no such UV map": ([*BAKE, "--uv", "Lightmap", "--output", "m.png"], "'lo' has no UV layer 'Lightmap'"),
     "file for a folder": ([*BAKE, "--output", "broken.blend/m.png"], "Not a directory"),
@@ -575,7 +579,7 @@ def script(*arguments):
 
 @pytest.mark.parametrize(
     ("arguments", "code"),
-    [([*BAKE, "--low", "loo", "--output", "m.png"], 1), (BAKE, 2)],
+    [([*MISSPELLED, "--output", "m.png"], 1), (BAKE, 2)],
 )
 def test_the_scripts_exit_codes(scene, arguments, code):
     done = script(*arguments)
@@ -674,7 +678,7 @@ def test_uv_maps_of_pairs_are_packed_once(rocks, capsys):
 @pytest.mark.parametrize("words", [["--pairs", "--output", "{low}.png"], ["--low", "a_low", "--output", "a.png"]])
 def test_uv_maps_are_packed_for_a_map_that_pairs_share(rocks, capsys, words):
     assert command.run(["rocks.blend", "--pack-uvs", *words]) == run_report.WRONG_USAGE
-    assert "--pack-uvs is for --pairs that share one map" in capsys.readouterr().err
+    assert "--pack-uvs is for low objects that share one map" in capsys.readouterr().err
 
 
 def test_pairs_may_have_their_own_maps(rocks):

@@ -90,7 +90,6 @@ def test_wrong_usage(folder, capfd, more, text):
 @pytest.mark.parametrize(
     ("more", "text"),
     [
-        (["--low", "Hil"], "did you mean 'Hill'"),
         (["--degrees", "0.001", "--depth", "8"], "alone deviates"),
         (["--uv", "none"], "none"),
     ],
@@ -99,6 +98,17 @@ def test_errors_leave_no_file(folder, capfd, more, text):
     assert command.run([*CHAIN, *more]) == 1
     assert text in capfd.readouterr().err.splitlines()[-1]
     assert files(folder) == ["hill.blend"]
+
+
+def test_a_misspelled_object_leaves_no_file(folder, capfd):
+    assert command.run(["Hil" if word == "Hill" else word for word in CHAIN]) == 1
+    assert "did you mean 'Hill'" in capfd.readouterr().err.splitlines()[-1]
+    assert files(folder) == ["hill.blend"]
+
+
+def test_several_objects_are_refused(folder, capfd):
+    assert command.run([*CHAIN, "--low", "Vale"]) == 2
+    assert "lod is for one low object: give --low once" in capfd.readouterr().err
 
 
 def test_levels_have_so_many_triangles(folder, capfd):

@@ -293,7 +293,7 @@ def test_a_job_file_is_read(write, tmp_path):
     rock, scene, files = job_file.read(write(TOML))
     assert (rock.file, rock.low, rock.high, rock.cage) == (
         [str(here / "rock.blend")],
-        "-rock low",
+        ["-rock low"],
         ["rock_high", "moss"],
         "rock_cage",
     )
@@ -382,14 +382,17 @@ FAULTS = {
     "no choice": (FIRST + "samples = 3", "set 1: samples: invalid choice: 3"),
     "a fraction": (FIRST + "samples = 4.0", "set 1: samples: '4.0' is not a whole number"),
     "a word for a number": (FIRST + "extrusion = 'far'", "set 1: extrusion: 'far' is not a number"),
-    "a number for a name": (FIRST.replace("'a'\n", "5\n", 1), "set 1: low: text is expected, not 5"),
+    "a number for a name": (FIRST.replace("'a'\n", "5\n", 1), "set 1: low: text, or a list of it is expected, not 5"),
     "a number for a path": ("[[bake]]\nfile=7", "set 1: file: text, or a list of it is expected, not 7"),
-    "a list for a name": (FIRST.replace("low='a'", "low=['a']"), 'set 1: low: text is expected, not ["a"]'),
+    "a list for a name": (FIRST + "cage = ['a']", 'set 1: cage: text is expected, not ["a"]'),
     "numbers among names": (FIRST + "high = ['a', 1]", "set 1: high: text, or a list of it is expected"),
     "text for a switch": (FIRST + "mask = 'yes'", 'set 1: mask: true or false is expected, not "yes"'),
     "a number for a switch": (FIRST + "mask = 1", "set 1: mask: true or false is expected, not 1"),
     "a switch for a number": (FIRST + "size = true", "set 1: size: a number or text is expected, not true"),
-    "a switch for a name": (FIRST.replace("'a'\n", "true\n", 1), "set 1: low: text is expected, not true"),
+    "a switch for a name": (
+        FIRST.replace("'a'\n", "true\n", 1),
+        "set 1: low: text, or a list of it is expected, not true",
+    ),
     "a table for a number": (FIRST + "size = {x = 1}", "set 1: size: a number or text is expected"),
     "a day for a number": (FIRST + "size = 2026-01-01", "set 1: size: a number or text is expected"),
     "no such word": (FIRST + "space = 'tangnet'", "set 1: space: 'tangnet' is not one of tangent, object, world"),
@@ -518,7 +521,7 @@ def test_all_mistakes_of_a_set_are_reported(write):
         assert words in first
     assert "set 2: unknown key 'OUTPUT'" in second
     assert "Width: 0 is outside" in second
-    assert third.endswith("set 3: low: text is expected, not 3; output is required")
+    assert third.endswith("set 3: low: text, or a list of it is expected, not 3; output is required")
 
 
 @pytest.mark.parametrize(
@@ -526,11 +529,15 @@ def test_all_mistakes_of_a_set_are_reported(write):
     [
         ("jobs/jobs.json", "[1]", "a table with 'bake'"),
         ("jobs/jobs.json", "{'bake': []}", "is not valid JSON"),
-        ("jobs/jobs.json", {"bake": [{"low": None}]}, "set 1: low: text is expected, not null"),
+        ("jobs/jobs.json", {"bake": [{"low": None}]}, "set 1: low: text, or a list of it is expected, not null"),
         ("jobs/jobs.json", {"bake": [{"low": "a\0"}]}, "set 1: low: 'a\\x00' contains a NUL character"),
         ("jobs/jobs.json", "[" * 100_000, "nested too deeply"),
         ("jobs/jobs.toml", "a = " + "[" * 100_000, "nested too deeply"),
-        ("jobs/jobs.json", '{"bake": [{"low": ' + "[" * 900 + "]" * 900 + "}]}", "set 1: low: text is expected"),
+        (
+            "jobs/jobs.json",
+            '{"bake": [{"low": ' + "[" * 900 + "]" * 900 + "}]}",
+            "set 1: low: text, or a list of it is expected",
+        ),
         ("jobs/jobs.json", {"bake": [{"low": "a\udcff"}]}, "is not UTF-8"),
         ("jobs/jobs.txt", TOML, "does not end in .toml or .json"),
     ],

@@ -35,7 +35,13 @@ BAKE: dict[str, Setting] = {
         option=Option(word="high", default="the low object with its modifiers", note="The option may be repeated"),
     ),
     "low": ObjectSlot(
-        label="Low", tooltip="Low-poly mesh, which gets the map", empty="the active object", option=Option(default="")
+        label="Low",
+        tooltip="Low-poly mesh, which gets the map",
+        empty="the active object",
+        option=Option(
+            default="",
+            note="The option may be repeated: each is then baked from what is called as it is, or onto itself",
+        ),
     ),
     "live_every_time": Switch(
         label="Write Every Map",

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which objects of the open scene the options of a bake name: its jobs, and what is guessed where they do not say it."""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+
+import bpy
+
+from ..core import naming
+from ..core.asset_limits import Wanted
+from ..core.errors import BakeError, shorten_list
+from ..core.naming import Suffixes
+from ..jobs.job import Job, jobs_by_name
+from ..scene import object_checks
+from ..scene.importing import Space
+from ..scene.mesh_reader import count_triangles
+from ..scene.object_checks import object_by_name
+from .plans import Plan
+from .scene_files import SceneLoader
+
+
+def opened(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], list[str]]:
+    """The jobs, ready in the scene, and sentences about what is wrong with names."""
+    if options.low_file:
+        space = Space(options.origin)
+        job = loader.job(options.low_file, options.high_file, options.cage_file, space, options.high_up or "")
+        return [job], []
+    if options.file:
+        loader.open(options.file, Space(options.origin))
+    elif not bpy.data.filepath:
+        raise BakeError("There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file.")
+    else:
+        loader.take()
+    loader.choose(options.scene)
+    if options.asset:
+        job = _of_asset(options)
+        return [job], _kept_low(options, job)
+    return _of_scene(options)
+
+
+def of_rivals(plan: Plan) -> Iterator[Job]:
+    """The jobs of the plan's rivals that the open scene has."""
+    for options in plan.rivals:
+        with suppress(BakeError):  # each says itself what it lacks
+            if options.pairs or options.low:
+                yield from _of_scene(options)[0]
+
+
+def _of_scene(options: argparse.Namespace) -> tuple[list[Job], list[str]]:
+    """The jobs of the low objects that the options name in the open scene, and sentences about names."""
+    if options.pairs:
+        return jobs_by_name(bpy.context, options.suffixes)
+    lows, highs = (list(map(object_by_name, names)) for names in (options.low, options.high))
+    cage = object_by_name(options.cage) if options.cage else None
+    if highs or cage or options.convert or options.levels:
+        return [Job(lows[0], highs or lows, cage)], []
+    return _without_highs(lows, options.suffixes)
+
+
+def _without_highs(lows: Sequence[bpy.types.Object], suffixes: Suffixes) -> tuple[list[Job], list[str]]:
+    """The jobs of low objects whose high objects nobody names, and sentences about what was taken.
+
+    They are the low object itself, if its modifiers add detail or it has another UV map than its materials; else those that
+    are called as it is; else the low object itself.
+    """
+    objects = object_checks.by_name(bpy.context.view_layer.objects)
+    pairs = {pair.low: pair.highs for pair in naming.match(objects, suffixes)[0]}
+    jobs, notes = [], []
+    for low in lows:
+        called = map(objects.get, pairs.get(low.name, ()) if objects.get(low.name) == low else ())
+        highs, own = list(filter(object_checks.may_show, called)), object_checks.own_highs(low)
+        jobs.append(Job(low, own or highs or [low]))
+        names = shorten_list(repr(high.name) for high in highs)
+        if highs and own:
+            notes.append(f"{low.name!r} is baked from its own modifiers or UV maps: --high takes {names} instead.")
+        elif highs:
+            notes.append(
+                f"{low.name!r} is baked from {names}, as its name says: --high {low.name!r} bakes it onto itself."
+            )
+    return jobs, notes
+
+
+def _of_asset(options: argparse.Namespace) -> Job:
+    """The high objects that are named, or all visible ones, with the low object that is named or belongs to them by its name.
+    If there is none, one of the high objects is in its place."""
+    from ..jobs import asset  # here, since a bake does not need it
+
+    visible = [obj for obj in bpy.context.view_layer.objects if obj.type == "MESH" and obj.visible_get()]
+    low = object_by_name(options.low[0]) if options.low else None
+    lows = {naming.low_name_of(obj.name, options.suffixes) for obj in visible}
+    highs = [object_by_name(name) for name in options.high]
+    highs = highs or [obj for obj in visible if obj != low and obj.name not in lows]
+    if not highs:
+        raise BakeError(
+            "There is no visible mesh to make an asset of: give a FILE that has one, or name it with --high."
+        )
+    return Job(low or asset.known_low(bpy.context, highs, options.suffixes) or highs[0], highs)
+
+
+def _kept_low(options: argparse.Namespace, job: Job) -> list[str]:
+    """That a low object is there already, in a sentence, if a number of triangles was asked for that it does not have."""
+    wanted = options.asset[1].strip()
+    if job.low in job.highs or options.low or not wanted or job.low.type != "MESH":
+        return []
+    count = count_triangles(job.low.data)
+    if count == Wanted.of_texts(*options.asset).triangles:
+        return []
+    return [
+        f"{job.low.name!r} is there already and has {count:,} triangles, not {wanted}: it was baked as it is. Rename or "
+        "remove it to have a low mesh made."
+    ]

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests bakes without --high in a shell: of one mesh, of several, and where a name says what was forgotten."""
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.cli import command, run_report
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = ["--size", "64", "--no-normal", "--maps", "position", "--depth", "16", "--margin", "2"]
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """props.blend: two cubes side by side, and a pair by its names."""
+    monkeypatch.chdir(tmp_path)
+    for number, name in enumerate(("lamp", "table")):
+        bpy.ops.mesh.primitive_cube_add(location=(3.0 * number, 0.0, 0.0))
+        bpy.context.object.name = name
+    zoo.plane("crate_low").location.y = 9.0
+    high = zoo.plane("crate_high", slope=0.3)
+    high.location.y = 9.0
+    save(tmp_path)
+    return tmp_path
+
+
+def save(folder):
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "props.blend"))
+
+
+def bake(*words, code=run_report.DONE):
+    assert command.run(["props.blend", *SIZE, *words]) == code
+
+
+def read(path):
+    image = bpy.data.images.load(str(path))
+    texels = np.array(image.pixels, np.float32).reshape(image.size[1], image.size[0], 4)
+    bpy.data.images.remove(image)
+    return texels
+
+
+def test_several_low_objects_are_baked_each_onto_itself(scene):
+    bake("--low", "lamp", "--low", "table", "--output", "all/{low}.png", "--report", "report.json")
+    (entry,) = json.loads((scene / "report.json").read_text())["bakes"]
+    assert [(report["low"], report["high"]) for report in entry["reports"]] == [
+        ("lamp", ["lamp"]),
+        ("table", ["table"]),
+    ]
+    for name in ("lamp", "table"):
+        bake("--low", name, "--output", "one/{low}.png")
+        np.testing.assert_array_equal(*(read(scene / each / f"{name}_position.png") for each in ("all", "one")))
+
+
+def test_they_share_one_map_without_a_name_in_its_path(scene):
+    bake("--low", "lamp", "--low", "table", "--output", "atlas.png", "--pack-uvs")
+    is_hit = read(scene / "atlas_position.png")[..., 3] > 0.0
+    assert is_hit.mean() > 0.3
+
+
+def test_a_job_file_names_several(scene, capsys):
+    sets = [{"file": "props.blend", "low": ["lamp", "table"], "output": "{low}.png", "size": 64}]
+    (scene / "jobs.json").write_text(json.dumps({"bake": sets}))
+    assert command.run(["--jobs", "jobs.json", "--resume"]) == run_report.DONE
+    assert {path.name for path in scene.glob("*.png")} == {"lamp.png", "table.png"}
+    capsys.readouterr()
+    assert command.run(["--jobs", "jobs.json", "--resume"]) == run_report.DONE
+    assert "1 done before" in capsys.readouterr().out
+    assert command.run(["--jobs", "jobs.json", "--list"]) == run_report.DONE
+    assert "lamp, table" in capsys.readouterr().out
+
+
+def test_a_high_object_that_was_forgotten_is_taken_by_its_name_and_told(scene, capsys):
+    bake("--low", "crate_low", "--output", "forgotten.png")
+    told = "'crate_low' is baked from 'crate_high', as its name says: --high 'crate_low' bakes it onto itself."
+    assert told in capsys.readouterr().err
+    bake("--low", "crate_low", "--high", "crate_high", "--output", "named.png")
+    bake("--low", "crate_low", "--high", "crate_low", "--output", "itself.png")
+    assert told not in capsys.readouterr().err
+    found = {name: read(scene / f"{name}_position.png") for name in ("forgotten", "named", "itself")}
+    np.testing.assert_array_equal(found["forgotten"], found["named"])
+    assert np.abs(found["itself"] - found["named"]).max() > 0.05
+
+
+def test_one_with_a_high_object_and_one_without_are_baked_as_each_is(scene, capsys):
+    bake("--low", "crate_low", "--low", "lamp", "--output", "{low}.png", "--report", "report.json")
+    (entry,) = json.loads((scene / "report.json").read_text())["bakes"]
+    assert [report["high"] for report in entry["reports"]] == [["crate_high"], ["lamp"]]
+    assert "'crate_low' is baked from 'crate_high'" in capsys.readouterr().err
+
+
+def test_modifiers_come_before_names_as_they_always_did(scene, capsys):
+    bpy.ops.wm.open_mainfile(filepath=str(scene / "props.blend"))
+    bpy.data.objects["crate_low"].modifiers.new("Subdivision", "SUBSURF")
+    save(scene)
+    bake("--low", "crate_low", "--output", "m.png")
+    assert "'crate_low' is baked from its own modifiers or UV maps: --high takes 'crate_high' instead." in (
+        capsys.readouterr().err
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--high", "crate_high"], "--high is for one low object: give --low once"),
+        (["--frames", "1-2"], "--frames is for one low object: give --low once"),
+        (["--low", "lamp"], "--low names 'lamp' twice"),
+    ],
+)
+def test_what_several_cannot_have_is_told(scene, capsys, words, text):
+    bake("--low", "lamp", "--low", "table", "--output", "{low}.png", *words, code=run_report.WRONG_USAGE)
+    assert text in capsys.readouterr().err
