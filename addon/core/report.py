@@ -75,6 +75,8 @@ class Report:
     """The low mesh's UV map that was used."""
     why: str = _of("plan.choice.why", default="")
     """Why the bake chose this method; empty if the settings name it."""
+    repeats: dict[str, list[float]] = _of("meshes.repeat.to_dict", default_factory=dict)
+    """With Wrap, the steps from a tile to the next along "u" and "v", in world space, in scene units."""
     triangles: dict[str, int] = _of("findings.triangles", default_factory=dict)
     """How many triangles: high, low."""
     mended: dict[str, float] = _of("plan.told.to_dict", default_factory=dict)

@@ -11,7 +11,7 @@ from typing import Any
 from . import file_formats, udim
 from .declarations import bases
 from .declarations.all_settings import DECLARED, FORMER
-from .declarations.choices import Method, Pack, Space, Storage, VertexDomain
+from .declarations.choices import Method, Pack, Space, Storage, VertexDomain, Wrap
 from .declarations.map_settings import ADAPTIVE_FROM
 from .errors import BakeError, warn_of_former
 from .map_types import (
@@ -146,6 +146,7 @@ class SamplingSettings:
     margin: int | None = _field("margin")
     """None to fill the whole background."""
     margin_type: str = _field("margin_type")
+    wrap: str = _field("wrap")
     mips: int = _field("mips")
     udim: bool = _field("udim")
     tiles: tuple[int, ...] = _field("tiles")
@@ -322,6 +323,10 @@ class Settings:
         yield from _faults(partial(udim.check, self.sampling.tiles))
         if self.sampling.tiles and not self.sampling.udim:
             yield "Tiles are set but UDIM Tiles is off: enable it."
+        if self.sampling.wrap != Wrap.NONE and self.sampling.udim:
+            yield "A map that wraps around is one tile: turn Wrap or UDIM Tiles off."
+        if self.sampling.wrap != Wrap.NONE and self.tracing.method == Method.FLATTEN:
+            yield "Flatten does not wrap around: choose Cast or Auto as the method, or turn Wrap off."
         if self.sampling.udim and self.storing.storage == Storage.MEMORY:
             yield "Blender cannot keep UDIM tiles in memory alone: store them in a file, or packed."
 

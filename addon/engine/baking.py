@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The engine's door: meshes as arrays in, maps as arrays out, without files and without Blender's data."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import gpu
 import numpy as np
 
-from ..core.declarations.choices import Hit
+from ..core.declarations.choices import Hit, Wrap
 from ..core.errors import BakeError, NoGpuMemory
 from ..core.map_types import NORMAL, WRITTEN, Map
 from ..core.progress import Task, part
@@ -16,12 +16,13 @@ from ..core.settings import Run
 from ..mesh.inputs import Meshes
 from ..passes import mesh_upload, target
 from . import margins
-from .bands import LEAST_ROWS, Band, BandMaps, bands
+from .bands import LEAST_ROWS, Band, BandMaps, DrawnMaps, bands
 from .margins import PostProcess
 from .planning import Plan, nothing_drawn, plan_of
 from .ray_casting import RayCast
 from .sampling import SampledMaps, maps_of_bake
 from .sources import Source, normal_source
+from .wrapping import Around
 
 Keep = Callable[[str, Band, gpu.types.GPUTexture], None]
 """Takes the name of a map, a band of it, and its texture."""
@@ -155,10 +156,26 @@ class Renderer:
 
     def __init__(self, maps: BandMaps, run: Run):
         self.maps, self.stopped = maps, 0
-        self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
+        self.settings, self.timings, self.pace, self._run = run.settings, run.timings, run.pace, run
 
     def texels(self, tile: int, post_processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
         """The maps of a tile by name, as they are stored."""
+        if self.settings.sampling.wrap != Wrap.NONE:
+            return (yield from self._wrapped(tile, post_processes))
+        return (yield from self._texels(tile, post_processes))
+
+    def _wrapped(self, tile: int, post_processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
+        """`texels` with margins that wrap around, one map after another."""
+        maps, around = (yield from self.raw(tile, tuple(post_processes))), Around(self.settings.sampling)
+        finished = {}
+        for name, process in post_processes.items():
+            values = around.of(maps.pop(name))
+            wider = replace(self._run, settings=self.settings.sampled(**around.size))
+            drawn = yield from Renderer(DrawnMaps({name: values}), wider)._texels(tile, {name: process})
+            finished[name] = around.inner(drawn[name])
+        return finished
+
+    def _texels(self, tile: int, post_processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
         size = self.settings.sampling.height, self.settings.sampling.width
         maps = {name: (np.empty((*size, 4), np.float32), np.empty(size, np.uint8)) for name in post_processes}
 
@@ -186,12 +203,15 @@ class Renderer:
         (drawn,) = bands
         return drawn
 
-    def raw(self, tile: int) -> Task[dict[str, np.ndarray]]:
-        """The maps of a tile by name, without encoding and margin: (height, width, 4) float32, alpha as in sources.Source."""
+    def raw(self, tile: int, names: Sequence[str] = ()) -> Task[dict[str, np.ndarray]]:
+        """The maps of a tile by name, without encoding and margin: (height, width, 4) float32, alpha as in sources.Source.
+
+        names: of the maps; empty for those in the settings.
+        """
         settings = self.settings
         maps = {
             name: np.empty((settings.sampling.height, settings.sampling.width, 4), np.float32)
-            for name in (NORMAL.name, *settings.map.drawn_maps)
+            for name in names or (NORMAL.name, *settings.map.drawn_maps)
         }
 
         def keep(name: str, band: Band, drawn: gpu.types.GPUTexture) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
-from ..core.declarations.choices import MarginType, Space
+from ..core.declarations.choices import MarginType, Space, Wrap
 from ..core.map_types import BY_NAME, DEFERRED, FILLED, MARGIN, MISSED, NORMAL, WRITTEN, Kind, Map
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_seams
@@ -197,9 +197,10 @@ def for_maps(lows: Sequence[Mesh], settings: Settings, *, has_owner: bool = Fals
     """A PostProcess for each map of a bake, by name. lows: the meshes whose islands are on the map. has_owner: whether OWNER is
     one of the maps."""
     borders = None
-    if settings.sampling.margin_type == MarginType.ADJACENT_FACES and settings.sampling.margin != 0:
+    sampling = settings.sampling
+    if sampling.margin_type == MarginType.ADJACENT_FACES and sampling.margin != 0 and sampling.wrap == Wrap.NONE:
         seams = uv_seams.find(lows)
-        borders = Borders(seams, settings.sampling) if len(seams.side) else None
+        borders = Borders(seams, sampling) if len(seams.side) else None
     normal = margin_fill.TANGENT if settings.map.space == Space.TANGENT else margin_fill.NORMAL
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: margin_fill.VALUE, Kind.LABEL: margin_fill.LABEL}
     kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.map.drawn_maps)}

@@ -42,6 +42,8 @@ class Choice(ComparedByValue):
 
 def choose_method(meshes: Meshes, tiles: Sequence[int], tracing: TracingSettings) -> Choice:
     """The method of the settings, or that which suits the meshes. meshes: in the order in which they are drawn."""
+    if meshes.repeat is not None:
+        return Choice(Method.CAST, "the map wraps around")
     if tracing.method != Method.AUTO:
         return Choice(tracing.method)
     if meshes.is_own_base and meshes.highs[0].uv is not None and not meshes.highs[0].instances:

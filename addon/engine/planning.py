@@ -18,7 +18,7 @@ from ..mesh.edges import is_without_area
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import draw_order, orienting, separation, tree_cache
+from . import draw_order, orienting, separation, tree_cache, wrapping
 from .draw_order import Order
 from .high_masks import HighMasks, Mended
 from .method_choice import FAR_APART, Choice, choose_method
@@ -91,12 +91,16 @@ class Plan(ComparedByValue):
     @cached_property
     def _changed(self) -> list[tuple[Mesh, np.ndarray]]:
         masks = self.masks or (HighMasks(),) * len(self.read.highs)
-        highs = [one.of(high) for one, high in zip(masks, self.read.highs, strict=True)]
+        highs, repeat = [one.of(high) for one, high in zip(masks, self.read.highs, strict=True)], self.read.repeat
+        if repeat is not None:
+            highs = [repeat.joined(high) for high in highs]
         if not self.smooth:
             return [(high, np.zeros(0)) for high in highs]
+        smoothed, rounds = corner_normals.smoothed, self.smooth
+        places = [None if repeat is None else repeat.places(high) for high in highs]
         return [
-            high.remembered(f"smoothed {self.smooth}", (), partial(corner_normals.smoothed, high, self.smooth))
-            for high in highs
+            high.remembered(f"smoothed {rounds}", (at,), partial(smoothed, high, rounds, at))
+            for high, at in zip(highs, places, strict=True)
         ]
 
     @cached_property
@@ -161,7 +165,7 @@ def decided(
     before: Plan | None = None,
 ) -> Plan:
     """As `plan_of`, for meshes that may be too far apart, and with all high meshes."""
-    tracing = settings.tracing
+    meshes, tracing = wrapping.repeated(meshes, settings), settings.tracing
     tiles = tuple(tiles_to_bake(meshes, settings.sampling) if tiles is None else tiles)
     with timings.timed("method"):
         known = before.order if before is not None and before.read.low is meshes.low else None
@@ -264,6 +268,8 @@ def _within_reach(plan: Plan, tracing: TracingSettings, length: Length) -> Plan:
     # Distant meshes would make the tree less precise: the steps of its quantized boxes grow with the extent of all meshes.
     painted = 1.0 if meshes.offset is None else float(meshes.offset.max())
     reach = max((tracing.extrusion or 0.0) * painted, tracing.max_distance or 0.0, 2.0 * radius)
+    if meshes.repeat is not None:  # what does not reach into the tile is left out triangle by triangle
+        return plan
     is_reached = tuple(gap(meshes.low, [high]) <= reach for high in meshes.highs)
     return replace(plan, is_reached=is_reached) if any(is_reached) and not all(is_reached) else plan
 

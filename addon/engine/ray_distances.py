@@ -53,7 +53,7 @@ def measured_rays(
     """The rays of a bake on these UDIM tiles. Distances that the settings do not set are measured."""
     has_cage, tracing = meshes.cage is not None, settings.tracing
     yield Progress("Building the tree", 0.0)
-    ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
+    ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, repeat=meshes.repeat)
     starts = _Starts(ray_scene, settings, tiles, timings)
     start = starts.of(meshes, has_clearances=tracing.hit == Hit.OWN)
     yield Progress("Measuring distances", 0.5)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import gpu
 import numpy as np
 
-from ..core.declarations.choices import DistanceUnit, Occluders
+from ..core.declarations.choices import DistanceUnit, Fade, Occluders
 from ..core.declarations.map_settings import CURVATURE_SHARE, THICKNESS_SHARE
 from ..core.map_types import BY_NAME, Family, Kind
 from ..core.progress import Progress, Task, Timings
@@ -228,16 +228,21 @@ def occluders(
     if tracing.occluders == Occluders.ALL and others:
         # In the same order for all low objects, which then share a tree.
         highs = sorted([*highs, *others], key=lambda high: high.name)
-        ray_scene = tree_cache.trees.ray_scene_of(highs, timings)
+        ray_scene = tree_cache.trees.ray_scene_of(highs, timings, repeat=surface.ray_scene.repeat)
         tables, all_space = ray_scene.tables, ray_scene.local_space
         scale = space.size / all_space.size
         offset = tuple(((space.origin - all_space.origin) / all_space.size).tolist())
+    farthest = None if tracing.ao_distance is None else in_scene(tracing.ao_distance, tracing, space)
+    fade, repeat = tracing.ao_fade, surface.ray_scene.repeat
+    if farthest is None and repeat is not None and len(repeat.moves):
+        # From every place, as much of the tiles around counts.
+        farthest, fade = repeat.reach, Fade.NONE
     return hemisphere.Occluders(
         tables,
         scale,
         offset,
-        farthest=None if tracing.ao_distance is None else in_scene(tracing.ao_distance, tracing, space) / space.size,
-        fade=tracing.ao_fade,
+        farthest=None if farthest is None else farthest / space.size,
+        fade=fade,
         two_sided=tracing.two_sided,
         bias=math.radians(tracing.bias_angle),
         floor=min(_lowest(high, space) for high in highs) if tracing.floor else None,

@@ -13,6 +13,7 @@ from ..core.errors import BakeError
 from ..core.progress import Timings
 from ..mesh import bvh, edges, shared_values
 from ..mesh.local_space import LocalSpace, local_space_of
+from ..mesh.tiling import Repeat
 from ..mesh.triangle_mesh import Mesh
 from ..passes import allocation, cast, data_texture, rays
 
@@ -130,12 +131,14 @@ class RayScene:
     Attributes:
         local_space: Of the tree.
         tables: The tree on the GPU.
-        order (T,) int: The triangles, numbered mesh after mesh, in the order of the tree.
+        order (T,) int: The triangles, numbered mesh after mesh, in the order of the tree; some several times if they repeat.
+        repeat: How they repeat; None if they do not.
     """
 
     local_space: LocalSpace
     tables: cast.Tables
     order: np.ndarray
+    repeat: Repeat | None = None
 
 
 class TreeCache:
@@ -166,10 +169,17 @@ class TreeCache:
         scenes, lows = self._scenes.values(), self._lows.values()
         return sum(scene.tables.bytes for scene in scenes) + sum(low.bytes for low in lows)
 
-    def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings, like: RayScene | None = None) -> RayScene:
+    def ray_scene_of(
+        self,
+        highs: Sequence[Mesh],
+        timings: Timings,
+        like: RayScene | None = None,
+        repeat: Repeat | None = None,
+    ) -> RayScene:
         """The tree over `highs`, built and uploaded unless it is cached.
 
-        like: of the same triangles, whichever of them were turned over: their boxes, and so the tree, are the same.
+        like: of the same triangles, whichever of them were turned over: their boxes, and so the tree, are the same. repeat: how
+        they repeat, for what reads hits as well.
 
         The key is the content, not the name: Blender does not report every change of a mesh. Raises BakeError for more
         triangles than the tables take.
@@ -177,10 +187,10 @@ class TreeCache:
         if not fits(highs):
             raise BakeError(f"The high meshes have {_count(highs):,} triangles together; {_most('Cast')}.")
         with timings.timed("tree"):
-            key = tuple(_checksums(highs))
+            key = (*_checksums(highs), repeat)
             scene = self._scenes.pop(key, None)
             if scene is None:
-                scene = _uploaded(highs, timings, has_tree=True, like=like)
+                scene = _uploaded(highs, timings, has_tree=True, like=like, repeat=repeat)
                 self.built += like is None
             self._scenes[key] = scene
             while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
@@ -267,8 +277,16 @@ def _most(who: str) -> str:
     return f"{who} takes at most {most_triangles():,} triangles, and as many vertices, on this GPU"
 
 
-def _uploaded(highs: Sequence[Mesh], timings: Timings, *, has_tree: bool, like: RayScene | None = None) -> RayScene:
-    local_space, points, vertices, normals, own_normals = _arrays(highs)
+def _uploaded(
+    highs: Sequence[Mesh],
+    timings: Timings,
+    *,
+    has_tree: bool,
+    like: RayScene | None = None,
+    repeat: Repeat | None = None,
+) -> RayScene:
+    local_space, copies = local_space_of(highs), [] if repeat is None else _copies(highs, repeat)
+    points, vertices, normals, own_normals = _arrays([*highs, *(copy for copy, _ in copies)], local_space)
     if like is not None:
         with timings.timed("upload"):
             vertices, own_normals = threads.take(vertices, like.order), own_normals[like.order]
@@ -281,13 +299,30 @@ def _uploaded(highs: Sequence[Mesh], timings: Timings, *, has_tree: bool, like: 
     with timings.timed("upload"):
         if has_tree:
             vertices, own_normals = threads.take(vertices, tree.order), own_normals[tree.order]
-        return RayScene(local_space, cast.upload(tree, points, vertices, normals, own_normals), tree.order)
+        tables, order = cast.upload(tree, points, vertices, normals, own_normals), tree.order
+    if copies:
+        order = np.concatenate([np.arange(_count(highs)), *(numbers for _, numbers in copies)])[order]
+    return RayScene(local_space, tables, order, repeat)
 
 
-def _arrays(highs: Sequence[Mesh]) -> tuple[LocalSpace, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _copies(highs: Sequence[Mesh], repeat: Repeat) -> list[tuple[Mesh, np.ndarray]]:
+    """What comes in from the tiles around, as Repeat.copies has it, with triangles numbered mesh after mesh."""
+    copies, first = [], 0
+    for high in highs:
+        copies += [(copy, first + numbers) for copy, numbers in repeat.copies(high)]
+        first += len(high.triangles)
+    every = [*highs, *(copy for copy, _ in copies)]
+    if not fits(every):
+        raise BakeError(
+            f"The high meshes have {_count(every):,} triangles together with the tiles around; {_most('Cast')}: set a smaller "
+            "AO distance."
+        )
+    return copies
+
+
+def _arrays(highs: Sequence[Mesh], local_space: LocalSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """All meshes as one, in a local space: points (V, 3), vertices of the triangles (T, 3), and normals (N, 3) with the places
     of the triangles' own (T,), as shared_values.joined has them."""
-    local_space = local_space_of(highs)
     points, vertices, shared, before = [], [], [], 0
     for high in highs:
         triangles = high.front_triangles  # the winding decides whether a ray hits the front or the back
@@ -302,4 +337,4 @@ def _arrays(highs: Sequence[Mesh]) -> tuple[LocalSpace, np.ndarray, np.ndarray, 
         before += len(high.positions)
     normals, own_normals = shared_values.joined(shared, [len(high.positions) for high in highs])
     points, vertices = (parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, vertices))
-    return local_space, points, vertices, normals, own_normals
+    return points, vertices, normals, own_normals

@@ -15,7 +15,7 @@ import bpy
 
 from ..core import asset_limits, naming
 from ..core.asset_limits import HowMade, Wanted
-from ..core.declarations.choices import Method
+from ..core.declarations.choices import Method, Wrap
 from ..core.errors import BakeError, NothingDrawn
 from ..core.naming import Suffixes
 from ..core.progress import Pace, Progress, Task, Timings, part
@@ -121,6 +121,8 @@ def _check(job: Job, wanted: Wanted, settings: Settings) -> None:
     settings.check()
     if settings.sampling.udim or settings.map.texture_sets:
         raise BakeError("An asset has one texture: turn UDIM Tiles and Texture Sets off.")
+    if settings.sampling.wrap != Wrap.NONE:
+        raise BakeError("An asset gets UV islands of its own, and is no tile: turn Wrap off.")
     if job.low not in job.highs and job.low.type != "MESH":
         raise BakeError(f"{job.low.name!r} is no mesh: choose a mesh as the low object.")
 

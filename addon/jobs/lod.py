@@ -15,7 +15,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..core import naming
-from ..core.declarations.choices import Method
+from ..core.declarations.choices import Method, Wrap
 from ..core.errors import BakeError
 from ..core.levels import ChainReport, Level
 from ..core.progress import Pace, Progress, Task, part
@@ -146,6 +146,8 @@ def _check(context: bpy.types.Context, obj: bpy.types.Object, count: int, settin
         raise BakeError(reason)
     if settings.sampling.udim:
         raise BakeError("Levels of detail are measured on one tile: turn UDIM Tiles off.")
+    if settings.sampling.wrap != Wrap.NONE:
+        raise BakeError("Maps of levels of detail do not wrap around: turn Wrap off.")
     names = naming.level_names(obj.name, count)
     bakes = [bake_jobs.for_low(settings, name) for name in names]
     check_clashes(settings.storing, bakes, names, files_kept([Job(obj, [obj])], settings.storing))

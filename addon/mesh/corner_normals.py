@@ -47,6 +47,28 @@ def joined(mesh: Mesh, places: np.ndarray) -> Mesh:
     return _rebuilt(mesh, places, is_bad, np.zeros(len(mesh.triangles), bool)) if is_bad.any() else mesh
 
 
+def joined_at(mesh: Mesh, places: np.ndarray) -> Mesh:
+    """`mesh` with one normal at places with several vertices: the mean by the angles of their faces, as if they were joined.
+    places: as Patches has them. Vertices with several normals, or of flat faces, keep theirs."""
+    is_at = np.bincount(places, minlength=len(places)) > 1
+    corners = mesh.triangles[_touching(mesh, is_at[places])]
+    vertices, numbers = topology.numbered(mesh.vertices[corners].reshape(-1))
+    units, _ = unit_normals(mesh.positions, mesh.vertices[corners], np.float64)
+    weighted = _angles(mesh, corners)[:, :, None] * units[:, None]
+    weights = np.linalg.norm(topology.sums_of(numbers, weighted.reshape(-1, 3), len(vertices)), axis=1)
+    of_corners, own = mesh.normals[corners].astype(np.float64), np.empty((len(vertices), 3))
+    own[numbers] = of_corners.reshape(-1, 3)
+    stays = ~is_at[places[vertices]]
+    stays[numbers[(of_corners.reshape(-1, 3) != own[numbers]).any(axis=1)]] = True
+    if mesh.normals_domain == "CORNER":
+        stays[numbers.reshape(-1, 3)[(of_corners == of_corners[:, :1]).all(axis=(1, 2))]] = True
+    sums = topology.sums_of(places[vertices], own * (weights * ~stays)[:, None], len(places))[places[vertices]]
+    stays |= np.linalg.norm(sums, axis=1) < 1e-6
+    is_changed, normals = ~stays[numbers], mesh.normals.copy()
+    normals[corners.reshape(-1)[is_changed]] = unit(sums[numbers[is_changed]])
+    return replace(mesh, normals=normals)
+
+
 def share_alone(mesh: Mesh, places: np.ndarray) -> float:
     """The share of the triangles that have all corners at places with several vertices, as in a scan that was not welded."""
     is_split = _is_split(mesh, places)
@@ -139,18 +161,17 @@ def _angles(mesh: Mesh, corners: np.ndarray) -> np.ndarray:
     return np.arccos(np.clip(-dot(along, np.roll(along, 1, axis=1)), -1.0, 1.0)).T
 
 
-def smoothed(mesh: Mesh, rounds: int) -> tuple[Mesh, np.ndarray]:
+def smoothed(mesh: Mesh, rounds: int, places: np.ndarray | None = None) -> tuple[Mesh, np.ndarray]:
     """`mesh` with normals that are means of those around, and by how many degrees each corner of a triangle was turned (N,).
 
     In each round, a corner takes the mean of the triangles around it, by their angles there. Corners of one vertex with other
-    normals, as at hard edges, stay apart.
+    normals, as at hard edges, stay apart. places: as Patches has them, if vertices in one place count as one.
     """
     used = mesh.triangles.reshape(-1)
     normals = mesh.normals[used].astype(np.float64)
     # Corners of one vertex with the same normal are one.
-    group = topology.first_rows(
-        np.column_stack([mesh.vertices[used].view(np.uint32), mesh.normals[used].view(np.uint32)])
-    )
+    vertices = mesh.vertices[used] if places is None else places[mesh.vertices[used]].astype(np.int32)
+    group = topology.first_rows(np.column_stack([vertices.view(np.uint32), mesh.normals[used].view(np.uint32)]))
     angles, before = _angles(mesh, mesh.triangles).reshape(-1), normals
     for _ in range(rounds):
         of_triangle = np.repeat(unit(normals.reshape(-1, 3, 3).sum(axis=1)), 3, axis=0)

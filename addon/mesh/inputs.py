@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..core.material_feeds import ExactFeed, HighMaterial, ImagePixels
+from .tiling import Repeat
 from .triangle_mesh import Mesh
 
 LoadImage = Callable[[str, int], ImagePixels]
@@ -68,6 +69,7 @@ class Meshes:
         material: for a texture set, the material's name.
         lacks: what the objects lack, in sentences.
         is_reversed: whether `highs` are in the reverse order of the objects, so that Flatten draws the first one last.
+        repeat: how all meshes repeat where the map wraps around; None if it does not.
     """
 
     low: Mesh
@@ -90,6 +92,7 @@ class Meshes:
     material: str = ""
     lacks: list[str] = field(default_factory=list)
     is_reversed: bool = False
+    repeat: Repeat | None = None
 
     @classmethod
     def of(cls, low: Mesh, highs: list[Mesh]) -> "Meshes":

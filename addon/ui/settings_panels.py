@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 import bpy
 
 from ..core.declarations.all_settings import DECLARED
-from ..core.declarations.choices import Method, Pack, Space, Storage
+from ..core.declarations.choices import Method, Pack, Space, Storage, Wrap
 from ..core.declarations.map_settings import ADAPTIVE_FROM
 from ..core.map_types import ATTRIBUTE, BY_NAME, GRADIENT, OTHERS, PART_ID, VECTOR_DISPLACEMENT, Family
 from ..core.report import Report
@@ -48,7 +48,10 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not shares_samples
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
-        column.prop(settings, "margin_type")
+        column.prop(settings, "wrap")
+        row = column.row(align=True)
+        row.active = settings.wrap == Wrap.NONE
+        row.prop(settings, "margin_type")
         row = column.row(align=True)
         row.active = not settings.unlimited
         row.prop(settings, "margin")

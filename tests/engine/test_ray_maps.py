@@ -316,7 +316,7 @@ def test_bolts_are_not_white_all_over():
 def test_the_floor_is_below_the_lowest_of_all_high_meshes():
     space = LocalSpace(np.zeros(3), 2.0)
     highs = [triangle_at(z) for z in (0.5, -0.75, 0.25)]
-    surface = SimpleNamespace(highs=highs, local_space=space)
+    surface = SimpleNamespace(highs=highs, local_space=space, ray_scene=SimpleNamespace(repeat=None))
     found = ray_maps.occluders(surface, [], Settings(floor=True).tracing, Timings())
     assert found.floor == pytest.approx(-0.75 / space.size)
     assert ray_maps.occluders(surface, [], Settings().tracing, Timings()).floor is None

@@ -290,7 +290,7 @@ BLENDERS = {
     *("Non-Color", "Normals", "Recalculate Outside", "Set Weight", "Simplify", "System", "Weight Paint", "Weights"),
 }
 """Names of Blender's own interface in the pages for artists."""
-UNTRANSLATED = {"Atlas", "Auto", "Cycles", "Imprint", "Material", "MikkTSpace", "-Y", "8", "16", "32"}
+UNTRANSLATED = {"Atlas", "Auto", "Cycles", "Imprint", "Material", "MikkTSpace", "-Y", "8", "16", "32", "U", "V"}
 EMPHASIS = {"Why", "What to do", "before", "with tangents", "Characters"}
 
 

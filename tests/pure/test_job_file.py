@@ -85,6 +85,7 @@ SAID = {
     "green": ("--green -Z", "-Z"),
     "blue": ("--blue=-x", "-X"),
     "margin": ("--margin unlimited", None),
+    "wrap": ("--wrap uv", "UV"),
     "margin_type": ("--margin-type adjacent-faces", "ADJACENT_FACES"),
     "mips": ("--mips 5", 5),
     "udim": ("--udim", True),

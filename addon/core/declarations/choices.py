@@ -43,6 +43,15 @@ class MarginType(StrEnum):
     ADJACENT_FACES = "ADJACENT_FACES"
 
 
+class Wrap(StrEnum):
+    """Along which axes of the UVs the map is a tile that repeats."""
+
+    NONE = "NONE"
+    U = "U"
+    V = "V"
+    UV = "UV"
+
+
 class Stacked(StrEnum):
     """The part of a low mesh that the map is made for where several share texels."""
 

@@ -20,6 +20,7 @@ from .choices import (
     Space,
     Stacked,
     VertexDomain,
+    Wrap,
 )
 from .kinds import Choice, Distance, Flags, Item, Option, Reach, Setting, Switch, Text, WholeNumber
 
@@ -157,6 +158,17 @@ MAP: dict[str, Setting] = {
         option=Option(metavar="TEXELS|unlimited"),
     ),
     "unlimited": Switch(label="Unlimited", tooltip="Fill the whole background", empties=True, option=None),
+    "wrap": Choice(
+        label="Wrap",
+        tooltip="Bake a tile that repeats: what leaves the low mesh on one side comes in on the other, for rays and margins",
+        default=Wrap.NONE,
+        items=(
+            Item(Wrap.NONE, "None", "The map ends at its borders"),
+            Item(Wrap.U, "U", "It repeats along U"),
+            Item(Wrap.V, "V", "It repeats along V"),
+            Item(Wrap.UV, "U and V", "It repeats along both"),
+        ),
+    ),
     "mips": WholeNumber(
         label="Clean Mips",
         tooltip="Number of mip levels on which UV islands may not mix, for the checks. "
