@@ -45,8 +45,15 @@ def only_low(options: argparse.Namespace) -> str:
 
 
 def are_several(options: argparse.Namespace) -> bool:
-    """Whether the bake has several low objects."""
-    return bool(options.pairs) or len(options.low) > 1
+    """Whether the bake may have several low objects."""
+    return bool(options.pairs) or len(options.low) > 1 or takes_all(options)
+
+
+def takes_all(options: argparse.Namespace) -> bool:
+    """Whether no object of mesh files is named, so that each is baked onto itself."""
+    subjects = ("low", "low_file", "pairs", "high", "cage", "convert", "frames", "levels", "asset")
+    is_open = any(vars(options)[name] for name in subjects)
+    return bool(options.file) and not is_open and not any(".blend" in PurePath(name).suffix for name in options.file)
 
 
 def stored_normals(options: argparse.Namespace) -> StoredNormals:
@@ -75,7 +82,7 @@ def parser(program: str, command: Command = BAKE) -> argparse.ArgumentParser:
 
 def parse(arguments: Sequence[str], program: str = "imprint", command: Command = BAKE) -> argparse.Namespace:
     """The options in `arguments`, each checked by itself. Raises WrongUsage. command: as in `parser`."""
-    return with_pairs(parser(program, command).parse_intermixed_args(_joined(arguments)))
+    return completed(parser(program, command).parse_intermixed_args(_joined(arguments)), command)
 
 
 def given(arguments: Sequence[str]) -> dict[str, Any]:
@@ -88,12 +95,15 @@ def given(arguments: Sequence[str]) -> dict[str, Any]:
     return {name: value for name in single if (value := vars(parsed)[name]) is not absent}
 
 
-def with_pairs(options: argparse.Namespace) -> argparse.Namespace:
-    """The options, where what is on disk decides whether `--pairs` names a FILE or a folder."""
+def completed(options: argparse.Namespace, command: Command = BAKE) -> argparse.Namespace:
+    """The options, where what is on disk decides whether `--pairs` names a FILE or a folder, and maps go beside the file of
+    `--export`."""
     if options.pairs is True and len(options.file) == 1 and os.path.isdir(options.file[0]):
         options.pairs, options.file = options.file[0], []
     elif options.pairs not in (None, True) and not options.file and os.path.isfile(options.pairs):
         options.file, options.pairs = [options.pairs], True  # `--pairs FILE.blend`
+    if command is BAKE and options.export and not options.output:
+        options.output = str(Path(options.export).with_suffix(".png"))
     return options
 
 
@@ -157,7 +167,7 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
     ways = ("low", "pairs", "low-file")
     named = [name for name in ways if vars(options)[name.replace("-", "_")]]
     by_file = options.low_file or options.high_file or options.cage_file
-    if not named and not options.asset and not set(ways).intersection(unread):
+    if not (named or options.asset or takes_all(options) or set(ways).intersection(unread)):
         yield "one of --low, --low-file and --pairs is required"
     if len(named) > 1:
         yield "--low, --low-file and --pairs exclude each other"

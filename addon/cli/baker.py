@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from .. import older_blender
-from ..core import levels, naming, progress, udim
+from ..core import file_formats, levels, naming, progress, udim
 from ..core.asset_limits import Wanted
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
@@ -212,7 +212,8 @@ class Baker:
             ]
             if options.export and not is_stopped:
                 check_beside = partial(self._files.exported, plan.name)
-                reports = _export(reports, options.export, check_beside, are_levels=_kind(options) == "levels")
+                are_levels, source = _kind(options) == "levels", _same_file(options, opened.jobs)
+                reports = _export(reports, options.export, check_beside, are_levels=are_levels, source=source)
             reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
             self._loader.changed(job.low.name for job in opened.jobs)
             scene = os.path.abspath(options.save_blend) if options.save_blend and not is_stopped else ""
@@ -510,13 +511,28 @@ EXPORTERS = {".fbx": ("io_scene_fbx",)}
 """Blender's add-ons that write files, by their ending, beside those that `blender_process.complete` loads."""
 
 
+def _same_file(options: argparse.Namespace, jobs: Sequence[Job]) -> Path | None:
+    """The .glb whose meshes are baked onto themselves and written with their maps, and nothing else changed; None otherwise."""
+    names = [*options.file, *filter(None, [options.low_file])]
+    ends = {Path(name).suffix.lower() for name in (*names, options.export)}
+    is_made = bool(options.asset or options.levels) or arguments.settings(options).sampling.udim
+    is_same = len(names) == 1 and ends == {file_formats.MESHES[0]} and not is_made
+    is_same &= all(job.highs == [job.low] for job in jobs) and not naming.has_low(options.export)
+    return Path(names[0]).absolute() if is_same else None
+
+
 def _export(
-    reports: Sequence[Report], output: str, check_beside: Callable[[str], None], *, are_levels: bool = False
+    reports: Sequence[Report],
+    output: str,
+    check_beside: Callable[[str], None],
+    *,
+    are_levels: bool = False,
+    source: Path | None = None,
 ) -> list[Report]:
     """Write the low meshes of `reports` with their maps to `output`, with a file for each if it has LOW.
 
-    check_beside: as in engine_files.work. are_levels: whether those in one file are levels of detail of one object, from the
-    finest. Returns the reports with what the files show. Raises BakeError.
+    check_beside, source: as in engine_files.work. are_levels: whether those in one file are levels of detail of one object,
+    from the finest. Returns the reports with what the files show. Raises BakeError.
     """
     from ..export import engine_files  # here, since a bake without exports does not need it
 
@@ -532,7 +548,9 @@ def _export(
         path = Path(naming.fill(output, report.low, low_suffix=report.settings.get("low_suffix", ""))).absolute()
         with standard_streams.silence():
             are_linked = are_levels and len(bakes) > 1
-            done = engine_files.export_files(bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside)
+            done = engine_files.export_files(
+                bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside, source=source
+            )
         by_uid |= {bake[0].refs[0].uid: one for bake, one in zip(bakes, done, strict=True)}
     result = []
     for report in reports:

@@ -90,6 +90,7 @@ BAKE = Command(
         for title, options in (*OPTIONS.items(), (RUN_TITLE, RUN_OPTIONS))
     },
     "%(prog)s [FILE ...] --low NAME [--high NAME ...] --output MAP [option ...]\n"
+    "       %(prog)s MESH ... --output MAP [option ...]\n"
     "       %(prog)s [FILE ...] --pairs [DIR] --output MAP [option ...]\n"
     "       %(prog)s --low-file FILE --high-file FILE ... --output MAP [option ...]\n"
     "       %(prog)s [FILE ...] --low NAME --convert MAP --output MAP [option ...]\n"

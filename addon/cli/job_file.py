@@ -257,7 +257,7 @@ class _Reader:
                 wrong[written.replace("_", "-")] = _plain(str(fault))
         options = argparse.Namespace()
         options.__dict__ = given | self._over
-        return arguments.with_pairs(options), wrong
+        return arguments.completed(options), wrong
 
     def _words(self, key: str, value: Any) -> list[str]:
         """As the function `_words`, with whole paths."""

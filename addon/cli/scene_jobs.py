@@ -16,6 +16,7 @@ from ..scene import object_checks
 from ..scene.importing import Space
 from ..scene.mesh_reader import count_triangles
 from ..scene.object_checks import object_by_name
+from .arguments import takes_all
 from .plans import Plan
 from .scene_files import SceneLoader
 
@@ -51,6 +52,10 @@ def _of_scene(options: argparse.Namespace) -> tuple[list[Job], list[str]]:
     """The jobs of the low objects that the options name in the open scene, and sentences about names."""
     if options.pairs:
         return jobs_by_name(bpy.context, options.suffixes)
+    if takes_all(options):
+        return [
+            Job(low, [low]) for low in bpy.context.view_layer.objects if low.type == "MESH" and low.data.polygons
+        ], []
     lows, highs = (list(map(object_by_name, names)) for names in (options.low, options.high))
     cage = object_by_name(options.cage) if options.cage else None
     if highs or cage or options.convert or options.levels:

@@ -20,8 +20,9 @@ from ..core.report import VISIBLE, Report
 from ..output import atomic_file, datablocks
 from ..output.atomic_file import Partial, all_or_none
 from ..output.path_clashes import Places
-from . import baked_low, comparison, map_pictures, staging
+from . import baked_low, comparison, map_pictures, same_file, staging
 from .baked_low import BakedLow, FileMesh
+from .binary_gltf import Glb
 from .comparison import Baked, Measured
 from .formats import FORMATS, MeshFormat
 from .staging import Staged
@@ -70,9 +71,11 @@ def export_files(
     *,
     are_levels: bool = False,
     check_beside: Callable[[str], None] | None = None,
+    source: Path | None = None,
 ) -> list[Exported]:
     """Do the whole task of `work` at once."""
-    return progress.finish(work(context, bakes, path, are_levels=are_levels, check_beside=check_beside))
+    steps = work(context, bakes, path, are_levels=are_levels, check_beside=check_beside, source=source)
+    return progress.finish(steps)
 
 
 def work(
@@ -82,12 +85,14 @@ def work(
     *,
     are_levels: bool = False,
     check_beside: Callable[[str], None] | None = None,
+    source: Path | None = None,
 ) -> Task[list[Exported]]:
     """Write low objects with their maps to `path`, which is absolute.
 
     bakes: for each low object the reports of its last bake, one for each texture set. are_levels: whether they are levels of
     detail of one object, from the finest. check_beside: called with the path of each file beside that at `path` before any is
-    written; it may raise BakeError. Raises BakeError, and then no file has changed. Nothing else of the scene changes, not
+    written; it may raise BakeError. source: the .glb that the objects came from, if all else of it is to
+    stay. Raises BakeError, and then no file has changed. Nothing else of the scene changes, not
     even between two steps.
     """
     file_format = _format(path)
@@ -104,6 +109,10 @@ def work(
         for number, one in enumerate(objects):
             yield Progress("Reading the file back", WRITTEN + (1.0 - WRITTEN) * number / len(objects))
             done.append(_exported(file_format, one, folder / path.name))
+        if source is not None:
+            data, notes = same_file.rewritten(source, Glb.parsed(files[0].read_bytes()), objects)
+            files[0].write_bytes(data)
+            done[0] = replace(done[0], warnings=[*done[0].warnings, *notes])
         maps = {file for low in lows for report in low.reports for file in report.output}
         destinations = _destinations(files, folder, path, maps)
         _check_read(destinations)

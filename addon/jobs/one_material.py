@@ -70,8 +70,9 @@ def put(shown: Sequence[Shown], settings: Settings, name: str) -> list[str]:
     """
     old = dict.fromkeys(material for each in shown for material in _used(each))
     material, notes = _made(list(old), shown, settings, name)
+    lows = [each.low for each in shown]
     for each in shown:
-        notes += _alone(each.low, material, single_user=settings.storing.single_user)
+        notes += _alone(each.low, material, lows, single_user=settings.storing.single_user)
         layer = each.low.data.uv_layers.get(each.uv_layer)  # modifiers may make it
         if layer is not None:
             layer.active_render = True
@@ -189,11 +190,11 @@ def _counts(name: str, shaders: Sequence[bpy.types.Node]) -> bool:
     return any(each is None or each.is_linked or each.default_value > 0.0 for each in weights)
 
 
-def _alone(low: Object, material: Material, *, single_user: bool) -> list[str]:
-    """Make `material` the only one of `low`, on all faces. Returns notes."""
+def _alone(low: Object, material: Material, lows: Sequence[Object], *, single_user: bool) -> list[str]:
+    """Make `material` the only one of `low`, on all faces. lows: all that get it. Returns notes."""
     notes = []
     with evaluation.in_object_mode(bpy.context, [low]):
-        others = [obj.name for obj in bpy.data.objects if obj.data == low.data and obj != low and obj.users]
+        others = [obj.name for obj in bpy.data.objects if obj.data == low.data and obj not in lows and obj.users]
         if others and single_user:
             low.data = low.data.copy()
         elif others:

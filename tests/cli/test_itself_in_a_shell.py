@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, run_report
-from tests.support import zoo
+from addon.cli import arguments, command, run_report
+from tests.support import glb, gltf_characters, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -114,3 +114,28 @@ def test_modifiers_come_before_names_as_they_always_did(scene, capsys):
 def test_what_several_cannot_have_is_told(scene, capsys, words, text):
     bake("--low", "lamp", "--low", "table", "--output", "{low}.png", *words, code=run_report.WRONG_USAGE)
     assert text in capsys.readouterr().err
+
+
+def test_all_meshes_of_a_file_get_one_material_in_the_same_file(tmp_path, monkeypatch, capsys):
+    """Without names, and without a path for the maps, which go beside the file."""
+    monkeypatch.chdir(tmp_path)
+    before, _ = glb.parse(gltf_characters.cart(tmp_path / "cart.glb"))
+    words = ["cart.glb", "--size", "64", "--no-normal", "--maps", "base-color", "--one-material", "--export", "one.glb"]
+    assert command.run(words) == run_report.DONE
+    after, _ = glb.parse(tmp_path / "one.glb")
+    assert after["nodes"] == before["nodes"]
+    assert [material["name"] for material in after["materials"]] == ["atlas"]
+    assert (tmp_path / "one_base_color.png").is_file()
+    assert "maps, too" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["scene.blend", "cart.glb"])
+def test_a_mesh_file_needs_no_name_but_a_scene_does(name):
+    options = arguments.parse([name, "--output", "a.png"])
+    assert arguments.takes_all(options) is (name == "cart.glb")
+    assert any("one of --low" in text for text in arguments.mistakes(options)) is (name == "scene.blend")
+
+
+@pytest.mark.parametrize("words", [["--high", "a"], ["--pairs"], ["--frames", "1-2"], ["--convert", "a.png"]])
+def test_other_words_name_their_own_objects(words):
+    assert not arguments.takes_all(arguments.parse(["cart.glb", *words, "--output", "a.png"]))

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Binary glTF (Khronos glTF 2.0 specification, section 4.4): JSON and bytes, accessors and images, what refers to what."""
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import BakeError
+
+MAGIC, VERSION = b"glTF", 2
+JSON_CHUNK, BINARY_CHUNK = b"JSON", b"BIN\0"
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+"""Of components."""
+
+
+@dataclass
+class Glb:
+    """A file: its JSON, and its bytes.
+
+    Attributes:
+        tree: The JSON.
+        binary: The bytes that its buffer views are parts of.
+    """
+
+    tree: dict[str, Any]
+    binary: bytes
+
+    @classmethod
+    def parsed(cls, data: bytes) -> "Glb":
+        """Parse a file. Raises BakeError if it is not one."""
+        if len(data) < 20 or data[:4] != MAGIC or struct.unpack_from("<2I", data, 4) != (VERSION, len(data)):
+            raise BakeError("This is no binary glTF 2.0.")
+        chunks, place = {}, 12
+        while place < len(data):
+            size, kind = struct.unpack_from("<I4s", data, place)
+            chunks[kind] = data[place + 8 : place + 8 + size]
+            place += 8 + size
+        return cls(json.loads(chunks[JSON_CHUNK]), chunks.get(BINARY_CHUNK, b""))
+
+    def packed(self) -> bytes:
+        """The file."""
+        text = json.dumps(self.tree, separators=(",", ":"), ensure_ascii=False).encode()
+        chunks = [
+            (JSON_CHUNK, text + b" " * (-len(text) % 4)),
+            (BINARY_CHUNK, self.binary + b"\0" * (-len(self.binary) % 4)),
+        ]
+        body = b"".join(struct.pack("<I4s", len(data), kind) + data for kind, data in chunks if data)
+        return struct.pack("<4s2I", MAGIC, VERSION, 12 + len(body)) + body
+
+    def accessor(self, number: int) -> np.ndarray:
+        """The values (N, n) of an accessor."""
+        how = self.tree["accessors"][number]
+        view = self.tree["bufferViews"][how["bufferView"]]
+        kind, width = np.dtype(TYPES[how["componentType"]]), WIDTHS[how["type"]]
+        start = view.get("byteOffset", 0) + how.get("byteOffset", 0)
+        stride = view.get("byteStride", kind.itemsize * width)
+        shape, strides = (how["count"], width), (stride, kind.itemsize)
+        return np.ndarray(shape, kind.newbyteorder("<"), self.binary, start, strides)
+
+    def image(self, texture: int) -> bytes:
+        """The file of the image that a texture shows."""
+        image = self.tree["images"][self.tree["textures"][texture]["source"]]
+        view = self.tree["bufferViews"][image["bufferView"]]
+        start = view.get("byteOffset", 0)
+        return self.binary[start : start + view["byteLength"]]
+
+    def whole(self, number: int) -> np.ndarray:
+        """As `accessor`, in an array of its own, also of values that are all 0, or stored where they are not."""
+        how = self.tree["accessors"][number]
+        if "bufferView" in how:
+            values = self.accessor(number).copy()
+        else:
+            values = np.zeros((how["count"], WIDTHS[how["type"]]), TYPES[how["componentType"]])
+        if "sparse" in how:
+            sparse = how["sparse"]
+            places = self._part(sparse["indices"], sparse["indices"]["componentType"], sparse["count"], 1)[:, 0]
+            values[places] = self._part(sparse["values"], how["componentType"], sparse["count"], values.shape[1])
+        return values
+
+    def _part(self, how: dict[str, Any], kind: int, count: int, width: int) -> np.ndarray:
+        start = self.tree["bufferViews"][how["bufferView"]].get("byteOffset", 0) + how.get("byteOffset", 0)
+        dtype = np.dtype(TYPES[kind]).newbyteorder("<")
+        return np.frombuffer(self.binary, dtype, count * width, start).reshape(count, width)
+
+    def add(self, kind: str, entry: dict[str, Any]) -> int:
+        """The number of a new entry of the JSON."""
+        self.tree.setdefault(kind, []).append(entry)
+        return len(self.tree[kind]) - 1
+
+    def add_view(self, data: bytes) -> int:
+        """The number of a new buffer view with these bytes."""
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)}
+        self.binary += data
+        return self.add("bufferViews", view)
+
+    def add_accessor(self, values: np.ndarray, **like: Any) -> int:
+        """The number of a new accessor of `values` (N, n), of one of TYPES. like: more of it, as its bounds."""
+        kind = next(number for number, each in TYPES.items() if values.dtype == each)
+        step = -values.shape[1] * values.itemsize % 4  # each row begins at a multiple of 4 bytes
+        rows = np.pad(np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1), ((0, 0), (0, step)))
+        view = self.add_view(rows.tobytes())
+        if step:
+            self.tree["bufferViews"][view]["byteStride"] = rows.shape[1]
+        width = next(name for name, number in WIDTHS.items() if number == values.shape[1])
+        return self.add(
+            "accessors", {"bufferView": view, "componentType": kind, "count": len(values), "type": width, **like}
+        )
+
+    def pack_buffer(self) -> None:
+        """Leave out the bytes of no buffer view, and write the length."""
+        views, parts, length = self.tree.get("bufferViews", []), [], 0
+        for view in views:
+            start = view.get("byteOffset", 0)
+            part = self.binary[start : start + view["byteLength"]]
+            part += b"\0" * (-len(part) % 4)
+            view["byteOffset"] = length
+            parts.append(part)
+            length += len(part)
+        self.binary = b"".join(parts)
+        self.tree["buffers"][0]["byteLength"] = length
+
+
+KINDS = ("materials", "textures", "samplers", "images", "accessors", "bufferViews")
+"""What the parts of a file refer to by numbers, each before those that it refers to."""
+FOLLOWED = {
+    *(
+        "KHR_texture_transform",
+        "KHR_mesh_quantization",
+        "KHR_materials_variants",
+        "KHR_texture_basisu",
+        "EXT_texture_webp",
+    ),
+    *("KHR_lights_punctual", "KHR_node_visibility", "EXT_mesh_manifold"),
+}
+"""Extensions whose references `references` knows, beside those of materials."""
+OF_MATERIALS = "KHR_materials_"
+
+
+def references(tree: Mapping[str, Any]) -> Iterator[tuple[str, dict, str]]:
+    """What refers to one of KINDS: the kind, and the owner and the key of the number."""
+    for mesh in tree.get("meshes", ()):
+        for primitive in mesh["primitives"]:
+            yield from _of_primitive(primitive)
+    for material in tree.get("materials", ()):
+        yield from _of_textures(material)
+    for texture in tree.get("textures", ()):
+        for owner in (texture, *texture.get("extensions", {}).values()):
+            yield from (("images", owner, key) for key in ("source",) if key in owner)
+        yield from (("samplers", texture, key) for key in ("sampler",) if key in texture)
+    for image in tree.get("images", ()):
+        yield from (("bufferViews", image, key) for key in ("bufferView",) if key in image)
+    for skin in tree.get("skins", ()):
+        yield from (("accessors", skin, key) for key in ("inverseBindMatrices",) if key in skin)
+    for animation in tree.get("animations", ()):
+        for sampler in animation["samplers"]:
+            yield from (("accessors", sampler, key) for key in ("input", "output"))
+    for accessor in tree.get("accessors", ()):
+        sparse = accessor.get("sparse", {})
+        for owner in (accessor, sparse.get("indices", {}), sparse.get("values", {})):
+            yield from (("bufferViews", owner, key) for key in ("bufferView",) if key in owner)
+
+
+def _of_primitive(primitive: dict) -> Iterator[tuple[str, dict, str]]:
+    for owner in (primitive["attributes"], *primitive.get("targets", ())):
+        yield from (("accessors", owner, key) for key in owner)
+    yield from (("accessors", primitive, key) for key in ("indices",) if key in primitive)
+    mappings = primitive.get("extensions", {}).get("KHR_materials_variants", {}).get("mappings", ())
+    for owner in (primitive, *mappings):
+        yield from (("materials", owner, key) for key in ("material",) if key in owner)
+
+
+def textures_of(part: dict) -> Iterator[dict]:
+    """The entries of a material that name a texture, by its number "index"."""
+    for key, value in part.items():
+        if key != "extras" and isinstance(value, dict):
+            if key.endswith("Texture") and "index" in value:
+                yield value
+            else:
+                yield from textures_of(value)
+
+
+def _of_textures(material: dict) -> Iterator[tuple[str, dict, str]]:
+    yield from (("textures", info, "index") for info in textures_of(material))
+
+
+def unused(tree: Mapping[str, Any]) -> dict[str, set[int]]:
+    """The numbers of each of KINDS to which nothing refers."""
+    found = {kind: set(range(len(tree.get(kind, ())))) for kind in KINDS}
+    for kind, owner, key in references(tree):
+        found[kind].discard(owner[key])
+    return found
+
+
+def drop_unused(file: Glb, staying: Mapping[str, set[int]]) -> None:
+    """Leave out what nothing refers to any more, unless the file has extensions that may refer to more.
+
+    staying: what stays all the same, as `unused` returned it of the file as it came.
+    """
+    tree = file.tree
+    names = {*tree.get("extensionsUsed", ()), *tree.get("extensions", {})}
+    if any(name not in FOLLOWED and not name.startswith(OF_MATERIALS) for name in names) or len(tree["buffers"]) > 1:
+        return
+    for kind in KINDS:
+        owners = [(owner, key) for each, owner, key in references(tree) if each == kind]
+        needed = {owner[key] for owner, key in owners} | staying[kind]
+        new = {number: place for place, number in enumerate(sorted(needed))}
+        for owner, key in owners:
+            owner[key] = new[owner[key]]
+        if kind in tree:
+            tree[kind] = [tree[kind][number] for number in new]
+            if not tree[kind]:
+                del tree[kind]
+    file.pack_buffer()

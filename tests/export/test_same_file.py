@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests maps in the .glb that the low mesh came from: what changes, and that nothing else does."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.errors import BakeError
+from addon.export import binary_gltf, engine_files, same_file
+from addon.export.binary_gltf import Glb
+from addon.jobs import Job, bake_all
+from addon.scene.importing import PLAIN, import_meshes
+from tests.support import glb, gltf_characters, scenes, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+CHARACTER, CART = gltf_characters.character, gltf_characters.cart
+PARTS = len(gltf_characters.PARTS)
+ALL = ("BASE_COLOR", "ROUGHNESS", "METALLIC", "EMISSION", "ALPHA")
+
+
+@pytest.fixture
+def source(tmp_path):
+    return CHARACTER(tmp_path / "character.glb")
+
+
+def imported(path, *names):
+    """Those of the objects of a file."""
+    objects = {obj.name: obj for obj in import_meshes(str(path), PLAIN)}
+    return [objects[name] for name in names]
+
+
+def written(path, lows, *, share_image=False, **settings):
+    """The JSON and the bytes of a copy of the file at `path` with the maps of a bake of `lows`, and the warnings."""
+    wanted = {"method": "AUTO", "maps": ALL, "normal": False, "depth": 8, "width": 32, "height": 32} | settings
+    jobs = [Job(low, [low]) for low in lows]
+    reports = bake_all(bpy.context, jobs, scenes.settings(**wanted), share_image=share_image)
+    target = path.with_name("written.glb")
+    done = engine_files.export_files(bpy.context, [[each] for each in reports], target, source=path)
+    return *glb.parse(target), [text for each in done for text in each.warnings]
+
+
+def figure(path, **settings):
+    return written(path, imported(path, "Figure"), uv_layer="UVMap.001", **settings)
+
+
+def corners(tree, binary, primitive):
+    """The values of all attributes and shape keys of a primitive at the corners of its triangles."""
+    indices = glb.values(tree, binary, primitive["indices"])[:, 0]
+    owners = {"": primitive["attributes"], **{f"{n} ": each for n, each in enumerate(primitive.get("targets", ()))}}
+    return {
+        before + name: glb.values(tree, binary, number)[indices]
+        for before, owner in owners.items()
+        for name, number in owner.items()
+    }
+
+
+def assert_same(before, after, *, but=()):
+    """All attributes are equal to the bit, but those of these names."""
+    old, new = corners(*before), corners(*after)
+    assert old.keys() - {*but} == new.keys() - {*but}
+    for name in old.keys() - {*but}:
+        np.testing.assert_array_equal(old[name], new[name], err_msg=name)
+
+
+def test_all_but_the_materials_is_as_it_was(source):
+    before, old_bytes = glb.parse(source)
+    after, new_bytes, warnings = figure(source, one_material=True)
+    for key in ("nodes", "scenes", "cameras", "asset"):
+        assert after[key] == before[key]
+    assert [mesh["name"] for mesh in after["meshes"]] == ["figure", "stone"]
+    assert after["meshes"][0]["extras"] == {"targetNames": ["breath"]}
+    for old, new in zip(before["meshes"][0]["primitives"], after["meshes"][0]["primitives"], strict=True):
+        assert new["extras"] == old["extras"]
+        np.testing.assert_array_equal(
+            glb.values(after, new_bytes, new["indices"]), glb.values(before, old_bytes, old["indices"])
+        )
+        assert_same((before, old_bytes, old), (after, new_bytes, new), but=("COLOR_0", "_COLOR_0"))
+    for name in ("inverseBindMatrices", "joints"):
+        assert name in after["skins"][0]
+    sampler = after["animations"][0]["samplers"][0]
+    np.testing.assert_array_equal(glb.values(after, new_bytes, sampler["input"])[:, 0], [0.0, 1.0])
+    assert warnings == []
+
+
+def test_eleven_materials_become_one(source):
+    after, data, _ = figure(source, one_material=True)
+    used = {primitive["material"] for primitive in after["meshes"][0]["primitives"]}
+    assert len(used) == 1
+    assert {each["name"] for each in after["materials"]} == {"Figure", "gray"}
+    material = after["materials"][used.pop()]
+    assert material["alphaMode"] == "MASK"
+    assert material["doubleSided"] is True
+    assert material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] == 1
+    assert [len(after[name]) for name in ("images", "textures")] == [3, 3]
+    assert after["buffers"][0]["byteLength"] == len(data)
+    colors = [
+        number for number, each in enumerate(after["meshes"][0]["primitives"]) if "_COLOR_0" in each["attributes"]
+    ]
+    assert colors == [1, 9]
+    assert not any("COLOR_0" in each["attributes"] for each in after["meshes"][0]["primitives"])
+
+
+def test_occlusion_goes_into_each_material(source):
+    before, old_bytes = glb.parse(source)
+    after, new_bytes, _ = figure(source, maps=("AO",), rays=16)
+    assert len(after["materials"]) == len(before["materials"])
+    for old, new in zip(before["meshes"][0]["primitives"], after["meshes"][0]["primitives"], strict=True):
+        assert_same((before, old_bytes, old), (after, new_bytes, new))
+        was, now = before["materials"][old["material"]], dict(after["materials"][new["material"]])
+        assert now.pop("occlusionTexture")["texCoord"] == 1
+        assert {**now, "pbrMetallicRoughness": 0} == {**was, "pbrMetallicRoughness": 0}
+        textures = [each["pbrMetallicRoughness"].pop("baseColorTexture", None) for each in (was, now)]
+        assert was == now
+        if textures[0]:
+            assert {**textures[0], "index": 0} == {**textures[1], "index": 0}
+            assert glb.image(before, old_bytes, textures[0]["index"]) == glb.image(
+                after, new_bytes, textures[1]["index"]
+            )
+    (gray,) = [each for each in after["materials"] if each["name"] == "gray"]
+    assert "occlusionTexture" not in gray
+
+
+def test_new_uvs_repeat_vertices_behind_the_others(source):
+    """Each triangle by itself, as a light map has it."""
+    (obj,) = imported(source, "Figure")
+    layer = obj.data.uv_layers.new(name="apart")
+    uv = np.random.default_rng(5).random((len(obj.data.loops), 2)).astype(np.float32)
+    layer.uv.foreach_set("vector", uv.reshape(-1))
+    before, old_bytes = glb.parse(source)
+    after, new_bytes, _ = written(source, [obj], uv_layer="apart", one_material=True)
+    begin = 0
+    for number, (old, new) in enumerate(
+        zip(before["meshes"][0]["primitives"], after["meshes"][0]["primitives"], strict=True)
+    ):
+        assert_same((before, old_bytes, old), (after, new_bytes, new), but=("COLOR_0", "_COLOR_0", "TEXCOORD_2"))
+        found = corners(after, new_bytes, new)["TEXCOORD_2"].reshape(-1, 3, 2)
+        if number == 5:  # Blender left out its fifth triangle
+            found = np.delete(found, 4, axis=0)
+        expected = uv.reshape(-1, 3, 2)[begin : begin + len(found)] * [1.0, -1.0] + [0.0, 1.0]
+        begin += len(found)
+        np.testing.assert_allclose(found, expected, atol=1e-6)
+        count = before["accessors"][old["attributes"]["POSITION"]]["count"]
+        for name in ("POSITION", "JOINTS_0"):
+            first = glb.values(after, new_bytes, new["attributes"][name])[:count]
+            np.testing.assert_array_equal(first, glb.values(before, old_bytes, old["attributes"][name]))
+    assert begin == len(obj.data.polygons)
+    assert after["materials"][-1]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] == 2
+
+
+def test_tangents_come_with_a_normal_map(source):
+    (obj,) = imported(source, "Figure")
+    after, data, _ = written(source, [obj], uv_layer="UVMap.001", normal=True, maps=(), one_material=True)
+    obj.data.calc_tangents(uvmap="UVMap.001")
+    expected = np.array([(*loop.tangent, loop.bitangent_sign) for loop in obj.data.loops]).reshape(-1, 3, 4)
+    begin = 0
+    for number, primitive in enumerate(after["meshes"][0]["primitives"]):
+        x, y, z, w = corners(after, data, primitive)["TANGENT"].reshape(-1, 3, 4).transpose(2, 0, 1)
+        found = np.stack([x, -z, y, w], axis=-1)
+        if number == 5:
+            found = np.delete(found, 4, axis=0)
+        np.testing.assert_allclose(found, expected[begin : begin + len(found)], atol=2e-5)
+        begin += len(found)
+
+
+def test_objects_of_one_image_share_the_material_and_a_mesh_is_written_once(tmp_path):
+    path = CART(tmp_path / "cart.glb")
+    lows = imported(path, "box", "wheel left", "wheel right")
+    after, _, warnings = written(path, lows, share_image=True, one_material=True, image="both")
+    assert [material["name"] for material in after["materials"]] == ["atlas"]
+    assert len(after["meshes"]) == 2
+    assert [node.get("mesh") for node in after["nodes"]] == [0, 0, 1]
+    assert warnings == []
+
+
+def test_a_mesh_that_others_show_is_copied(tmp_path):
+    path = CART(tmp_path / "cart.glb")
+    before, _ = glb.parse(path)
+    after, _, _ = written(path, imported(path, "wheel left"), one_material=True)
+    wheels = {node["name"]: node["mesh"] for node in after["nodes"]}
+    assert wheels["wheel left"] == 2
+    old = [primitive["material"] for primitive in before["meshes"][0]["primitives"]]
+    names = [
+        after["materials"][each["material"]]["name"] for each in after["meshes"][wheels["wheel right"]]["primitives"]
+    ]
+    assert names == [before["materials"][number]["name"] for number in old]
+    assert len({each["material"] for each in after["meshes"][2]["primitives"]}) == 1
+
+
+def test_other_faces_are_refused(source):
+    (obj,) = imported(source, "Figure")
+    obj.data = zoo.plane("other").data
+    obj.data.uv_layers[0].name = "UVMap.001"
+    with pytest.raises(BakeError, match=r"'Figure' has other faces than in 'character.glb'"):
+        written(source, [obj], uv_layer="UVMap.001")
+    assert not source.with_name("written.glb").exists()
+
+
+def test_variants_of_one_material_are_told(source):
+    data = Glb.parsed(source.read_bytes())
+    data.tree["extensionsUsed"].append(same_file._VARIANTS)
+    data.tree["extensions"] = {same_file._VARIANTS: {"variants": [{"name": "night"}]}}
+    mapping = {"mappings": [{"material": 3, "variants": [0]}]}
+    data.tree["meshes"][0]["primitives"][0]["extensions"] = {same_file._VARIANTS: mapping}
+    source.write_bytes(data.packed())
+    after, _, warnings = figure(source, one_material=True)
+    assert "extensions" not in after["meshes"][0]["primitives"][0]
+    assert warnings == ["'Figure' has one material, and no variants of it any more."]
+
+
+@pytest.mark.parametrize(("mode", "indices"), [(5, [0, 1, 2, 3, 4, 5]), (6, [0, 1, 2, 3, 4]), (4, [0, 1, 2, 2, 1, 3])])
+def test_strips_and_fans_are_read_as_blender_reads_them(tmp_path, mode, indices):
+    file = gltf_characters.Writer()
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0.5), (0, 2, 0), (1, 2, 0)], float)
+    attributes = {"POSITION": file.accessor(points, has_bounds=True), "TEXCOORD_0": file.accessor(points[:, :2] / 2.0)}
+    primitive = {"attributes": attributes, "indices": file.accessor(np.array(indices), "H"), "mode": mode}
+    file.tree["scenes"][0]["nodes"] = [
+        file.add("nodes", {"name": "strip", "mesh": file.add("meshes", {"name": "strip", "primitives": [primitive]})})
+    ]
+    path = file.save(tmp_path / "strip.glb")
+    (obj,) = imported(path, "strip")
+    parts = same_file._parts(Glb.parsed(path.read_bytes()), 0)
+    assert same_file._kept(same_file._as_imported(parts), obj.data).all()
+
+
+def test_sparse_and_missing_values_are_read():
+    file = Glb({"accessors": [], "bufferViews": [], "buffers": [{"byteLength": 0}]}, b"")
+    places, values = (
+        file.add_view(np.array([1, 3], "<u2").tobytes()),
+        file.add_view(np.array([[5.0], [7.0]], "<f4").tobytes()),
+    )
+    sparse = {"count": 2, "indices": {"bufferView": places, "componentType": 5123}, "values": {"bufferView": values}}
+    number = file.add("accessors", {"componentType": 5126, "count": 4, "type": "SCALAR", "sparse": sparse})
+    np.testing.assert_array_equal(file.whole(number)[:, 0], [0.0, 5.0, 0.0, 7.0])
+
+
+def test_rows_of_few_bytes_begin_at_multiples_of_four():
+    file = Glb({"buffers": [{"byteLength": 0}]}, b"")
+    values = np.arange(9, dtype=np.uint8).reshape(3, 3)
+    number = file.add_accessor(values)
+    assert file.tree["bufferViews"][0]["byteStride"] == 4
+    np.testing.assert_array_equal(file.whole(number), values)
+
+
+def test_what_was_unused_before_stays(source):
+    data = Glb.parsed(source.read_bytes())
+    data.tree["materials"].append({"name": "spare"})
+    source.write_bytes(data.packed())
+    after, _, _ = figure(source, one_material=True)
+    assert {each["name"] for each in after["materials"]} == {"Figure", "gray", "spare"}
+
+
+def test_a_file_with_unknown_extensions_loses_nothing(source):
+    data = Glb.parsed(source.read_bytes())
+    data.tree["extensionsUsed"].append("EXT_of_someone")
+    source.write_bytes(data.packed())
+    after, _, _ = figure(source, one_material=True)
+    assert len(after["materials"]) == PARTS + 2
+    assert binary_gltf.unused(after)["materials"] == set(range(PARTS))
