@@ -11,11 +11,12 @@ from pathlib import Path
 import bpy
 
 from .. import older_blender
+from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError, reason, shorten_list
 from ..core.file_structure import blend_files, mesh_references, usd_layers
 from ..jobs.job import Job
 from ..output import datablocks
-from ..scene import dependencies, importing
+from ..scene import dependencies, evaluation, importing
 from ..scene.evaluation import set_until
 from ..scene.importing import PLAIN, Space
 from . import interruption, plans, standard_streams
@@ -215,7 +216,8 @@ def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[
         yield from ((str(path), title) for path in mesh_references.of(name))
     lows, highs = [job.low for job in jobs], [high for job in jobs for high in job.highs]
     cages = [job.cage for job in jobs if job.cage]
-    for each in dependencies.of([*lows, *highs, *cages], highs):
+    shown = evaluation.shown_surfaces(bpy.context) if options.occluders == Occluders.SCENE else []
+    for each in dependencies.of(list(dict.fromkeys([*lows, *highs, *cages, *shown])), highs):
         # The materials of a low object that is its own high one show the maps that the bake replaces.
         if not (each.is_own_map and set(lows) & set(highs)):
             yield each.path, each.what

@@ -221,11 +221,11 @@ def meanings(settings: Settings, space: LocalSpace) -> dict[str, dict[str, float
 def occluders(
     surface: HighSurface, others: Sequence[Mesh], tracing: TracingSettings, timings: Timings
 ) -> hemisphere.Occluders:
-    """What blocks the rays of ambient occlusion. others: the high meshes of other low objects."""
+    """What blocks the rays of ambient occlusion. others: meshes of other objects that block them."""
     space = surface.local_space
     tables, scale, offset = None, 1.0, (0.0, 0.0, 0.0)
     highs = list(surface.highs)
-    if tracing.occluders == Occluders.ALL and others:
+    if tracing.occluders != Occluders.OWN and others:
         # In the same order for all low objects, which then share a tree.
         highs = sorted([*highs, *others], key=lambda high: high.name)
         ray_scene = tree_cache.trees.ray_scene_of(highs, timings, repeat=surface.ray_scene.repeat)

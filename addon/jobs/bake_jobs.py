@@ -28,7 +28,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import map_names
 from ..output.materials import into_materials
 from ..output.outputs import Outputs, Stored
-from ..scene import object_checks
+from ..scene import evaluation, object_checks
 from ..scene.object_checks import ObjectRef
 from . import one_material, pair_checks, shared_image, weights
 from .bake import bake_job, draw_raw
@@ -272,7 +272,7 @@ def _requests(
             job,
             for_low(_of_job(own, job, share_image), ATLAS if share_image else job.low.name, job.material),
             wants,
-            _occluders(job, jobs, settings.tracing),
+            occluders(context, job, jobs, settings.tracing),
         )
         for job, own in zip(jobs, weights.settings_by_job(jobs, settings), strict=True)
     ]
@@ -306,11 +306,20 @@ def beside_materials(settings: Settings, job: Job) -> Settings:
     return settings.stored(material=False, connect_maps=False) if is_itself else settings
 
 
-def _occluders(job: Job, jobs: Sequence[Job], tracing: TracingSettings) -> tuple[ObjectRef, ...]:
-    """The high objects of the other jobs, if they are occluders."""
-    if tracing.occluders != Occluders.ALL:
+def occluders(
+    context: bpy.types.Context, job: Job, jobs: Sequence[Job], tracing: TracingSettings
+) -> tuple[ObjectRef, ...]:
+    """What shades the high objects of a job: those of the other jobs, or what the scene shows, as the settings have it.
+
+    Low objects and cages of the jobs do not: they are in the place of high ones.
+    """
+    if tracing.occluders == Occluders.OWN:
         return ()
     refs = {ref.uid: ref for each in jobs for ref in each.high_refs}
+    if tracing.occluders == Occluders.SCENE:
+        left_out = {ref.uid for each in jobs for ref in each.refs}
+        shown = map(ObjectRef.of, evaluation.shown_surfaces(context))
+        refs |= {ref.uid: ref for ref in shown if ref.uid not in left_out}
     for own in job.refs:
         refs.pop(own.uid, None)
     return tuple(refs.values())

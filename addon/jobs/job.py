@@ -154,7 +154,7 @@ class Request:
     """With names filled in."""
     wants: Wants = NOTHING_ELSE
     other_refs: tuple[ObjectRef, ...] = ()
-    """The high objects of other jobs, if they are occluders."""
+    """Other objects that are occluders."""
 
 
 def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[Job], list[str]]:

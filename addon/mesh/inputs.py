@@ -61,7 +61,7 @@ class Meshes:
         shown: with is_own_base, the high mesh with the UVs that modifiers moved, as the viewport shows it; None if none does.
         offset: (C,) float32, painted factors from 0 to 2 on the extrusion by corner of `low`; None without a painted group.
         straight: (C,) float32, painted from -1 to 1, added to the share of the mesh's own normals in the directions; or None.
-        others: the high meshes of other low objects, if they are occluders.
+        others: meshes of other objects that are occluders.
         load_image: loads the pixels of an image of the materials, by its key and its UDIM tile (0 without tiles).
         evaluate: the values of materials at hits, by Cycles.
         whole: for a texture set, the low mesh with all its triangles.

@@ -30,6 +30,19 @@ def is_visible(obj: bpy.types.Object) -> bool:
         return obj.visible_get()
 
 
+def shown_surfaces(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The objects that may have a surface, and that both the view layer and renders show."""
+    objects = filter(object_checks.may_show, context.view_layer.objects)
+    return [
+        obj
+        for obj in objects
+        if not obj.hide_render
+        and is_visible(obj)
+        and not all(collection.hide_render for collection in obj.users_collection)
+        and not object_checks.matrix_problem(obj)
+    ]
+
+
 def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack) -> None:
     """Make `obj` visible until `restore` is closed. Raises BakeError if that is not possible."""
     if is_visible(obj):

@@ -2,8 +2,8 @@
 """Reads all objects of a bake into arrays at once, so that Blender's state changes only for a short time."""
 
 import zlib
-from collections.abc import Collection, Sequence
-from contextlib import nullcontext
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 
@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..core.declarations.choices import Method, Modifiers, Space
+from ..core.declarations.choices import Method, Modifiers, Occluders, Space
 from ..core.errors import LENGTH_DIGITS, BakeError, Incomplete, Length, plain_length, shorten_list
 from ..core.settings import Settings, TracingSettings
 from ..mesh import triangle_mesh
@@ -65,7 +65,7 @@ def read(
 ) -> Meshes:
     """Evaluate and read all objects.
 
-    others: the high objects of other low objects, if they are occluders. texture_set: the faces of the
+    others: other objects that are occluders. texture_set: the faces of the
     low object to bake; None for all. must_be_whole: whether objects may lack no files, and nothing that their modifiers need.
 
     Raises BakeError for missing faces or UV layers, and for a cage of another topology.
@@ -84,7 +84,10 @@ def read(
             return meshes
         # Rays only meet them: they need neither UVs nor materials.
         plain = settings.of_shapes()
-        return replace(meshes, others=Reader(depsgraph, low, "", plain).read(dict(enumerate(others))))
+        reader = Reader(depsgraph, low, "", plain)
+        if settings.tracing.occluders == Occluders.SCENE:
+            return replace(meshes, others=list(_those_with_faces(reader, others)))
+        return replace(meshes, others=reader.read(dict(enumerate(others))))
 
     rest = poses.at_rest(context, low, highs, for_render=for_render) if settings.map.rest_pose else nullcontext()
     listener = complaints.Listener(objects, for_render=for_render)
@@ -102,6 +105,13 @@ def read(
     if failed is not None:
         raise BakeError(" ".join([str(failed), *lacks])) if lacks else failed
     return replace(meshes, lacks=lacks)
+
+
+def _those_with_faces(reader: Reader, others: Sequence[bpy.types.Object]) -> Iterator[Mesh]:
+    """The meshes of objects that the scene shows: nobody chose them, and one without faces shades nothing."""
+    for number, obj in enumerate(others):
+        with suppress(BakeError):
+            yield from reader.read({number: obj})
 
 
 def read_again(

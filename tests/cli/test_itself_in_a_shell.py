@@ -62,6 +62,14 @@ def test_they_share_one_map_without_a_name_in_its_path(scene):
     assert is_hit.mean() > 0.3
 
 
+@pytest.mark.parametrize(("occluders", "is_dark"), [("own", False), ("all", False), ("scene", True)])
+def test_what_the_scene_shows_darkens_one_of_its_objects(scene, occluders, is_dark):
+    words = ["--low", "lamp", "--maps", "ao", "--occluders", occluders, "--output", "lamp.png"]
+    bake(*words)
+    texels = read(scene / "lamp_ao.png")
+    assert (texels[texels[..., 3] > 0.0, 0].min() < 0.95) == is_dark
+
+
 def test_a_job_file_names_several(scene, capsys):
     sets = [{"file": "props.blend", "low": ["lamp", "table"], "output": "{low}.png", "size": 64}]
     (scene / "jobs.json").write_text(json.dumps({"bake": sets}))

@@ -115,7 +115,7 @@ def limited_sky(points, distance, fade):
     return seen / count
 
 
-@pytest.mark.parametrize("occluders", ["OWN", "ALL"])
+@pytest.mark.parametrize("occluders", ["OWN", "ALL", "SCENE"])
 def test_occluders_of_other_pairs(occluders):
     """The wall belongs to another pair."""
     low, high, other = beside_a_wall()
@@ -127,15 +127,47 @@ def test_occluders_of_other_pairs(occluders):
     tree_cache.trees.free()
     built = tree_cache.trees.built
     reports = bake_all(bpy.context, [Job(low, [high]), Job(second, [other])], settings)
-    assert tree_cache.trees.built - built == (3 if occluders == "ALL" else 2)  # one each, and one of all
+    assert tree_cache.trees.built - built == (2 if occluders == "OWN" else 3)  # one each, and one of all
     truth, inside = open_sky()
     found, on_wall = (pixels(bpy.data.images[report.maps["ao"]["image"]])[..., 0] for report in reports)
-    check(found[inside], truth[inside] if occluders == "ALL" else np.ones(inside.sum()))
+    check(found[inside], np.ones(inside.sum()) if occluders == "OWN" else truth[inside])
     u, v = np.moveaxis(texel_uv(SIZE, SIZE).reshape(-1, 2), -1, 0)
     places = np.stack([np.full(len(u), WALL[0, 0]), 2.0 * u - 1.0, WALL[2, 2] * (1.0 - v)], axis=1)
     square = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
     hidden = form_factor(places, np.array((-1.0, 0.0, 0.0)), square)
-    check(on_wall.ravel(), 1.0 - hidden if occluders == "ALL" else np.ones(len(u)))
+    check(on_wall.ravel(), np.ones(len(u)) if occluders == "OWN" else 1.0 - hidden)
+
+
+@pytest.mark.parametrize("hidden", ["", "eye", "render", "collection"])
+def test_what_the_scene_shows_blocks_rays_of_a_mesh_baked_onto_itself(hidden):
+    """The wall is not baked. An empty mesh and one without scale are no occluders."""
+    low, high, wall = beside_a_wall()
+    high.hide_render = True
+    for name in ("nothing", "flat"):
+        bpy.context.scene.collection.objects.link(bpy.data.objects.new(name, bpy.data.meshes.new(name)))
+    flat = zoo.cube("no scale")
+    flat.scale = (0.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    if hidden == "eye":
+        wall.hide_set(True)
+    elif hidden == "render":
+        wall.hide_render = True
+    elif hidden == "collection":
+        shelf(wall).hide_render = True
+    truth, inside = open_sky()
+    for occluders in ("OWN", "SCENE"):
+        _, maps = bake_all_maps(low, low, maps=["AO"], size=(SIZE, SIZE), occluders=occluders)
+        is_open = hidden or occluders == "OWN"
+        check(maps["ao"][..., 0][inside], np.ones(inside.sum()) if is_open else truth[inside])
+
+
+def shelf(obj):
+    """A new collection, which has the object alone."""
+    collection = bpy.data.collections.new("Shelf")
+    bpy.context.scene.collection.children.link(collection)
+    bpy.context.scene.collection.objects.unlink(obj)
+    collection.objects.link(obj)
+    return collection
 
 
 def test_a_floor_blocks_the_lower_half_of_walls():

@@ -90,10 +90,11 @@ class Fade(StrEnum):
 
 
 class Occluders(StrEnum):
-    """The high objects that shade each other."""
+    """What shades the high objects."""
 
     OWN = "OWN"
     ALL = "ALL"
+    SCENE = "SCENE"
 
 
 class Axis(StrEnum):

@@ -382,11 +382,12 @@ MAPS: dict[str, Setting] = {
     ),
     "occluders": Choice(
         label="Occluders",
-        tooltip="High objects that block rays",
+        tooltip="Objects that block rays of ambient occlusion and bent normals",
         default=Occluders.OWN,
         items=(
             Item(Occluders.OWN, "Own", "The high objects of the same low object"),
-            Item(Occluders.ALL, "All", "The high objects of all pairs that are baked together"),
+            Item(Occluders.ALL, "All", "The high objects of all low objects that are baked together"),
+            Item(Occluders.SCENE, "Scene", "These, and all other objects that the viewport and renders show"),
         ),
     ),
     "floor": Switch(label="Floor", tooltip="Let a floor under the lowest point of the high meshes block rays"),
