@@ -514,7 +514,7 @@ EXPORTERS = {".fbx": ("io_scene_fbx",)}
 def _same_file(options: argparse.Namespace, jobs: Sequence[Job]) -> Path | None:
     """The .glb whose meshes are baked onto themselves and written with their maps, and nothing else changed; None otherwise."""
     names = [*options.file, *filter(None, [options.low_file])]
-    ends = {Path(name).suffix.lower() for name in (*names, options.export)}
+    ends = {Path(name).suffix.lower().replace(".gltf", ".glb") for name in (*names, options.export)}
     is_made = bool(options.asset or options.levels) or arguments.settings(options).sampling.udim
     is_same = len(names) == 1 and ends == {file_formats.MESHES[0]} and not is_made
     is_same &= all(job.highs == [job.low] for job in jobs) and not naming.has_low(options.export)

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Binary glTF (Khronos glTF 2.0 specification, section 4.4): JSON and bytes, accessors and images, what refers to what."""
 
+import base64
 import json
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -16,6 +19,10 @@ JSON_CHUNK, BINARY_CHUNK = b"JSON", b"BIN\0"
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 """Of components."""
+
+
+SHORT = 0xFFFF
+"""Numbers of vertices below it fit into two bytes."""
 
 
 @dataclass
@@ -41,6 +48,34 @@ class Glb:
             chunks[kind] = data[place + 8 : place + 8 + size]
             place += 8 + size
         return cls(json.loads(chunks[JSON_CHUNK]), chunks.get(BINARY_CHUNK, b""))
+
+    @classmethod
+    def read(cls, path: Path) -> "Glb":
+        """Read a .glb, or a .gltf with all files that it names. Raises BakeError."""
+        try:
+            if path.suffix.lower() != ".gltf":
+                return cls.parsed(path.read_bytes())
+            file = cls(json.loads(path.read_text(encoding="utf-8")), b"")
+            file._take_buffers(path.parent)
+        except (OSError, ValueError, KeyError) as error:
+            raise BakeError(f"{str(path)!r} cannot be read: {error}.") from error
+        return file
+
+    def _take_buffers(self, folder: Path) -> None:
+        """Put all buffers into one, and the files of images into views."""
+        begins = []
+        for buffer in self.tree.get("buffers", ()):
+            self.binary += b"\0" * (-len(self.binary) % 4)
+            begins.append(len(self.binary))
+            self.binary += _content(buffer["uri"], folder)
+        for view in self.tree.get("bufferViews", ()):
+            view["byteOffset"] = view.get("byteOffset", 0) + begins[view["buffer"]]
+            view["buffer"] = 0
+        self.tree["buffers"] = [{"byteLength": len(self.binary)}]
+        for image in self.tree.get("images", ()):
+            if uri := image.pop("uri", ""):
+                data = _content(uri, folder)
+                image |= {"bufferView": self.add_view(data), "mimeType": _mime_type(data)}
 
     def packed(self) -> bytes:
         """The file."""
@@ -112,6 +147,14 @@ class Glb:
             "accessors", {"bufferView": view, "componentType": kind, "count": len(values), "type": width, **like}
         )
 
+    def add_indices(self, numbers: np.ndarray) -> int:
+        """The number of a new accessor of the vertices (N,) int of triangles."""
+        kind = 5123 if numbers.max(initial=0) < SHORT else 5125
+        view = self.add_view(numbers.astype(TYPES[kind]).tobytes())
+        return self.add(
+            "accessors", {"bufferView": view, "componentType": kind, "count": len(numbers), "type": "SCALAR"}
+        )
+
     def pack_buffer(self) -> None:
         """Leave out the bytes of no buffer view, and write the length."""
         views, parts, length = self.tree.get("bufferViews", []), [], 0
@@ -124,6 +167,17 @@ class Glb:
             length += len(part)
         self.binary = b"".join(parts)
         self.tree["buffers"][0]["byteLength"] = length
+
+
+def _content(uri: str, folder: Path) -> bytes:
+    """What a URI of a .gltf names: a file, or data in itself."""
+    if uri.startswith("data:"):
+        return base64.b64decode(uri.partition(",")[2])
+    return (folder / unquote(uri)).read_bytes()
+
+
+def _mime_type(image: bytes) -> str:
+    return "image/jpeg" if image[:2] == b"\xff\xd8" else "image/webp" if image[8:12] == b"WEBP" else "image/png"
 
 
 KINDS = ("materials", "textures", "samplers", "images", "accessors", "bufferViews")

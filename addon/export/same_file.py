@@ -48,7 +48,7 @@ def rewritten(source: Path, made: Glb, staged: Sequence[Staged]) -> tuple[bytes,
     made: a file that Blender's exporter has written of `staged`, whose materials are taken. Raises BakeError if the objects are
     no longer as they came.
     """
-    file = Glb.parsed(source.read_bytes())
+    file = Glb.read(source)
     staying = binary_gltf.unused(file.tree)
     meshes: dict[int, Staged] = {}
     for one in staged:  # of objects with the same mesh, the first counts: they show the same maps
@@ -232,6 +232,8 @@ def _put(file: Glb, mesh: int, one: Staged, materials: "_Materials", lows: Seque
             primitive["attributes"].setdefault(f"TEXCOORD_{number}", primitive["attributes"][f"TEXCOORD_{uv_set}"])
         slots = corners.slots[part.share][known[part.share]]
         materials.put(primitive, one, int(slots[0]) if len(slots) else 0, uv_set)
+    if one.baked.reports[0].settings.get("one_material"):
+        _join_primitives(file, file.tree["meshes"][mesh])
 
 
 def _alone(file: Glb, mesh: int, low: bpy.types.Object, lows: Sequence[bpy.types.Object]) -> tuple[int, list[str]]:
@@ -286,7 +288,7 @@ def _write_corners(
     if len(origin) > count:
         _repeat_vertices(file, primitive, origin)
         primitive.pop("mode", None)
-        primitive["indices"] = file.add_accessor(indices.astype(np.uint32)[:, None])
+        primitive["indices"] = file.add_indices(indices)
     for name, each in zip(values, np.split(rows, np.cumsum(widths)[:-1], axis=1), strict=True):
         attributes[name] = file.add_accessor(np.ascontiguousarray(each))
 
@@ -321,6 +323,46 @@ def _repeat_vertices(file: Glb, primitive: dict, origin: np.ndarray) -> None:
             how = file.tree["accessors"][number]
             like = {key: how[key] for key in ("normalized", "min", "max", "name") if key in how}
             owner[name] = file.add_accessor(file.whole(number)[origin], **like)
+
+
+def _join_primitives(file: Glb, mesh: dict) -> None:
+    """Make one primitive of those with one material, if they have the same attributes and nothing of their own."""
+    groups: dict[object, list[dict]] = {}
+    for number, primitive in enumerate(mesh["primitives"]):
+        is_plain = primitive.get("mode", 4) == 4 and not {"extras", "extensions"} & primitive.keys()
+        has_all = "indices" in primitive and "material" in primitive
+        groups.setdefault(_shape(file, primitive) if is_plain and has_all else number, []).append(primitive)
+    mesh["primitives"] = [_joined(file, group) if len(group) > 1 else group[0] for group in groups.values()]
+
+
+def _shape(file: Glb, primitive: dict) -> tuple:
+    """What primitives must have in common to become one."""
+
+    def kinds(owner: dict) -> tuple:
+        hows = {name: file.tree["accessors"][number] for name, number in owner.items()}
+        return tuple((name, *map(hows[name].get, ("componentType", "type", "normalized"))) for name in sorted(hows))
+
+    return primitive["material"], kinds(primitive["attributes"]), tuple(map(kinds, primitive.get("targets", ())))
+
+
+def _joined(file: Glb, group: Sequence[dict]) -> dict:
+    """One primitive of several of the same shape, with their vertices one after the other."""
+    first, begin, indices = group[0], 0, []
+    owners = [[each["attributes"], *each.get("targets", ())] for each in group]
+    share_vertices = all(each == owners[0] for each in owners)
+    for primitive in group:
+        indices.append(file.whole(primitive["indices"])[:, 0].astype(np.int64) + begin)
+        begin += 0 if share_vertices else file.tree["accessors"][primitive["attributes"]["POSITION"]]["count"]
+    for same in zip(*owners, strict=True) if not share_vertices else ():
+        for name in same[0]:
+            numbers = [owner[name] for owner in same]
+            how, values = file.tree["accessors"][numbers[0]], np.concatenate([file.whole(number) for number in numbers])
+            like = {"normalized": how["normalized"]} if "normalized" in how else {}
+            if "min" in how:
+                like |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+            same[0][name] = file.add_accessor(values, **like)
+    first["indices"] = file.add_indices(np.concatenate(indices))
+    return first
 
 
 class _Materials:

@@ -27,7 +27,11 @@ from ..scene.textures import ImageTextures
 ROLE = "one material"
 """The mark of such a material, by which the next bake finds it again."""
 PRINCIPLED = material_reading.PRINCIPLED
-_SURFACE = ("displacement_method", "surface_render_method", "use_backface_culling", "use_backface_culling_shadow")
+REFRACTION = "use_raytrace_refraction"
+_SURFACE = (
+    *("displacement_method", "surface_render_method", "use_backface_culling", "use_backface_culling_shadow"),
+    REFRACTION,
+)
 """Settings of a material that the new one has where all others agree."""
 
 
@@ -118,6 +122,8 @@ def _made(old: Sequence[Material], shown: Sequence[Shown], settings: Settings, n
     older_blender.switch_on_nodes(material)
     for setting in _SURFACE:
         values = {getattr(each, setting) for each in old if hasattr(each, setting)}
+        if setting == REFRACTION:  # what is no glass looks the same with it
+            values -= {False} if True in values else set()
         if len(values) == 1:
             setattr(material, setting, values.pop())
     shader = next(node for node in material.node_tree.nodes if node.bl_idname == PRINCIPLED)
@@ -204,7 +210,6 @@ def _alone(low: Object, material: Material, lows: Sequence[Object], *, single_us
             data: Mesh = low.data
             data.materials.clear()
             data.materials.append(material)
-            low.material_slots[0].link = "DATA"
             data.polygons.foreach_set("material_index", np.zeros(len(data.polygons), np.int32))
             data.update()
     return notes

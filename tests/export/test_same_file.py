@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests maps in the .glb that the low mesh came from: what changes, and that nothing else does."""
 
+import copy
+import json
+
 import bpy
 import numpy as np
 import pytest
@@ -196,6 +199,26 @@ def test_other_faces_are_refused(source):
     assert not source.with_name("written.glb").exists()
 
 
+@pytest.mark.parametrize("differs_in", ["name", "place"])
+def test_of_meshes_with_the_same_faces_the_right_one_changes(source, differs_in):
+    data = Glb.parsed(source.read_bytes())
+    tree = data.tree
+    stone = copy.deepcopy(tree["meshes"][1])
+    if differs_in == "name":
+        stone["name"] = "pebble"
+    else:
+        moved = data.whole(stone["primitives"][0]["attributes"]["POSITION"]) + np.float32(1.0)
+        bounds = {"min": moved.min(axis=0).tolist(), "max": moved.max(axis=0).tolist()}
+        stone["primitives"][0]["attributes"]["POSITION"] = data.add_accessor(moved, **bounds)
+    tree["nodes"].append({"name": "pebble", "mesh": data.add("meshes", stone)})
+    tree["scenes"][0]["nodes"].append(len(tree["nodes"]) - 1)
+    tree["buffers"][0]["byteLength"] = len(data.binary)
+    source.write_bytes(data.packed())
+    after, _, _ = written(source, imported(source, "pebble"), one_material=True)
+    names = [after["materials"][mesh["primitives"][0]["material"]]["name"] for mesh in after["meshes"][1:]]
+    assert names == ["gray", "pebble"]
+
+
 def test_variants_of_one_material_are_told(source):
     data = Glb.parsed(source.read_bytes())
     data.tree["extensionsUsed"].append(same_file._VARIANTS)
@@ -206,6 +229,49 @@ def test_variants_of_one_material_are_told(source):
     after, _, warnings = figure(source, one_material=True)
     assert "extensions" not in after["meshes"][0]["primitives"][0]
     assert warnings == ["'Figure' has one material, and no variants of it any more."]
+
+
+@pytest.mark.parametrize("shares_vertices", [False, True])
+def test_primitives_alike_become_one(source, shares_vertices):
+    data = Glb.parsed(source.read_bytes())
+    primitives = data.tree["meshes"][0]["primitives"] = data.tree["meshes"][0]["primitives"][:6]
+    for primitive in primitives:
+        del primitive["extras"]
+        primitive["attributes"].pop("COLOR_0", None)
+        if shares_vertices:
+            primitive |= {key: primitives[0][key] for key in ("attributes", "targets")}
+    source.write_bytes(data.packed())
+    before, old_bytes = glb.parse(source)
+    after, new_bytes, _ = figure(source, one_material=True)
+    (only,) = after["meshes"][0]["primitives"]
+    olds = [corners(before, old_bytes, each) for each in before["meshes"][0]["primitives"]]
+    for name, found in corners(after, new_bytes, only).items():
+        np.testing.assert_array_equal(found, np.concatenate([old[name] for old in olds]), err_msg=name)
+    how = after["accessors"][only["attributes"]["POSITION"]]
+    assert how["count"] == 117 * (1 if shares_vertices else 6)
+    points = glb.values(after, new_bytes, only["attributes"]["POSITION"])
+    np.testing.assert_array_equal([how["min"], how["max"]], [points.min(axis=0), points.max(axis=0)])
+
+
+def test_a_gltf_with_files_beside_it_becomes_one_file(source):
+    """Its images stay as they are to the byte."""
+    tree, binary = glb.parse(source)
+    folder = source.parent
+    (folder / "the data.bin").write_bytes(binary)
+    tree["buffers"] = [{"byteLength": len(binary), "uri": "the%20data.bin"}]
+    paint = tree["images"][0]
+    view = tree["bufferViews"][paint.pop("bufferView")]
+    (folder / "paint.png").write_bytes(binary[view["byteOffset"] :][: view["byteLength"]])
+    paint["uri"] = "paint.png"
+    path = folder / "character.gltf"
+    path.write_text(json.dumps(tree))
+    after, data, _ = figure(path, maps=("AO",), rays=16)
+    before, old_bytes = glb.parse(source)
+    pictures = [
+        {glb.image(t, b, n) for n in range(len(t["textures"]))} for t, b in ((before, old_bytes), (after, data))
+    ]
+    assert pictures[0] < pictures[1]
+    assert not any("uri" in each for each in (*after["images"], *after["buffers"]))
 
 
 @pytest.mark.parametrize(("mode", "indices"), [(5, [0, 1, 2, 3, 4, 5]), (6, [0, 1, 2, 3, 4]), (4, [0, 1, 2, 2, 1, 3])])

@@ -53,6 +53,7 @@ def fed_by(shader, socket):
 
 def test_all_else_of_the_object_stays():
     obj = striped(IOR=1.8, Metallic=0.5)
+    obj.data.materials[1].node_tree.nodes["Principled BSDF"].inputs["Coat Roughness"].default_value = 0.9  # of no coat
     mesh, old = obj.data, list(obj.data.materials)
     points = [tuple(vertex.co) for vertex in mesh.vertices]
     report = bake(obj)
@@ -95,6 +96,46 @@ def test_the_baked_uv_map_is_that_of_the_material():
     assert layers["other"].active_render
     assert not shader_of(obj).inputs["Base Color"].links[0].from_node.inputs["Vector"].links
     assert shader_of(obj).inputs["Normal"].links[0].from_node.uv_map == "other"
+
+
+def test_materials_of_the_object_and_not_of_its_mesh():
+    obj = striped()
+    for slot in obj.material_slots:
+        slot.link = "OBJECT"
+        slot.material = material("own", (0.0, 0.0, 1.0), Roughness=0.5)
+    bake(obj)
+    (slot,) = obj.material_slots
+    assert slot.material == obj.data.materials[0]
+    assert slot.material.name == "shape"
+
+
+def test_a_mesh_in_edit_mode_stays_in_it():
+    obj = striped()
+    scenes.select(obj)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bake(obj)
+    assert obj.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert [slot.material.name for slot in obj.material_slots] == ["shape"]
+    assert {polygon.material_index for polygon in obj.data.polygons} == {0}
+
+
+def test_materials_on_the_same_texels_are_told():
+    obj = striped()
+    for corner in obj.data.uv_layers[0].uv:
+        corner.vector = corner.vector[0] % 0.5, corner.vector[1]
+    assert any("belong to faces of different materials" in text for text in bake(obj).warnings)
+
+
+def test_glass_is_a_map_of_its_own():
+    obj = striped()
+    glass = obj.data.materials[1]
+    glass.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1.0
+    glass.use_raytrace_refraction = True
+    report = bake(obj, maps=(*MAPS, "TRANSMISSION"))
+    assert fed_by(shader_of(obj), "Transmission Weight") == report.maps["transmission"]["image"]
+    assert obj.data.materials[0].use_raytrace_refraction  # or EEVEE shows no glass
+    assert not [text for text in report.warnings if "differ" in text]
 
 
 def test_what_no_map_holds_is_told():
