@@ -153,6 +153,8 @@ def why_not(plan: Plan, settings: Settings) -> str:
         return "there is no normal map"
     if settings.map.detail_maps and plan.meshes.has_detail:
         return "the high meshes' own normal and bump maps are not drawn for it"
+    if settings.map.edge_radius:
+        return "edges are not rounded for it"
     if "swiftshader" in gpu.platform.renderer_get().casefold():
         return "SwiftShader does not test for depth"
     return ""

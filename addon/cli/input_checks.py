@@ -176,7 +176,8 @@ def need_of(job: Job, settings: Settings) -> Need | None:
         return None
     shows_images = any(BY_NAME[name].family.shows_materials for name in settings.map.drawn_maps)
     textures = imported_images.images_of(job.highs)
-    method, has_detail = settings.tracing.method, bool(settings.map.detail_maps and textures)
+    method = settings.tracing.method
+    has_detail = bool(settings.map.detail_maps and textures) or settings.map.edge_radius > 0.0
     on_gpu = texel_bytes(settings, method, has_detail=has_detail)
     return Need.of(
         Amounts(

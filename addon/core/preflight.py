@@ -121,7 +121,7 @@ def texel_bytes(settings: Settings, method: str, *, has_detail: bool) -> int:
 
     Args:
         method: FLATTEN, CAST, or AUTO for one that may draw both.
-        has_detail: whether high meshes have normal or bump maps of their own.
+        has_detail: whether high meshes have normal or bump maps of their own, or rounded edges.
     """
     sampling, maps = settings.sampling, [BY_NAME[name] for name in settings.map.drawn_maps]
     families = {each.family for each in maps}

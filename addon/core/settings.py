@@ -58,6 +58,8 @@ class MapSettings:
     id_by: str = _field("id_by")
     exact_materials: str = _field("exact_materials")
     detail_maps: bool = _field("detail_maps")
+    edge_radius: float = _field("edge_radius")
+    """In scene units. 0 leaves hard edges as they are."""
     appearance: bool = _field("appearance")
     """Whether the shading error of the normal map is measured."""
     missed: tuple[float, float, float] = _field("missed")
@@ -250,7 +252,7 @@ class Settings:
 
     def of_shapes(self) -> "Settings":
         """These settings to read the shapes of high meshes alone: rays need neither UVs nor materials."""
-        return self.without_other_maps().mapped(detail_maps=False).traced(method=Method.CAST)
+        return self.without_other_maps().mapped(detail_maps=False, edge_radius=0.0).traced(method=Method.CAST)
 
     def mapped(self, **maps: Any) -> "Settings":
         """These settings with some of MapSettings: `settings.mapped(space=Space.WORLD)`."""

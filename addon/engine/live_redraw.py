@@ -228,7 +228,8 @@ def kept_map(settings: Settings) -> "KeptMap | MapInBands":
 
 def is_whole(settings: Settings) -> bool:
     """Whether the normal map of `settings`, which have no other maps, is whole on the GPU, and not drawn in bands."""
-    sampling, size = settings.sampling, texel_bytes(settings, Method.AUTO, has_detail=settings.map.detail_maps)
+    sampling, has_detail = settings.sampling, settings.map.detail_maps or settings.map.edge_radius > 0.0
+    size = texel_bytes(settings, Method.AUTO, has_detail=has_detail)
     return next(bands(*sampling.size, sampling.margin, texel_bytes=size)).is_whole
 
 
@@ -297,7 +298,7 @@ class KeptMap:
         self._meshes, plan = None, drawing.plan
         values = yield from drawing.renderer.values(udim.FIRST)
         is_any = self._store(values, process)
-        if is_any and not plan.casts_rays and not plan.meshes.has_detail:
+        if is_any and not plan.casts_rays and not plan.meshes.turns_normals(self.settings):
             self._meshes, before = plan.meshes, dict(enumerate(self._drawn))
             self._drawn = [DrawnMesh(high, before.get(i)) for i, high in enumerate(plan.meshes.highs)]
         return is_any
@@ -341,7 +342,7 @@ class KeptMap:
     def _changed_parts(self, plan: Plan) -> list[Part] | None:
         """The parts of the map that differ for `plan`, whose meshes are noted; None if all may."""
         before, meshes = self._meshes, plan.meshes
-        if before is None or plan.casts_rays or meshes.has_detail:
+        if before is None or plan.casts_rays or meshes.turns_normals(self.settings):
             return None
         if meshes.low is not before.low or meshes.basis is not before.basis or len(meshes.highs) != len(self._drawn):
             return None

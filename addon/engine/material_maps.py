@@ -266,6 +266,8 @@ class OwnNormals:
     to_space: the matrix (3, 3) from world normals to the space of the source's normals.
     """
 
+    has_images = True
+
     def __init__(self, meshes: Meshes, surface: HighSurface, to_space: np.ndarray, run: Run):
         self.surface, self.to_space, self.run, self.load_image = surface, to_space, run, meshes.load_image
         self.normal_maps, self.normal_table = _numbered([_normal_map(material) for material in meshes.materials])

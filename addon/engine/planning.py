@@ -18,7 +18,7 @@ from ..mesh.edges import is_without_area
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import draw_order, orienting, separation, tree_cache, wrapping
+from . import draw_order, orienting, rounded_edges, separation, tree_cache, wrapping
 from .draw_order import Order
 from .high_masks import HighMasks, Mended
 from .method_choice import FAR_APART, Choice, choose_method
@@ -144,9 +144,10 @@ def plan_of(
             same.
         length: a length in scene units as text.
 
-    Raises BakeError for meshes that are too far apart, and for a low mesh on no tile.
+    Raises BakeError for meshes that are too far apart, for a low mesh on no tile, and for an edge radius that is too large.
     """
     timings = timings or Timings()
+    rounded_edges.check_radius(meshes, settings.map.edge_radius, length)
     plan = decided(meshes, settings, timings, tiles=tiles, before=before)
     if plan.smooth:
         turned = plan.degrees if len(plan.degrees) else np.zeros(1)

@@ -22,6 +22,7 @@ from .map_families import MapFamily, PointMaps, Sample
 from .material_maps import MaterialMaps, OwnNormals, SlopeMaps
 from .normal_space import NormalSpace, channels
 from .ray_maps import CurvatureMaps, OpennessMaps, ThicknessMaps
+from .rounded_edges import RoundedEdges
 from .sources import FlatAndRays, Rays, Slices, Source, world_to_space
 
 KEPT_BYTES = 512 * 2**20
@@ -35,7 +36,7 @@ COARSE = 8
 class SampledMaps(BandMaps):
     """The maps of a band from samples: the normal map and those of `families`.
 
-    space: of the normals. detail: the high meshes' own normal and bump maps, or None.
+    space: of the normals. details: what turns normals at hits: the high meshes' own maps, rounded edges.
 
     Samples are added up in the space of the source, and only their mean is turned: programs turn a texel by one basis, too.
     """
@@ -45,13 +46,13 @@ class SampledMaps(BandMaps):
         source: Source,
         space: NormalSpace,
         families: Sequence[MapFamily],
-        detail: OwnNormals | None,
+        details: Sequence[OwnNormals | RoundedEdges],
         run: Run,
     ):
-        self.source, self.space, self.families, self.detail = source, space, families, detail
+        self.source, self.space, self.families, self.details = source, space, families, details
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
         # Maps of other families are means over the samples of each texel that they share.
-        is_alone = not families and detail is None
+        is_alone = not families and not details
         self.adaptive: AdaptiveNormals | None = None
         if isinstance(source, Rays) and is_alone and run.settings.sampling.are_adaptive(source.method):
             self.adaptive = AdaptiveNormals(source, run)
@@ -94,9 +95,9 @@ class SampledMaps(BandMaps):
         """The normals of the high surface at the centers of texels, with its own maps, in the space of the source."""
         for _ in self.source.normals(band):
             pass
-        if self.detail is not None:
+        if self.details:
             hits, covered = self.source.hits(band), self.source.covered(band)
-            finish(self.detail.apply([Sample(band, 0, True, self.source.drawn(), hits, covered)]))
+            finish(self._turn([Sample(band, 0, True, self.source.drawn(), hits, covered)]))
         return self.source.drawn().texture
 
     def coarse(self, tile: int) -> Task[None]:
@@ -110,7 +111,7 @@ class SampledMaps(BandMaps):
     @property
     def texel_bytes(self) -> int:
         method = Method.AUTO if isinstance(self.source, FlatAndRays) else self.source.method
-        return texel_bytes(self.settings, method, has_detail=self.detail is not None)
+        return texel_bytes(self.settings, method, has_detail=bool(self.details))
 
     @property
     def takes_time(self) -> bool:
@@ -123,7 +124,7 @@ class SampledMaps(BandMaps):
     @property
     def _has_images(self) -> bool:
         """Whether images of the high meshes are looked up."""
-        return self.detail is not None or any(family.has_images for family in self.families)
+        return any(each.has_images for each in (*self.details, *self.families))
 
     def _group_size(self, band: Band) -> int:
         """How many samples are drawn together: as many as fit, if images have to be loaded for them."""
@@ -144,15 +145,15 @@ class SampledMaps(BandMaps):
         for slot, (number, offset, is_central) in enumerate(group):
             sample_band = replace(band, offset=offset)
             for normals, rows in self._normals(sample_band, slot):
-                if sums is not None and self.detail is None and rows:
+                if sums is not None and not self.details and rows:
                     with self.timings.timed("draw"):
                         samples.add(sums, normals, rows, is_first=number == 0)
                 if self.pace.has_listener:
                     done = (slot + rows.stop / band.height) / len(group) / whole
                     # Normals with detail are added to the sums after a group.
-                    has_sums = self.detail is None or group[0][0] > 0
+                    has_sums = not self.details or group[0][0] > 0
                     yield self._step(normals if sums is None or not has_sums else sums.texture, done, band)
-            if self.families or self.detail is not None:
+            if self.families or self.details:
                 hits = self.source.hits(sample_band, slot)
                 blocks = None
                 if self._has_images and self.source.surface is not None:
@@ -160,8 +161,8 @@ class SampledMaps(BandMaps):
                         blocks = surface_tables.find_blocks(hits, self.source.surface.labels)
                 covered = self.source.covered(sample_band)
                 drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits, covered, blocks))
-        if self.detail is not None:
-            yield from part(self._with_detail(self.detail, drawn, sums), efforts[0] / whole, efforts[0] / whole)
+        if self.details:
+            yield from part(self._with_details(drawn, sums), efforts[0] / whole, efforts[0] / whole)
         if self.families and sums is not None and not self.source.is_within_low:
             for sample in drawn:
                 self._leave_on_low(sample)
@@ -170,9 +171,14 @@ class SampledMaps(BandMaps):
             yield from part(family.add(drawn), before / whole, (before + family.effort) / whole)
             before += family.effort
 
-    def _with_detail(self, detail: OwnNormals, drawn: Sequence[Sample], sums: target.Target | None) -> Task[None]:
-        """Apply the high meshes' own maps to the normals of some samples, and add them to the sums."""
-        yield from detail.apply(drawn)
+    def _turn(self, drawn: Sequence[Sample]) -> Task[None]:
+        """Turn the normals of some samples."""
+        for detail in self.details:
+            yield from detail.apply(drawn)
+
+    def _with_details(self, drawn: Sequence[Sample], sums: target.Target | None) -> Task[None]:
+        """Turn the normals of some samples, and add them to the sums."""
+        yield from self._turn(drawn)
         if sums is None:
             return
         for sample in drawn:
@@ -225,14 +231,17 @@ def maps_of_bake(
     uploads: mesh_upload.UploadCache | None = None,
 ) -> SampledMaps:
     """What draws the maps of a bake, band by band. uploads: a cache of uploaded meshes."""
-    families, detail = [], None
+    families, details = [], []
     with run.timings.timed("upload"):
         space = NormalSpace(meshes.basis, run.settings, uploads)
         if source.surface is not None:
             to_space = world_to_space(meshes.low, run.settings.map)
             families = list(_families(meshes, source.surface, space, to_space, run))
-            detail = OwnNormals(meshes, source.surface, to_space, run) if meshes.has_detail else None
-    return SampledMaps(source, space, families, detail, run)
+            if meshes.has_detail:
+                details.append(OwnNormals(meshes, source.surface, to_space, run))
+            if run.settings.map.edge_radius:
+                details.append(RoundedEdges(source.surface, to_space, run))
+    return SampledMaps(source, space, families, details, run)
 
 
 def _families(

@@ -83,7 +83,8 @@ def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | No
     meshes = plan.meshes
     if not plan.casts_rays:
         surface = None
-        if run.settings.map.drawn_maps or meshes.has_detail:
+        turns_normals = meshes.turns_normals(run.settings)
+        if run.settings.map.drawn_maps or turns_normals:
             yield Progress("Reading the surface", 0.0)
             surface = _flat_surface(meshes.highs, run.settings.map, run.timings)
         return Flat(
@@ -93,7 +94,7 @@ def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | No
             run.timings,
             surface=surface,
             is_drawn=meshes.is_drawn,
-            is_changed_later=meshes.has_detail,
+            is_changed_later=turns_normals,
             uploads=uploads,
         )
     ray_cast = yield from ray_distances.measured_rays(meshes, plan.tiles, run.settings, run.timings)
@@ -105,8 +106,8 @@ def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | No
 
 
 def _flat_surface(highs: Sequence[Mesh], map_settings: MapSettings, timings: Timings) -> HighSurface:
-    """What hits of Flatten are on, with a tree only if maps cast rays."""
-    if any(BY_NAME[name].family.casts_rays for name in map_settings.drawn_maps):
+    """What hits of Flatten are on, with a tree only if maps cast rays or edges are rounded."""
+    if map_settings.edge_radius or any(BY_NAME[name].family.casts_rays for name in map_settings.drawn_maps):
         return HighSurface(highs, tree_cache.trees.ray_scene_of(highs, timings))
     return HighSurface(highs, tree_cache.without_tree(highs, timings))
 
@@ -148,7 +149,7 @@ class Flat(Source):
             run.timings,
             surface=self.surface,
             is_drawn=is_drawn,
-            is_changed_later=meshes.has_detail,
+            is_changed_later=meshes.turns_normals(run.settings),
         )
 
     def covered(self, band: Band) -> np.ndarray:

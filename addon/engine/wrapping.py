@@ -40,7 +40,7 @@ def _reaches(meshes: Meshes, repeat: tiling.Repeat, maps: MapSettings, tracing: 
     """How far the rays of maps reach, in scene units."""
     space = local_space_of(meshes.highs)
     families = {BY_NAME[name].family for name in maps.drawn_maps}
-    reaches = []
+    reaches = [maps.edge_radius]
     if Family.OPENNESS in families and tracing.ao_distance is not None:
         reaches.append(ray_maps.in_scene(tracing.ao_distance, tracing, space))
     elif Family.OPENNESS in families:

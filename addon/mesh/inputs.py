@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..core.material_feeds import ExactFeed, HighMaterial, ImagePixels
+from ..core.settings import Settings
 from .tiling import Repeat
 from .triangle_mesh import Mesh
 
@@ -134,6 +135,10 @@ class Meshes:
     def has_detail(self) -> bool:
         """Whether a material of the high meshes moves normals."""
         return any(material.detail is not None for material in self.materials)
+
+    def turns_normals(self, settings: Settings) -> bool:
+        """Whether the normals at hits are not those of the high meshes: their materials move them, or edges are rounded."""
+        return self.has_detail or settings.map.edge_radius > 0.0
 
 
 def _with_labels(high: Mesh, numbers: list[int]) -> np.ndarray:

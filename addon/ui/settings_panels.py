@@ -42,9 +42,8 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
         row = layout.row()
-        shares_samples = settings.to_settings().map.drawn_maps or (
-            settings.detail_maps and _have_normal_maps(chosen.highs)
-        )
+        turns_normals = settings.edge_radius or (settings.detail_maps and _have_normal_maps(chosen.highs))
+        shares_samples = settings.to_settings().map.drawn_maps or turns_normals
         row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not shares_samples
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
@@ -126,7 +125,7 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
             row = layout.row()
             row.separator(factor=INDENT)
             column = row.column(align=True)
-            draw_props(column, settings, "detail_maps", "appearance")
+            draw_props(column, settings, "detail_maps", "edge_radius", "appearance")
         drawn = settings.to_settings().map.drawn_maps
         titles = {
             "rays": label("Occlusion and Curvature"),

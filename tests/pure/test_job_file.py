@@ -98,6 +98,7 @@ SAID = {
     "modifiers": ("--modifiers viewport", "VIEWPORT"),
     "rest_pose": ("--rest-pose", True),
     "keep_faces": ("--keep-faces", True),
+    "edge_radius": ("--edge-radius 0.02", 0.02),
     "smooth_high": ("--smooth-high 3", 3),
     "image": ("--image Map", "Map"),
     "output": ("--output /n.exr", os.path.abspath("/n.exr")),  # on Windows, with the drive

@@ -217,11 +217,11 @@ class WholeNumber(Setting):
 
 @dataclass(frozen=True, kw_only=True)
 class Distance(Setting):
-    """A distance in scene units. None to measure it, or to use the default in `empty`."""
+    """A distance in scene units. None to measure it, or to use the default in `empty`. A default of 0 is none at all."""
 
     LARGEST: ClassVar[float] = 1e18
     """The square of this is still a valid float."""
-    default: None = None
+    default: float | None = None
     shown: float
     """The initial value in the panel."""
     shown_least: float = 0.0

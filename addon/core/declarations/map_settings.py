@@ -469,6 +469,14 @@ MAPS: dict[str, Setting] = {
         default=True,
         option=Option(word="no-detail-maps", off="Leave the normal and bump maps of the high meshes' materials out"),
     ),
+    "edge_radius": Distance(
+        label="Edge Radius",
+        tooltip="Radius within which hard edges of the high meshes look round, as by Cycles' Bevel node. 0 leaves them hard",
+        default=0.0,
+        shown=0.0,
+        usual_most=0.1,
+        may_be_zero=True,
+    ),
     "appearance": Switch(
         label="Shading Error",
         tooltip="Also measure the shading error: the angle between the normals that a viewer sees of the high meshes and of "
