@@ -152,9 +152,13 @@ class Atlas:
         is_hit, was_hit = alpha > 0.0, alpha_below > 0.0
         lost = np.count_nonzero(is_hit & was_hit)
         if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
+            low, *before = [drawn.request.job.low for drawn in self.drawn[::-1]]
+            same = [repr(other.name) for other in before if other.data == low.data]
+            whose = f"{shorten_list(same)}, which have the same mesh" if same else "other objects in the same image"
+            apart = "make it a single user and pack the UV maps" if same else "move their UVs apart"
             self._warnings[-1].append(
-                f"{lost:,} texels of {self.drawn[-1].meshes.low.name!r} overlap texels of other objects in the same image: "
-                "move their UVs apart, or bake a map for each with {low} in the name."
+                f"{lost:,} texels of {low.name!r} overlap texels of {whose}: {apart}, or bake a map for each with {{low}} in "
+                "the name."
             )
         wins = is_hit | ((alpha < 0.0) & (alpha_below <= 0.0))
         for name, values in above.items():

@@ -188,11 +188,19 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
 
 def covers_detail(low: bpy.types.Object, highs: Sequence[bpy.types.Object], images: Iterable[str]) -> str:
     """Why a bake of `low` onto itself may not fill these images, in a sentence: one holds a map of high objects, which were
-    not selected. Empty if it may."""
-    if not object_checks.is_itself(low, highs):
+    not selected, or a material shows one that Imprint did not bake. Empty if it may."""
+    if not object_checks.shows_own_surface(low, highs):
         return ""
+    textures = object_checks.textures_of(low)
     for name in images:
-        before = outputs.replaced(name, [low.name])
+        if name in textures and not datablocks.is_map(name):
+            return (
+                f"The material {textures[name].name!r} of {low.name!r} shows the image {name!r}, which this bake would fill: "
+                "choose another name for the image."
+            )
+        before = outputs.replaced(name, [low.name]) if object_checks.is_itself(low, highs) else ""
+        if datablocks.is_of_itself(name):  # the mesh may have been renamed since
+            continue
         users = list(users_of_image(name)) if before else []  # it goes through all objects
         if before and (low in users or not users):  # a map of others stays, see shared_image
             return (

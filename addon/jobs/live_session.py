@@ -367,7 +367,7 @@ class Session:
             return
         is_new = datablocks.get(settings.storing.image) is None
         image = datablocks.fill(settings.storing.image, self.texels, is_float=settings.storing.depth > 8, pack=False)
-        datablocks.set_source_objects(image, self._high_names)
+        datablocks.set_source_objects(image, self._high_names, [self.job.low_ref.name])
         if is_new or not self._is_stored:
             datablocks.note_maps(self.job.low, [image])
         if settings.storing.material and (is_new or not self._is_stored):

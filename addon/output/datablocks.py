@@ -49,6 +49,8 @@ def to_rec709(texels: np.ndarray) -> None:
 
 OPAQUE_BITS = {24, 96}
 """Image.depth, in bits per texel, of images without alpha. Their pixels have alpha; a file written from them does not."""
+ITSELF = "imprint_itself"
+"""A custom property of images of meshes that were baked onto themselves: these may be renamed later."""
 UNPACKED = "imprint_unpacked"
 """A custom property of images whose map is only in memory: see `pack_unpacked`. Each map has another number."""
 _numbers = itertools.count(1)
@@ -65,9 +67,26 @@ def origin(name: str) -> list[str]:
     return list(filter(None, str(image.get(ORIGIN, "")).split("\n"))) if image is not None else []
 
 
-def set_source_objects(image: bpy.types.Image, highs: Iterable[str]) -> None:
-    """Store the names that `origin` returns."""
-    image[ORIGIN] = "\n".join(highs)
+def is_map(name: str) -> bool:
+    """Whether the image `name` holds a map that Imprint has baked."""
+    image = get(name)
+    return image is not None and bool(image.get(ORIGIN) or image.get(MARK))
+
+
+def is_of_itself(name: str) -> bool:
+    """Whether the image `name` holds maps of meshes that were baked onto themselves alone."""
+    image = get(name)
+    return image is not None and bool(image.get(ITSELF))
+
+
+def set_source_objects(image: bpy.types.Image, highs: Iterable[str], lows: Iterable[str] = ()) -> None:
+    """Store the names that `origin` returns. lows: the low objects of the map, for `is_of_itself`."""
+    names = list(highs)
+    image[ORIGIN] = "\n".join(names)
+    if names and set(names) <= set(lows):
+        image[ITSELF] = True
+    elif ITSELF in image:
+        del image[ITSELF]
 
 
 def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool, color_space: str = "") -> bpy.types.Image:

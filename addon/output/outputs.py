@@ -465,7 +465,8 @@ class Outputs:
         first = self._writers[self._first]
         warnings = sign(stored[self._first], labels[Labeled.OBJECTS])
         for image in stored.values():  # a bake may replace the files of maps that were baked before
-            datablocks.set_source_objects(image, dict.fromkeys(labels[Labeled.OBJECTS]))
+            highs = dict.fromkeys(labels[Labeled.OBJECTS])
+            datablocks.set_source_objects(image, highs, [low.name for low in lows])
         if self._hides_misses:
             warnings.append(HIDDEN_MISSES)
         if self._cut_off:

@@ -176,7 +176,7 @@ class MaterialNumbers:
             socket: (
                 *material.notes.get(socket, ()),
                 f'Material "{material.name}": {socket} shows a map that Imprint has baked, because the low object has this '
-                "material, too. Give the high objects a material of their own to bake from the original.",
+                "material, too. For the original, bake from a material that shows it.",
             )
             for socket, feed in material.feeds.items()
             if isinstance(feed, ImageFeed) and self.images.is_map(feed.image)

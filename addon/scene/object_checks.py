@@ -254,6 +254,17 @@ def _adds_detail(modifier: bpy.types.Modifier) -> bool:
     return modifier.type in ADDING
 
 
+def textures_of(obj: bpy.types.Object) -> dict[str, bpy.types.Material]:
+    """The materials of `obj` by the names of the local images that their nodes read."""
+    found = {}
+    for material in filter(None, (slot.material for slot in obj.material_slots)):
+        for node in _node_groups(material.node_tree, set()) if material.node_tree else ():
+            image = getattr(node, "image", None)
+            if image is not None and image.library is None and any(socket.is_linked for socket in node.outputs):
+                found.setdefault(image.name, material)
+    return found
+
+
 def _changes_surface(node: bpy.types.Node) -> bool:
     return node.bl_idname not in PASS_THROUGH and any(socket.type == "GEOMETRY" for socket in node.outputs)
 

@@ -165,3 +165,93 @@ def test_a_sequence_leaves_its_materials_and_maps_of_others(tmp_path):
     datablocks.set_source_objects(bpy.data.images["seq"], [high.name])
     with pytest.raises(BakeError, match="holds a map of 'hi'"):
         progress.finish(work_on_frames(bpy.context, Job(low, [low]), settings, [1], Pace(None)))
+
+
+def test_a_mesh_that_was_renamed_is_baked_again_into_its_image():
+    obj = closed()
+    first = maps.bake(obj, obj, maps=("AO",), image="texture")
+    obj.name = "other"
+    np.testing.assert_array_equal(maps.bake(obj, obj, maps=("AO",), image="texture"), first)
+
+
+def test_a_texture_that_a_material_shows_is_not_filled():
+    """The next bake could not read it any more. What a bake made may be filled again, and a node alone shows nothing."""
+    obj = closed()
+    tree = obj.data.materials[0].node_tree
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = bpy.data.images.new("shape_base_color", SIDE, SIDE)
+    texture.image.pixels.foreach_set(np.full(4 * SIDE * SIDE, 0.25, np.float32))
+    link = tree.links.new(texture.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    with pytest.raises(
+        BakeError, match="material 'matte' of 'shape' shows the image 'shape_base_color', which this bake"
+    ):
+        scenes.bake(obj, obj, method="AUTO", normal=False, maps=("BASE_COLOR",))
+    assert texture.image.pixels[0] == pytest.approx(0.25, abs=1 / 255)
+    report = scenes.bake(obj, obj, method="AUTO", normal=False, maps=("BASE_COLOR",), image="baked")
+    first = np.array(bpy.data.images[report.maps["base_color"]["image"]].pixels)
+    texture.image = bpy.data.images[report.maps["base_color"]["image"]]
+    report = scenes.bake(obj, obj, method="AUTO", normal=False, maps=("BASE_COLOR",), image="baked")
+    assert any("Base Color shows a map that Imprint has baked" in text for text in report.warnings)
+    np.testing.assert_allclose(
+        np.array(bpy.data.images[report.maps["base_color"]["image"]].pixels), first, atol=1 / 255
+    )
+    texture.image = bpy.data.images["shape_base_color"]
+    tree.links.remove(link)
+    scenes.bake(obj, obj, method="AUTO", normal=False, maps=("BASE_COLOR",))
+
+
+def twins():
+    """Two objects of one mesh, side by side."""
+    obj = closed("left")
+    twin = bpy.data.objects.new("right", obj.data)
+    twin.location.x = 4.0
+    bpy.context.scene.collection.objects.link(twin)
+    return obj, twin
+
+
+def test_objects_that_share_a_mesh_get_a_map_each():
+    settings = scenes.settings(method="AUTO", normal=False, maps=("AO", "POSITION"), space="WORLD")
+    reports = bake_all(bpy.context, [Job(obj, [obj]) for obj in twins()], settings)
+    ao, position = (
+        [np.array(bpy.data.images[report.maps[name]["image"]].pixels) for report in reports]
+        for name in ("ao", "position")
+    )
+    np.testing.assert_array_equal(*ao)
+    assert not [text for report in reports for text in report.warnings if "overlap" in text]
+
+
+def test_objects_that_share_a_mesh_and_an_image_are_told():
+    settings = scenes.settings(method="AUTO", normal=False, maps=("AO",), image="both")
+    reports = bake_all(bpy.context, [Job(obj, [obj]) for obj in twins()], settings, share_image=True)
+    (warning,) = [text for text in reports[1].warnings if "overlap" in text]
+    assert "of 'right' overlap texels of 'left', which have the same mesh: make it a single user and pack" in warning
+
+
+def test_materials_on_the_same_texels_are_named():
+    """Each face of a cube fills the map, as after Blender's Reset."""
+    bpy.ops.mesh.primitive_cube_add()
+    obj = bpy.context.object
+    obj.name = "box"
+    for name, color in (("red", (1.0, 0.0, 0.0, 1.0)), ("blue", (0.0, 0.0, 1.0, 1.0))):
+        obj.data.materials.append(bpy.data.materials.new(name))
+        obj.data.materials[-1].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = color
+    for polygon in obj.data.polygons:
+        polygon.material_index = polygon.index % 2
+        for corner, place in zip(polygon.loop_indices, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
+            obj.data.uv_layers[0].uv[corner].vector = place
+    report = scenes.bake(obj, obj, method="AUTO", maps=("BASE_COLOR",))
+    (warning,) = [text for text in report.warnings if "belong to faces of different materials" in text]
+    assert "('red', 'blue')" in warning
+    assert "Unwrap gives each face a place of its own" in warning
+
+
+@pytest.mark.parametrize(("socket", "value"), [("Transmission Weight", 1.0), ("Alpha", 0.0)])
+def test_glass_and_what_is_invisible_have_the_shape_of_the_mesh(socket, value):
+    """Its own occlusion is that of the same mesh of another material: nothing of it is cut out."""
+    obj = closed()
+    kinds = ("AO", "THICKNESS", "POSITION")
+    _, expected = maps.bake_all_maps(obj, obj, maps=kinds)
+    obj.data.materials[0].node_tree.nodes["Principled BSDF"].inputs[socket].default_value = value
+    _, found = maps.bake_all_maps(obj, obj, maps=kinds)
+    for name in expected:
+        np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
