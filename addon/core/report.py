@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The report of a bake: numbers and sentences."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields, replace
 from inspect import ismethod
@@ -334,6 +335,11 @@ class Report:
             if scale != 1.0  # floats are stored as they are
         ]
 
+    def _tile(self, length: Length) -> list[str]:
+        """How the low mesh repeats, for the summary."""
+        steps = [f"along {axis.upper()} by {length(math.hypot(*step))}" for axis, step in self.repeats.items()]
+        return [f"Repeats {' and '.join(steps)}"] if steps else []
+
     def summary(self, length: Length = plain_length) -> list[str]:
         """Lines for the user: what was baked, and how long it took. length: a length in scene units as text."""
         width, height = self.size
@@ -360,7 +366,7 @@ class Report:
                 f"{name.replace('_', ' ')} {length(value)}" for name, value in self.distances.items()
             )
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
-        details += [*self._off(length), *self._shared(), *self._seen()]
+        details += [*self._off(length), *self._tile(length), *self._shared(), *self._seen()]
         if self.stopped_early:
             details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:

@@ -20,9 +20,10 @@ AXES = {Wrap.NONE: "", Wrap.U: "u", Wrap.V: "v", Wrap.UV: "uv"}
 """Along which the UVs of a map wrap around."""
 NEAR = 0.25
 """Of the shortest step: what rays of a curved low mesh, or of a cage, may lean out of the tile."""
-HEIGHTS = 2.0
-"""Rays of occlusion without a distance end after one tile, or after so many heights of the high meshes: of two to the horizon,
-those that go on lean less than 30 degrees out of the surface, and hardly one passes a relief for so long."""
+HEIGHTS = 4.0
+"""Rays of occlusion without a distance end after one tile, or after so many heights of the high meshes. Against 9 x 9 tiles,
+that leaves 0.0004, 0.0015 and 0.0014 in the mean of reliefs with heights of 0.08, 0.16 and 0.55 of the tile. 2 leave 0.009 of
+the last one, and 8 leave 0.0001, with four times as many triangles."""
 
 
 def repeated(meshes: Meshes, settings: Settings) -> Meshes:

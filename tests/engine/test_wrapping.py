@@ -84,6 +84,7 @@ def test_no_step_across_the_border_is_larger_than_inside(wrap, has_stones):
     report, found = bake(zoo.plane("lo"), relief(), *stones, wrap=wrap)
     assert report.method == "CAST"
     assert report.repeats == {axis: [TILE * (axis == "u"), TILE * (axis == "v"), 0.0] for axis in wrap.lower()}
+    assert f"Repeats {' and '.join(f'along {axis} by 2' for axis in wrap)}" in report.summary()
     for name in ("normal", "ao", "bent_normal", "height", "thickness", "curvature"):
         for axis in [1] * ("U" in wrap) + [0] * ("V" in wrap):
             inside, across = steps(found[name], axis)
@@ -133,13 +134,37 @@ def test_what_moves_out_comes_in_again():
     assert angles.degrees(angles.decode(after["normal"]), angles.decode(rolled["normal"])).max() < 0.02
 
 
-def test_occlusion_without_a_distance_is_the_same_on_both_sides():
-    low, high = zoo.plane("lo"), relief(height=0.4)
-    _, found = bake(low, high, maps=("AO",), wrap="UV", ao_distance=None, rays=256)
+def test_occlusion_without_a_distance_is_the_same_from_all_places():
+    """A texel casts the same rays again 64 texels on. Against tiles to the horizon, occlusion lacks little."""
+    low, high = zoo.plane("lo"), relief(n=32, height=0.4)
+    free = {"maps": ("AO",), "ao_distance": None, "size": 128}
+    _, found = bake(low, high, wrap="UV", **free)
+    _, expected = bake(low, relief("large", tiles=9, n=32, height=0.4), **free)
+    assert np.abs((found["ao"] - expected["ao"])[..., :3]).mean() < 2e-3
     high.matrix_world = Matrix.Translation((TILE / 2, TILE / 2, 0.0))
-    _, moved = bake(low, high, maps=("AO",), wrap="UV", ao_distance=None, rays=256)
-    rolled = np.roll(found["ao"], (SIDE // 2, SIDE // 2), axis=(0, 1))
-    assert abs((moved["ao"] - rolled)[..., 0].mean()) < 1e-3
+    _, moved = bake(low, high, wrap="UV", **free)
+    difference = np.abs(moved["ao"] - np.roll(found["ao"], (64, 64), axis=(0, 1)))
+    assert difference.mean() < 2e-4
+
+
+def test_what_lies_some_tiles_away_comes_in():
+    low, high, ball = zoo.plane("lo"), relief(n=8), stone((0.3, -0.2))
+    _, expected = bake(low, high, ball, maps=("HEIGHT",), wrap="UV")
+    ball.matrix_world = Matrix.Translation((3 * TILE, -4 * TILE, 0.0)) @ ball.matrix_world
+    _, found = bake(low, high, ball, maps=("HEIGHT",), wrap="UV")
+    assert np.abs(found["height"] - expected["height"]).max() < 1e-5
+
+
+def test_margins_of_a_tile_repeat_the_nearest_texel():
+    """Between two halves of a plane, Adjacent Faces would continue the other half."""
+    low, high = zoo.plane("lo", n=2), relief()
+    scenes.move_uvs(low, (1.0, 0.8), (0.0, 0.0), slice(0, 8))
+    scenes.move_uvs(low, (1.0, 0.8), (0.0, 0.2), slice(8, 16))
+    kinds = [{"margin_type": kind, "maps": (), "margin": 5} for kind in ("EXTEND", "ADJACENT_FACES")]
+    one, other = (bake(low, high, wrap="U", **kind)[1]["normal"] for kind in kinds)
+    assert np.array_equal(one, other)
+    one, other = (bake(low, high, method="CAST", **kind)[1]["normal"] for kind in kinds)
+    assert not np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("margin", [0, 5, None])
@@ -191,6 +216,28 @@ def test_strips_in_one_image_each_repeat():
     bake_all(bpy.context, jobs, chosen, share_image=True)
     inside, across = steps(pixels(bpy.data.images["both"]), 1)
     assert across <= inside
+
+
+def test_what_comes_in_brings_its_materials_and_ids():
+    """Also where Cycles evaluates a material in the object's own coordinates: as if the object lay on the other side."""
+    low, high, ball = zoo.plane("lo"), relief(n=8), stone((0.95, 0.2), "stone")
+    noise = scenes.material("noise", ball).node_tree.nodes.new("ShaderNodeTexNoise")
+    tree = noise.id_data
+    noise.inputs["Scale"].default_value = 3.0
+    tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["Object"], noise.inputs["Vector"])
+    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    tree.links.new(noise.outputs["Color"], shader.inputs["Base Color"])
+    maps = ("BASE_COLOR", "OBJECT_ID")
+    _, found = bake(low, high, ball, maps=maps, wrap="U")
+    ball.matrix_world = Matrix.Translation((-TILE, 0.0, 0.0)) @ ball.matrix_world
+    _, moved = bake(low, high, ball, maps=maps, method="CAST")
+    left = slice(0, SIDE // 4)
+    is_stone = (moved["object_id"] != moved["object_id"][0, SIDE // 2])[..., :3].any(axis=-1)[:, left]
+    assert 40 < is_stone.sum() < 200
+    for name, most in (("object_id", 0.0), ("base_color", 1e-3)):
+        difference = np.abs(found[name] - moved[name])[:, left]
+        assert np.quantile(difference[is_stone], 0.98) <= most, name
+    assert np.ptp(found["base_color"][:, left][is_stone], axis=0).max() > 0.1
 
 
 def test_a_tube_is_closed_and_repeats_nothing():

@@ -117,3 +117,18 @@ def test_flat_faces_keep_their_normals():
 def test_normals_of_its_own_stay():
     mesh = replace(grid(wave), normals_domain="")
     assert repeat_of(mesh, "uv").joined(mesh) is mesh
+
+
+def test_other_open_edges_stay():
+    """A mesh of two halves that are not joined: in the middle, it looks as it did."""
+    mesh = grid(wave)
+    is_left = mesh.positions[mesh.vertices[mesh.triangles]].mean(axis=1)[:, 0] < 0.5
+    vertices = mesh.vertices.copy()
+    vertices[mesh.triangles[is_left].reshape(-1)] += len(mesh.positions)
+    normals = mesh.normals.copy()
+    normals[mesh.triangles[is_left].reshape(-1)] = UP
+    halves = replace(mesh, positions=np.tile(mesh.positions, (2, 1)), vertices=vertices, normals=normals)
+    joined = repeat_of(halves, "uv").joined(halves)
+    is_middle = np.abs(mesh.positions[mesh.vertices] - 0.5)[:, :2].max(axis=1) < 0.4
+    assert np.array_equal(joined.normals[is_middle], normals[is_middle])
+    assert not np.array_equal(joined.normals, normals)
