@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..core.declarations.choices import Space
-from ..core.errors import Fix, shorten_list
+from ..core.errors import UNWRAPS, Fix, shorten_list
 from ..core.map_types import BY_NAME, Labeled
 from ..core.material_feeds import HighMaterial
 from ..core.settings import MapSettings, Settings
@@ -61,8 +61,7 @@ def warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
     if stacked["other_material"] > MUCH_OVERLAP:
         text = (
             f"{stacked['other_material']:.1%} of the texels of {low.name!r} belong to faces of different materials "
-            f"({shorten_list(map(repr, stacked['materials']))}), and the maps show one of them: Unwrap gives each face a place "
-            "of its own."
+            f"({shorten_list(map(repr, stacked['materials']))}), and the maps show one of them: {UNWRAPS}."
         )
         yield Warned(Fix.TEXTURE_SETS.after(text) if are_others else text, severity.MATERIALS)
     elif stacked["differing"] <= severity.MANY_DIFFERENT:

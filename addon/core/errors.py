@@ -92,6 +92,10 @@ class Fix(Enum):
         return f"{cause.removesuffix('.')}; {self.in_shell}."
 
 
+UNWRAPS = "Unwrap gives each face a place of its own"
+"""A clause of sentences that a window draws with the button Unwrap, too."""
+
+
 def in_window(text: str) -> tuple[str, str]:
     """A sentence as a window shows it, and the name of its Fix; empty if it has none."""
     for fix in Fix:

@@ -22,7 +22,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..mesh.uv_charts import Charts
 from ..mesh.uv_packing import PackOptions
 from ..mesh.uv_stretch import Layout
-from ..scene import mesh_reader
+from ..scene import mesh_reader, object_checks
 from . import temporary
 
 NAME = "UVMap"
@@ -96,7 +96,7 @@ class Unwrapped:
 
 
 def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -> str:
-    """Give an object's own mesh a UV map. Returns a sentence about it. is_quick: whether only one way is tried.
+    """Give an object's own mesh a UV map, the active one. Returns a sentence about it. is_quick: whether only one way is tried.
 
     Raises BakeError if no way works, and then nothing has changed.
     """
@@ -108,12 +108,14 @@ def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False)
         raise BakeError(f"{low.name!r} has no UV map, and Blender cannot unwrap it: its faces have no area.")
     if not is_quick:
         best = best.packed(margin(settings.sampling))
+    shows_textures = bool(low.data.uv_layers) and bool(object_checks.textures_of(low))
     layer = low.data.uv_layers.new(name=NAME, do_init=False)
     if layer is None:
         raise BakeError(f"{low.name!r} has as many UV maps as a mesh can have: remove one.")
     layer.uv.foreach_set("vector", best.mesh.uv.reshape(-1))
     low.data.uv_layers.active = layer
-    layer.active_render = True
+    if not shows_textures:  # else these stay where they are, and a bake moves them
+        layer.active_render = True
     low.data.update()
     return f"{low.name!r} is unwrapped: {best.sentence}"
 

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ..core.errors import BakeError, Fix, in_window
+from ..core.errors import UNWRAPS, BakeError, Fix, in_window
 from ..jobs import fixes
 from ..scene.object_checks import object_by_name
 from .modal import QuickOperator, WaitingOperator
@@ -125,12 +125,12 @@ class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
 
 
 def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str, low: str = "") -> None:
-    """A sentence of a report or an error, without what fixes it in a shell, and the button that fixes it. low: the name of the
+    """A sentence of a report or an error, without what fixes it in a shell, and the buttons that fix it. low: the name of the
     low object; empty for that of the panel."""
     shown, kind = in_window(text)
     draw_paragraphs(layout, context, [shown], icon)
-    if kind:
-        draw_button(layout, kind, low)
+    for each in filter(None, (fixes.UNWRAP if UNWRAPS in text else "", kind)):
+        draw_button(layout, each, low)
 
 
 def draw_button(layout: bpy.types.UILayout, kind: str, low: str = "") -> None:

@@ -156,3 +156,45 @@ def test_live_follows_the_active_one_alone(props):
         assert live.description == "Live: 'lamp' follows its mesh."
     finally:
         bpy.ops.imprint.live()
+
+
+def test_textures_are_read_by_their_own_uv_map_after_an_unwrap(props):
+    """Six faces fill the map with two materials. Unwrap keeps that UV map for the textures and gives a new one to the bake."""
+    lamp, *_ = props
+    select(lamp)
+    use(size=128, normal=False, maps={"BASE_COLOR", "POSITION"}, depth="32", margin=0)
+    image = bpy.data.images.new("ramp", SIDE, SIDE, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    v, u = (np.mgrid[:SIDE, :SIDE] + 0.5) / SIDE
+    image.pixels.foreach_set(np.dstack([u, v, u * 0.0, u * 0.0 + 1.0]).astype(np.float32).ravel())
+    for name in ("one", "two"):
+        material = bpy.data.materials.new(name)
+        tree = material.node_tree
+        texture = tree.nodes.new("ShaderNodeTexImage")
+        texture.image = image
+        base = tree.nodes["Principled BSDF"].inputs["Base Color"]
+        if name == "one":
+            tree.links.new(texture.outputs["Color"], base)
+        lamp.data.materials.append(material)
+    for polygon in lamp.data.polygons:
+        polygon.material_index = int(abs(polygon.normal.z) < 0.5)
+        for corner in polygon.loop_indices:
+            place = lamp.data.vertices[lamp.data.loops[corner].vertex_index].co * 0.5
+            lamp.data.uv_layers[0].uv[corner].vector = (place.x + 0.5, place.y + place.z + 0.5)
+            if polygon.normal.z > 0.5:
+                lamp.data.uv_layers[0].uv[corner].vector = (place.x + 0.5, place.y + 0.5)
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    panel = panel_layout.draw()
+    assert "belong to faces of different materials ('one', 'two')" in panel.text
+    assert "UNWRAP" in [given.kind for name, given in panel.given if name == "imprint.fix"]
+    assert bpy.ops.imprint.fix(kind="UNWRAP") == {"FINISHED"}
+    assert [layer.active_render for layer in lamp.data.uv_layers] == [True, False]
+    assert "Bakes the materials and the shape of 'lamp' itself" in drawn().text
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    position, color = (texels(f"lamp_{name}").reshape(128, 128, 4) for name in ("position", "base_color"))
+    assert (color[..., 3] > 0.0).mean() > 0.3
+    is_top = (
+        (position[..., 3] > 0.0) & (position[..., 2] > 0.999) & (np.abs(position[..., :2] - 0.5) < 0.48).all(axis=-1)
+    )
+    assert np.count_nonzero(is_top) > 300
+    np.testing.assert_allclose(color[is_top, :2], position[is_top, :2], atol=1e-3)
