@@ -16,7 +16,7 @@ from ..audit import severity
 from ..core import naming, progress
 from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError, shorten_list
-from ..core.map_types import BY_NAME, MARGIN, NORMAL, Labeled
+from ..core.map_types import BY_NAME, MARGIN, MISSED, NORMAL, Labeled, Map
 from ..core.naming import ATLAS
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
@@ -56,6 +56,8 @@ class Atlas:
         self.settings = settings.sampled(samples=1)
         self.drawn: list[Baked] = []
         self.tiles: dict[int, dict[str, np.ndarray]] = {}
+        self._owners: dict[int, np.ndarray] = {}
+        """Of each texel (height, width) int16 of a tile, the number of the bake that drew it, from 1; 0 for none."""
         self.labels: dict[Labeled, list[str]] = {labeled: [] for labeled in Labeled}
         self._warnings: list[list[str]] = []
 
@@ -66,9 +68,10 @@ class Atlas:
         self._warnings.append([])
         for tile, above in maps.items():
             if tile in self.tiles:
-                self._lay_over(self.tiles[tile], above)
+                self._lay_over(tile, above)
             else:
                 self.tiles[tile] = above
+                self._owners[tile] = (above[NORMAL.name][..., 3] != 0.0).astype(np.int16) * len(self.drawn)
 
     def store(self) -> list[Report]:
         """Add the margin and store the maps. Returns a report of each bake. Raises BakeError."""
@@ -114,15 +117,43 @@ class Atlas:
             for tile, maps in self.tiles.items():
                 run, is_kept = Run(self.settings, timings=timings), None
                 if self.kept:
-                    maps = margins.with_owner(maps, self._of_others(tile, maps))  # noqa: PLW2901 - the same, with more
+                    is_of_others = self._of_others(tile, maps)
+                    self._owners[tile][is_of_others] = 0
+                    maps = margins.with_owner(maps, is_of_others)  # noqa: PLW2901 - the same, with more
                 finished = progress.finish(texels_of(DrawnMaps(maps), tile, run, post_processes))
                 if self.kept:
                     is_kept = margins.without_others(finished, post_processes)
+                self._fill_misses(tile, maps, finished, run, post_processes)
                 state = finished[NORMAL.name][1]
                 margin += int(np.count_nonzero(state == MARGIN))
                 texels += state.size
                 outputs.add(tile, finished, progress.finish(mip_levels.of(finished, tile, run)), is_kept)
         return margin / texels
+
+    def _fill_misses(
+        self,
+        tile: int,
+        maps: dict[str, np.ndarray],
+        finished: dict[str, Map],
+        run: Run,
+        processes: dict[str, margins.PostProcess],
+    ) -> None:
+        """Let the colors of each bake go on where its own rays miss: those of others may be nearer, or not known.
+
+        Args:
+            maps: Of the tile, without a margin.
+            finished: The maps as they are stored, which change in place.
+        """
+        names = [name for name in finished if BY_NAME[name].fills_misses]
+        missed = self._owners[tile] * (finished[NORMAL.name][1] == MISSED)
+        numbers = np.unique(missed[missed > 0]) if len(self.drawn) > 1 or self.kept else ()
+        for number in numbers:
+            is_own, is_missed = self._owners[tile] == number, missed == number
+            for name in names:
+                own = {name: np.where(is_own[..., None], maps[name], np.float32(0.0))}
+                filled = texels_of(DrawnMaps(own), tile, run, {name: processes[name]})
+                for whole, part_of in zip(finished[name], progress.finish(filled)[name], strict=True):
+                    whole[is_missed] = part_of[is_missed]
 
     @property
     def _lows(self) -> list[Mesh]:
@@ -146,8 +177,9 @@ class Atlas:
             )
         return is_covered
 
-    def _lay_over(self, below: dict[str, np.ndarray], above: dict[str, np.ndarray]) -> None:
+    def _lay_over(self, tile: int, above: dict[str, np.ndarray]) -> None:
         """Combine one tile of the last bake with those of the bakes before it."""
+        below = self.tiles[tile]
         alpha, alpha_below = above[NORMAL.name][..., 3], below[NORMAL.name][..., 3]
         is_hit, was_hit = alpha > 0.0, alpha_below > 0.0
         lost = np.count_nonzero(is_hit & was_hit)
@@ -163,6 +195,7 @@ class Atlas:
         wins = is_hit | ((alpha < 0.0) & (alpha_below <= 0.0))
         for name, values in above.items():
             np.copyto(below[name], values, where=wins[..., None])
+        self._owners[tile][wins] = len(self.drawn)
 
     def _renumber(self, maps: dict[int, dict[str, np.ndarray]], labels: dict[Labeled, Sequence[str]]) -> None:
         """Give each name in the atlas its own number. Each bake numbers its objects and materials from 1."""

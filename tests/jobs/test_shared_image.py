@@ -598,3 +598,29 @@ def test_a_file_that_cannot_be_read_is_no_file_without_record(ending, tmp_path):
     os.symlink("/proc/self/mem", settings.storing.output)
     with pytest.raises(BakeError, match=rf"m.{ending}' could not be read: Input/output error."):
         shared_maps.parts_of_files(settings)
+
+
+@pytest.mark.parametrize("is_kept", [False, True])
+@pytest.mark.parametrize("margin", [0, 2, 8])
+def test_colors_go_on_where_rays_miss_beside_another_object(margin, is_kept):
+    """The right half of `a` misses, and the texels of `b` follow at once: they are nearer, and another color."""
+    jobs = pairs("ab", {"a": (0.0, 0.0, 0.5, 1.0), "b": (0.5, 0.0, 0.5, 1.0)})
+    for name, color in (("a", (1.0, 0.0, 0.0, 1.0)), ("b", (0.0, 1.0, 0.0, 1.0))):
+        material = bpy.data.materials.new(name)
+        material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = color
+        jobs[name].highs[0].data.materials.append(material)
+    high = jobs["a"].highs[0]
+    high.scale.x, high.location.x = 0.5, -0.5
+    bpy.context.view_layer.update()
+    settings = scenes.settings(**SAME | {"margin": margin}, maps=("BASE_COLOR",), image="all", depth=32)
+    bake(jobs.values(), settings)
+    if is_kept:
+        bake([jobs["a"]], settings)
+    color = maps.pixels(bpy.data.images["all_base_color"])
+    is_missed = color[:, :16, 3] == 0.0
+    assert 0.3 < is_missed.mean() < 0.6
+    np.testing.assert_allclose(color[:, 16:, :3], np.broadcast_to((0.0, 1.0, 0.0), (32, 16, 3)), atol=1e-6)
+    reached = np.arange(16) < 8 + margin
+    found = color[:, :16, :3][:, reached]
+    np.testing.assert_allclose(found, np.broadcast_to((1.0, 0.0, 0.0), found.shape), atol=1e-6)
+    assert (color[:, :16, :3][:, ~reached] != (0.0, 1.0, 0.0)).any(axis=-1).all()
