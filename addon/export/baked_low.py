@@ -97,6 +97,10 @@ class BakedLow:
         """Whether the bake stored a normal map."""
         return bool(self.reports[0].settings["normal"])
 
+    def name_of(self, slot: int) -> str:
+        """The name of the material in a slot; that of the object without one."""
+        return (self.names[slot] if slot < len(self.names) else "") or self.name
+
     def report_of(self, slot: int) -> Report | None:
         """The report of the texture set that the material slot `slot` belongs to."""
         return next((report for report in self.reports if not report.slots or slot in report.slots), None)

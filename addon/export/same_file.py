@@ -5,7 +5,7 @@ Everything else stays: nodes, names, other meshes, the order of vertices, skins,
 corners have several new UVs or tangents is there several times, the further ones behind all that were there.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,17 +50,18 @@ def rewritten(source: Path, made: Glb, staged: Sequence[Staged]) -> tuple[bytes,
     """
     file = Glb.read(source)
     staying = binary_gltf.unused(file.tree)
-    meshes: dict[int, Staged] = {}
-    for one in staged:  # of objects with the same mesh, the first counts: they show the same maps
-        meshes.setdefault(_mesh_of(file, one.baked.low, meshes, source), one)
+    meshes: list[tuple[int, Staged]] = []
+    for one in staged:
+        if not any(other.baked.low.data == one.baked.low.data for _, other in meshes):  # they show the same maps
+            meshes.append((_mesh_of(file, one.baked.low, [number for number, _ in meshes], source), one))
     replaced = dict.fromkeys(
         primitive["material"]
-        for mesh in meshes
+        for mesh, _ in meshes
         for primitive in file.tree["meshes"][mesh]["primitives"]
         if "material" in primitive
     )
     materials = _Materials(file, made, [file.tree["materials"][number] for number in replaced])
-    for mesh, one in meshes.items():
+    for mesh, one in meshes:
         _put(file, mesh, one, materials, [each.baked.low for each in staged])
     binary_gltf.drop_unused(file, staying)
     return file.packed(), list(dict.fromkeys(materials.notes))
@@ -137,21 +138,25 @@ def _kept(triangles: np.ndarray, data: bpy.types.Mesh) -> np.ndarray | None:
     return None
 
 
-def _mesh_of(file: Glb, low: bpy.types.Object, taken: Mapping[int, Staged], source: Path) -> int:
-    """The number of the mesh that an object has in the file. Raises BakeError if there is none."""
+def _mesh_of(file: Glb, low: bpy.types.Object, taken: Collection[int], source: Path) -> int:
+    """The number of the mesh that an object has in the file. Raises BakeError if there is none.
+
+    taken: those of other objects; Blender may have made two meshes of one.
+    """
     data, fitting = low.data, []
     for number, mesh in enumerate(file.tree.get("meshes", ())):
-        if number in taken and taken[number].baked.low.data == data:
-            return number
-        if number not in taken and _kept(_as_imported(_parts(file, number)), data) is not None:
-            is_named = data.name.startswith(mesh.get("name", f"Mesh_{number}"))
-            fitting.append((not is_named, _distance(file, mesh, data), number))
+        if _kept(_as_imported(_parts(file, number)), data) is not None:
+            name = mesh.get("name", f"Mesh_{number}")
+            nodes = {node.get("name") for node in file.tree.get("nodes", ()) if node.get("mesh") == number}
+            # Blender adds numbers to names that are there twice.
+            is_other = low.name not in nodes, data.name != name, not data.name.startswith(name)
+            fitting.append((is_other, _distance(file, mesh, data), number in taken, number))
     if not fitting:
         raise BakeError(
             f"{low.name!r} has other faces than in {source.name!r}, so its maps cannot be put into that file: write another "
             "format, or do not change the mesh."
         )
-    return min(fitting)[2]
+    return min(fitting)[-1]
 
 
 def _distance(file: Glb, mesh: dict, data: bpy.types.Mesh) -> float:
@@ -390,7 +395,7 @@ class _Materials:
             for part in how.get("channels", {}).values()
             if "map" in part
         }
-        taken = self._taken(self.made.tree["materials"][number], uv_set) | {"name": one.baked.names[slot]}
+        taken = self._taken(self.made.tree["materials"][number], uv_set) | {"name": one.baked.name_of(slot)}
         if report.settings.get("one_material"):
             material = self._with_surface(taken, has_alpha="ALPHA" in baked)
             if primitive.get("extensions", {}).pop(_VARIANTS, None):
@@ -416,8 +421,6 @@ class _Materials:
         for info in binary_gltf.textures_of(result):
             info["index"] = self._texture(info["index"])
             info["texCoord"] = uv_set
-            if not uv_set:
-                del info["texCoord"]
         names = self.file.tree.setdefault("extensionsUsed", [])
         names += [name for name in result.get("extensions", ()) if name not in names]
         if not names:

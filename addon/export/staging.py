@@ -243,7 +243,7 @@ def _material(low: BakedLow, slot: int, tile: int, made: list[bpy.types.ID], nam
     copy = bpy.data.materials.new(low.name) if source is None else source.copy()
     older_blender.switch_on_nodes(copy)
     made.append(copy)
-    name = low.name if source is None else low.names[slot]
+    name = low.name_of(slot)
     if low.reports[0].settings["udim"]:
         name = f"{name}_{tile}"
     _take_name(copy, name, bpy.data.materials, made, names)

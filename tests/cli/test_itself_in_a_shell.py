@@ -137,6 +137,15 @@ def test_all_meshes_of_a_file_get_one_material_in_the_same_file(tmp_path, monkey
     assert "maps, too" not in capsys.readouterr().err
 
 
+def test_with_a_high_object_the_low_one_is_exported_alone(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    gltf_characters.cart(tmp_path / "cart.glb")
+    words = ["--size", "64", "--low", "box", "--high", "wheel left", "--method", "cast", "--hit", "nearest"]
+    assert command.run(["cart.glb", *words, "--extrusion", "1", "--max-distance", "3", "--export", "low.glb"]) == 0
+    after, _ = glb.parse(tmp_path / "low.glb")
+    assert [node["name"] for node in after["nodes"]] == ["box"]
+
+
 @pytest.mark.parametrize("name", ["scene.blend", "cart.glb"])
 def test_a_mesh_file_needs_no_name_but_a_scene_does(name):
     options = arguments.parse([name, "--output", "a.png"])

@@ -171,6 +171,7 @@ def test_objects_of_one_image_share_the_material_and_a_mesh_is_written_once(tmp_
     lows = imported(path, "box", "wheel left", "wheel right")
     after, _, warnings = written(path, lows, share_image=True, one_material=True, image="both")
     assert [material["name"] for material in after["materials"]] == ["atlas"]
+    assert not {"alphaMode", "doubleSided"} & after["materials"][0].keys()
     assert len(after["meshes"]) == 2
     assert [node.get("mesh") for node in after["nodes"]] == [0, 0, 1]
     assert warnings == []
@@ -217,6 +218,35 @@ def test_of_meshes_with_the_same_faces_the_right_one_changes(source, differs_in)
     after, _, _ = written(source, imported(source, "pebble"), one_material=True)
     names = [after["materials"][mesh["primitives"][0]["material"]]["name"] for mesh in after["meshes"][1:]]
     assert names == ["gray", "pebble"]
+
+
+def test_names_of_nodes_come_before_those_of_meshes(source):
+    """Blender numbers meshes of one name, and the number may be that of another one."""
+    data = Glb.parsed(source.read_bytes())
+    tree = data.tree
+    names = ("stone", "stone", "stone.001", "stone.001")
+    tree["meshes"][1:] = [copy.deepcopy(tree["meshes"][1]) | {"name": name} for name in names]
+    tree["nodes"] += [{"name": f"{number}", "mesh": number} for number in range(2, 5)]
+    tree["scenes"][0]["nodes"] += list(range(len(tree["nodes"]) - 3, len(tree["nodes"])))
+    source.write_bytes(data.packed())
+    for number in range(2, 5):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        after, _, _ = written(source, imported(source, f"{number}"), one_material=True)
+        names = [after["materials"][mesh["primitives"][0]["material"]]["name"] for mesh in after["meshes"]]
+        assert [place for place, name in enumerate(names) if name == f"{number}"] == [number]
+
+
+def test_a_mesh_without_materials_gets_one(tmp_path):
+    path = CART(tmp_path / "cart.glb")
+    data = Glb.parsed(path.read_bytes())
+    del data.tree["materials"]
+    for primitive in data.tree["meshes"][0]["primitives"]:
+        del primitive["material"]
+    data.tree["meshes"], data.tree["nodes"] = data.tree["meshes"][:1], [{"name": "wheel", "mesh": 0}]
+    data.tree["scenes"][0]["nodes"] = [0]
+    path.write_bytes(data.packed())
+    after, _, _ = written(path, imported(path, "wheel"), maps=("AO",), rays=16)
+    assert [list(material) for material in after["materials"]] == [["occlusionTexture"]] * len(after["materials"])
 
 
 def test_variants_of_one_material_are_told(source):
