@@ -186,8 +186,12 @@ def smooth_normals(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray:
     return _filled(normals, mesh)[0] if mesh.without_normals else normals
 
 
-def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
+def with_tangents(
+    data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray, mesh: Mesh | None = None
+) -> Mesh:
     """Read `data` as `surface` does, with MikkTSpace tangents for `uv_layer`, labeled with material slots (T, 1).
+
+    mesh: what `surface` has read of it, with faces; None if it has not.
 
     Blender's calc_tangents takes only triangles and quads, so a mesh with n-gons is first triangulated as Blender draws it;
     then the corners are those of the triangles.
@@ -195,7 +199,7 @@ def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.n
     if _max_face_size(data) > 4:
         with _triangulated(data, uv_layer) as triangles_only:
             return with_tangents(triangles_only, uv_layer, name, to_world)
-    mesh = surface(data, uv_layer, name, to_world, with_faces=True)
+    mesh = mesh or surface(data, uv_layer, name, to_world, with_faces=True)
     if mesh.without_normals:
         with _triangulated(data, uv_layer, mesh.normals) as mended:
             mended_mesh = with_tangents(mended, uv_layer, name, to_world)

@@ -252,7 +252,7 @@ def read_low(
         low_mesh = mesh_reader.surface(data, uv_layer, low.name, to_world, with_faces=True)
         smooth_normals = mesh_reader.smooth_normals(data, low_mesh)
         has_basis = settings.map.space == Space.TANGENT and with_uv
-        basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if has_basis else None
+        basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world, low_mesh) if has_basis else None
         if basis is not None:
             # A face whose index is too high shows the last slot.
             last = max(0, len(shown.material_slots) - 1)

@@ -6,9 +6,12 @@ sums differ by 1e-7 from one time to the next, and a map is not the same file wh
 again in one order, in double precision.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..mesh import topology
+from ..mesh.triangles import Axes, dot
 
 PARALLEL = 10_000
 """Faces up to which Blender uses one thread, whose sums are always the same."""
@@ -33,17 +36,19 @@ def steady(
     By corner, (C, n) float32: positions, normals, uv, tangents. By face: starts, its first corner, and sizes, 3 or 4.
     """
     # Corners whose values are all the same: MikkTSpace adds their faces up, and gives them one tangent.
-    values = np.concatenate([positions, normals, uv, tangents], axis=1) + np.float32(0.0)  # no -0
-    groups, count = topology.first_rows(values), len(values)
-    triangles = _triangles(positions, uv, starts, sizes)
-    added_to, blocks = groups[triangles].reshape(-1), range(0, len(triangles), _BLOCK)
+    values = np.concatenate([positions, normals, uv, tangents], axis=1)
+    values += np.float32(0.0)  # no -0
+    groups, count = topology.first_rows(values.view(np.uint64)), len(values)
     with np.errstate(invalid="ignore", over="ignore"):  # corners with NaN or infinite values stay as they are
-        parts = [_parts(positions, normals, uv, triangles[start : start + _BLOCK]) for start in blocks]
-        sums = [np.bincount(added_to, np.concatenate([part[:, axis] for part in parts]), count) for axis in range(3)]
-        means = _normalized(np.stack(sums, axis=1)).astype(np.float32)[groups]
-        is_near = np.abs(means - tangents[:, :3]).max(axis=1) < TOLERANCE
+        sums = np.zeros((3, count))
+        parts = list(_parts(positions, normals, uv, _triangles(positions, uv, starts, sizes)))
+        added_to = np.take(groups, np.concatenate([corners for corners, _ in parts]))
+        for axis in range(3):
+            sums[axis] = np.bincount(added_to, np.concatenate([added[axis] for _, added in parts]), count)
+        means = np.take(np.stack(_normalized(sums)).astype(np.float32), groups, axis=1)
+        is_near = np.logical_and.reduce(np.abs(means - tangents.T[:3]) < TOLERANCE)
     result = tangents.copy()
-    result[is_near, :3] = means[is_near]
+    result[:, :3] = np.where(is_near, means, tangents.T[:3]).T
     return result
 
 
@@ -64,23 +69,29 @@ def _triangles(positions: np.ndarray, uv: np.ndarray, starts: np.ndarray, sizes:
     return np.concatenate([each[:, None] + np.array(corners) for each, corners in cuts])
 
 
-def _parts(positions: np.ndarray, normals: np.ndarray, uv: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """What each triangle adds to the tangents of its corners, (3 T, 3) float64: its own in their plane, times its angle."""
-    points, layout = positions[triangles].astype(np.float64), uv[triangles].astype(np.float64)
-    edge_1, edge_2 = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
-    uv_1, uv_2 = layout[:, 1] - layout[:, 0], layout[:, 2] - layout[:, 0]
-    sign = np.sign(uv_1[:, 0] * uv_2[:, 1] - uv_1[:, 1] * uv_2[:, 0])
-    own = (uv_2[:, 1, None] * edge_1 - uv_1[:, 1, None] * edge_2) * sign[:, None]
-    across = normals[triangles].astype(np.float64)
-
-    def flat(vectors: np.ndarray) -> np.ndarray:
-        return _normalized(vectors - across * np.einsum("...i,...i", across, vectors)[..., None])
-
-    to_next, to_last = flat(np.roll(points, -1, axis=1) - points), flat(np.roll(points, 1, axis=1) - points)
-    angles = np.arccos(np.clip(np.einsum("...i,...i", to_next, to_last), -1.0, 1.0))
-    return (flat(own[:, None]) * angles[..., None]).reshape(-1, 3)
+def _parts(
+    positions: np.ndarray, normals: np.ndarray, uv: np.ndarray, triangles: np.ndarray
+) -> Iterator[tuple[np.ndarray, Axes]]:
+    """What triangles add to the tangents of their corners: their own in its plane, times its angle. Yields some of the corners
+    (N,) and what is added to them (N,) float64, axis by axis."""
+    columns = [np.ascontiguousarray(values.T, np.float64) for values in (positions, normals, uv)]
+    for start in range(0, len(triangles), _BLOCK):
+        corners = triangles[start : start + _BLOCK].T
+        points, across, layout = ([np.take(column, corner, axis=1) for corner in corners] for column in columns)
+        edge_1, edge_2 = points[1] - points[0], points[2] - points[0]
+        uv_1, uv_2 = layout[1] - layout[0], layout[2] - layout[0]
+        sign = np.sign(uv_1[0] * uv_2[1] - uv_1[1] * uv_2[0])
+        own = (uv_2[1] * edge_1 - uv_1[1] * edge_2) * sign
+        for number in range(3):
+            normal, here = across[number], points[number]
+            to_next, to_last, along = (
+                _normalized(vectors - normal * dot(normal, vectors))
+                for vectors in (points[(number + 1) % 3] - here, points[number - 1] - here, own)
+            )
+            yield corners[number], along * np.arccos(np.clip(dot(to_next, to_last), -1.0, 1.0))
 
 
 def _normalized(vectors: np.ndarray) -> np.ndarray:
-    lengths = np.sqrt(np.einsum("...i,...i", vectors, vectors))[..., None]
+    """Vectors (3, N) at length one; those without length are 0."""
+    lengths = np.sqrt(dot(vectors, vectors))
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
