@@ -64,9 +64,13 @@ def driver():
 
 @pytest.fixture(autouse=True)
 def empty_scene(empty_file, driver):
-    """An empty file with factory settings for each test."""
+    """An empty file with factory settings for each test, of whose meshes nothing is remembered."""
     import bpy
 
+    from addon.engine import coverage, draw_order, orienting
+
+    for each in (coverage, draw_order, orienting):
+        each.known.clear()
     bpy.ops.wm.read_homefile(filepath=empty_file, use_empty=True)
 
 

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from ..core import udim
+from ..core.recent import Recent
 from ..core.settings import SamplingSettings
 from ..core.udim import UvToClip
 from ..mesh.triangle_mesh import Mesh
@@ -65,14 +66,27 @@ def sampled(size: tuple[int, int]) -> Sparse:
     return at_most(size, SAMPLES_A_SIDE)
 
 
+FEW_TILES = 4
+"""Of more tiles, counts are not remembered for other bakes: each takes up to 1 MiB."""
+known: Recent[list[np.ndarray]] = Recent(4)
+"""Counts of triangles by the checksums of layouts, the size of the map and the tiles."""
+
+
 def counts(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRST,)) -> list[np.ndarray]:
     """How many triangles of `low` cover each texel that `sampled` selects, tile by tile, (height, width) uint8; 255 for more.
 
-    size: of the map. They are kept with the mesh: the order of triangles is decided by them, and the checks tell them.
+    size: of the map. The order of triangles is decided by them, and the checks tell them, so that they are remembered: with
+    the mesh, and for a few tiles for the next bake of a mesh with the same layout.
     """
-    return low.remembered(f"counts {size} {tuple(tiles)}", (), partial(_counts, low, sampled(size), tiles))
+    return low.remembered(f"counts {size} {tuple(tiles)}", (), partial(_counts, low, size, tuple(tiles)))
 
 
-def _counts(low: Mesh, sparse: Sparse, tiles: Sequence[int]) -> list[np.ndarray]:
-    uploaded = mesh_upload.upload(low.triangles, uv=low.uv)
-    return [audit.counts(uploaded, sparse.small, sparse.uv_to_clip(tile)) for tile in tiles]
+def _counts(low: Mesh, size: tuple[int, int], tiles: tuple[int, ...]) -> list[np.ndarray]:
+    key = (*low.checksums("uv", "triangles"), size, tiles)
+    counted = known.get(key)
+    if counted is None:
+        uploaded, sparse = mesh_upload.upload(low.triangles, uv=low.uv), sampled(size)
+        counted = [audit.counts(uploaded, sparse.small, sparse.uv_to_clip(tile)) for tile in tiles]
+        if len(tiles) <= FEW_TILES:
+            known[key] = counted
+    return counted

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from ..core.declarations.choices import Stacked
+from ..core.recent import Recent
 from ..core.settings import SamplingSettings
 from ..core.values import ComparedByValue
 from ..mesh import uv_islands, uv_layout
@@ -118,7 +119,15 @@ def _has_copies(meshes: Meshes) -> bool:
     return uv_islands.points_at_a_place(high) > COPIED * uv_islands.points_at_a_place(meshes.low)
 
 
+known: Recent[np.ndarray] = Recent(4)
+"""Orders of triangles by the checksums of meshes."""
+
+
 def _order(mesh: Mesh, *, is_first: bool) -> np.ndarray:
     """The triangles (T,) int of a mesh, part by part: that whose first triangle is the first, or the last one, comes last."""
-    parts = uv_islands.parts(mesh)
-    return np.argsort(-parts if is_first else parts, kind="stable")
+    key = (*mesh.checksums("vertices", "triangles", "faces", "uv"), is_first)
+    order = known.get(key)
+    if order is None:
+        parts = uv_islands.parts(mesh)
+        known[key] = order = np.argsort(-parts if is_first else parts, kind="stable")
+    return order

@@ -2,7 +2,7 @@
 """The connected patches of the high meshes, and a sample of their triangles compared with the low mesh."""
 
 from dataclasses import dataclass, fields
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -83,9 +83,7 @@ class HighPatches:
         self.space = local_space_of([self.low])
         self.low_points = self.space.points(self.low)
         self.low_triangles = self.low.vertices[self.low.front_triangles]
-        self.low_normals, self.low_areas = unit_normals(self.low_points, self.low_triangles, np.float64)
         self._surface = Surface(self.low_points, self.low_triangles)
-        self._is_two_sided = orientation.copies(self.low_points, self.low_triangles)[1]
         apart = gap(self.low, self.meshes.highs)
         self._aside, self.is_aside = np.zeros(3), apart > FAR_APART * self.space.size
         if self.is_aside:
@@ -94,6 +92,25 @@ class HighPatches:
         self.samples = [
             self._samples(high, patches, count) for high, patches in zip(self.meshes.highs, self.of, strict=True)
         ]
+
+    @cached_property
+    def low_normals(self) -> np.ndarray:
+        """Of the low mesh's triangles (T, 3) float64, unit vectors."""
+        return self._low_normals_and_areas[0]
+
+    @cached_property
+    def low_areas(self) -> np.ndarray:
+        """Twice those of the low mesh's triangles (T,) float64."""
+        return self._low_normals_and_areas[1]
+
+    @cached_property
+    def _low_normals_and_areas(self) -> tuple[np.ndarray, np.ndarray]:
+        return unit_normals(self.low_points, self.low_triangles, np.float64)
+
+    @cached_property
+    def _is_two_sided(self) -> np.ndarray:
+        """Which triangles of the low mesh (T,) bool are in the place of others that point to the other side."""
+        return orientation.copies(self.low_points, self.low_triangles)[1]
 
     @property
     def agreements(self) -> list[np.ndarray]:
@@ -125,10 +142,13 @@ class HighPatches:
         normals, areas = unit_normals(corners)
         places = corners.mean(axis=1).astype(np.float32)
         closest, on_low, _ = self._surface.closest(places)
-        cosines = (normals * self.low_normals[closest]).sum(axis=1)
+        on_low_normals, _ = unit_normals(self.low_points, self.low_triangles[closest], np.float64)
+        cosines = (normals * on_low_normals).sum(axis=1)
         cosines *= np.where(patches.is_against[chosen], -1.0, 1.0)
-        two_sided = self._is_two_sided[closest]
-        cosines[two_sided] = np.abs(cosines[two_sided])
+        against = np.flatnonzero(cosines < 0.0)
+        if len(against):
+            two_sided = against[self._is_two_sided[closest[against]]]
+            cosines[two_sided] = -cosines[two_sided]
         return Samples(chosen, patches.labels[chosen], areas, cosines, places, on_low, closest, patches.count)
 
 

@@ -2,12 +2,14 @@
 """Finds what a bake changes of its high meshes: it turns over what points to the wrong side, as seen from the low mesh, leaves
 out what lies behind the surface, and joins normals across vertices that are not joined."""
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..core.progress import Timings
+from ..core.recent import Recent
 from ..mesh import corner_normals
 from ..mesh import orientation as surfaces
 from ..mesh.inputs import Meshes
@@ -49,10 +51,16 @@ class Orientation:
     scene: RayScene | None = None
 
 
+known: Recent[Orientation] = Recent(8)
+"""By the checksums of the meshes. Each takes a byte or two for a triangle if there is something to mend, and nothing if not."""
+
+
 def orientation_of(
     meshes: Meshes, timings: Timings, *, casts_rays: bool = True, is_reversed: bool = False
 ) -> Orientation:
     """How the faces of the high meshes point to the sides that the low mesh has there, without what lies behind the surface.
+
+    It is remembered by the content of the meshes: bakes of the same ones, and of the sets of their materials, look once.
 
     Args:
         casts_rays: whether the bake finds the high meshes by rays.
@@ -60,6 +68,17 @@ def orientation_of(
     """
     if not len(meshes.low.triangles):
         return Orientation(_no_masks(meshes))
+    smooth = zlib.crc32(np.ascontiguousarray(meshes.smooth_normals))
+    key = (*map(tree_cache.checksums, [meshes.whole_low, *meshes.highs]), smooth, casts_rays, is_reversed)
+    orientation = known.get(key)
+    if orientation is None:
+        orientation = _look(meshes, timings, casts_rays=casts_rays, is_reversed=is_reversed)
+        known[key] = replace(orientation, scene=None)
+    return orientation
+
+
+def _look(meshes: Meshes, timings: Timings, *, casts_rays: bool, is_reversed: bool) -> Orientation:
+    """As `orientation_of`, of meshes that it has not seen before."""
     patches = HighPatches(meshes)
     if not patches.count:
         return Orientation(_no_masks(meshes))
@@ -69,9 +88,7 @@ def orientation_of(
     twice, may_be_twice = [same for same, _ in copies], any(other.any() for _, other in copies)
     if any(each.any() for each in twice):
         once = [without_copies(high, same) for high, same in zip(meshes.highs, twice, strict=True)]
-        orientation = orientation_of(
-            replace(meshes, highs=once), timings, casts_rays=casts_rays, is_reversed=is_reversed
-        )
+        orientation = _look(replace(meshes, highs=once), timings, casts_rays=casts_rays, is_reversed=is_reversed)
         return _of_all(orientation, meshes, twice)
     if patches.is_clean:
         return _left_alone(patches, timings, may_be_twice=may_be_twice, casts_rays=casts_rays, is_reversed=is_reversed)

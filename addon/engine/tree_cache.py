@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What rays need of the meshes on the GPU: triangles and trees of high and low meshes, built, uploaded, and cached."""
 
-import zlib
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -187,7 +186,7 @@ class TreeCache:
         if not fits(highs):
             raise BakeError(f"The high meshes have {_count(highs):,} triangles together; {_most('Cast')}.")
         with timings.timed("tree"):
-            key = (*_checksums(highs), repeat)
+            key = (*map(checksums, highs), repeat)
             scene = self._scenes.pop(key, None)
             if scene is None:
                 scene = _uploaded(highs, timings, has_tree=True, like=like, repeat=repeat)
@@ -206,7 +205,7 @@ class TreeCache:
         saves.
         """
         with timings.timed("tree"):
-            key = (*_checksums([low]), *local_space.origin.tolist(), local_space.size, has_clearances)
+            key = (*checksums(low), *local_space.origin.tolist(), local_space.size, has_clearances)
             surface = self._lows.pop(key, None)
             if surface is None:
                 surface = build_low_surface(low, local_space, has_clearances=has_clearances)
@@ -226,21 +225,11 @@ class TreeCache:
         self._lows.clear()
 
 
-def _checksums(meshes: Sequence[Mesh]) -> list[tuple]:
-    """What tells the content of each mesh from another one, found once for each."""
-    new = [mesh for mesh in meshes if not mesh.remembers(CHECKSUMS)]
-    arrays = [
-        array for mesh in new for array in (mesh.positions, mesh.vertices, mesh.normals, mesh.triangles, mesh.to_world)
-    ]
-    checksums = threads.map_parallel(lambda array: (zlib.crc32(np.ascontiguousarray(array)), array.shape), arrays)
-    count = len(arrays) // max(1, len(new))
-    for number, mesh in enumerate(new):
-        mesh.remembered(CHECKSUMS, (), lambda own=tuple(checksums[number * count : (number + 1) * count]): own)
-    return [mesh.remembered(CHECKSUMS, (), tuple) for mesh in meshes]
+def checksums(mesh: Mesh) -> tuple:
+    """What tells what rays meet of a mesh from another one."""
+    return mesh.checksums("positions", "vertices", "normals", "triangles", "to_world")
 
 
-CHECKSUMS = "checksums"
-"""The name under which a mesh remembers them."""
 trees = TreeCache()
 """The cache that bakes share."""
 allocation.held.append(lambda: trees.bytes)

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A triangle mesh as numpy arrays, and the spaces of its normals and tangents."""
 
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
+from ..core import threads
 from ..core.declarations import bases
 from ..core.declarations.bases import Basis
 from .topology import ranges
@@ -179,6 +181,18 @@ class Mesh:
     def remembers(self, name: str) -> bool:
         """Whether `remembered` has a result of this name."""
         return name in self._made
+
+    def checksums(self, *arrays: str) -> tuple:
+        """What tells the content of some of its arrays, by their names, from other content. They are found once."""
+
+        def checksum(name: str) -> tuple:
+            array = getattr(self, name)
+            return (0, ()) if array is None else (zlib.crc32(np.ascontiguousarray(array)), array.shape)
+
+        new = [name for name in arrays if not self.remembers(f"checksum {name}")]
+        for name, value in zip(new, threads.map_parallel(checksum, new), strict=True):
+            self.remembered(f"checksum {name}", (), partial(tuple, value))
+        return tuple(self.remembered(f"checksum {name}", (), tuple) for name in arrays)
 
     def with_triangles(self, kept: np.ndarray | slice) -> "Mesh":
         """This mesh with some of its triangles. kept: their indices, or (T,) bool, or a slice."""

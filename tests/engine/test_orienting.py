@@ -215,6 +215,24 @@ def test_live_does_not_look_for_turned_faces_again_where_a_bent_quad_is_cut_alon
     session.free()
 
 
+def test_high_meshes_are_looked_at_again_if_they_have_changed(monkeypatch):
+    looks, look = [], orienting._look
+    monkeypatch.setattr(orienting, "_look", lambda *given, **more: looks.append(given) or look(*given, **more))
+    low, high = pair()
+    reports = []
+    for is_flipped, count in ((False, 1), (True, 2), (True, 2), (False, 2)):
+        if is_flipped != bool(reports and reports[-1][0]):
+            for polygon in list(high.data.polygons)[::3]:
+                polygon.flip()
+            high.data.update()
+        report = scenes.bake(low, high, method="CAST")
+        reports.append((is_flipped, report.mended.get("turned", 0), report.checks))
+        assert len(looks) == count
+    assert reports[0][1:] == reports[3][1:]
+    assert reports[1][1:] == reports[2][1:]
+    assert reports[0][1] != reports[1][1]
+
+
 def test_what_cannot_be_decided_is_named_seed_3():
     rng = np.random.default_rng(3)
     low, soup = zoo.terrain("lo", 8), spoiled.of_object(zoo.terrain("quads", 24))

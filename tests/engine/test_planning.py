@@ -16,6 +16,7 @@ from addon.engine.planning import plan_of
 from addon.jobs import Job, masks
 from addon.jobs.job import Request, read_meshes
 from addon.jobs.live_session import Session
+from addon.mesh import triangle_mesh
 from addon.mesh.triangle_mesh import Mesh
 from tests.engine.test_orienting import SAME, ball
 from tests.engine.test_stacked_uvs import asymmetric, mirrored
@@ -225,8 +226,10 @@ def test_the_content_of_each_mesh_is_compared_once_seed_3(monkeypatch):
     """To find trees in the cache: by the trials of its sides, by the bake and by the checks."""
     low, high, _ = spoiled_pair(3)
     summed = []
-    crc32 = tree_cache.zlib.crc32
-    monkeypatch.setattr(tree_cache, "zlib", SimpleNamespace(crc32=lambda array: summed.append(array) or crc32(array)))
+    crc32 = triangle_mesh.zlib.crc32
+    monkeypatch.setattr(
+        triangle_mesh, "zlib", SimpleNamespace(crc32=lambda array: summed.append(array) or crc32(array))
+    )
     scenes.bake(low, high, method="CAST")
     large = Counter(array.ctypes.data for array in summed if array.size > 16)
     assert max(large.values()) == 2, "vertices of the mesh as it was read, and with its changes"

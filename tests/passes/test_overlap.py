@@ -53,6 +53,15 @@ def test_half_of_the_map_is_covered_twice():
     assert overlap_share(laid_out(uv, [*HALVES, (4, 5, 6), (4, 6, 7)]), (64, 64)) == pytest.approx(0.5)
 
 
+def test_a_layout_that_was_moved_is_counted_anew():
+    uv = np.array([*SQUARE, (0, 0), (0.5, 0), (0.5, 1), (0, 1)], np.float32)
+    triangles = [*HALVES, (4, 5, 6), (4, 6, 7)]
+    first = overlap_share(laid_out(uv, triangles), (64, 64))
+    uv[5:7, 0] = 0.25
+    assert overlap_share(laid_out(uv, triangles), (64, 64)) == pytest.approx(first / 2)
+    assert overlap_share(laid_out(uv, triangles[:2]), (64, 64)) == 0.0
+
+
 def test_many_triangles_on_one_place_count_as_one_overlap():
     uv = SQUARE * 30
     triangles = [np.array(half) + 4 * i for i in range(30) for half in HALVES]
