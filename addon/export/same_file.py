@@ -50,21 +50,25 @@ def rewritten(source: Path, made: Glb, staged: Sequence[Staged]) -> tuple[bytes,
     """
     file = Glb.read(source)
     staying = binary_gltf.unused(file.tree)
-    meshes: list[tuple[int, Staged]] = []
+    lows, targets = [one.baked.low for one in staged], []
     for one in staged:
-        if not any(other.baked.low.data == one.baked.low.data for _, other in meshes):  # they show the same maps
-            meshes.append((_mesh_of(file, one.baked.low, [number for number, _ in meshes], source), one))
-    replaced = dict.fromkeys(
-        primitive["material"]
-        for mesh, _ in meshes
-        for primitive in file.tree["meshes"][mesh]["primitives"]
-        if "material" in primitive
-    )
-    materials = _Materials(file, made, [file.tree["materials"][number] for number in replaced])
-    for mesh, one in meshes:
-        _put(file, mesh, one, materials, [each.baked.low for each in staged])
+        if not any(target.one.baked.low.data == one.baked.low.data for target in targets):  # they show the same maps
+            number = _mesh_of(file, one.baked.low, [target.mesh for target in targets], source)
+            targets.append(_Target.of(file, number, one, lows))
+    materials = _Materials(file, made, _materials_of(file, targets))
+    materials.notes += [note for target in targets for note in target.notes]
+    new_set = max((target.sets for target in targets if target.uv_set is None), default=0)
+    for target in targets:
+        _put(file, target, materials, new_set)
     binary_gltf.drop_unused(file, staying)
     return file.packed(), list(dict.fromkeys(materials.notes))
+
+
+def _materials_of(file: Glb, targets: Sequence["_Target"]) -> list[dict]:
+    """All materials that meshes show."""
+    primitives = (each for target in targets for each in file.tree["meshes"][target.mesh]["primitives"])
+    numbers = dict.fromkeys(primitive["material"] for primitive in primitives if "material" in primitive)
+    return [file.tree["materials"][number] for number in numbers]
 
 
 @dataclass(frozen=True)
@@ -219,26 +223,46 @@ def _y_up(values: np.ndarray) -> np.ndarray:
     return np.concatenate([values[:, :1], values[:, 2:3], -values[:, 1:2], values[:, 3:]], axis=1)
 
 
-def _put(file: Glb, mesh: int, one: Staged, materials: "_Materials", lows: Sequence[bpy.types.Object]) -> None:
-    """Put the maps of a low object into its mesh in the file. lows: all objects that get maps."""
-    parts = _parts(file, mesh)
-    known = _kept(_as_imported(parts), one.baked.low.data)
-    corners = _Corners.of(one, known)
-    mesh, notes = _alone(file, mesh, one.baked.low, lows)
-    materials.notes += notes
-    primitives = file.tree["meshes"][mesh]["primitives"]
-    uv_set, is_there = _uv_set(file, primitives, parts, corners)
-    for part in parts:
-        primitive = primitives[part.number]
-        values = corners.values(part, primitive, "" if is_there else f"TEXCOORD_{uv_set}")
+@dataclass(frozen=True)
+class _Target:
+    """A mesh of the file that gets maps."""
+
+    mesh: int
+    """Its number."""
+    one: Staged
+    parts: Sequence[_Part]
+    corners: _Corners
+    uv_set: int | None
+    """The number of the set with the baked UVs; None if there is none."""
+    sets: int
+    """How many sets its primitives have, at most."""
+    notes: Sequence[str]
+
+    @classmethod
+    def of(cls, file: Glb, mesh: int, one: Staged, lows: Sequence[bpy.types.Object]) -> "_Target":
+        """The mesh of a low object, which others than `lows` do not show then."""
+        parts = _parts(file, mesh)
+        corners = _Corners.of(one, _kept(_as_imported(parts), one.baked.low.data))
+        own, notes = _alone(file, mesh, one.baked.low, lows)
+        counts, found = _uv_sets(file, file.tree["meshes"][own]["primitives"], parts, corners)
+        return cls(own, one, parts, corners, found, max(counts, default=0), notes)
+
+
+def _put(file: Glb, target: _Target, materials: "_Materials", new_set: int) -> None:
+    """Put the maps of a low object into its mesh in the file. new_set: the number of UVs that it lacks."""
+    mesh, corners = file.tree["meshes"][target.mesh], target.corners
+    uv_set = new_set if target.uv_set is None else target.uv_set
+    for part in target.parts:
+        primitive = mesh["primitives"][part.number]
+        values = corners.values(part, primitive, f"TEXCOORD_{uv_set}" if target.uv_set is None else "")
         if values:
-            _write_corners(file, primitive, part, values, known[part.share])
+            _write_corners(file, primitive, part, values, corners.known[part.share])
         for number in range(uv_set):  # sets have no gaps
             primitive["attributes"].setdefault(f"TEXCOORD_{number}", primitive["attributes"][f"TEXCOORD_{uv_set}"])
-        slots = corners.slots[part.share][known[part.share]]
-        materials.put(primitive, one, int(slots[0]) if len(slots) else 0, uv_set)
-    if one.baked.reports[0].settings.get("one_material"):
-        _join_primitives(file, file.tree["meshes"][mesh])
+        slots = corners.slots[part.share][corners.known[part.share]]
+        materials.put(primitive, target.one, int(slots[0]) if len(slots) else 0, uv_set)
+    if target.one.baked.reports[0].settings.get("one_material"):
+        _join_primitives(file, mesh)
 
 
 def _alone(file: Glb, mesh: int, low: bpy.types.Object, lows: Sequence[bpy.types.Object]) -> tuple[int, list[str]]:
@@ -256,9 +280,11 @@ def _alone(file: Glb, mesh: int, low: bpy.types.Object, lows: Sequence[bpy.types
     return copy, []
 
 
-def _uv_set(file: Glb, primitives: Sequence[dict], parts: Sequence[_Part], corners: _Corners) -> tuple[int, bool]:
-    """The number of the set with the baked UVs, and whether the mesh has it already."""
-    counts = []
+def _uv_sets(
+    file: Glb, primitives: Sequence[dict], parts: Sequence[_Part], corners: _Corners
+) -> tuple[list[int], int | None]:
+    """How many UV sets each primitive has, and the first one that has the baked UVs on all of them, if there is one."""
+    counts: list[int] = []
     same: set[int] = set(range(8))
     for part in parts:
         attributes, share, number = primitives[part.number]["attributes"], part.share, 0
@@ -269,8 +295,7 @@ def _uv_set(file: Glb, primitives: Sequence[dict], parts: Sequence[_Part], corne
                 same.discard(number)
             number += 1
         counts.append(number)
-    there = [number for number in sorted(same) if number < min(counts)]
-    return (there[0], True) if there else (max(counts), False)
+    return counts, min((number for number in same if number < min(counts)), default=None)
 
 
 def _numbers(file: Glb, accessor: int) -> np.ndarray:

@@ -5,8 +5,9 @@
     .venv/bin/python scripts/dev/materials_in_three.py [--size 1024] [--npm DIR] [--words "--low NAME --uv MAP"] [FILE.glb ...]
 
 Needs Chromium and npm, as engines.py does. Without files, those of tests/support/gltf_characters.py: a character of eleven
-materials, and a cart of four objects with vertex colors. Cameras around the scene see it from several sides. On each pixel that
-both files show, the base color of three.js's own shader, as sRGB, is compared.
+materials, a cart of four objects with vertex colors, and all of the first file packed into a new UV map. Cameras around the
+scene see it from several sides. On each pixel that both files show, the base color of three.js's own shader, as sRGB, is
+compared.
 
 Ends with 1 if the mean difference is more than 2 of 255, or if another outline is shown on more than 0.2 % of the pixels.
 """
@@ -89,6 +90,7 @@ def main() -> int:
             wanted = [(file, given.words.split()) for file in given.files] or [
                 (gltf_characters.character(folder / "character.glb"), ["--low", "Figure", "--uv", "UVMap.001"]),
                 (gltf_characters.cart(folder / "cart.glb"), []),
+                (gltf_characters.character(folder / "all.glb", seed=3), ["--pack-uvs"]),
             ]
             for file, words in wanted:
                 target = baked(file, words, given.size)

@@ -151,6 +151,20 @@ def test_new_uvs_repeat_vertices_behind_the_others(source):
     assert after["materials"][-1]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] == 2
 
 
+def test_objects_with_new_uvs_share_one_material(source):
+    """Also if they have had other numbers of UV sets."""
+    lows = imported(source, "Figure", "stone")
+    for number, obj in enumerate(lows):
+        uv = np.random.default_rng(number).random((len(obj.data.loops), 2)).astype(np.float32) * 0.4 + 0.5 * number
+        obj.data.uv_layers.new(name="Atlas").uv.foreach_set("vector", uv.reshape(-1))
+    after, data, _ = written(source, lows, uv_layer="Atlas", share_image=True, one_material=True, image="both")
+    (only,) = after["materials"]
+    assert only["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] == 2
+    (stone,) = after["meshes"][1]["primitives"]
+    found = corners(after, data, stone)
+    np.testing.assert_array_equal(found["TEXCOORD_1"], found["TEXCOORD_2"])
+
+
 def test_tangents_come_with_a_normal_map(source):
     (obj,) = imported(source, "Figure")
     after, data, _ = written(source, [obj], uv_layer="UVMap.001", normal=True, maps=(), one_material=True)
