@@ -176,8 +176,8 @@ def need_of(job: Job, settings: Settings) -> Need | None:
         return None
     shows_images = any(BY_NAME[name].family.shows_materials for name in settings.map.drawn_maps)
     textures = imported_images.images_of(job.highs)
-    method = settings.tracing.method
-    has_detail = bool(settings.map.detail_maps and textures) or settings.map.edge_radius > 0.0
+    method, is_exact = settings.tracing.method, pair_checks.evaluates_materials(job.low, job.highs, settings.map)
+    has_detail = bool(settings.map.detail_maps and (textures or is_exact)) or settings.map.edge_radius > 0.0
     on_gpu = texel_bytes(settings, method, has_detail=has_detail)
     return Need.of(
         Amounts(
@@ -188,7 +188,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
             other_maps=len(settings.map.drawn_maps),
             is_flat=method == Method.FLATTEN and not settings.map.drawn_maps and not has_detail,
             texture_pixels=max(map(_pixels, textures), default=0) if shows_images else 0,
-            is_exact=shows_images and pair_checks.evaluates_materials(job.low, job.highs, settings.map),
+            is_exact=is_exact,
         )
     )
 

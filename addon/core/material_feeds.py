@@ -120,12 +120,14 @@ class ExactFeed:
         socket: Whose value it is.
         layers: The keys of Mesh.layers that its nodes read.
         is_of_object: Whether they read the object, so that the instances of a mesh differ.
+        has_bumps: Whether they look at what is a texel away, as Bump nodes do.
     """
 
     material: int
     socket: str
     layers: tuple[tuple[str, str], ...] = ()
     is_of_object: bool = False
+    has_bumps: bool = False
 
 
 Feed: TypeAlias = Constant | ImageFeed | AttributeFeed | ExactFeed
@@ -165,7 +167,8 @@ class BumpFeed:
     below: NormalMapFeed | None = None
 
 
-DetailFeed: TypeAlias = NormalMapFeed | BumpFeed
+DetailFeed: TypeAlias = NormalMapFeed | BumpFeed | ExactFeed
+"""The value of an ExactFeed is the normal in world space, stored as normal maps are."""
 
 
 @dataclass(frozen=True)

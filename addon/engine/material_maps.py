@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the high meshes' materials show at the hits: colors, numbers, widened roughness, and normals of their own maps."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import gpu
@@ -23,7 +23,7 @@ from ..core.material_feeds import (
 )
 from ..core.progress import Progress, Task, part
 from ..core.settings import Run, Settings
-from ..mesh.inputs import HitsOfFeed, LoadImage, Meshes
+from ..mesh.inputs import Evaluate, HitsOfFeed, LoadImage, Meshes
 from ..passes import cast, data_texture, low_in_uv, mesh_upload, samples, surface_tables, surface_values, target
 from ..passes.surface_tables import MaterialTable
 from ..passes.surface_values import ImageAtHits
@@ -31,6 +31,9 @@ from .bands import Band
 from .high_meshes import HighSurface
 from .map_families import MapFamily, Mean, Sample
 from .normal_space import NormalSpace
+
+EVALUATING = "Cycles evaluates the materials"
+"""What a progress bar says."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,69 @@ def draw_images(
 
 
 @dataclass(frozen=True)
+class ExactUse:
+    """A feed that Cycles evaluates, on the materials that have `number` in `materials`."""
+
+    feed: ExactFeed
+    materials: MaterialTable
+    number: int
+
+
+def evaluate_exact(
+    uses: Sequence[ExactUse], sample: Sample, surface: HighSurface, evaluate: Evaluate
+) -> list[tuple[ExactUse, np.ndarray, np.ndarray]]:
+    """What Cycles evaluates at the hits of a sample: for each use on each mesh its texels, places (N,) in their rows one after
+    the other, and the values there (N, 3) float32. evaluate: as Meshes has it."""
+    triangles, weights = cast.read_hits(sample.hits)
+    numbers = np.where(triangles < 0, 0, surface.material_numbers[np.maximum(triangles, 0)])
+    spacing = _spacing(sample, surface, triangles) if any(use.feed.has_bumps for use in uses) else None
+    wanted: list[HitsOfFeed] = []
+    shown: list[tuple[ExactUse, np.ndarray]] = []
+    for use in uses:
+        places = np.flatnonzero((use.materials.feeds[numbers] == use.number).ravel() & (triangles >= 0).ravel())
+        if not len(places):
+            continue
+        for some, hits in surface.hits_of(use.feed, triangles.reshape(-1)[places], weights.reshape(-1, 2)[places]):
+            shown.append((use, places[some]))
+            is_spaced = use.feed.has_bumps and spacing is not None
+            wanted.append(replace(hits, spacing=spacing[places[some]]) if is_spaced else hits)
+    values = evaluate(wanted) if wanted else []
+    return [(use, places, surface_tables.finite(found)) for (use, places), found in zip(shown, values, strict=True)]
+
+
+SEAM = 4.0
+"""Two texels of which one is so many times as far as the other are on different parts of the surface."""
+
+
+def _spacing(sample: Sample, surface: HighSurface, triangles: np.ndarray) -> np.ndarray:
+    """How far the hits of the texels beside each are (N,) float32, in world space: the mean along both axes. 0 where none is
+    known. triangles (rows, columns): of the hits."""
+    drawn = target.Target(sample.hits.width, sample.hits.height, ("RGBA32F", "RGBA32F"))
+    cast.points(drawn, sample.hits, surface.tables, surface.labels)
+    points = drawn.texels()
+    places = np.where(points[..., 3:] > 0.0, points[..., :3], np.nan)
+    along = [_steps(places, triangles, axis) for axis in (0, 1)]
+    mean = np.where(np.isnan(along), along[::-1], along).mean(axis=0)
+    return (np.nan_to_num(mean) * surface.local_space.size).astype(np.float32).ravel()
+
+
+def _steps(places: np.ndarray, triangles: np.ndarray, axis: int) -> np.ndarray:
+    """How far the two texels beside each are (rows, columns): one on the same triangle, or else the mean. NaN for none.
+
+    places (rows, columns, 3): of the hits, NaN for none.
+    """
+    step = np.linalg.norm(np.diff(places, axis=axis), axis=-1)
+    on_same = np.where(np.diff(triangles, axis=axis) == 0, step, np.nan)
+    before, after, same_before, same_after = (
+        np.insert(one, end, np.nan, axis=axis) for one in (step, on_same) for end in (0, one.shape[axis])
+    )
+    nearer, farther = np.fmin(before, after), np.fmax(before, after)
+    mean = np.where(farther < SEAM * nearer, (nearer + farther) / 2.0, nearer)
+    same = np.fmin(same_before, same_after)
+    return np.where(np.isnan(same), mean, same)
+
+
+@dataclass(frozen=True)
 class _Map:
     """One map.
 
@@ -108,12 +174,7 @@ class MaterialMaps(MapFamily):
         self.maps = [_map_of(BY_NAME[name], meshes.materials, run.settings) for name in names]
         self.has_images = any(isinstance(feed, ImageFeed) for one in self.maps for feed in one.feeds)
         self.evaluate = meshes.evaluate
-        self.exact = [
-            (one, feed, number)
-            for one in self.maps
-            for feed, number in one.feeds.items()
-            if isinstance(feed, ExactFeed)
-        ]
+        self.exact = {one.mean.name: _exact_uses(one.feeds, one.table) for one in self.maps}
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
         surface = self.surface
@@ -148,33 +209,20 @@ class MaterialMaps(MapFamily):
             if isinstance(feed, ImageFeed)
         )
         yield from draw_images(uses, drawn, surface, self.load_image, self.run)
-        for done, sample in enumerate(drawn if self.exact else ()):
-            yield Progress("Cycles evaluates the materials", done / len(drawn))
+        for done, sample in enumerate(drawn if any(self.exact.values()) else ()):
+            yield Progress(EVALUATING, done / len(drawn))
             with self.run.timings.timed("textures"):
                 self._add_exact(sample)
 
     def _add_exact(self, sample: Sample) -> None:
         """Add what Cycles evaluates at the hits of a sample."""
-        triangles, weights = cast.read_hits(sample.hits)
-        materials = np.where(triangles < 0, 0, self.surface.material_numbers[np.maximum(triangles, 0)])
-        wanted: list[HitsOfFeed] = []
-        shown: list[tuple[_Map, np.ndarray]] = []
-        for one, feed, number in self.exact:
-            places = np.flatnonzero((one.table.feeds[materials] == number).ravel() & (triangles >= 0).ravel())
-            if not len(places):
-                continue
-            by_mesh = self.surface.hits_of(feed, triangles.reshape(-1)[places], weights.reshape(-1, 2)[places])
-            for some, hits in by_mesh:
-                wanted.append(hits)
-                shown.append((one, places[some]))
-        values = self.evaluate(wanted) if wanted else []
+        uses = [use for of_map in self.exact.values() for use in of_map]
+        evaluated = evaluate_exact(uses, sample, self.surface, self.evaluate)
         for one in self.maps:
-            texels = np.zeros((*triangles.shape, 4), np.float32)
-            for (of_map, places), looked_up in zip(shown, values, strict=True):
-                if of_map is one:
-                    texels.reshape(-1, 4)[places] = np.pad(
-                        surface_tables.finite(looked_up), ((0, 0), (0, 1)), constant_values=1.0
-                    )
+            texels = np.zeros((sample.hits.height, sample.hits.width, 4), np.float32)
+            for use, places, values in evaluated:
+                if use.materials is one.table:
+                    texels.reshape(-1, 4)[places] = np.pad(values, ((0, 0), (0, 1)), constant_values=1.0)
             if texels.any():
                 sums = one.mean.sums(sample.band)
                 samples.add(sums, data_texture.image(texels), range(sums.height), is_first=False)
@@ -185,6 +233,10 @@ class MaterialMaps(MapFamily):
             with self.run.timings.timed("draw"):
                 drawn = one.mean.texture(band)
             yield one.mean.name, drawn
+
+
+def _exact_uses(feeds: Mapping[Feed, int], table: MaterialTable) -> list[ExactUse]:
+    return [ExactUse(feed, table, number) for feed, number in feeds.items() if isinstance(feed, ExactFeed)]
 
 
 def _add_image(mean: Mean, sample: Sample, at_hits: ImageAtHits) -> None:
@@ -261,7 +313,7 @@ class SlopeMaps(MapFamily):
 
 
 class OwnNormals:
-    """The normal and bump maps of the high meshes.
+    """The normal and bump maps of the high meshes, and other normals of their materials.
 
     to_space: the matrix (3, 3) from world normals to the space of the source's normals.
     """
@@ -272,6 +324,8 @@ class OwnNormals:
         self.surface, self.to_space, self.run, self.load_image = surface, to_space, run, meshes.load_image
         self.normal_maps, self.normal_table = _numbered([_normal_map(material) for material in meshes.materials])
         self.bumps, self.bump_table = _numbered([_bump(material) for material in meshes.materials])
+        exact = [each.detail if isinstance(each.detail, ExactFeed) else None for each in meshes.materials]
+        self.exact, self.evaluate = _exact_uses(*_numbered(exact)), meshes.evaluate
 
     def apply(self, drawn: Sequence[Sample]) -> Task[None]:
         """Change the normals of these samples in place. Bump maps lie on the normal maps."""
@@ -281,6 +335,22 @@ class OwnNormals:
         ):
             uses = [ImageUse(feed.image, table, number, partial(turn, feed)) for feed, number in feeds.items()]
             yield from draw_images(uses, drawn, self.surface, self.load_image, self.run)
+        for done, sample in enumerate(drawn if self.exact else ()):
+            yield Progress(EVALUATING, done / len(drawn))
+            with self.run.timings.timed("textures"):
+                self._replace(sample)
+
+    def _replace(self, sample: Sample) -> None:
+        """Put what Cycles evaluates in the place of normals."""
+        texels = sample.normals.texels()
+        flat = texels.reshape(-1, 4)
+        for _, places, values in evaluate_exact(self.exact, sample, self.surface, self.evaluate):
+            found = (2.0 * values - 1.0) @ self.to_space.T
+            length = np.linalg.norm(found, axis=1)
+            is_known = (length > 0.0) & (flat[places, 3] > 0.0)
+            flat[places[is_known], :3] = found[is_known] / length[is_known, None]
+        target.fill(sample.normals, target.COPY, source=data_texture.image(texels))
+        sample.normals.finish()  # before the texture is freed
 
     def _apply_normal_map(self, feed: NormalMapFeed, sample: Sample, at_hits: ImageAtHits) -> None:
         tangents = self.surface.tangents(feed.uv_layer)
@@ -291,8 +361,8 @@ class OwnNormals:
 
 
 def _normal_map(material: HighMaterial) -> NormalMapFeed | None:
-    detail = material.detail
-    return detail.below if isinstance(detail, BumpFeed) else detail
+    detail = material.detail.below if isinstance(material.detail, BumpFeed) else material.detail
+    return detail if isinstance(detail, NormalMapFeed) else None
 
 
 def _bump(material: HighMaterial) -> BumpFeed | None:

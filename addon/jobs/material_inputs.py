@@ -8,18 +8,19 @@ import numpy as np
 
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, Family
-from ..core.material_feeds import ExactFeed, HighMaterial
+from ..core.material_feeds import DetailFeed, ExactFeed, Feed
 from ..core.report import BY_CYCLES, BY_IMPRINT, LEFT_OUT
 from ..core.settings import MapSettings
 from ..mesh.inputs import Meshes
 from ..scene import high_materials, mesh_elements
+from ..scene.materials.material_reading import NORMAL
 
 
 def notes(meshes: Meshes, map_settings: MapSettings) -> list[str]:
     """What could not be read of the high meshes' materials, of those parts that the bake wanted."""
     wanted = _sockets(map_settings)
     sockets = [*wanted, ""] if wanted else []
-    sockets += ["Normal"] if map_settings.detail_maps else []
+    sockets += [NORMAL] if map_settings.detail_maps else []
     notes = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))
     return list(dict.fromkeys(notes))
 
@@ -45,10 +46,14 @@ def bare_notes(meshes: Meshes, highs: Sequence[bpy.types.Object], map_settings: 
 
 def ways(meshes: Meshes, map_settings: MapSettings) -> dict[str, dict[str, str]]:
     """How each input that the maps show is read, as Report.materials has it."""
-    sockets = dict.fromkeys(_sockets(map_settings))
+    sockets, shows_normals = dict.fromkeys(_sockets(map_settings)), map_settings.normal and map_settings.detail_maps
     ways: dict[str, dict[str, str]] = {}
-    for material in meshes.materials if sockets else ():
-        ways.setdefault(material.name, {}).update({socket: _way(material, socket) for socket in sockets})
+    for material in meshes.materials:
+        found = {socket: _way(material.feeds.get(socket)) for socket in sockets}
+        if shows_normals and (material.detail is not None or NORMAL in material.notes):
+            found[NORMAL] = _way(material.detail)
+        if found:
+            ways.setdefault(material.name, {}).update(found)
     return ways
 
 
@@ -56,8 +61,7 @@ def _sockets(map_settings: MapSettings) -> list[str]:
     return [BY_NAME[name].socket for name in map_settings.drawn_maps if BY_NAME[name].socket]
 
 
-def _way(material: HighMaterial, socket: str) -> str:
-    feed = material.feeds.get(socket)
+def _way(feed: Feed | DetailFeed | None) -> str:
     if feed is None:
         return LEFT_OUT
     return BY_CYCLES if isinstance(feed, ExactFeed) else BY_IMPRINT

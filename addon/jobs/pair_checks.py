@@ -25,8 +25,9 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import diagonal, transformed
-from ..scene import mesh_reader, poses, traced_sides
+from ..scene import mesh_reader, object_checks, poses, traced_sides
 from ..scene.high_materials import MaterialNumbers
+from ..scene.materials.material_reading import NORMAL
 from ..scene.textures import ImageTextures
 from ..scene.traced_sides import Surface
 from . import material_inputs
@@ -220,14 +221,16 @@ def viewport_material_notes(
     """What the chosen maps will not have of the high objects' materials, in the sentences of a bake's report. Materials of
     instances are left out."""
     sockets, materials = _viewport_materials(low, highs, map_settings)
-    notes = (note for each in materials for socket in (*sockets, "") for note in each.notes.get(socket, ()))
+    shown = [*sockets, ""] if sockets - {NORMAL} else sockets
+    notes = (note for each in materials for socket in shown for note in each.notes.get(socket, ()))
     return list(dict.fromkeys(notes))
 
 
 def evaluates_materials(low: bpy.types.Object, highs: Sequence[bpy.types.Object], map_settings: MapSettings) -> bool:
     """Whether Cycles evaluates materials of the high objects for the chosen maps. Those of instances are left out."""
     sockets, materials = _viewport_materials(low, highs, map_settings)
-    return any(isinstance(each.feeds.get(socket), ExactFeed) for each in materials for socket in sockets)
+    feeds = (each.detail if socket == NORMAL else each.feeds.get(socket) for each in materials for socket in sockets)
+    return any(isinstance(feed, ExactFeed) for feed in feeds)
 
 
 def _viewport_materials(
@@ -235,11 +238,18 @@ def _viewport_materials(
 ) -> tuple[set[str], list[HighMaterial]]:
     """The inputs that the chosen maps show, and what the materials of the high objects have in them."""
     sockets = {BY_NAME[name].socket for name in map_settings.drawn_maps} - {""}
+    sockets |= {NORMAL} if map_settings.normal and map_settings.detail_maps else set()
     if not sockets:
         return sockets, []
     is_exact = map_settings.exact_materials == ExactMaterials.AUTO
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    numbers = MaterialNumbers(ImageTextures(), low.evaluated_get(depsgraph), sockets=sockets, is_exact=is_exact)
+    numbers = MaterialNumbers(
+        ImageTextures(),
+        low.evaluated_get(depsgraph),
+        sockets=sockets,
+        is_exact=is_exact,
+        is_itself=object_checks.is_itself(low, highs),
+    )
     for high in highs:
         if high.type == "MESH" and not high.data.is_editmode:
             shown = high.evaluated_get(depsgraph)

@@ -24,6 +24,7 @@ class HitsOfFeed:
         number: of the high object, from 1.
         triangles: (N,) int, in the mesh.
         weights: (N, 3) float32, of the corners of each of them, in the order of `mesh.triangles`.
+        spacing: (N,) float32, how far the texels beside are, in world space; 0 where none is. Empty if the feed has no bumps.
     """
 
     feed: ExactFeed
@@ -31,6 +32,11 @@ class HitsOfFeed:
     number: int
     triangles: np.ndarray
     weights: np.ndarray
+    spacing: np.ndarray = field(default_factory=lambda: np.empty(0, np.float32))
+
+    def part(self, some: slice) -> "HitsOfFeed":
+        """Some of the hits."""
+        return replace(self, triangles=self.triangles[some], weights=self.weights[some], spacing=self.spacing[some])
 
 
 Evaluate = Callable[[Sequence[HitsOfFeed]], list[np.ndarray]]

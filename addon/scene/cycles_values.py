@@ -17,14 +17,21 @@ from ..core import quiet
 from ..core.errors import BakeError
 from ..core.preflight import EXACT_POINTS
 from ..mesh.inputs import HitsOfFeed
-from ..mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
+from ..mesh.triangle_mesh import ATTRIBUTE, GENERATED, TANGENTS, UV_LAYER
+from ..mesh.triangles import transformed
 from . import mesh_writer
+from .materials import emitted
 from .materials.emitted import Keep, emitting
 
 SMALL = 0.1
 """The size of a triangle around a point, as a share of the one that it is on, large enough for the normal of its plane."""
+LEAST = 0.02
+"""The least size on the image of the triangles of a feed with bumps, as a share of the others'. The places of smaller ones are
+rounded by more than a hundredth of their size."""
 WIDTH = 1024
 """Of the image, in pixels."""
+EDGE = 0.675
+"""The length of the largest triangles along both axes of the image, in pixels."""
 LOOKED_AT = np.array([0.501, 0.502])
 """Where in a pixel Blender's bake looks: a little beside its center, which edges may cross."""
 REFUSED = "Cycles did not bake the materials: wait for a render that runs, or set Exact Materials to Off."
@@ -41,7 +48,7 @@ def evaluate(uids: Sequence[int], wanted: Sequence[HitsOfFeed]) -> list[np.ndarr
         places = [i for i, one in enumerate(wanted) if one.number == number and len(one.triangles)]
         owner = _found(bpy.data.objects, uids[number - 1])
         for piece in _pieces([(i, len(wanted[i].triangles)) for i in places]):
-            baked = _bake(owner, [_part(wanted[i], part) for i, part in piece])
+            baked = _bake(owner, [wanted[i].part(part) for i, part in piece])
             for (i, part), of_part in zip(piece, baked, strict=True):
                 values[i][part] = of_part
     return values
@@ -69,10 +76,6 @@ def _pieces(counts: Sequence[tuple[int, int]]) -> Iterator[list[tuple[int, slice
                 piece, size = [], 0
     if piece:
         yield piece
-
-
-def _part(hits: HitsOfFeed, part: slice) -> HitsOfFeed:
-    return HitsOfFeed(hits.feed, hits.mesh, hits.number, hits.triangles[part], hits.weights[part])
 
 
 @contextmanager
@@ -155,15 +158,23 @@ def _set_up(scene: bpy.types.Scene) -> None:
 
 @dataclass(frozen=True)
 class _Corners:
-    """The corners of small triangles around points, (N, 3, n) float32 each; layers by their keys."""
+    """The corners of small triangles around points, (N, 3, n) float32 each; layers by their keys.
+
+    Attributes:
+        normals: (N, 3) float32, those of the points: triangles are so small that they have one each.
+        sizes: (N,), on the image, as shares of the largest.
+    """
 
     points: np.ndarray
     normals: np.ndarray
     layers: Mapping[tuple[str, str], np.ndarray]
+    sizes: np.ndarray
 
     @classmethod
     def of(cls, hits: Sequence[HitsOfFeed]) -> "_Corners":
-        parts = [_around(one) for one in hits]
+        shares, sizes = zip(*(_sizes(one) for one in hits), strict=True)
+        normals = [np.einsum("nc,nca->na", one.weights, one.mesh.normals[_triangles(one)]) for one in hits]
+        parts = [_around(*of_feed) for of_feed in zip(hits, shares, normals, strict=True)]
         keys = list(dict.fromkeys(key for one in hits for key in one.feed.layers))
         joined = {key: _joined(hits, key, parts) for key in keys}
         return cls(
@@ -173,15 +184,49 @@ class _Corners:
                     for one, part in zip(hits, parts, strict=True)
                 ]
             ),
-            np.concatenate([_mixed(one.mesh.normals, part[0], part[1]) for one, part in zip(hits, parts, strict=True)]),
+            np.concatenate(normals),
             {key: values for key, values in joined.items() if values is not None},
+            np.concatenate(sizes),
         )
 
 
-def _around(hits: HitsOfFeed) -> tuple[np.ndarray, np.ndarray]:
-    """The corners (N, 3) int of the triangles that are hit, and the weights (N, 3, 3) of these for each small corner."""
-    away = np.float32(SMALL) * (np.eye(3, dtype=np.float32) - np.float32(1.0 / 3.0))
-    return hits.mesh.triangles[hits.triangles], hits.weights[:, None, :] + away
+def _sizes(hits: HitsOfFeed) -> tuple[np.ndarray, np.ndarray]:
+    """The sizes (N,) of small triangles, as shares of those that they are on, and on the image, as shares of the largest.
+
+    A Bump node looks a tenth as far as a pixel reaches on the triangle: with both sizes, that is the distance of the texels.
+    """
+    count = len(hits.triangles)
+    if not len(hits.spacing):
+        return np.full(count, SMALL, np.float32), np.ones(count)
+    corners = transformed(_places(hits), hits.mesh.to_world)
+    edges = np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=-1).mean(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wanted = EDGE * hits.spacing / edges
+    wanted[~((wanted > 0.0) & np.isfinite(wanted))] = SMALL
+    return np.minimum(wanted, SMALL).astype(np.float32), np.clip(SMALL / wanted, LEAST, 1.0)
+
+
+def _triangles(hits: HitsOfFeed) -> np.ndarray:
+    """The corners (N, 3) int of the triangles that are hit."""
+    return hits.mesh.triangles[hits.triangles]
+
+
+def _places(hits: HitsOfFeed) -> np.ndarray:
+    """Where the corners of the triangles that are hit are (N, 3, 3), in the mesh's space."""
+    return hits.mesh.positions[hits.mesh.vertices[_triangles(hits)]]
+
+
+def _around(hits: HitsOfFeed, shares: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The corners (N, 3) int of the triangles that are hit, and the weights (N, 3, 3) of these for each corner of small ones.
+
+    shares (N,) float32: their sizes. normals (N, 3): small triangles face as they do, since Cycles turns normals over that
+    point behind their triangle; a render shows them as they are.
+    """
+    away = shares[:, None, None] * (np.eye(3, dtype=np.float32) - np.float32(1.0 / 3.0))
+    a, b, c = np.moveaxis(_places(hits), 1, 0)
+    is_behind = np.einsum("na,na->n", np.cross(b - a, c - a), normals) < 0.0
+    away[is_behind] = away[is_behind][:, ::-1]
+    return _triangles(hits), hits.weights[:, None, :] + away
 
 
 def _mixed(values: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -210,9 +255,9 @@ def _build(mesh: bpy.types.Mesh, corners: _Corners, size: tuple[int, int]) -> st
     count = len(corners.points)
     mesh_writer.fill(mesh, corners.points.reshape(-1, 3), np.arange(3 * count))
     normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "POINT")
-    normals.data.foreach_set("vector", corners.normals.ravel())
+    normals.data.foreach_set("vector", corners.normals.repeat(3, axis=0).ravel())
     on_pixels = mesh.uv_layers.new(name=NAME, do_init=False)
-    on_pixels.uv.foreach_set("vector", _on_pixels(count, size).ravel())
+    on_pixels.uv.foreach_set("vector", _on_pixels(corners.sizes, size).ravel())
     name = on_pixels.name
     # UV maps first: an attribute of the same name is the UV map.
     for (kind, of_layer), values in sorted(corners.layers.items(), key=lambda item: item[0][0] != UV_LAYER):
@@ -220,6 +265,9 @@ def _build(mesh: bpy.types.Mesh, corners: _Corners, size: tuple[int, int]) -> st
             _add_uv_map(mesh, of_layer, values)
         elif kind == ATTRIBUTE:
             _add_attribute(mesh, of_layer, values)
+        elif kind == TANGENTS:
+            _add_attribute(mesh, emitted.TANGENTS.format(of_layer), values)
+            _add_attribute(mesh, emitted.SMOOTH_NORMALS, np.pad(corners.normals.repeat(3, axis=0), ((0, 0), (0, 1))))
     mesh.update()
     return name
 
@@ -242,12 +290,15 @@ def _add_attribute(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
         mesh.attributes.default_color_name = attribute.name
 
 
-def _on_pixels(count: int, size: tuple[int, int]) -> np.ndarray:
-    """UVs (N, 3, 2) float32 of triangles whose middles are where the pixels of an image look, row by row."""
-    numbers = np.arange(count)
+def _on_pixels(sizes: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """UVs (N, 3, 2) float32 of triangles whose middles are where the pixels of an image look, row by row.
+
+    sizes (N,): of the triangles, as shares of the largest.
+    """
+    numbers = np.arange(len(sizes))
     places = np.stack([numbers % size[0], numbers // size[0]], axis=1)[:, None] + LOOKED_AT
-    around = np.array([(-0.25, -0.25), (0.5, -0.25), (-0.25, 0.5)]) * 0.9
-    return ((places + around) / size).astype(np.float32)
+    around = np.array([(-1.0, -1.0), (2.0, -1.0), (-1.0, 2.0)]) * (EDGE / 3.0)
+    return ((places + sizes[:, None, None] * around) / size).astype(np.float32)
 
 
 def _take_after(

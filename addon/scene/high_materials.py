@@ -80,6 +80,9 @@ def _of_feed(feed: Feed | None) -> Iterator[tuple[str, str]]:
 
 
 def _of_detail(detail: DetailFeed) -> Iterator[tuple[str, str]]:
+    if isinstance(detail, ExactFeed):
+        yield from _of_feed(detail)
+        return
     yield from _of_feed(detail.image)
     if isinstance(detail, BumpFeed):
         if detail.below is not None:
@@ -104,7 +107,8 @@ class MaterialNumbers:
     """The materials by their numbers, which count from 1.
 
     sockets, is_exact: as read_materials takes them. low: the low object, evaluated; what the bake leaves in its materials is
-    no detail of a high object that shows the same material. before: those of an earlier reading, which keep their numbers.
+    no detail of a high object that shows the same material, unless is_itself: then nothing is left in them. before: those of
+    an earlier reading, which keep their numbers.
     """
 
     def __init__(
@@ -114,9 +118,10 @@ class MaterialNumbers:
         *,
         sockets: Collection[str],
         is_exact: bool = False,
+        is_itself: bool = False,
         before: Sequence[HighMaterial] = (),
     ):
-        self.images, self.sockets, self.is_exact = images, sockets, is_exact
+        self.images, self.sockets, self.is_exact, self.is_itself = images, sockets, is_exact, is_itself
         self._of_low = {material for material in materials_of(low) if material}
         self._found: dict[int, HighMaterial] = {material.key: material for material in before}
 
@@ -141,15 +146,21 @@ class MaterialNumbers:
             if material is Bare.COLORED:
                 surface = replace(surface, feeds=surface.feeds | {BASE_COLOR.socket: AttributeFeed("")})
             if material in self._of_low:
-                is_hooked_up = _is_hooked_up(material)
-                detail = None if is_hooked_up else self._replaced(surface.detail)
-                # What the nodes of an earlier bake do to normals is no loss.
-                notes = {
-                    socket: text for socket, text in surface.notes.items() if not (is_hooked_up and socket == NORMAL)
-                }
-                surface = replace(surface, detail=detail, notes=notes | self._notes_on_maps(surface))
+                if not self.is_itself:
+                    surface = self._without_what_stays(material, surface)
+                surface = replace(surface, notes=surface.notes | self._notes_on_maps(surface))
             self._found[key] = replace(surface, key=key)
         return self._found[key]
+
+    def _without_what_stays(self, material: bpy.types.Material, surface: HighMaterial) -> HighMaterial:
+        """`surface` without the detail that the low object shows beside the baked map."""
+        notes = {socket: text for socket, text in surface.notes.items() if socket != NORMAL}
+        if _is_hooked_up(material):  # what the nodes of an earlier bake do to normals is no loss
+            return replace(surface, detail=None, notes=notes)
+        if isinstance(surface.detail, ExactFeed):
+            plain = read_materials([material], self.images, {NORMAL})[0]
+            surface = replace(surface, detail=plain.detail, notes=notes | plain.notes)
+        return replace(surface, detail=self._replaced(surface.detail))
 
     def give_up(self, numbers: Collection[int], is_unknown: Callable[[ExactFeed], bool], why: str) -> None:
         """Leave out what Cycles would evaluate on materials with these numbers, where `is_unknown`. why: a clause."""
@@ -159,8 +170,12 @@ class MaterialNumbers:
                 socket for socket, feed in material.feeds.items() if isinstance(feed, ExactFeed) and is_unknown(feed)
             ]
             feeds = {socket: feed for socket, feed in material.feeds.items() if socket not in lost}
+            detail = material.detail
+            if isinstance(detail, ExactFeed) and is_unknown(detail):
+                detail = None
+                lost.append(NORMAL)
             notes = {socket: (f'Material "{material.name}": {socket} is left out, because {why}.',) for socket in lost}
-            self._found[material.key] = replace(material, feeds=feeds, notes=material.notes | notes)
+            self._found[material.key] = replace(material, feeds=feeds, detail=detail, notes=material.notes | notes)
 
     def _replaced(self, detail: DetailFeed | None) -> NormalMapFeed | None:
         """The part of `detail` that the baked map takes the place of: a normal map that Imprint did not bake.

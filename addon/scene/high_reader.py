@@ -39,6 +39,7 @@ class Reader:
         known: Meshes of that reading, by the number of their high object; if only vertices have moved, little is read again.
         parts: The names of parts of that reading, which keep their numbers.
         depsgraph: In which they are evaluated.
+        is_itself: Whether the low object is baked onto itself.
     """
 
     depsgraph: bpy.types.Depsgraph
@@ -48,6 +49,7 @@ class Reader:
     before: Sequence[HighMaterial] = ()
     known: Mapping[int, Mesh] = field(default_factory=dict)
     parts: Sequence[str] = ()
+    is_itself: bool = False
 
     @property
     def part_names(self) -> list[str]:
@@ -69,6 +71,7 @@ class Reader:
             self.low.evaluated_get(self.depsgraph),
             sockets=sockets,
             is_exact=self.settings.map.exact_materials == ExactMaterials.AUTO,
+            is_itself=self.is_itself,
             before=self.before,
         )
 

@@ -137,7 +137,8 @@ def read_again(
         else:
             known = dict(enumerate(before.highs, start=1))
             new = {number: high for number, high in enumerate(highs, start=1) if high.session_uid in changed}
-            reader = Reader(depsgraph, low, before.uv_layer, settings, before.materials, known, before.parts)
+            kept = before.materials, known, before.parts, object_checks.is_itself(low, highs)
+            reader = Reader(depsgraph, low, before.uv_layer, settings, *kept)
             all_highs = with_labels(list((known | dict(zip(new, reader.read(new), strict=True))).values()))
             meshes = replace(before, highs=all_highs, materials=reader.materials.materials, parts=reader.part_names)
             _check_triangles(meshes.highs)
@@ -219,7 +220,7 @@ def _read(
     settings: Settings,
 ) -> Meshes:
     meshes = read_low(depsgraph, low, cage, settings, is_own_base=low in highs)
-    reader = Reader(depsgraph, low, meshes.uv_layer, settings)
+    reader = Reader(depsgraph, low, meshes.uv_layer, settings, is_itself=object_checks.is_itself(low, highs))
     read = reader.read(dict(enumerate(highs, start=1)))
     meshes = replace(
         meshes,

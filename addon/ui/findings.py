@@ -98,6 +98,7 @@ class PanelFindings:
             *_key_of(low, highs)[0],
             settings.map.drawn_maps,
             settings.map.exact_materials,
+            settings.map.normal and settings.map.detail_maps,
             *((material.session_uid, material.name) for material in slots if material is not None),
         )
         find = partial(pair_checks.viewport_material_notes, low, highs, settings.map)

@@ -68,7 +68,7 @@ NOT_AT_A_POINT = {
     "window": ("TexCoord", "Window"),
     "reflection": ("TexCoord", "Reflection"),
     "random object": ("ObjectInfo", "Random"),
-    "bump": ("Bump", "Normal"),
+    "tangent": ("Tangent", "Tangent"),
     "instancer": ("Attribute", "Color"),
 }
 

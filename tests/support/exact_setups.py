@@ -9,24 +9,24 @@ WEDGES_HIGH = 24
 """Faces from pole to pole."""
 
 
-def _noise(material, vector=None, **properties):
+def noise(material, vector=None, **properties):
     return add(material, "TexNoise", {"Vector": vector} if vector else None, **properties)
 
 
-def _coordinate(material, name):
+def coordinate(material, name):
     return add(material, "TexCoord").outputs[name]
 
 
-def _color(node, name="Color"):
+def color(node, name="Color"):
     return node.outputs[name]
 
 
-def _picture(material, seed=1, **properties):
+def picture(material, seed=1, **properties):
     node = add(material, "TexImage", image=image(f"dots {seed}", (16, 16), seed=seed, space="Non-Color"), **properties)
     return node.outputs["Color"]
 
 
-def _ramp(material, value, interpolation):
+def ramp(material, value, interpolation):
     node = add(material, "ValToRGB", {0: value})
     ramp = node.color_ramp
     ramp.interpolation = interpolation
@@ -35,13 +35,13 @@ def _ramp(material, value, interpolation):
     return node.outputs["Color"]
 
 
-def _mix(material, factor, first, second, blend="MIX"):
+def mix(material, factor, first, second, blend="MIX"):
     inputs = {"Factor_Float": factor, "A_Color": first, "B_Color": second}
     node = add(material, "Mix", inputs, data_type="RGBA", blend_type=blend)
     return next(one for one in node.outputs if one.identifier == "Result_Color")
 
 
-def _in_group(material):
+def in_group(material):
     """A noise in a group in a group, scaled by an input of both."""
     inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
     inner.interface.new_socket("Scale", in_out="INPUT", socket_type="NodeSocketFloat")
@@ -61,94 +61,92 @@ def _in_group(material):
     return node.outputs[0]
 
 
-def _curve(material):
-    node = add(material, "RGBCurve", {"Color": _picture(material)})
+def curve(material):
+    node = add(material, "RGBCurve", {"Color": picture(material)})
     node.mapping.curves[3].points.new(0.4, 0.8)
     node.mapping.update()
     return node.outputs[0]
 
 
-def _muted(material):
-    noise, reroute = _noise(material), material.node_tree.nodes.new("NodeReroute")
-    material.node_tree.links.new(noise.outputs["Color"], reroute.inputs[0])
+def muted(material):
+    found, reroute = noise(material), material.node_tree.nodes.new("NodeReroute")
+    material.node_tree.links.new(found.outputs["Color"], reroute.inputs[0])
     node = add(material, "Gamma", {"Color": reroute.outputs[0], "Gamma": 3.0})
     node.mute = True
     return node.outputs[0]
 
 
-def _steps(material):
+def steps(material):
     """White noise of whole numbers: the same at all points around."""
-    scaled = add(material, "VectorMath", {0: _coordinate(material, "UV"), 1: (9.0, 9.0, 9.0)}, operation="MULTIPLY")
+    scaled = add(material, "VectorMath", {0: coordinate(material, "UV"), 1: (9.0, 9.0, 9.0)}, operation="MULTIPLY")
     whole = add(material, "VectorMath", {0: scaled.outputs[0]}, operation="FLOOR")
     return add(material, "TexWhiteNoise", {"Vector": whole.outputs[0]}).outputs["Color"]
 
 
 SETUPS = {
-    "noise": lambda m: _color(_noise(m)),
-    "noise of object coordinates": lambda m: _color(_noise(m, _coordinate(m, "Object"))),
-    "noise of UVs": lambda m: _color(_noise(m, _coordinate(m, "UV"))),
-    "noise of positions": lambda m: _color(_noise(m, add(m, "NewGeometry").outputs["Position"])),
-    "noise in 4D": lambda m: _color(_noise(m, noise_dimensions="4D")),
-    "ridged noise": lambda m: _noise(m, noise_type="RIDGED_MULTIFRACTAL").outputs[0],
-    "voronoi": lambda m: _color(add(m, "TexVoronoi")),
+    "noise": lambda m: color(noise(m)),
+    "noise of object coordinates": lambda m: color(noise(m, coordinate(m, "Object"))),
+    "noise of UVs": lambda m: color(noise(m, coordinate(m, "UV"))),
+    "noise of positions": lambda m: color(noise(m, add(m, "NewGeometry").outputs["Position"])),
+    "noise in 4D": lambda m: color(noise(m, noise_dimensions="4D")),
+    "ridged noise": lambda m: noise(m, noise_type="RIDGED_MULTIFRACTAL").outputs[0],
+    "voronoi": lambda m: color(add(m, "TexVoronoi")),
     "distance to edges": lambda m: add(m, "TexVoronoi", feature="DISTANCE_TO_EDGE").outputs["Distance"],
-    "smooth voronoi": lambda m: _color(add(m, "TexVoronoi", feature="SMOOTH_F1")),
-    "bands": lambda m: _color(add(m, "TexWave")),
-    "rings": lambda m: _color(add(m, "TexWave", {"Distortion": 2.0}, wave_type="RINGS")),
-    "magic": lambda m: _color(add(m, "TexMagic")),
-    "checker": lambda m: _color(add(m, "TexChecker")),
-    "bricks": lambda m: _color(add(m, "TexBrick", {"Vector": _coordinate(m, "UV")})),
-    "gradient": lambda m: _color(
-        add(m, "TexGradient", {"Vector": _coordinate(m, "Object")}, gradient_type="SPHERICAL")
-    ),
+    "smooth voronoi": lambda m: color(add(m, "TexVoronoi", feature="SMOOTH_F1")),
+    "bands": lambda m: color(add(m, "TexWave")),
+    "rings": lambda m: color(add(m, "TexWave", {"Distortion": 2.0}, wave_type="RINGS")),
+    "magic": lambda m: color(add(m, "TexMagic")),
+    "checker": lambda m: color(add(m, "TexChecker")),
+    "bricks": lambda m: color(add(m, "TexBrick", {"Vector": coordinate(m, "UV")})),
+    "gradient": lambda m: color(add(m, "TexGradient", {"Vector": coordinate(m, "Object")}, gradient_type="SPHERICAL")),
     "gabor": lambda m: add(m, "TexGabor").outputs[0],
-    "white noise": _steps,
-    "bent ramp of an image": lambda m: _ramp(m, _picture(m), "EASE"),
-    "ramp in steps": lambda m: _ramp(m, _noise(m).outputs[0], "CONSTANT"),
-    "mix of noise and image": lambda m: _mix(m, 0.4, _color(_noise(m)), _picture(m)),
-    "images mixed by noise": lambda m: _mix(m, _noise(m).outputs[0], _picture(m, 1), _picture(m, 2)),
-    "image times vertex color": lambda m: _mix(
-        m, 1.0, _picture(m), _color(add(m, "VertexColor", layer_name="paint")), "MULTIPLY"
+    "white noise": steps,
+    "bent ramp of an image": lambda m: ramp(m, picture(m), "EASE"),
+    "ramp in steps": lambda m: ramp(m, noise(m).outputs[0], "CONSTANT"),
+    "mix of noise and image": lambda m: mix(m, 0.4, color(noise(m)), picture(m)),
+    "images mixed by noise": lambda m: mix(m, noise(m).outputs[0], picture(m, 1), picture(m, 2)),
+    "image times vertex color": lambda m: mix(
+        m, 1.0, picture(m), color(add(m, "VertexColor", layer_name="paint")), "MULTIPLY"
     ),
-    "cubic image": lambda m: _picture(m, interpolation="Cubic"),
+    "cubic image": lambda m: picture(m, interpolation="Cubic"),
     "image from the sides": lambda m: add(
-        m, "TexImage", {"Vector": _coordinate(m, "Generated")}, projection="BOX", image=image("sides", (16, 16), seed=5)
+        m, "TexImage", {"Vector": coordinate(m, "Generated")}, projection="BOX", image=image("sides", (16, 16), seed=5)
     ).outputs[0],
-    "second UV map": lambda m: _color(_noise(m, add(m, "UVMap", uv_map="second").outputs[0])),
+    "second UV map": lambda m: color(noise(m, add(m, "UVMap", uv_map="second").outputs[0])),
     "normal": lambda m: add(m, "NewGeometry").outputs["Normal"],
     "true normal": lambda m: add(m, "NewGeometry").outputs["True Normal"],
-    "normal in object space": lambda m: _coordinate(m, "Normal"),
-    "generated": lambda m: _coordinate(m, "Generated"),
-    "object coordinates": lambda m: _coordinate(m, "Object"),
-    "color of the object": lambda m: _mix(m, 0.5, add(m, "ObjectInfo").outputs["Color"], _color(_noise(m))),
+    "normal in object space": lambda m: coordinate(m, "Normal"),
+    "generated": lambda m: coordinate(m, "Generated"),
+    "object coordinates": lambda m: coordinate(m, "Object"),
+    "color of the object": lambda m: mix(m, 0.5, add(m, "ObjectInfo").outputs["Color"], color(noise(m))),
     "property of the object": lambda m: add(m, "Attribute", attribute_type="OBJECT", attribute_name="wear").outputs[
         "Fac"
     ],
     "square of a vertex color": lambda m: add(
         m, "Math", {0: add(m, "VertexColor", layer_name="paint").outputs[0], 1: 2.0}, operation="POWER"
     ).outputs[0],
-    "noise of an attribute": lambda m: _noise(m, add(m, "Attribute", attribute_name="flow").outputs["Vector"]).outputs[
+    "noise of an attribute": lambda m: noise(m, add(m, "Attribute", attribute_name="flow").outputs["Vector"]).outputs[
         0
     ],
-    "number of faces": lambda m: _ramp(m, add(m, "Attribute", attribute_name="number").outputs["Fac"], "LINEAR"),
-    "bent curve": _curve,
-    "hue of an image": lambda m: add(m, "HueSaturation", {"Color": _picture(m), "Hue": 0.3}).outputs[0],
-    "turned noise": lambda m: _color(
-        _noise(m, add(m, "Mapping", {"Vector": _coordinate(m, "Object"), "Rotation": (0.4, 1.0, 2.0)}).outputs[0])
+    "number of faces": lambda m: ramp(m, add(m, "Attribute", attribute_name="number").outputs["Fac"], "LINEAR"),
+    "bent curve": curve,
+    "hue of an image": lambda m: add(m, "HueSaturation", {"Color": picture(m), "Hue": 0.3}).outputs[0],
+    "turned noise": lambda m: color(
+        noise(m, add(m, "Mapping", {"Vector": coordinate(m, "Object"), "Rotation": (0.4, 1.0, 2.0)}).outputs[0])
     ),
-    "noise in groups": _in_group,
+    "noise in groups": in_group,
     "smooth steps": lambda m: add(
         m,
         "MapRange",
-        {"Value": _noise(m).outputs[0], "From Min": 0.3, "From Max": 0.7},
+        {"Value": noise(m).outputs[0], "From Min": 0.3, "From Max": 0.7},
         interpolation_type="SMOOTHSTEP",
     ).outputs[0],
     "temperature": lambda m: add(
         m,
         "Blackbody",
-        {"Temperature": add(m, "Math", {0: _noise(m).outputs[0], 1: 9000.0}, operation="MULTIPLY").outputs[0]},
+        {"Temperature": add(m, "Math", {0: noise(m).outputs[0], 1: 9000.0}, operation="MULTIPLY").outputs[0]},
     ).outputs[0],
-    "muted": _muted,
+    "muted": muted,
     "position in object space": lambda m: add(
         m,
         "VectorTransform",
@@ -158,7 +156,7 @@ SETUPS = {
         convert_to="OBJECT",
     ).outputs[0],
     "cross of coordinates": lambda m: add(
-        m, "VectorMath", {0: _coordinate(m, "Object"), 1: _coordinate(m, "Generated")}, operation="CROSS_PRODUCT"
+        m, "VectorMath", {0: coordinate(m, "Object"), 1: coordinate(m, "Generated")}, operation="CROSS_PRODUCT"
     ).outputs[0],
 }
 """By name, what makes the output that feeds the base color of a material."""

@@ -1,14 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes a material emit the value of one socket of its shader, also of one inside groups."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import bpy
 from bpy.types import Image, Material, Node, NodeSocket, NodeTree
 
 from ..textures import ImageTextures
-from .material_reading import ALPHA, EMISSION, READINGS, Mix, Shader, find_shader
+from .exact_nodes import normal_maps
+from .material_reading import (
+    ALPHA,
+    EMISSION,
+    NORMAL,
+    READINGS,
+    Mix,
+    Shader,
+    displacement,
+    find_shader,
+    normal_places,
+    places_of,
+)
 from .node_values import NodeValues, Place
 
 _INTERFACE = {"RGBA": "NodeSocketColor", "VECTOR": "NodeSocketVector"}
@@ -17,15 +29,25 @@ Keep = Callable[[bpy.types.ID], bpy.types.ID]
 """Takes a datablock that was made, and returns it."""
 
 
+TANGENTS, SMOOTH_NORMALS = "Imprint tangents {}", "Imprint normals"
+"""The attributes that the mesh needs for Normal Map nodes: tangents of a UV map as Mesh.layers has them, and normals."""
+
+
 def emitting(source: Material, socket: str, image: Image, keep: Keep) -> Material:
-    """A copy of `source` that emits the value of a socket as HighMaterial.feeds has it, and whose active image is `image`.
+    """A copy of `source` that emits the value of a socket as an ExactFeed has it, and whose active image is `image`.
 
     Copies of node groups have further outputs. Raises NotFollowedError if the material has no shader that can be read.
     """
-    shader = find_shader(NodeValues(ImageTextures(), READINGS), source)
+    values = NodeValues(ImageTextures(), READINGS)
+    shader = find_shader(values, source)
     material = keep(source.copy())
     tree, copied = material.node_tree, _Copied(material.node_tree, keep)
-    color = _value(copied, shader, socket)
+    moved = displacement(values, source) if socket == NORMAL else None
+    places = normal_places(shader) if socket == NORMAL else places_of(shader, socket)
+    for normal_map in normal_maps(values, [*places, *([moved] if moved else ())]):
+        copied.replace_normal_map(normal_map)
+    color = _normal(copied, values, shader) if socket == NORMAL else _value(copied, shader, socket)
+    bump = copied.output(moved) if moved else None
     for node in [node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial"]:
         tree.nodes.remove(node)
     emission, output, target = (
@@ -35,9 +57,27 @@ def emitting(source: Material, socket: str, image: Image, keep: Keep) -> Materia
     if socket == EMISSION and shader.strength is not None:
         tree.links.new(copied.output(shader.strength), emission.inputs["Strength"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    if bump is not None:
+        tree.links.new(bump, output.inputs["Displacement"])
+        material.displacement_method = "BUMP"
     target.image = image
     tree.nodes.active = target
     return material
+
+
+def _normal(copied: "_Copied", values: NodeValues, shader: Shader) -> NodeSocket:
+    """The normal of a shader, as normal maps store directions."""
+    return copied.vector("MULTIPLY_ADD", _direction(copied, values, shader), (0.5, 0.5, 0.5), (0.5, 0.5, 0.5))
+
+
+def _direction(copied: "_Copied", values: NodeValues, shader: Shader) -> NodeSocket:
+    mix = shader.mixed_normals
+    if mix is not None:
+        sides = (_direction(copied, values, side) for side in (mix.first, mix.second))
+        return copied.mix(copied.output(mix.factor), *sides)
+    if shader.normal is None or not values.links.source(shader.normal).socket.is_output:
+        return copied.tree.nodes.new("ShaderNodeNewGeometry").outputs["Normal"]
+    return copied.output(shader.normal)
 
 
 def _value(copied: "_Copied", shader: Shader, socket: str) -> NodeSocket:
@@ -105,11 +145,22 @@ class _Copied:
         return next(one for one in node.outputs if one.identifier == "Result_Color")
 
     def scaled(self, color: NodeSocket, factor: NodeSocket) -> NodeSocket:
-        node = self.tree.nodes.new("ShaderNodeVectorMath")
-        node.operation = "SCALE"
-        self.tree.links.new(color, node.inputs["Vector"])
-        self.tree.links.new(factor, node.inputs["Scale"])
-        return node.outputs[0]
+        return self.vector("SCALE", color, factor)
+
+    def vector(self, operation: str, *values: NodeSocket | Sequence[float]) -> NodeSocket:
+        return _vector(self.tree, operation, *values)
+
+    def replace_normal_map(self, output: Place) -> None:
+        """Have nodes that look at an output of a Normal Map node in tangent space look at the same from attributes.
+
+        Cycles would take the tangents of the mesh, which is made of loose triangles.
+        """
+        tree = self._tree(output.groups)
+        node = tree.nodes[output.node.name]
+        normal = _normal_of_map(tree, node)
+        for link in [link for link in tree.links if link.from_socket == node.outputs[0]]:
+            is_muted, socket = link.is_muted, link.to_socket
+            tree.links.new(normal, socket).is_muted = is_muted
 
     def _tree(self, groups: tuple[Node, ...]) -> NodeTree:
         """The tree inside these groups. They get copies of their trees, once, since other nodes share them."""
@@ -137,6 +188,46 @@ def _source(tree: NodeTree, socket: NodeSocket, kind: str) -> NodeSocket:
         node = tree.nodes.new("ShaderNodeCombineXYZ")
         for one, value in zip(node.inputs, socket.default_value, strict=False):
             one.default_value = value
+    return node.outputs[0]
+
+
+def _normal_of_map(tree: NodeTree, node: Node) -> NodeSocket:
+    """What Cycles' Normal Map node gives, from the mesh's normals and its tangents."""
+    tangents, normals = (tree.nodes.new("ShaderNodeAttribute") for _ in range(2))
+    tangents.attribute_name, normals.attribute_name = TANGENTS.format(node.uv_map), SMOOTH_NORMALS
+    tangent, sign = tangents.outputs["Vector"], tangents.outputs["Alpha"]
+    normal = _vector(tree, "NORMALIZE", normals.outputs["Vector"])
+    color, strength = (
+        _source(tree, node.inputs[name], kind)
+        for name, kind in (("Color", "NodeSocketColor"), ("Strength", "NodeSocketFloat"))
+    )
+    green = -2.0 if getattr(node, "convention", "OPENGL") == "DIRECTX" else 2.0
+    parts = tree.nodes.new("ShaderNodeSeparateXYZ")
+    signed = _vector(tree, "MULTIPLY_ADD", color, (2.0, green, 2.0), (-1.0, -green / 2.0, -1.0))
+    tree.links.new(signed, parts.inputs[0])
+    x, y = (_math(tree, "MULTIPLY", parts.outputs[axis], strength) for axis in (0, 1))
+    up = _math(tree, "SUBTRACT", parts.outputs[2], 1.0)
+    share = _math(tree, "ADD", strength, 0.0, use_clamp=True)
+    z = _math(tree, "ADD", _math(tree, "MULTIPLY", up, share), 1.0)
+    along = _vector(tree, "SCALE", _vector(tree, "CROSS_PRODUCT", normal, tangent), sign)
+    turned = _vector(tree, "SCALE", normal, z)
+    for direction, amount in ((tangent, x), (along, y)):
+        turned = _vector(tree, "ADD", turned, _vector(tree, "SCALE", direction, amount))
+    to_world = tree.nodes.new("ShaderNodeVectorTransform")
+    to_world.vector_type, to_world.convert_from, to_world.convert_to = "NORMAL", "OBJECT", "WORLD"
+    tree.links.new(_vector(tree, "NORMALIZE", turned), to_world.inputs[0])
+    return to_world.outputs[0]
+
+
+def _vector(tree: NodeTree, operation: str, *values: NodeSocket | Sequence[float]) -> NodeSocket:
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = operation
+    sockets = [node.inputs[0], node.inputs["Scale"]] if operation == "SCALE" else node.inputs
+    for socket, value in zip(sockets, values, strict=False):
+        if isinstance(value, NodeSocket):
+            tree.links.new(value, socket)
+        else:
+            socket.default_value = value
     return node.outputs[0]
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from ...core.material_feeds import ExactFeed
-from ...mesh.triangle_mesh import ATTRIBUTE, GENERATED, UV_LAYER
+from ...mesh.triangle_mesh import ATTRIBUTE, GENERATED, TANGENTS, UV_LAYER
 from .. import addons, render_view
 from ..textures import UnreadableError
 from .node_values import NodeValues, Place, title
@@ -29,6 +29,7 @@ _PLAIN = {
     *("ShaderNodeHueSaturation", "ShaderNodeRGBToBW", "ShaderNodeCombineColor", "ShaderNodeSeparateColor"),
     *("ShaderNodeCombineXYZ", "ShaderNodeSeparateXYZ", "ShaderNodeCombineRGB", "ShaderNodeSeparateRGB"),
     *("ShaderNodeCombineHSV", "ShaderNodeSeparateHSV", "ShaderNodeTexWhiteNoise"),
+    *("ShaderNodeBump", "ShaderNodeNormalMap", "ShaderNodeDisplacement"),
 }
 """Nodes whose outputs depend on their inputs alone."""
 _TEXTURES = {
@@ -39,7 +40,7 @@ _TEXTURES = {
 """Those that take generated coordinates where nothing feeds their vector."""
 _OUTPUTS = {
     "ShaderNodeTexCoord": {"Generated", "UV", "Object", "Normal"},
-    "ShaderNodeNewGeometry": {"Position", "Normal", "True Normal"},
+    "ShaderNodeNewGeometry": {"Position", "Normal", "True Normal", "Backfacing"},
     "ShaderNodeObjectInfo": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
 }
 """Outputs of other nodes that are known at a point. The rest looks at the view, at light, or at the mesh around the point."""
@@ -51,11 +52,14 @@ class _Walk:
 
     Attributes:
         layers: As in ExactFeed.
+        normal_maps: The outputs of Normal Map nodes that take the mesh's tangents.
     """
 
     values: NodeValues
     layers: dict[tuple[str, str], None] = field(default_factory=dict)
     is_of_object: bool = False
+    has_bumps: bool = False
+    normal_maps: list[Place] = field(default_factory=list)
     _seen: set[Place] = field(default_factory=set)
 
     def follow(self, first: Place) -> None:
@@ -72,30 +76,24 @@ class _Walk:
 
     def _look_at(self, output: Place) -> None:
         node, kind, name = output.node, output.node.bl_idname, output.socket.name
-        is_known = kind in _PLAIN or kind in _TEXTURES or name in _OUTPUTS.get(kind, ())
-        match kind:
-            case "ShaderNodeTexImage":
-                is_known = True
-                self._default(output, (UV_LAYER, ""))
-            case "ShaderNodeUVMap":
-                is_known = not node.from_instancer
-                self._add(UV_LAYER, node.uv_map)
-            case "ShaderNodeVertexColor":
-                is_known = True
-                self._add(ATTRIBUTE, node.layer_name)
-            case "ShaderNodeAttribute":
-                is_known = node.attribute_type in {"GEOMETRY", "OBJECT"}
-                if node.attribute_type == "GEOMETRY" and node.attribute_name:
-                    self._add(ATTRIBUTE, node.attribute_name)
-            case "ShaderNodeTexCoord":
-                is_known &= not node.from_instancer
-                if name in {"Generated", "UV"}:
-                    self._add(*((GENERATED, "") if name == "Generated" else (UV_LAYER, "")))
-            case "ShaderNodeVectorTransform":
-                is_known = "CAMERA" not in {node.convert_from, node.convert_to}
-        if not is_known:
+        if not _is_known(output):
             raise NotFollowedError(f"{_name_of(output)} is not known at a point of the surface")
         self.is_of_object |= _reads_object(output)
+        self.has_bumps |= kind == "ShaderNodeBump"
+        match kind:
+            case "ShaderNodeTexImage":
+                self._default(output, (UV_LAYER, ""))
+            case "ShaderNodeUVMap":
+                self._add(UV_LAYER, node.uv_map)
+            case "ShaderNodeVertexColor":
+                self._add(ATTRIBUTE, node.layer_name)
+            case "ShaderNodeAttribute" if node.attribute_type == "GEOMETRY" and node.attribute_name:
+                self._add(ATTRIBUTE, node.attribute_name)
+            case "ShaderNodeTexCoord" if name in {"Generated", "UV"}:
+                self._add(*((GENERATED, "") if name == "Generated" else (UV_LAYER, "")))
+            case "ShaderNodeNormalMap" if node.space == "TANGENT":
+                self.normal_maps.append(output)
+                self._add(TANGENTS, node.uv_map)
         if kind in _TEXTURES:
             self._default(output, (GENERATED, ""))
         if kind in {"ShaderNodeTexImage", "ShaderNodeTexEnvironment"}:
@@ -122,6 +120,25 @@ class _Walk:
         self.layers[kind, name] = None
 
 
+def _is_known(output: Place) -> bool:
+    """Whether an output is known at a point, if the inputs of its node are."""
+    node, kind = output.node, output.node.bl_idname
+    match kind:
+        case "ShaderNodeTexImage" | "ShaderNodeVertexColor":
+            return True
+        case "ShaderNodeUVMap":
+            return not node.from_instancer
+        case "ShaderNodeAttribute":
+            return node.attribute_type in {"GEOMETRY", "OBJECT"}
+        case "ShaderNodeTexCoord" if node.from_instancer:
+            return False
+        case "ShaderNodeVectorTransform":
+            return "CAMERA" not in {node.convert_from, node.convert_to}
+        case "ShaderNodeVectorDisplacement":
+            return node.space != "TANGENT"
+    return kind in _PLAIN or kind in _TEXTURES or output.socket.name in _OUTPUTS.get(kind, ())
+
+
 def _reads_object(output: Place) -> bool:
     """Whether an output depends on the object that the point is on."""
     node, name = output.node, output.socket.name
@@ -134,6 +151,10 @@ def _reads_object(output: Place) -> bool:
             return "OBJECT" in {node.convert_from, node.convert_to}
         case "ShaderNodeTexImage":
             return node.projection == "BOX"  # it looks at the normal in the object's space
+        case "ShaderNodeNormalMap":
+            return node.space in {"OBJECT", "BLENDER_OBJECT"}
+        case "ShaderNodeDisplacement" | "ShaderNodeVectorDisplacement":
+            return node.space == "OBJECT"
     return node.bl_idname == "ShaderNodeObjectInfo"
 
 
@@ -142,15 +163,27 @@ def _name_of(output: Place) -> str:
     return f"{output.socket.name} of the node {title(output.node)}" if is_one_of else f"the node {title(output.node)}"
 
 
-def exact_feed(values: NodeValues, places: Sequence[Place], material: int, socket: str) -> ExactFeed:
-    """The feed of a socket whose value depends on the inputs `places`. material: its key.
+def exact_feed(
+    values: NodeValues, places: Sequence[Place], material: int, socket: str, *, has_bumps: bool = False
+) -> ExactFeed:
+    """The feed of a socket whose value depends on the inputs `places`. material: its key. has_bumps: besides the nodes'.
 
     Raises NotFollowedError if they need more than a point of the surface: the view, light, or the mesh around it; or without
     Cycles.
     """
+    walk = _walked(values, places)
+    if not has_cycles():
+        raise NotFollowedError("Cycles is not enabled in the preferences")
+    return ExactFeed(material, socket, tuple(walk.layers), walk.is_of_object, walk.has_bumps or has_bumps)
+
+
+def normal_maps(values: NodeValues, places: Sequence[Place]) -> list[Place]:
+    """The outputs of Normal Map nodes in tangent space on which inputs depend that `exact_feed` has taken."""
+    return _walked(values, places).normal_maps
+
+
+def _walked(values: NodeValues, places: Sequence[Place]) -> _Walk:
     walk = _Walk(values)
     for place in places:
         walk.follow(place)
-    if not has_cycles():
-        raise NotFollowedError("Cycles is not enabled in the preferences")
-    return ExactFeed(material, socket, tuple(walk.layers), walk.is_of_object)
+    return walk

@@ -62,7 +62,8 @@ class Shader:
         strength: Of the emission, by which it is multiplied.
         opacity: The shares of the shader in mixes with transparency, whose product is its alpha's factor.
         notes: Clauses of sentences, of which normal_notes are about the normals.
-        normal: What moves the normals.
+        normal: What moves the normals; of several that are mixed, one.
+        mixed_normals: The mix, if it has several.
         parts: How many shaders are mixed, one as often as mixes lead to it.
         node: Its node.
     """
@@ -71,6 +72,7 @@ class Shader:
     values: dict[str, Value]
     strength: Place | None = None
     normal: Place | None = None
+    mixed_normals: Mix | None = None
     opacity: tuple[Share, ...] = ()
     notes: tuple[str, ...] = ()
     normal_notes: tuple[str, ...] = ()
@@ -157,7 +159,8 @@ class _Finder:
         normals = [side.normal for side in (first, second) if side.normal and self._source(side.normal) is not None]
         sources = [self._source(normal) for normal in normals]
         clauses = {*first.normal_notes, *second.normal_notes}
-        if normals and (len(normals) == 1 or sources[0] != sources[1]):
+        differ = bool(normals) and (len(normals) == 1 or sources[0] != sources[1])
+        if differ:
             chosen = first if normals[0] == first.normal else second
             clauses.add(f"the node {title(node)} mixes normals, of which the map has those of {named(chosen.node)}")
         return Shader(
@@ -165,6 +168,7 @@ class _Finder:
             dict.fromkeys(sockets, mix),
             None,
             normals[0] if normals else None,
+            mix if differ or first.mixed_normals or second.mixed_normals else None,
             notes=tuple(dict.fromkeys((*first.notes, *second.notes))),
             normal_notes=tuple(sorted(clauses)),
             parts=first.parts + second.parts,
@@ -288,25 +292,42 @@ def _read(
     for socket in shader.values:
         if sockets is not None and socket not in sockets:
             continue
-        try:
-            signal = _value(values, shader, socket)
-            feeds[socket] = signal.feed
-            lacking = tuple(f"{socket}: {note}" for note in signal.notes)
-        except (NotFollowedError, NotAffineError) as error:
-            lacking = (f"{socket} is left out, because {_reason(error, shader)}",)
-        if lacking and is_exact:
-            try:
-                places = _places(shader, socket)
-                feeds[socket], lacking = exact_feed(values, places, material.session_uid, socket), ()
-            except NotFollowedError as error:
-                why = f". Cycles cannot bake it either: {error}"
-                lacking = tuple(text if str(error) in text else text + why for text in lacking)
-        if socket not in feeds and isinstance(shader.values[socket], Mix):
-            feeds[socket], lacking = _of_one(values, shader, socket, lacking)
+        feed, lacking = _feed(values, material, shader, socket, is_exact=is_exact)
+        if feed is not None:
+            feeds[socket] = feed
         if lacking:
             notes[socket] = tuple(_sentence(material, text) for text in lacking)
-    detail = _detail(values, material, shader, notes) if sockets is None or NORMAL in sockets else None
+    if sockets is not None and NORMAL not in sockets:
+        return HighMaterial(material.name, feeds, None, notes)
+    detail, clauses = _detail(values, material, shader, is_exact=is_exact)
+    if clauses:
+        notes[NORMAL] = tuple(_sentence(material, f"Normal: {clause}") for clause in clauses)
     return HighMaterial(material.name, feeds, detail, notes)
+
+
+def _feed(
+    values: NodeValues, material: Material, shader: Shader, socket: str, *, is_exact: bool
+) -> tuple[Feed | None, tuple[str, ...]]:
+    """What feeds a socket, and clauses about what is left out."""
+    feed = None
+    try:
+        signal = _value(values, shader, socket)
+        feed, lacking = signal.feed, tuple(f"{socket}: {note}" for note in signal.notes)
+    except (NotFollowedError, NotAffineError) as error:
+        lacking = (f"{socket} is left out, because {_reason(error, shader)}",)
+    if lacking and is_exact:
+        try:
+            return exact_feed(values, places_of(shader, socket), material.session_uid, socket), ()
+        except NotFollowedError as error:
+            lacking = _with_reason(lacking, error)
+    if feed is None and isinstance(shader.values[socket], Mix):
+        return _of_one(values, shader, socket, lacking)
+    return feed, lacking
+
+
+def _with_reason(lacking: tuple[str, ...], error: NotFollowedError) -> tuple[str, ...]:
+    """Clauses about what is left out, with why Cycles cannot evaluate it."""
+    return tuple(text if str(error) in text else f"{text}. Cycles cannot bake it either: {error}" for text in lacking)
 
 
 def _of_one(values: NodeValues, shader: Shader, socket: str, lacking: tuple[str, ...]) -> tuple[Feed, tuple[str, ...]]:
@@ -324,13 +345,13 @@ def _of_one(values: NodeValues, shader: Shader, socket: str, lacking: tuple[str,
     return Constant((0.0, 0.0, 0.0, 1.0)), lacking
 
 
-def _places(shader: Shader, socket: str) -> list[Place]:
-    """The inputs on which `_value` depends."""
+def places_of(shader: Shader, socket: str) -> list[Place]:
+    """The inputs on which the value of a socket of a shader depends."""
     value = shader.values[socket]
     places = [] if isinstance(value, float | Mix) else [value]
     if isinstance(value, Mix):
         sides = (value.side(is_second, socket) for is_second in (False, True))
-        places = [value.factor, *(place for side in sides for place in _places(side, socket))]
+        places = [value.factor, *(place for side in sides for place in places_of(side, socket))]
     if socket == EMISSION and shader.strength is not None:
         places.append(shader.strength)
     return places + [share.factor for share in shader.opacity if socket == ALPHA]
@@ -371,9 +392,9 @@ def _product(first: Signal, second: Signal) -> Signal:
 
 
 def _detail(
-    values: NodeValues, material: Material, shader: Shader, notes: dict[str, tuple[str, ...]]
-) -> DetailFeed | None:
-    """What moves the normals. Adds to `notes`."""
+    values: NodeValues, material: Material, shader: Shader, *, is_exact: bool
+) -> tuple[DetailFeed | None, tuple[str, ...]]:
+    """What moves the normals, and clauses about what is left out."""
     detail, clauses = None, ()
     if shader.normal is not None:
         try:
@@ -381,17 +402,36 @@ def _detail(
         except (NotFollowedError, NotAffineError) as error:
             clauses = (f"the detail is left out, because {_reason(error, shader)}",)
     clauses = (*shader.normal_notes, *clauses)
-    if _has_displacement(values, material):
+    moved = displacement(values, material)
+    if moved is not None:
         clauses = (*clauses, "the displacement is left out")
-    if clauses:
-        notes[NORMAL] = tuple(_sentence(material, f"Normal: {clause}") for clause in clauses)
-    return detail
+    if not clauses or not is_exact:
+        return detail, clauses
+    places = [*normal_places(shader), *([moved] if moved else ())]
+    try:
+        exact = exact_feed(values, places, material.session_uid, NORMAL, has_bumps=moved is not None)
+    except NotFollowedError as error:
+        return detail, tuple(
+            text if str(error) in text else f"{text}. Cycles cannot bake it: {error}" for text in clauses
+        )
+    is_moved = moved is not None and material.displacement_method != "BUMP"
+    return exact, ("the displacement moves no points, and counts as bumps",) if is_moved else ()
 
 
-def _has_displacement(values: NodeValues, material: Material) -> bool:
+def normal_places(shader: Shader) -> list[Place]:
+    """The inputs on which the normal of a shader depends."""
+    mix = shader.mixed_normals
+    if mix is not None:
+        return [mix.factor, *normal_places(mix.first), *normal_places(mix.second)]
+    return [] if shader.normal is None else [shader.normal]
+
+
+def displacement(values: NodeValues, material: Material) -> Place | None:
+    """The input that displaces the surface; None if nothing is connected to it."""
     tree = material.node_tree
     output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
-    return values.links.source(Place(output.inputs["Displacement"])).socket.is_output
+    place = Place(output.inputs["Displacement"])
+    return place if values.links.source(place).socket.is_output else None
 
 
 def _plain(color: Sequence[float], roughness: float, metallic: float, alpha: float) -> dict[str, Feed]:
