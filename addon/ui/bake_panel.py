@@ -292,7 +292,7 @@ def describe_several(all_chosen: Sequence[Chosen]) -> str:
     else:
         action = message("Bakes {} objects, each onto itself or with the detail of its pair")
     first = planned_images(all_chosen[0].low, settings, ATLAS if settings.share_image else "")[0]
-    into = message("into one image {}") if settings.share_image else message("into images as {}")
+    into = message("into one image {}") if settings.share_image else message("into images such as {}")
     size = f"{settings.width} x {settings.height}"
     return f"{action.format(len(all_chosen))}: {size}, {into.format(repr(first.name))}."
 

@@ -51,7 +51,7 @@ def test_objects_side_by_side_are_baked_each_onto_itself(props):
     assert chosen() == {name: [name] for name in ("lamp", "table", "vase")}
     labels = drawn().text
     assert (
-        "Bakes the materials and the shape of 3 objects, each onto itself: 64 x 64, into images as 'lamp_position'."
+        "Bakes the materials and the shape of 3 objects, each onto itself: 64 x 64, into images such as 'lamp_position'."
         in labels
     )
     assert bpy.ops.imprint.bake() == {"FINISHED"}

@@ -626,6 +626,58 @@ def part_other_uv_map() -> Steps:
     check("a quarter of the map", abs(results.of(bpy.context).coverage - 0.25) < 0.01)
 
 
+def part_itself() -> Steps:
+    """One mesh alone, then three that stand side by side, each onto itself by one press, which Ctrl Z takes back."""
+    small(maps={"AO"}, normal=False)
+    names = ["lamp", "table", "vase"]
+    for number, name in enumerate(names):
+        grid(name, 12, x=4.0 * number, height=0.4).data.materials.append(red())
+    yield from click_row("lamp")
+    yield from keys("g", "x", "0", "Return")  # a step before
+    yield from bake()
+    check("one map of one mesh", mine() == ["lamp_ao"])
+    alone = contents()["lamp_ao"]
+    for name in names[1:]:
+        yield from click_row(name, "ctrl")
+    check("three are selected", sorted(obj.name for obj in bpy.context.selected_objects) == names)
+    yield 1.0
+    picture("three")
+    yield from bake()
+    check("a map of each", mine() == [f"{name}_ao" for name in names])
+    check("the first as it was", contents()["lamp_ao"] == alone)
+    check("each onto itself", all(object_pairs.of(bpy.data.objects[name]).is_own for name in names))
+    yield from keys("ctrl+z")
+    check("one step back", mine() == ["lamp_ao"])
+    yield from bake()
+    yield from press("imprint.share_image")
+    yield from press("imprint.pack_uvs")
+    yield from bake()
+    check("one map of all", mine() == ["atlas_ao", *(f"{name}_ao" for name in names)])
+    picture("atlas")
+    keep_for("itself_next_day")
+    yield from saved_by_key()
+
+
+def part_itself_next_day() -> Steps:
+    """The file is as it was, and one press bakes the three again, then one that lies on another by Each Onto Itself."""
+    same_as_saved()
+    first = contents()
+    yield from click_row("lamp")
+    for name in ("table", "vase"):
+        yield from click_row(name, "ctrl")
+    yield from bake()
+    check("baked again at once", contents() == first)
+    bpy.data.objects["vase"].location.x = bpy.data.objects["table"].location.x
+    bpy.context.scene.imprint.share_image = False
+    yield 1.0
+    picture("on one another")
+    before = _baked()
+    yield from press("imprint.bake(each=True")
+    yield from finished()
+    after = _baked()
+    check("Each Onto Itself", all(before[name] != after[name] for name in ("lamp", "table", "vase")))
+
+
 def stage() -> str:
     """What the running task does, without numbers."""
     shown = display.current.what if display.current is not None else ""
