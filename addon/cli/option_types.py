@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 from ..core import udim
 from ..core.declarations import kinds
@@ -27,6 +27,19 @@ LEAST_SECONDS, MOST_SECONDS = 0.1, 365 * 24 * 3600
 """Less than the smallest bake takes, and a year."""
 LEAST_MEMORY = 1 << 26
 """Bytes. Blender does not run in less: a smaller number lacks its unit."""
+
+
+Value = TypeVar("Value")
+
+
+def _read(read: Callable[[str], Value], value: str, fault: str = "") -> Value:
+    """What `read` makes of a word. fault: what the word is if it raises ValueError; else its BakeError says it."""
+    try:
+        return read(value)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{value!r} {fault}") from error
+    except BakeError as error:
+        raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
 
 
 def text(value: str) -> str:
@@ -123,16 +136,13 @@ def suffixes(value: str) -> Suffixes:
     return Suffixes(*parts)
 
 
-def _three_numbers(value: str, example: str) -> tuple[float, float, float]:
-    try:
-        first, second, third = (float(part) for part in value.split(","))
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{value!r} is not three numbers as {example}") from error
+def _three_numbers(value: str) -> tuple[float, float, float]:
+    first, second, third = map(float, value.split(","))
     return first, second, third
 
 
 def color(value: str) -> tuple[float, float, float]:
-    return _three_numbers(value, "1,0,1")
+    return _read(_three_numbers, value, "is not three numbers as 1,0,1")
 
 
 def axis(value: str) -> str:
@@ -142,31 +152,20 @@ def axis(value: str) -> str:
 
 
 def point(value: str) -> tuple[float, float, float]:
-    numbers = _three_numbers(value, "512300,5412300,0")
+    numbers = _read(_three_numbers, value, "is not three numbers as 512300,5412300,0")
     if not math.isfinite(sum(numbers)):
         raise argparse.ArgumentTypeError(f"{value!r} has an infinite coordinate")
     return numbers
 
 
 def tiles(value: str) -> tuple[int, ...]:
-    try:
-        return udim.parse(value)
-    except BakeError as error:
-        raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
+    return _read(udim.parse, value)
 
 
 def number_or(word: str) -> Callable[[str], int | None]:
     """Reads a whole number, or `word` as None."""
-
-    def number(value: str) -> int | None:
-        if value.lower() == word:
-            return None
-        try:
-            return int(value)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(f"{value!r} is neither a whole number nor {word}") from error
-
-    return number
+    fault = f"is neither a whole number nor {word}"
+    return lambda value: None if value.lower() == word else _read(int, value, fault)
 
 
 def word_for(value: Any) -> str:
@@ -175,10 +174,7 @@ def word_for(value: Any) -> str:
 
 
 def number(value: str) -> float:
-    try:
-        return float(value)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{value!r} is not a number") from error
+    return _read(float, value, "is not a number")
 
 
 def degrees(value: str) -> int:
@@ -190,10 +186,7 @@ def degrees(value: str) -> int:
 
 
 def whole_number(value: str) -> int:
-    try:
-        return int(value)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{value!r} is not a whole number") from error
+    return _read(int, value, "is not a whole number")
 
 
 def count(value: str) -> int:
@@ -259,10 +252,7 @@ def json_alone(value: str) -> str:
 
 
 def limits(value: str) -> tuple[Limit, ...]:
-    try:
-        return parse(value)
-    except BakeError as error:
-        raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
+    return _read(parse, value)
 
 
 def seconds(value: str) -> float:

@@ -69,10 +69,10 @@ def takes(path: str, depth: int) -> bool:
     return file_format is None or depth in file_format.depths
 
 
-def listed_meshes(or_word: str = "or") -> str:
-    """MESHES in a sentence. or_word: that word in the sentence's language."""
+def listed_meshes() -> str:
+    """MESHES in a sentence."""
     *first, last = MESHES
-    return f"{', '.join(first)} {or_word} {last}" if first else last
+    return f"{', '.join(first)} or {last}"
 
 
 def listed(or_word: str = "or", bits: str = "bits") -> str:

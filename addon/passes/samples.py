@@ -136,9 +136,9 @@ class Active:
     blocks: np.ndarray
 
 
-def clear_active(into: target.Target, some: Active, slot: int = 0) -> None:
-    """Set these texels of a texture of `into` (RGBA32F) to 0. Clearing all of it takes longer than to draw few."""
-    only = target.Target.of(into.width, into.height, into.formats[slot], into.textures[slot])
+def clear_active(into: target.Target, some: Active) -> None:
+    """Set these texels of the first texture of `into` (RGBA32F) to 0. Clearing all of it takes longer than to draw few."""
+    only = target.Target.of(into.width, into.height, into.formats[0], into.textures[0])
     target.fill(only, NOTHING, stopped=some.stopped)
 
 

@@ -103,10 +103,10 @@ def _solid(file: BinaryIO, size: int) -> bool:
     return last.startswith((b"endsolid", b"endfacet")) or last == b"solid"
 
 
-def _tail(file: BinaryIO, size: int, most: int = 1 << 16) -> bytes:
-    """The last bytes of a file."""
-    file.seek(max(0, size - most))
-    return file.read(most)
+def _tail(file: BinaryIO, size: int) -> bytes:
+    """The last 64 KiB of a file."""
+    file.seek(max(0, size - (1 << 16)))
+    return file.read()
 
 
 def _obj(file: BinaryIO, size: int) -> bool:
