@@ -48,14 +48,17 @@ DIGITS = 3
 
 
 def measured_rays(
-    meshes: Meshes, tiles: Sequence[int], settings: Settings, timings: Timings
+    meshes: Meshes, tiles: Sequence[int], settings: Settings, timings: Timings, *, has_clearances: bool = True
 ) -> Task[ray_casting.RayCast]:
-    """The rays of a bake on these UDIM tiles. Distances that the settings do not set are measured."""
+    """The rays of a bake on these UDIM tiles. Distances that the settings do not set are measured.
+
+    has_clearances: As in planning.Plan.
+    """
     has_cage, tracing = meshes.cage is not None, settings.tracing
     yield Progress("Building the tree", 0.0)
     ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, repeat=meshes.repeat)
     starts = _Starts(ray_scene, settings, tiles, timings)
-    start = starts.of(meshes, has_clearances=tracing.hit == Hit.OWN)
+    start = starts.of(meshes, has_clearances=has_clearances and tracing.hit == Hit.OWN)
     yield Progress("Measuring distances", 0.5)
     # With a cage, rays start exactly on it.
     extrusion, max_distance = 0.0 if has_cage else tracing.extrusion, tracing.max_distance

@@ -97,7 +97,9 @@ def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | No
             is_changed_later=turns_normals,
             uploads=uploads,
         )
-    ray_cast = yield from ray_distances.measured_rays(meshes, plan.tiles, run.settings, run.timings)
+    ray_cast = yield from ray_distances.measured_rays(
+        meshes, plan.tiles, run.settings, run.timings, has_clearances=plan.has_clearances
+    )
     if plan.apart and ray_distances.share_of_hits(ray_cast, plan.tiles, run.settings) < ray_distances.LEAST_HITS:
         raise BakeError(plan.apart)
     if plan.has_rays:

@@ -14,12 +14,11 @@ from ...core.map_types import NORMAL
 from ...core.progress import Pace, Progress, Task, Timings, part
 from ...core.settings import Run, Settings
 from ...core.simplify import Limit
-from ...engine import baking, normal_space, ray_casting, ray_distances, separation, tree_cache
+from ...engine import baking, normal_space, separation, tree_cache
 from ...engine.bands import Band
 from ...engine.high_meshes import HighBatches
 from ...engine.method_choice import Choice
 from ...engine.planning import Plan
-from ...engine.ray_casting import RayCast
 from ...mesh import triangle_mesh
 from ...mesh.inputs import Meshes
 from ...mesh.triangle_mesh import Mesh
@@ -157,7 +156,6 @@ class TexelJudge:
     def __init__(self, original: UvMesh, settings: Settings, pace: Pace):
         self._original, self._settings, self._pace = original, settings_for(settings), pace
         self.size = self._settings.of_at_most(QUICK_SIDE).sampling.size
-        self._scene: tree_cache.RayScene | None = None
         self._normals: list[np.ndarray] = []
         self._count = 0
 
@@ -165,7 +163,7 @@ class TexelJudge:
         """Build the tree of the original, and draw its map."""
         yield Progress("Building the tree", 0.0)
         timings, original = Timings(), self._original.surface
-        self._scene = tree_cache.trees.ray_scene_of([original], timings)
+        tree_cache.trees.ray_scene_of([original], timings)
         drawn = target.Target(*self.size, ("RGBA32F",))
         batches = HighBatches([original], original.to_world, timings)
         for offset in OFFSETS:
@@ -202,14 +200,15 @@ class TexelJudge:
         farthest: how far from the original a level may be, as a share of its longest side.
         """
         yield Progress("Measuring", 0.0)
-        original, low, scene = self._original.surface, level.surface, self._scene
+        original, low, size = self._original.surface, level.surface, self.size
         meshes = Meshes(low, [original], None, mesh_reader.smooth_normals(level.data, low), None, "", False, [])
-        space, size = scene.local_space, self.size
-        surface = tree_cache.build_low_surface(low, space, has_clearances=False)
-        directions = ray_distances.choose_directions(Directions.BLENDED, meshes, surface, scene.tables)
         reach = (max(ROOM, 1.5 * farthest) if farthest < FAR else FAR) * longest_side(original)
-        batch = ray_casting.upload_ray_mesh(meshes, surface, space)
-        ray_cast = RayCast(scene, surface, batch, directions, Hit.OWN, reach, 2.0 * reach, False, False)
+        settings = self._settings.of_at_most(QUICK_SIDE).traced(
+            method=Method.CAST, extrusion=reach, max_distance=2.0 * reach
+        )
+        plan = Plan(meshes, (udim.FIRST,), Choice(Method.CAST), has_clearances=False)
+        ray_cast = (yield from baking.draw(plan, Run(settings, self._pace))).source.ray_cast
+        scene = ray_cast.ray_scene
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
         hits, seen = target.get("hits", *size, "RGBA32UI"), target.get("high", *size, "RGBA32F")
         number, self._count = self._count % len(OFFSETS), self._count + 1
@@ -224,7 +223,7 @@ class TexelJudge:
         degrees = np.degrees(angles_between(truth[..., :3], self._normals[number])).astype(np.float32)
         degrees[~is_hit] = MISSED
         degrees[~is_covered] = 0.0
-        distances = np.abs(seen.texels()[..., 0][is_hit]) * space.size
+        distances = np.abs(seen.texels()[..., 0][is_hit]) * scene.local_space.size
         distance = float(np.percentile(distances, PERCENTILE)) if len(distances) else np.inf
         worst = float(np.percentile(degrees[is_covered], PERCENTILE))
         return Deviations(worst, np.nan, distance / longest_side(original), degrees)
