@@ -181,21 +181,21 @@ def _remove(path: Path, content: bytes) -> bool:
     It is renamed first, which only one of several processes can do, and then looked at: another process may have been faster,
     and its own new claim be here, which is put back.
     """
-    aside = TemporaryPath(path)
+    moved = TemporaryPath(path)
     try:
         try:
-            os.rename(path, aside.path)
+            os.rename(path, moved.path)
         except FileNotFoundError:
             return True
         except PermissionError:  # Windows: its owner has it open
             return False
-        if aside.path.read_bytes() == content:
+        if moved.path.read_bytes() == content:
             return True
         with suppress(OSError):  # a third process has created its claim meanwhile: the bake is done twice
-            os.link(aside.path, path)
+            os.link(moved.path, path)
         return False
     finally:
-        aside.remove()
+        moved.remove()
 
 
 def _lock(descriptor: int) -> bool:

@@ -22,7 +22,7 @@ from ..output.atomic_file import make_folder
 from . import clashes, interruption, scene_files, standard_streams
 from .baker import Baker, start_gpu
 from .plans import Plan
-from .worker_messages import Answer, Begun, FilesFound, Line, Percent, Ready, packed
+from .worker_messages import Accepted, Answer, FilesFound, Line, Percent, Ready, packed
 from .worker_process import CONNECTION, log_path
 
 if os.name == "nt":
@@ -76,7 +76,7 @@ def run_worker() -> int:
         baker = None
         while not interruption.code():
             setup, assigned = parent.receive()
-            parent.send(Begun())
+            parent.send(Accepted())
             log = log_path(setup.options.log, assigned.plan)
             problem = prints.to(Path(log)) if log else ""
             if setup.folders:

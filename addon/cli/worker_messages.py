@@ -58,7 +58,7 @@ class Ready:
 
 
 @dataclass(frozen=True)
-class Begun:
+class Accepted:
     """To the parent: the worker has its Assignment. Without that, another worker can have it."""
 
 
@@ -126,7 +126,7 @@ MOST_LISTED = 1_000_000
 """Files, lines and reports in each list of an entry: one for each map that `--untrusted` plans."""
 LARGEST_NUMBER = 1 << 53
 """Whole numbers below it are the same in all programs that read JSON."""
-_FROM_WORKERS = {each.__name__: each for each in (Entry, FilesFound, Ready, Begun, Percent, Line)}
+_FROM_WORKERS = {each.__name__: each for each in (Entry, FilesFound, Ready, Accepted, Percent, Line)}
 _PICTURE = b"\0"
 """Between the JSON of a message, which has no such byte, and the picture of an Entry."""
 _NO_TEXT = re.compile("[\ud800-\udc7f\udd00-\udfff]")
@@ -276,7 +276,7 @@ class Turns:
         match message:
             case Ready():
                 is_right, self._is_ready = not self._is_ready, True
-            case Begun():
+            case Accepted():
                 is_right = self._is_ready and plan is not None and not self._has_begun
                 self._has_begun = True
                 self._sent.clear()

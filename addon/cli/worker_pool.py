@@ -21,7 +21,7 @@ from .run_report import Cause, Entry, State
 from .terminal import Meter
 from .untrusted import Sandbox
 from .work_queue import Chains, WorkQueue
-from .worker_messages import Answer, Begun, FilesFound, Gone, Line, Percent, Ready, Setup
+from .worker_messages import Accepted, Answer, FilesFound, Gone, Line, Percent, Ready, Setup
 from .worker_process import Worker
 
 LOOK_EVERY = 0.1
@@ -200,7 +200,7 @@ class WorkerPool:
             case Ready() if not worker.is_ready:
                 worker.is_ready, worker.bakes_left = True, message.most_bakes or -1
                 return  # a bake is the answer
-            case Begun():
+            case Accepted():
                 worker.has_begun = worker.is_well = True
                 self._sent = self._starts = 0
             case Percent():

@@ -137,9 +137,9 @@ def _turn_sheets(state: _State, sheets: list[np.ndarray]) -> _State:
         after, _ = _turn(state, sheets)
         if after is state or sum(np.count_nonzero(each) for each in sheets) < 2:
             return after
-        tried = [state.with_flips(each) for each in _largest_of(state.patches, sheets)]
-        tried = [one for one in tried if any(each.any() for each in _compared(state, one, sheets)[0])]
-        best = max(tried, key=lambda one: one.shown.value, default=state)
+        candidates = [state.with_flips(each) for each in _largest_of(state.patches, sheets)]
+        candidates = [one for one in candidates if any(each.any() for each in _compared(state, one, sheets)[0])]
+        best = max(candidates, key=lambda one: one.shown.value, default=state)
         if best.shown.value <= max(state.shown.value, after.shown.value):
             return after
         sheets = [each & ~flip for each, flip in zip(sheets, best.flips, strict=True)]

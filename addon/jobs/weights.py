@@ -127,9 +127,9 @@ def best(meshes: Meshes, trace: Callable[[Meshes, int], unsure_texels.Traced]) -
     fewest, proposed = _around_vertices(meshes, now.doubtful()) * BETTER, dict(present)
     for setting, weight in TRIALS:
         trial = present | {setting: np.full_like(present[setting], weight)}
-        tried = trace(_painted(meshes, trial), TEXELS)
-        around = _around_vertices(meshes, tried.doubtful())
-        is_better = (around < fewest) & (_around_vertices(meshes, now.lost(tried)) == 0)
+        traced = trace(_painted(meshes, trial), TEXELS)
+        around = _around_vertices(meshes, traced.doubtful())
+        is_better = (around < fewest) & (_around_vertices(meshes, now.lost(traced)) == 0)
         fewest = np.where(is_better, around, fewest)
         proposed = {name: np.where(is_better, trial[name], weights) for name, weights in proposed.items()}
     return _checked(meshes, trace, present, proposed)

@@ -20,7 +20,7 @@ from addon.cli.run_report import Entry, State
 from addon.cli.terminal import Events
 from addon.cli.untrusted import Bounds
 from addon.cli.work_queue import WorkQueue
-from addon.cli.worker_messages import Begun, FilesFound, Line, Percent, Ready, Turns, WrongMessage, packed, unpacked
+from addon.cli.worker_messages import Accepted, FilesFound, Line, Percent, Ready, Turns, WrongMessage, packed, unpacked
 from addon.cli.worker_pool import WorkerPool
 from addon.core.errors import NoGpu
 from scripts.imprint import ROOT
@@ -51,7 +51,7 @@ def spelled(old, new, of=LIAR):
 
 
 SECONDS, NESTED = b'"seconds": 0.0', b'"chain": {"": 0}'
-BEGUN, READY = message(packed(Begun())), message(packed(Ready()))
+BEGUN, READY = message(packed(Accepted())), message(packed(Ready()))
 LEAVE = "leave", "0"
 FOUND = packed(FilesFound(["a"], []))
 WAYS = {
@@ -179,7 +179,7 @@ ALONE = {name: steps[0] for name, steps in WAYS.items() if len(steps) == 1 and s
 @pytest.mark.parametrize("step", ALONE.values(), ids=ALONE)
 def test_a_message_that_lies_is_none(step):
     turns, plan = Turns(), SimpleNamespace(number=1, name="liar")
-    for each in (Ready(), Begun()):
+    for each in (Ready(), Accepted()):
         turns.check(each, plan)
     with pytest.raises(WrongMessage):
         turns.check(unpacked(step[1].encode("latin-1"), is_trusted=False), plan)
@@ -213,8 +213,8 @@ def test_what_workers_send_in_turn_is_taken():
     nested = {"a": [{"b": {"c": [1, 2.5, None, True, "x\udc80"]}}]}
     for each in (
         Ready(3),
-        *(Begun(), Line("a"), FilesFound(["a"], [("b", "c")]), Percent("a", "b", 0), replace(LIAR, chain=nested)),
-        *(Begun(), LIAR),
+        *(Accepted(), Line("a"), FilesFound(["a"], [("b", "c")]), Percent("a", "b", 0), replace(LIAR, chain=nested)),
+        *(Accepted(), LIAR),
     ):
         found = unpacked(packed(each), is_trusted=False)
         assert found == each

@@ -386,7 +386,7 @@ def test_messages_of_a_worker_arrive(is_trusted):
     report = json.loads(json.dumps(REPORT))
     for message in (
         worker_messages.Ready(),
-        worker_messages.Begun(),
+        worker_messages.Accepted(),
         worker_messages.Percent("a", "b", 0.5),
         worker_messages.Percent("a", "b", 1),
         worker_messages.Line("x\udc80"),

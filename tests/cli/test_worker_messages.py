@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from addon.cli import worker_process
-from addon.cli.worker_messages import Answer, Begun, Gone, Line, Ready, packed
+from addon.cli.worker_messages import Accepted, Answer, Gone, Line, Ready, packed
 from addon.cli.worker_process import Worker
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the ends of pipes of Windows are no file descriptors")
@@ -34,13 +34,13 @@ def made(monkeypatch):
 
 def test_a_message_waits_until_the_one_before_is_answered(made):
     worker, end, messages = made()
-    for message in (Ready(), Begun(), Line("a")):
+    for message in (Ready(), Accepted(), Line("a")):
         end.send_bytes(packed(message))
     assert messages.get(timeout=9) == (worker, Ready())
     with pytest.raises(Empty):
         messages.get(timeout=0.1)
     worker.answer(Answer("no"))
-    assert messages.get(timeout=9) == (worker, Begun())
+    assert messages.get(timeout=9) == (worker, Accepted())
     worker.answer()
     assert messages.get(timeout=9) == (worker, Line("a"))
     assert (end.recv(), end.poll()) == (Answer("no"), False)

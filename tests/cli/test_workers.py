@@ -33,7 +33,7 @@ from addon.cli.options import RunOptions
 from addon.cli.run_report import Entry
 from addon.cli.terminal import Meter
 from addon.cli.work_queue import WorkQueue
-from addon.cli.worker_messages import Answer, Begun, FilesFound, Gone, Percent, Ready
+from addon.cli.worker_messages import Accepted, Answer, FilesFound, Gone, Percent, Ready
 from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
 from addon.jobs import job
@@ -250,7 +250,7 @@ class StandIn:
         assert len(busy) <= self.workers
         if self.fate == "leaves":
             return self._send(Gone())
-        self._send(Begun(), *{"crashes": [Gone()], "hangs": [], "waits": []}.get(self.fate, [done]))
+        self._send(Accepted(), *{"crashes": [Gone()], "hangs": [], "waits": []}.get(self.fate, [done]))
         if self.fate == "waits":
             threading.Timer(0.2, self._send, [done]).start()
         self.has_ended = self.fate == "ends"
