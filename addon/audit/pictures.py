@@ -140,10 +140,8 @@ def _colored(degrees: np.ndarray, colors: np.ndarray) -> np.ndarray:
 def _ramp() -> np.ndarray:
     """The colors of deviations from 0 to MOST_DEGREES degrees, (256, 3) float32, as the viewport's legend has them."""
     into = target.get("colors of deviations", 256, 1, "RGBA32F")
-    corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], np.float32)
-    square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
     with target.drawing(into):
-        viewport.draw_legend(square, (2.0, 2.0, -1.0, -1.0))
+        viewport.draw_legend((2.0, 2.0, -1.0, -1.0))
     return _display(into.texels()[0, :, :3])
 
 

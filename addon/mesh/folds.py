@@ -119,8 +119,5 @@ def _collapsed(points: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) ->
     points, new = points.copy(), np.arange(len(points))
     points[edges[:, 0]] = points[edges].mean(axis=1)
     new[edges[:, 1]] = edges[:, 0]
-    triangles = new[triangles]
-    triangles = triangles[topology.has_corners(triangles)]
-    triangles = triangles[topology.first_rows(np.sort(triangles, axis=1)) == np.arange(len(triangles))]
-    used, numbers = topology.numbered(triangles)
+    used, numbers = topology.numbered(topology.whole_once(new[triangles]))
     return points[used], numbers

@@ -138,6 +138,12 @@ def has_corners(triangles: np.ndarray) -> np.ndarray:
     return (a != b) & (b != c) & (c != a)
 
 
+def whole_once(triangles: np.ndarray) -> np.ndarray:
+    """Those of triangles (T, 3) with three different vertices; of several with the same ones the first, however it points."""
+    triangles = triangles[has_corners(triangles)]
+    return triangles[first_rows(np.sort(triangles, axis=1)) == np.arange(len(triangles))]
+
+
 def places(points: np.ndarray, within: float = 0.0, chosen: np.ndarray | None = None) -> np.ndarray:
     """The first vertex (V,) int in the place of each vertex.
 

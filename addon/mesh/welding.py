@@ -47,10 +47,7 @@ def weld(
     """
     points, triangles = checked(points, triangles)
     single = points.astype(np.float32)
-    joined = topology.places(single, options.within)[triangles]
-    joined = joined[topology.has_corners(joined)]
-    joined = joined[topology.first_rows(np.sort(joined, axis=1)) == np.arange(len(joined))]
-    used, numbers = topology.numbered(joined)
+    used, numbers = topology.numbered(topology.whole_once(topology.places(single, options.within)[triangles]))
     # In the order of their bits: what takes triangles or edges in the order of vertices then takes them all over the surface.
     bits = (single[used] + np.float32(0.0)).view(np.dtype((np.void, 12))).reshape(-1)
     order = np.argsort(bits, kind="stable")

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core import udim
 from . import blender_gpu as gpu
-from . import data_texture, lit, low_in_uv, shader, target
+from . import data_texture, lit, low_in_uv, mesh_upload, shader, target
 from .shader import Program
 
 MEASURE_DEVIATION = Program(
@@ -101,8 +101,10 @@ def draw_deviation(
     )
 
 
-def draw_legend(square: gpu.types.GPUBatch, rect: tuple[float, float, float, float]) -> None:
-    """Draw the color scale left to right. square: position (x, y) from 0 to 1; rect: its scale and offset in clip space."""
+def draw_legend(rect: tuple[float, float, float, float]) -> None:
+    """Draw the color scale left to right. rect: scale and offset in clip space of a square from 0 to 1."""
+    corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], np.float32)
+    square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
     target.draw_bound(DRAW_LEGEND, square, rect=rect)
 
 

@@ -186,24 +186,22 @@ class ImprintPair(bpy.types.PropertyGroup):
 
     def put(self, highs: Sequence[bpy.types.Object]) -> None:
         """Make these the high objects. Items of an override cannot be removed: those that are left over are emptied."""
-        for index, obj in enumerate(highs):
-            item = self.highs[index] if index < len(self.highs) else self.highs.add()
-            if item.object != obj:
-                item.object = obj
-            item.name, item.called = str(index), obj.name
-        for item in self.highs[len(highs) :]:
-            item.object, item.called = None, ""
-        while len(self.highs) > len(highs) and self.id_data.override_library is None:
-            self.highs.remove(len(self.highs) - 1)
+        self._put([(obj, obj.name) for obj in highs])
 
     def remove(self, title: str) -> None:
         """Remove the high objects of this name from the pair, whether they exist or not."""
-        left = [(high.object, high.called) for high in self.highs if high.title not in {title, ""}]
-        for item, (obj, called) in zip(self.highs, left, strict=False):
-            item.object, item.called = obj, called
-        for item in self.highs[len(left) :]:
+        self._put([(high.object, high.called) for high in self.highs if high.title not in {title, ""}])
+
+    def _put(self, highs: Sequence[tuple[bpy.types.Object | None, str]]) -> None:
+        """As `put`, of objects that may be missing, with their names."""
+        for index, (obj, called) in enumerate(highs):
+            item = self.highs[index] if index < len(self.highs) else self.highs.add()
+            if item.object != obj:
+                item.object = obj
+            item.name, item.called = str(index), called
+        for item in self.highs[len(highs) :]:
             item.object, item.called = None, ""
-        while len(self.highs) > len(left) and self.id_data.override_library is None:
+        while len(self.highs) > len(highs) and self.id_data.override_library is None:
             self.highs.remove(len(self.highs) - 1)
 
     def reports(self) -> list[Report]:

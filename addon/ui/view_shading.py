@@ -350,10 +350,8 @@ def _read(drawn: target.Target) -> np.ndarray:
 
 def draw_legend(place: tuple[float, float], size: tuple[float, float]) -> None:
     """Draw the colors of deviations as a bar. place, size: in pixels, from the lower left of the view."""
-    corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], np.float32)
-    square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
     view = np.array(gpu.state.viewport_get()[2:])
-    viewport.draw_legend(square, (*(np.multiply(size, 2) / view), *(np.multiply(place, 2) / view - 1.0)))
+    viewport.draw_legend((*(np.multiply(size, 2) / view), *(np.multiply(place, 2) / view - 1.0)))
 
 
 @contextmanager
