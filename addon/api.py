@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import bpy
 import numpy as np
 
-from .core import file_formats, map_types
+from .core import file_formats, foreach, map_types
 from .core.declarations import kinds
 from .core.declarations.all_settings import DECLARED
 from .core.declarations.choices import Storage
@@ -308,14 +308,7 @@ def _arrays(report: Report, settings: Settings) -> dict[str, np.ndarray]:
         return {}
     images = {"normal": report.image} if settings.map.normal else {}
     images |= {name: how["image"] for name, how in report.maps.items()}
-    arrays = {}
-    for name, image_name in images.items():
-        image = bpy.data.images[image_name]
-        width, height = image.size  # pyright: ignore[reportGeneralTypeIssues]
-        texels = np.empty((height, width, 4), np.float32)
-        image.pixels.foreach_get(texels.ravel())
-        arrays[name] = texels
-    return arrays
+    return {name: foreach.pixels(bpy.data.images[image]) for name, image in images.items()}
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import file_formats
+from ..core import file_formats, foreach
 from ..core.errors import BakeError
 from ..core.naming import file_name
 from ..core.udim import FIRST
@@ -25,12 +25,9 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 
     Raises BakeError if it has none.
     """
-    width, height = image.size
-    if not width or not height:
+    if not min(image.size):
         raise BakeError(f"The image {image.name!r} has no pixels: its file is missing, or was not read.")
-    pixels = np.empty(height * width * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(height, width, 4)
+    return foreach.pixels(image)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from ..audit import before_bake
+from ..core import foreach
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError, shorten_list
 from ..core.report import Report
@@ -60,8 +61,7 @@ def _merged(data: bpy.types.Mesh, is_sharp: np.ndarray) -> np.ndarray:
     is_same_way = vertex[first] == vertex[second]
     other, after = np.where(is_same_way, second, following[second]), np.where(is_same_way, following[second], second)
     root = topology.connected(corners, np.concatenate([first, following[first]]), np.concatenate([other, after]))
-    normals = np.empty((corners, 3), np.float32)
-    data.corner_normals.foreach_get("vector", normals.reshape(-1))
+    normals = foreach.vectors(data.corner_normals)
     return unit(topology.sums_of(root, normals, corners)[root]).astype(np.float32)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 
 from .. import older_blender
+from ..core import foreach
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError, Fix, shorten_list
 from ..core.map_types import BY_NAME, MARK, MapType
@@ -308,8 +309,7 @@ def _fill_slots(low: Object, shown: Object, single_user: bool) -> None:
     slots = shown.material_slots
     if all(slot.material for slot in slots):
         return
-    faces = np.empty(len(shown.data.polygons), dtype=np.int32)
-    shown.data.polygons.foreach_get("material_index", faces)
+    faces = foreach.read(shown.data.polygons, "material_index")
     used = np.unique(faces.clip(0, len(slots) - 1))  # a face whose index is too high shows the last slot
     own = low.material_slots
     empty = [own[i] for i in used.tolist() if not slots[i].material and i < len(own) and not own[i].material]

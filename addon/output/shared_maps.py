@@ -17,7 +17,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import file_formats, udim
+from ..core import file_formats, foreach, udim
 from ..core.declarations.choices import Storage
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
@@ -229,7 +229,4 @@ def _in_tile(content: bytes | Path, where: str) -> Stored:
 
 
 def _pixels(name: str) -> np.ndarray:
-    image = datablocks.get(name)
-    pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(image.size[1], image.size[0], 4)
+    return foreach.pixels(datablocks.get(name))

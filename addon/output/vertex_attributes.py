@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core import udim
+from ..core import foreach, udim
 from ..core.declarations.choices import VertexDomain
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Kind, Map, MapType
@@ -71,10 +71,7 @@ class VertexMaps:
         self._names = [NORMAL.name] * settings.map.normal + list(settings.map.drawn_maps)
         self._samples: dict[str, _Samples] = {}
         mesh = low.data
-        self._vertices = np.empty(len(mesh.loops), np.int32)
-        mesh.loops.foreach_get("vertex_index", self._vertices)
-        counts = np.empty(len(mesh.polygons), np.int32)
-        mesh.polygons.foreach_get("loop_total", counts)
+        self._vertices, counts = foreach.read(mesh.loops, "vertex_index"), foreach.read(mesh.polygons, "loop_total")
         evaluated = low.evaluated_get(bpy.context.evaluated_depsgraph_get())
         self._is_changed = not is_own_base and len(evaluated.data.loops) != len(mesh.loops)
         self._is_baked = np.repeat(_are_in(low if is_own_base or self._is_changed else evaluated, slots), counts)
@@ -90,9 +87,7 @@ class VertexMaps:
             raise BakeError(
                 f'The UV map "{uv_layer}" of "{mesh.name}" comes from modifiers: apply them to store maps in attributes.'
             )
-        uv = np.empty(len(self._vertices) * 2, np.float32)
-        layer.uv.foreach_get("vector", uv)
-        uv = uv.reshape(-1, 2).astype(np.float64)
+        uv = foreach.vectors(layer.uv, width=2).astype(np.float64)
         faces = np.repeat(np.arange(len(counts)), counts)
         centers = np.stack([np.bincount(faces, weights=part) / counts for part in uv.T], axis=-1)[faces]
         toward = centers - uv
@@ -190,10 +185,9 @@ class VertexMaps:
 def _are_in(low: bpy.types.Object, slots: Sequence[int] | None) -> np.ndarray:
     """Which faces (F,) bool of the mesh of `low` are in material slots; all of them for None. Evaluated, it also has the
     materials that its modifiers set."""
-    indices = np.empty(len(low.data.polygons), np.int32)
     if slots is None:
-        return np.ones(len(indices), bool)
-    low.data.polygons.foreach_get("material_index", indices)
+        return np.ones(len(low.data.polygons), bool)
+    indices = foreach.read(low.data.polygons, "material_index")
     # A face whose index is too high shows the last slot.
     return np.isin(indices.clip(0, max(0, len(low.material_slots) - 1)), slots)
 

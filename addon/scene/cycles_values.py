@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..core import quiet
+from ..core import foreach, quiet
 from ..core.errors import BakeError
 from ..core.preflight import EXACT_POINTS
 from ..mesh.inputs import HitsOfFeed
@@ -116,8 +116,7 @@ def _bake(owner: bpy.types.Object, hits: Sequence[HitsOfFeed]) -> list[np.ndarra
         _take_after(obj, owner, hits[0].mesh.to_world, corners, mesh)
         scene.collection.objects.link(obj)
         _run(scene, obj, layer)
-        pixels = np.empty(size[0] * size[1] * 4, np.float32)
-        image.pixels.foreach_get(pixels)
+        pixels = foreach.pixels(image)
     values = pixels.reshape(-1, 4)[:count, :3]
     return np.split(values, np.cumsum([len(one.triangles) for one in hits])[:-1])
 

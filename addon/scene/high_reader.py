@@ -8,6 +8,7 @@ from operator import attrgetter
 import bpy
 import numpy as np
 
+from ..core import foreach
 from ..core.declarations.choices import ExactMaterials, Method
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, PART_ID
@@ -349,7 +350,4 @@ def _normals_of(positions: np.ndarray, vertices: np.ndarray, sizes: np.ndarray, 
     with bpy.data.temp_data() as temporary:
         data = temporary.meshes.new("Imprint vertices")
         mesh_writer.fill(data, positions, vertices, np.cumsum(sizes) - sizes)
-        elements = getattr(data, kind)
-        normals = np.empty((len(elements), 3), np.float32)
-        elements.foreach_get("vector", normals.reshape(-1))
-    return normals
+        return foreach.vectors(getattr(data, kind))

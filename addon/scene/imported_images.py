@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from .. import older_blender
-from ..core import udim
+from ..core import foreach, udim
 from ..core.file_formats import OPEN_EXR
 from ..core.file_structure import found_files
 from ..core.file_structure.obj_files import NamedImage
@@ -117,12 +117,8 @@ def _tiles_of(data: bpy.types.Mesh, material: int) -> list[tuple[int, int]]:
     layer = data.uv_layers.active
     if layer is None:
         return []
-    uv = np.empty((len(data.loops), 2), np.float32)
-    layer.uv.foreach_get("vector", uv.reshape(-1))
-    sizes, materials = np.empty(len(data.polygons), np.int32), np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get("loop_total", sizes)
-    data.polygons.foreach_get("material_index", materials)
-    own = uv[np.repeat(materials == material, sizes)]
+    sizes, materials = (foreach.read(data.polygons, name) for name in ("loop_total", "material_index"))
+    own = foreach.vectors(layer.uv, width=2)[np.repeat(materials == material, sizes)]
     # Exactly on the border, a corner belongs to both tiles.
     tiles = np.unique(np.floor(own[(own % 1.0 != 0.0).all(axis=1)]), axis=0)
     return [(int(column), int(row)) for column, row in tiles if np.isfinite(column + row)]
@@ -163,9 +159,7 @@ def _has_corners(data: bpy.types.Mesh, corners: np.ndarray) -> bool:
     """Whether the faces of a mesh are these triangles (T, 3) of points, in this order: the importer may leave some out."""
     if len(data.loops) != corners.size or len(data.polygons) != len(corners):
         return False
-    vertices = np.empty(len(data.loops), np.int32)
-    data.loops.foreach_get("vertex_index", vertices)
-    return np.array_equal(vertices, corners.ravel())
+    return np.array_equal(foreach.read(data.loops, "vertex_index"), corners.ravel())
 
 
 def _material(name: str, node_type: str, **values) -> bpy.types.Material:

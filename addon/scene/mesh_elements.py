@@ -9,6 +9,7 @@ import bmesh
 import bpy
 import numpy as np
 
+from ..core import foreach
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.settings import Settings, TracingSettings
@@ -18,8 +19,7 @@ from .mesh_reader import corner_vertices
 
 def edges(data: bpy.types.Mesh, ends: np.ndarray) -> np.ndarray:
     """The edges (N,) int of `data` between these pairs of vertices (N, 2), unordered. Pairs without an edge are left out."""
-    pairs = np.empty((len(data.edges), 2), np.int32)
-    data.edges.foreach_get("vertices", pairs.reshape(-1))
+    pairs = foreach.read(data.edges, "vertices", 2)
     keys, end_keys = (
         values.min(axis=1).astype(np.int64) * len(data.vertices) + values.max(axis=1) for values in (pairs, ends)
     )
@@ -29,9 +29,8 @@ def edges(data: bpy.types.Mesh, ends: np.ndarray) -> np.ndarray:
 def elements(data: bpy.types.Mesh, chosen: np.ndarray, domain: str = "FACE") -> dict[str, np.ndarray]:
     """The indices of the "polygons", "edges" and "vertices" of the `chosen` faces of `data`, or edges for the domain "EDGE"."""
     if domain == "EDGE":
-        pairs = np.empty((len(data.edges), 2), np.int32)
-        data.edges.foreach_get("vertices", pairs.reshape(-1))
-        return {"polygons": chosen[:0], "edges": chosen, "vertices": pairs[chosen].reshape(-1)}
+        ends = foreach.read(data.edges, "vertices", 2)[chosen]
+        return {"polygons": chosen[:0], "edges": chosen, "vertices": ends.reshape(-1)}
     corners = face_corners(data, chosen)
     return {"polygons": chosen, "edges": corner_edges(data)[corners], "vertices": corner_vertices(data)[corners]}
 
@@ -54,16 +53,12 @@ def next_corners(data: bpy.types.Mesh) -> np.ndarray:
 
 def corner_edges(data: bpy.types.Mesh) -> np.ndarray:
     """The edge from each corner to the next one in its face, (C,) int32."""
-    indices = np.empty(len(data.loops), np.int32)
-    data.attributes[".corner_edge"].data.foreach_get("value", indices)
-    return indices
+    return foreach.read(data.attributes[".corner_edge"].data, "value")
 
 
 def _face_spans(data: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
     """The first corner of each face and their number, (F,) int32 each."""
-    starts, totals = (np.empty(len(data.polygons), np.int32) for _ in range(2))
-    data.polygons.foreach_get("loop_start", starts)
-    data.polygons.foreach_get("loop_total", totals)
+    starts, totals = (foreach.read(data.polygons, name) for name in ("loop_start", "loop_total"))
     return starts, totals
 
 
@@ -181,9 +176,7 @@ def tangents_by_corner(data: bpy.types.Mesh, layer: str) -> np.ndarray | None:
 def _attribute_values(attribute: bpy.types.Attribute) -> np.ndarray:
     """The values of the elements, (N, components)."""
     name, width = _COMPONENTS[attribute.data_type]
-    values = np.empty((len(attribute.data), width), _DTYPES.get(attribute.data_type, np.float32))
-    attribute.data.foreach_get(name, values.reshape(-1))
-    return values
+    return foreach.read(attribute.data, name, width, _DTYPES.get(attribute.data_type, np.float32))
 
 
 def _by_corner(data: bpy.types.Mesh, domain: str, values: np.ndarray) -> np.ndarray:
@@ -193,11 +186,11 @@ def _by_corner(data: bpy.types.Mesh, domain: str, values: np.ndarray) -> np.ndar
         case "CORNER":
             return values
         case "POINT":
-            return values[_indices(data.attributes[".corner_vert"], corners)]
+            return values[corner_vertices(data)]
         case "FACE":
             return np.repeat(values, np.diff(_offsets(data)), axis=0)
         case "EDGE":
-            edges = values[_indices(data.attributes[".corner_edge"], corners)]
+            edges = values[corner_edges(data)]
             before = np.arange(corners) - 1
             offsets = _offsets(data)
             before[offsets[:-1]] = offsets[1:] - 1
@@ -205,17 +198,9 @@ def _by_corner(data: bpy.types.Mesh, domain: str, values: np.ndarray) -> np.ndar
     raise ValueError(domain)
 
 
-def _indices(attribute: bpy.types.Attribute, count: int) -> np.ndarray:
-    values = np.empty(count, np.int32)
-    attribute.data.foreach_get("value", values)
-    return values
-
-
 def _offsets(data: bpy.types.Mesh) -> np.ndarray:
     """Where the corners of each face begin, and where the last ends: (F + 1,)."""
-    totals = np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get("loop_total", totals)
-    return np.concatenate(([0], np.cumsum(totals)))
+    return np.concatenate(([0], np.cumsum(foreach.read(data.polygons, "loop_total"))))
 
 
 GROUPS = ("offset_group", "straight_group")

@@ -14,6 +14,7 @@ from functools import partial
 import bpy
 import numpy as np
 
+from ..core import foreach
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
 from ..mesh.triangles import vertex_normals
 from . import mesh_writer, steady_tangents
@@ -86,12 +87,12 @@ def reset_normals(data: bpy.types.Mesh) -> None:
 
 def points(data: bpy.types.Mesh) -> np.ndarray:
     """The positions of the vertices, (V, 3) float32."""
-    return _read(data.attributes["position"].data, "vector", len(data.vertices), 3)
+    return foreach.vectors(data.attributes["position"].data)
 
 
 def uvs(data: bpy.types.Mesh, uv_layer: str) -> np.ndarray:
     """The UVs by corner, (C, 2) float32."""
-    return _read(data.uv_layers[uv_layer].uv, "vector", len(data.loops), 2)
+    return foreach.vectors(data.uv_layers[uv_layer].uv, "vector", 2)
 
 
 def active_uv_layer(data: bpy.types.Mesh) -> str:
@@ -101,14 +102,12 @@ def active_uv_layer(data: bpy.types.Mesh) -> str:
 
 def corner_normals(data: bpy.types.Mesh) -> np.ndarray:
     """The normals of the corners, (C, 3) float32."""
-    return _read(data.corner_normals, "vector", len(data.loops), 3)
+    return foreach.vectors(data.corner_normals)
 
 
 def corner_vertices(data: bpy.types.Mesh) -> np.ndarray:
     """The vertex of each corner, (C,) int32."""
-    indices = np.empty(len(data.loops), np.int32)
-    data.attributes[".corner_vert"].data.foreach_get("value", indices)
-    return indices
+    return foreach.read(data.attributes[".corner_vert"].data, "value")
 
 
 def normals_domain(data: bpy.types.Mesh) -> str:
@@ -137,10 +136,9 @@ def surface(
     Triangles with NaN or infinite values are left out and counted. is_drawn_in_uv: whether this includes values of UVs, for a
     mesh that is drawn in UV space. copied: copies `data`, as the function `copied` returns it.
     """
-    corners = len(data.loops)
     part = partial(part_of_copy, data, copied)
     with part() as one:
-        normals = _read(one.corner_normals, "vector", corners, 3)
+        normals = foreach.vectors(one.corner_normals)
     with part() as one:
         indices, faces = triangles(one), triangle_faces(one) if with_faces else None
     with part() as one:
@@ -182,7 +180,7 @@ def _filled(normals: np.ndarray, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 def smooth_normals(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray:
     """The vertex normals of `mesh`, which was read from `data`: (C, 3) float32, by corner. They ignore hard edges."""
-    normals = _read(data.vertex_normals, "vector", len(data.vertices), 3)[mesh.vertices]
+    normals = foreach.vectors(data.vertex_normals)[mesh.vertices]
     return _filled(normals, mesh)[0] if mesh.without_normals else normals
 
 
@@ -208,8 +206,8 @@ def with_tangents(
     mesh = replace(mesh, labels=indices[mesh.faces][:, None].astype(np.float32))
     data.calc_tangents(uvmap=uv_layer)
     tangents = np.empty((len(data.loops), 4), np.float32)
-    tangents[:, :3] = _read(data.loops, "tangent", len(data.loops), 3)
-    tangents[:, 3:] = _read(data.loops, "bitangent_sign", len(data.loops), 1)
+    tangents[:, :3] = foreach.vectors(data.loops, "tangent", 3)
+    tangents[:, 3:] = foreach.vectors(data.loops, "bitangent_sign", 1)
     if len(data.polygons) > steady_tangents.PARALLEL:
         tangents = steady_tangents.steady(
             tangents,
@@ -225,12 +223,6 @@ def with_tangents(
 def matrix(obj: bpy.types.Object) -> np.ndarray:
     """The (4, 4) float64 matrix from `obj`'s space to the world's. That of an evaluated object is up to date."""
     return np.array(obj.matrix_world, dtype=np.float64)
-
-
-def _read(collection, attribute: str, count: int, width: int) -> np.ndarray:
-    values = np.empty((count, width), np.float32)
-    collection.foreach_get(attribute, values.reshape(-1))
-    return values
 
 
 def count_triangles(data: bpy.types.Mesh) -> int:
@@ -253,16 +245,12 @@ def triangles(data: bpy.types.Mesh) -> np.ndarray:
 
 def triangle_faces(data: bpy.types.Mesh) -> np.ndarray:
     """The face of each of the `triangles` of `data`, (T,) int32."""
-    faces = np.empty(len(data.loop_triangles), np.int32)
-    data.loop_triangle_polygons.foreach_get("value", faces)
-    return faces
+    return foreach.read(data.loop_triangle_polygons, "value")
 
 
 def face_values(data: bpy.types.Mesh, attribute: str) -> np.ndarray:
     """Whole numbers of the faces, (F,) int32."""
-    values = np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get(attribute, values)
-    return values
+    return foreach.read(data.polygons, attribute)
 
 
 def material_slots(data: bpy.types.Mesh, mesh: Mesh, count: int) -> np.ndarray:
@@ -306,9 +294,7 @@ def numbers(data: bpy.types.Mesh, name: str, domain: str = "FACE") -> np.ndarray
     layer = data.attributes.get(name)
     if layer is None or layer.domain != domain:
         return None
-    values = np.empty(len(layer.data), np.int32)
-    layer.data.foreach_get("value", values)
-    return values - 1
+    return foreach.read(layer.data, "value") - 1
 
 
 def memory_of(collection: bpy.types.bpy_prop_collection, width: int) -> np.ndarray | None:
@@ -342,9 +328,7 @@ def _copy_triangles(source: bpy.types.bpy_prop_collection, triangles: np.ndarray
 def _max_face_size(data: bpy.types.Mesh) -> int:
     if len(data.loops) <= 3 * len(data.polygons):
         return 3
-    sizes = np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get("loop_total", sizes)
-    return int(sizes.max())
+    return int(face_values(data, "loop_total").max())
 
 
 @contextmanager
@@ -357,9 +341,7 @@ def _triangulated(data: bpy.types.Mesh, uv_layer: str, normals: np.ndarray | Non
     copy = bpy.data.meshes.new("Imprint triangles")
     try:
         mesh_writer.fill(copy, positions, corner_vertices(data)[corners])
-        indices = np.empty(len(data.polygons), np.int32)
-        data.polygons.foreach_get("material_index", indices)
-        copy.polygons.foreach_set("material_index", indices[triangle_faces(data)])
+        copy.polygons.foreach_set("material_index", face_values(data, "material_index")[triangle_faces(data)])
         copy.update(calc_edges=True)
         copy.uv_layers.new(name=uv_layer).uv.foreach_set("vector", uv.reshape(-1))
         # Blender uses normals in plain vectors unchanged; normals_split_custom_set would round them.

@@ -6,6 +6,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ..core import foreach
 from ..core.declarations.choices import IdBy
 from ..mesh import topology, uv_islands
 from ..mesh.triangle_mesh import Mesh
@@ -50,11 +51,8 @@ def _used(parts: np.ndarray, names: list[str]) -> tuple[np.ndarray, list[str]]:
 
 def _face_sets(data: bpy.types.Mesh) -> np.ndarray:
     """The face set (F,) int of each face; 1 if it has none, as in Sculpt Mode."""
-    sets = np.ones(len(data.polygons), np.int32)
     attribute = data.attributes.get(FACE_SETS)
-    if attribute is not None:
-        attribute.data.foreach_get("value", sets)
-    return sets
+    return np.ones(len(data.polygons), np.int32) if attribute is None else foreach.read(attribute.data, "value")
 
 
 def _face_colors(data: bpy.types.Mesh) -> np.ndarray:
@@ -62,13 +60,10 @@ def _face_colors(data: bpy.types.Mesh) -> np.ndarray:
     attribute = data.color_attributes.active_color
     if attribute is None:
         return np.full((len(data.polygons), 3), 255)
-    values = np.empty(len(attribute.data) * 4, np.float32)
-    attribute.data.foreach_get("color_srgb", values)
-    colors = values.reshape(-1, 4)[:, :3]
+    colors = foreach.vectors(attribute.data, "color_srgb", 4)[:, :3]
     if attribute.domain == "POINT":
         colors = colors[mesh_reader.corner_vertices(data)]
-    counts = np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get("loop_total", counts)
+    counts = foreach.read(data.polygons, "loop_total")
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
     means = np.add.reduceat(colors.astype(np.float64), starts, axis=0) / counts[:, None]
     return np.rint(means.clip(0.0, 1.0) * 255.0).astype(np.int64)

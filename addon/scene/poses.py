@@ -14,6 +14,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from .. import older_blender
+from ..core import foreach
 from ..core.errors import Fix, shorten_list
 from ..mesh.triangles import diagonal, transformed, unit
 from . import evaluation, render_view
@@ -311,15 +312,13 @@ class _Copies:
     def points(self, obj: bpy.types.Object) -> np.ndarray:
         """The places (V, 3) float64 of the vertices of an object, in the world."""
         data, matrix = self._shown(obj)
-        positions = np.empty((len(data.vertices), 3), np.float32)
-        data.vertices.foreach_get("co", positions.reshape(-1))
+        positions = foreach.vectors(data.vertices, "co")
         return transformed(positions, matrix)
 
     def normals(self, obj: bpy.types.Object) -> np.ndarray:
         """The unit normals (V, 3) float64 of the vertices of an object, in the world."""
         data, matrix = self._shown(obj)
-        directions = np.empty((len(data.vertices), 3), np.float32)
-        data.vertex_normals.foreach_get("vector", directions.reshape(-1))
+        directions = foreach.vectors(data.vertex_normals)
         return unit(directions @ np.linalg.pinv(matrix[:3, :3]))
 
     def _shown(self, obj: bpy.types.Object) -> tuple[bpy.types.Mesh, np.ndarray]:

@@ -15,7 +15,7 @@ import numpy as np
 from bpy.types import Image
 from mathutils import Color
 
-from ..core import udim
+from ..core import foreach, udim
 from ..core.errors import BakeError
 from ..core.file_structure import whole_files
 from ..core.file_structure.image_files import image_size, is_of_whole_numbers
@@ -118,8 +118,7 @@ def from_space(pixels: np.ndarray, width: int, space: str) -> None:
             image.pack(data=data, data_len=len(data))
             image.source = "FILE"
             image.colorspace_settings.name = space
-            converted = np.empty((len(part), 4), np.float32)
-            image.pixels.foreach_get(converted.reshape(-1))
+            converted = foreach.pixels(image).reshape(-1, 4)
         finally:
             bpy.data.images.remove(image)
         part[:, :3] = converted[:, :3]
@@ -364,9 +363,7 @@ def _only_tile(image: Image, tile: int) -> Iterator[Image]:
 
 def _stored(image: Image) -> np.ndarray:
     """Blender's pixels, (H * W, 4) float32: bytes as they are stored, floats of colors in its working space."""
-    pixels = np.empty((image.size[0] * image.size[1], 4), np.float32)
-    image.pixels.foreach_get(pixels.reshape(-1))
-    return pixels
+    return foreach.pixels(image).reshape(-1, 4)
 
 
 def _image_of(key: str) -> Image:
@@ -409,12 +406,9 @@ def read_stored(image: Image, tile: int) -> np.ndarray:
     if note := _cut(image, number):
         raise BakeError(f"No normal map can be read: {note}.")
     with _as_data(image, number) as single:
-        width, height = single.size
-        if min(width, height) == 0:
+        if min(single.size) == 0:
             raise BakeError(f"The image {image.name!r} has no pixels: {location(image, number)} cannot be read.")
-        pixels = np.empty(width * height * 4, np.float32)
-        single.pixels.foreach_get(pixels)
-    return pixels.reshape(height, width, 4)
+        return foreach.pixels(single)
 
 
 @contextmanager

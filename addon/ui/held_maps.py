@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 
+from ..core import foreach
 from ..output import datablocks
 from ..output.datablocks import UNPACKED
 from .callbacks import events
@@ -33,8 +34,7 @@ class HeldMaps:
         for image in _in_memory():
             number = image[UNPACKED]
             if number not in self._maps and image.is_dirty:
-                texels = np.empty((image.size[1], image.size[0], 4), np.float32)
-                image.pixels.foreach_get(texels.reshape(-1))
+                texels = foreach.pixels(image)
                 self._maps[number] = texels, image.is_float
             self._shown[image.session_uid] = number
         while len(self._maps) > 1 and sum(texels.nbytes for texels, _ in self._maps.values()) > MOST_HELD:

@@ -9,7 +9,7 @@ import bpy
 import gpu
 import numpy as np
 
-from ..core import udim
+from ..core import foreach, udim
 from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Kind, MapType, Range
@@ -214,14 +214,12 @@ class StoredBake:
 def _fewer_texels(image: bpy.types.Image) -> np.ndarray:
     """Every so many texels of an image, (height, width, 4) float32, at most FIRST_SIDE to a side."""
     width, height = image.size
-    texels = np.empty((height, width, 4), np.float32)
-    image.pixels.foreach_get(texels.reshape(-1))
     rows, columns = (
         ((np.arange(count) + 0.5) * side / count).astype(int)
         for side in (height, width)
         for count in (max(1, side * FIRST_SIDE // max(width, height)),)
     )
-    return texels[rows[:, None], columns]
+    return foreach.pixels(image)[rows[:, None], columns]
 
 
 def _pixels(stored: StoredMap) -> ImagePixels:

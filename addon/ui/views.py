@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core import progress
+from ..core import foreach, progress
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
 from ..core.settings import Settings
@@ -436,9 +436,7 @@ def _map_of_file(context: bpy.types.Context, low: bpy.types.Object | None, pace:
     settings = view_shading.settings_for(past.settings).mapped(uv_layer=report.uv_layer)
     settings = settings.sampled(width=width, height=height).traced(**past.distances)
     session = live_session.Session(context, past.job, settings, pace, is_followed=False)
-    texels = np.empty((height, width, 4), np.float32)
-    stored[0].image.pixels.foreach_get(texels.reshape(-1))
-    session.adopt(context, texels)
+    session.adopt(context, foreach.pixels(stored[0].image))
     return OwnMap(session, None, _time_of_bake(low))
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import bpy
 import numpy as np
 
-from ...core import udim
+from ...core import foreach, udim
 from ...core.errors import BakeError
 from ...core.simplify import Candidate
 from ...mesh import coarser_uvs
@@ -77,8 +77,7 @@ class UvMesh:
     @cached_property
     def is_kept(self) -> np.ndarray:
         """The vertices (V,) bool that stay where they are, because they lie on a border."""
-        surface, slots = self.surface, np.empty(len(self.data.polygons), np.int32)
-        self.data.polygons.foreach_get("material_index", slots)
+        surface, slots = self.surface, foreach.read(self.data.polygons, "material_index")
         layers = [mesh_reader.uvs(self.data, each.name) for each in self.data.uv_layers]
         result = np.ones(len(self.data.vertices), bool)  # vertices without a face, too
         on_border = coarser_uvs.kept_vertices(surface.vertices, surface.triangles, layers, slots[surface.faces])
