@@ -35,7 +35,7 @@ class Glb:
     """
 
     tree: dict[str, Any]
-    binary: bytes
+    binary: bytearray
 
     @classmethod
     def parsed(cls, data: bytes) -> "Glb":
@@ -47,42 +47,50 @@ class Glb:
             size, kind = struct.unpack_from("<I4s", data, place)
             chunks[kind] = data[place + 8 : place + 8 + size]
             place += 8 + size
-        return cls(json.loads(chunks[JSON_CHUNK]), chunks.get(BINARY_CHUNK, b""))
+        return cls(json.loads(chunks[JSON_CHUNK]), bytearray(chunks.get(BINARY_CHUNK, b"")))
 
     @classmethod
     def read(cls, path: Path) -> "Glb":
-        """Read a .glb, or a .gltf with all files that it names. Raises BakeError."""
+        """Read a .glb or .gltf with all files that it names, which are in the result. Raises BakeError."""
         try:
-            if path.suffix.lower() != ".gltf":
-                return cls.parsed(path.read_bytes())
-            file = cls(json.loads(path.read_text(encoding="utf-8")), b"")
-            file._take_buffers(path.parent)
+            data = path.read_bytes()
+            file = cls.parsed(data) if data[:4] == MAGIC else cls(json.loads(data), bytearray())
+            if any("uri" in each for kind in ("buffers", "images") for each in file.tree.get(kind, ())):
+                file._take_files(path.parent)
         except (OSError, ValueError, KeyError) as error:
             raise BakeError(f"{str(path)!r} cannot be read: {error}.") from error
         return file
 
-    def _take_buffers(self, folder: Path) -> None:
+    def _take_files(self, folder: Path) -> None:
         """Put all buffers into one, and the files of images into views."""
-        begins = []
+        own, begins = bytes(self.binary), []
+        self.binary = bytearray()
         for buffer in self.tree.get("buffers", ()):
-            self.binary += b"\0" * (-len(self.binary) % 4)
-            begins.append(len(self.binary))
-            self.binary += _content(buffer["uri"], folder)
+            begins.append(self._append(_content(buffer["uri"], folder) if "uri" in buffer else own))
         for view in self.tree.get("bufferViews", ()):
             view["byteOffset"] = view.get("byteOffset", 0) + begins[view["buffer"]]
             view["buffer"] = 0
-        self.tree["buffers"] = [{"byteLength": len(self.binary)}]
+        self.tree["buffers"] = [{}]
         for image in self.tree.get("images", ()):
             if uri := image.pop("uri", ""):
                 data = _content(uri, folder)
                 image |= {"bufferView": self.add_view(data), "mimeType": _mime_type(data)}
 
+    def _append(self, data: bytes) -> int:
+        """Where these bytes begin, which are added."""
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        self.binary += data
+        return len(self.binary) - len(data)
+
     def packed(self) -> bytes:
         """The file."""
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        if self.binary:
+            self.tree.setdefault("buffers", [{}])[0]["byteLength"] = len(self.binary)
         text = json.dumps(self.tree, separators=(",", ":"), ensure_ascii=False).encode()
         chunks = [
             (JSON_CHUNK, text + b" " * (-len(text) % 4)),
-            (BINARY_CHUNK, self.binary + b"\0" * (-len(self.binary) % 4)),
+            (BINARY_CHUNK, self.binary),
         ]
         body = b"".join(struct.pack("<I4s", len(data), kind) + data for kind, data in chunks if data)
         return struct.pack("<4s2I", MAGIC, VERSION, 12 + len(body)) + body
@@ -95,14 +103,15 @@ class Glb:
         start = view.get("byteOffset", 0) + how.get("byteOffset", 0)
         stride = view.get("byteStride", kind.itemsize * width)
         shape, strides = (how["count"], width), (stride, kind.itemsize)
-        return np.ndarray(shape, kind.newbyteorder("<"), self.binary, start, strides)
+        size = stride * (how["count"] - 1) + kind.itemsize * width
+        return np.ndarray(shape, kind.newbyteorder("<"), bytes(self.binary[start : start + size]), 0, strides)
 
     def image(self, texture: int) -> bytes:
         """The file of the image that a texture shows."""
         image = self.tree["images"][self.tree["textures"][texture]["source"]]
         view = self.tree["bufferViews"][image["bufferView"]]
         start = view.get("byteOffset", 0)
-        return self.binary[start : start + view["byteLength"]]
+        return bytes(self.binary[start : start + view["byteLength"]])
 
     def whole(self, number: int) -> np.ndarray:
         """As `accessor`, in an array of its own, also of values that are all 0, or stored where they are not."""
@@ -120,7 +129,8 @@ class Glb:
     def _part(self, how: dict[str, Any], kind: int, count: int, width: int) -> np.ndarray:
         start = self.tree["bufferViews"][how["bufferView"]].get("byteOffset", 0) + how.get("byteOffset", 0)
         dtype = np.dtype(TYPES[kind]).newbyteorder("<")
-        return np.frombuffer(self.binary, dtype, count * width, start).reshape(count, width)
+        data = bytes(self.binary[start : start + count * width * dtype.itemsize])
+        return np.frombuffer(data, dtype).reshape(count, width)
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
         """The number of a new entry of the JSON."""
@@ -129,9 +139,7 @@ class Glb:
 
     def add_view(self, data: bytes) -> int:
         """The number of a new buffer view with these bytes."""
-        self.binary += b"\0" * (-len(self.binary) % 4)
-        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)}
-        self.binary += data
+        view = {"buffer": 0, "byteOffset": self._append(data), "byteLength": len(data)}
         return self.add("bufferViews", view)
 
     def add_accessor(self, values: np.ndarray, **like: Any) -> int:
@@ -156,17 +164,11 @@ class Glb:
         )
 
     def pack_buffer(self) -> None:
-        """Leave out the bytes of no buffer view, and write the length."""
-        views, parts, length = self.tree.get("bufferViews", []), [], 0
-        for view in views:
+        """Leave out the bytes of no buffer view."""
+        old, self.binary = bytes(self.binary), bytearray()
+        for view in self.tree.get("bufferViews", ()):
             start = view.get("byteOffset", 0)
-            part = self.binary[start : start + view["byteLength"]]
-            part += b"\0" * (-len(part) % 4)
-            view["byteOffset"] = length
-            parts.append(part)
-            length += len(part)
-        self.binary = b"".join(parts)
-        self.tree["buffers"][0]["byteLength"] = length
+            view["byteOffset"] = self._append(old[start : start + view["byteLength"]])
 
 
 def _content(uri: str, folder: Path) -> bytes:
@@ -258,7 +260,10 @@ def drop_unused(file: Glb, staying: Mapping[str, set[int]]) -> None:
     """
     tree = file.tree
     names = {*tree.get("extensionsUsed", ()), *tree.get("extensions", {})}
-    if any(name not in FOLLOWED and not name.startswith(OF_MATERIALS) for name in names) or len(tree["buffers"]) > 1:
+    if (
+        any(name not in FOLLOWED and not name.startswith(OF_MATERIALS) for name in names)
+        or len(tree.get("buffers", ())) > 1
+    ):
         return
     for kind in KINDS:
         owners = [(owner, key) for each, owner, key in references(tree) if each == kind]

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import BakeError
+from ..core.file_structure import gltf_files
 from ..core.map_types import AO, BASE_COLOR, EMISSION, METALLIC, NORMAL, ROUGHNESS, WIDENED_ROUGHNESS
 from ..scene import mesh_reader
 from . import binary_gltf
@@ -48,13 +49,18 @@ def rewritten(source: Path, made: Glb, staged: Sequence[Staged]) -> tuple[bytes,
     made: a file that Blender's exporter has written of `staged`, whose materials are taken. Raises BakeError if the objects are
     no longer as they came.
     """
+    if packed := gltf_files.compressions(source):
+        raise BakeError(
+            f"The meshes of {source.name!r} are compressed with {' and '.join(packed)}: save it without that."
+        )
     file = Glb.read(source)
+    triangles = [_as_imported(_parts(file, number)) for number in range(len(file.tree.get("meshes", ())))]
     staying = binary_gltf.unused(file.tree)
-    lows, targets = [one.baked.low for one in staged], []
+    lows, taken, targets = [one.baked.low for one in staged], [], []
     for one in staged:
         if not any(target.one.baked.low.data == one.baked.low.data for target in targets):  # they show the same maps
-            number = _mesh_of(file, one.baked.low, [target.mesh for target in targets], source)
-            targets.append(_Target.of(file, number, one, lows))
+            taken.append(_mesh_of(file, triangles, one.baked.low, taken, source))
+            targets.append(_Target.of(file, taken[-1], one, lows))
     materials = _Materials(file, made, _materials_of(file, targets))
     materials.notes += [note for target in targets for note in target.notes]
     new_set = max((target.sets for target in targets if target.uv_set is None), default=0)
@@ -84,14 +90,9 @@ class _Part:
 
 
 def _parts(file: Glb, mesh: int) -> list[_Part]:
-    """The primitives of a mesh that have triangles. Raises BakeError for compressed ones."""
+    """The primitives of a mesh that have triangles."""
     result, begin = [], 0
     for number, primitive in enumerate(file.tree["meshes"][mesh]["primitives"]):
-        packed = next(
-            (name for name in primitive.get("extensions", ()) if name.endswith("_draco_mesh_compression")), ""
-        )
-        if packed:
-            raise BakeError(f"The meshes of the file are compressed ({packed}): save it without, to get maps in it.")
         if "indices" in primitive:
             indices = file.whole(primitive["indices"])[:, 0].astype(np.int64)
         else:
@@ -132,24 +133,28 @@ def _kept(triangles: np.ndarray, data: bpy.types.Mesh) -> np.ndarray | None:
     data.loops.foreach_get("vertex_index", loops)
     if len(loops) != 3 * len(data.polygons):
         return None
+    if len(loops) == triangles.size:
+        return np.ones(len(triangles), bool) if np.array_equal(triangles.reshape(-1), loops) else None
+    if len(loops) > triangles.size:
+        return None
     ordered = np.sort(triangles, axis=1)
     whole = (ordered[:, 1:] != ordered[:, :-1]).all(axis=1)
     first = np.zeros(len(triangles), bool)
     first[np.unique(ordered, axis=0, return_index=True)[1]] = True
-    for kept in (np.ones(len(triangles), bool), whole, whole & first):
-        if np.array_equal(triangles[kept].reshape(-1), loops):
-            return kept
-    return None
+    fitting = (kept for kept in (whole, whole & first) if np.array_equal(triangles[kept].reshape(-1), loops))
+    return next(fitting, None)
 
 
-def _mesh_of(file: Glb, low: bpy.types.Object, taken: Collection[int], source: Path) -> int:
+def _mesh_of(
+    file: Glb, triangles: Sequence[np.ndarray], low: bpy.types.Object, taken: Collection[int], source: Path
+) -> int:
     """The number of the mesh that an object has in the file. Raises BakeError if there is none.
 
-    taken: those of other objects; Blender may have made two meshes of one.
+    triangles: of each mesh, as `_as_imported` returns them. taken: meshes of other objects; Blender may have made two of one.
     """
     data, fitting = low.data, []
-    for number, mesh in enumerate(file.tree.get("meshes", ())):
-        if _kept(_as_imported(_parts(file, number)), data) is not None:
+    for number, mesh in enumerate(file.tree["meshes"][: len(triangles)]):
+        if _kept(triangles[number], data) is not None:
             name = mesh.get("name", f"Mesh_{number}")
             nodes = {node.get("name") for node in file.tree.get("nodes", ()) if node.get("mesh") == number}
             # Blender adds numbers to names that are there twice.

@@ -367,3 +367,46 @@ def test_a_file_with_unknown_extensions_loses_nothing(source):
     after, _, _ = figure(source, one_material=True)
     assert len(after["materials"]) == PARTS + 2
     assert binary_gltf.unused(after)["materials"] == set(range(PARTS))
+
+
+def test_images_beside_a_glb_come_into_it(source):
+    data = Glb.parsed(source.read_bytes())
+    paint = data.tree["images"][0]
+    (source.parent / "paint.png").write_bytes(data.image(0))
+    del paint["bufferView"], paint["mimeType"]
+    paint["uri"] = "paint.png"
+    source.write_bytes(data.packed())
+    after, binary, _ = figure(source, maps=("AO",), rays=16)
+    assert not any("uri" in each for each in after["images"])
+    assert (source.parent / "paint.png").read_bytes() in {
+        glb.image(after, binary, number) for number in range(len(after["textures"]))
+    }
+
+
+def test_a_compressed_file_is_named(source):
+    lows = imported(source, "stone")
+    data = Glb.parsed(source.read_bytes())
+    data.tree["extensionsUsed"].append("KHR_draco_mesh_compression")
+    source.write_bytes(data.packed())
+    with pytest.raises(
+        BakeError, match=r"The meshes of 'character.glb' are compressed with Draco: save it without that."
+    ):
+        written(source, lows)
+
+
+def test_each_of_many_meshes_is_found(tmp_path):
+    """Blender leaves out some of their faces."""
+    file = gltf_characters.Writer()
+    rng = np.random.default_rng(0)
+    for number in range(60):
+        points = rng.random((300, 3))
+        indices = rng.integers(0, 300, 900)
+        attributes = {"POSITION": file.accessor(points, has_bounds=True), "TEXCOORD_0": file.accessor(points[:, :2])}
+        primitive = {"attributes": attributes, "indices": file.accessor(indices, "H")}
+        file.add("nodes", {"name": f"{number}", "mesh": file.add("meshes", {"primitives": [primitive]})})
+    file.tree["scenes"][0]["nodes"] = list(range(60))
+    path = file.save(tmp_path / "city.glb")
+    parsed = Glb.read(path)
+    triangles = [same_file._as_imported(same_file._parts(parsed, number)) for number in range(60)]
+    for obj in import_meshes(str(path), PLAIN):
+        assert same_file._mesh_of(parsed, triangles, obj, (), path) == int(obj.name)
