@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The maps that can be baked, how they share the channels of a packed image, and the states of their texels.
 
-To add a map, add it to OTHERS: no other module spells the name of a map.
+To add a map, add it to OTHERS, with the settings that it alone has: the panel, the command line, job files and names follow.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
 
 import numpy as np
 
-from .declarations.choices import Pack
+from .declarations.choices import Axis, IdBy, Pack
+from .declarations.kinds import Choice, Item, Option, Setting, Switch
 
 ORIGIN = "imprint_high"
 """A custom property of images of maps: the names of the high objects, one per line."""
@@ -86,6 +87,7 @@ class MapType:
         socket: Of the Principled BSDF, for maps of materials.
         is_color: Whether the values are scene-linear colors, which formats without floats store as sRGB.
         is_vector: Whether the channels are the coordinates of points or vectors.
+        settings: Those that this map alone has, by their names.
     """
 
     name: str
@@ -103,6 +105,7 @@ class MapType:
     is_color: bool = False
     is_vector: bool = False
     painter_suffix: str = ""
+    settings: Mapping[str, Setting] = field(default_factory=dict, compare=False)
 
     @property
     def is_scalar(self) -> bool:
@@ -175,6 +178,13 @@ VECTOR_DISPLACEMENT = MapType(
     range=Range.SIGNED,
     index=2,
     is_vector=True,
+    settings={
+        "tangent_displacement": Switch(
+            label="Tangent Displacement",
+            tooltip="Store vector displacement along tangent, normal and bitangent, as Blender's Vector Displacement node "
+            "reads it in tangent space. For normal maps in tangent space",
+        ),
+    },
 )
 PART_ID = MapType(
     "PART_ID",
@@ -185,6 +195,20 @@ PART_ID = MapType(
     labeled=Labeled.PARTS,
     index=7,
     is_deep=False,
+    settings={
+        "id_by": Choice(
+            label="ID By",
+            tooltip="What has a color of its own in the part ID map",
+            default=IdBy.LOOSE_PART,
+            items=(
+                Item(IdBy.LOOSE_PART, "Loose Parts", "Faces that are connected"),
+                Item(IdBy.UV_ISLAND, "UV Islands", "Faces that are connected in the UV map"),
+                Item(IdBy.FACE_SET, "Face Sets", "Those of Sculpt Mode"),
+                Item(IdBy.COLOR, "Vertex Colors", "Faces of one color, by the active color attribute"),
+                Item(IdBy.COLLECTION, "Collections", "The first collection of each object"),
+            ),
+        ),
+    },
 )
 GRADIENT = MapType(
     "GRADIENT",
@@ -193,6 +217,15 @@ GRADIENT = MapType(
     Kind.VALUE,
     "gradient",
     index=8,
+    settings={
+        "gradient_axis": Choice(
+            label="Gradient Axis",
+            tooltip="Axis along which the gradient map rises",
+            default=Axis.Z,
+            items=tuple(Item(axis, str(axis), f"From the lowest {axis.lower()} to the highest") for axis in Axis),
+            option=Option(explains=False),
+        ),
+    },
 )
 AO = MapType(
     "AO",
@@ -343,6 +376,10 @@ OTHERS = (
 )
 """The maps that can be baked beside the normal map, in the order of baking. Files of Blender hold the places of the chosen
 ones: a new one goes to the end."""
+SETTINGS: Mapping[str, Setting] = MappingProxyType(
+    {name: setting for map_type in OTHERS for name, setting in map_type.settings.items()}
+)
+"""Those that single maps have."""
 NAMES = tuple(map_type.name for map_type in OTHERS)
 BY_NAME = MappingProxyType({map_type.name: map_type for map_type in (NORMAL, MASK, *OTHERS)})
 

@@ -148,7 +148,7 @@ def _bytes_of_maps(settings: Settings, *, is_tangent: bool, has_sums: bool) -> i
     families = {each.family for each in maps}
     per_texel = _FLOATS * bool(maps)
     for each in maps:
-        per_texel += _FLOATS * (each.family.shows_materials or (each.family is Family.POINTS and has_sums))
+        per_texel += _FLOATS * (each.family.shows_materials or (has_sums and not each.family.casts_rays))
         per_texel += _FLOATS * (each.kind is Kind.NORMAL and is_tangent)
     per_texel += _FLOATS * sum(family.casts_rays for family in families)
     per_texel += 2 * _FLOATS * (Family.POINTS in families or (Family.SLOPES in families and not is_tangent))

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from pathlib import PurePath
 from typing import Any
 
-from . import file_formats, udim
+from . import file_formats, map_types, udim
 from .declarations import bases
 from .declarations.all_settings import DECLARED, FORMER
 from .declarations.choices import Method, Pack, Space, Storage, VertexDomain, Wrap
@@ -22,6 +22,7 @@ from .map_types import (
     VECTOR_DISPLACEMENT,
     WHITE,
     WIDENED_ROUGHNESS,
+    MapType,
     Packing,
 )
 from .naming import LOW, MATERIAL, NAME
@@ -34,9 +35,18 @@ def _field(name: str) -> Any:
     return field(default=DECLARED[name].default)
 
 
+def _with_settings_of_maps(kind: type) -> type:
+    """Add a field for each setting that a map declares."""
+    for name in map_types.SETTINGS:
+        kind.__annotations__[name] = Any
+        setattr(kind, name, _field(name))
+    return kind
+
+
 @dataclass(frozen=True)
+@_with_settings_of_maps
 class MapSettings:
-    """What the maps hold: which maps, of what, and how normals are written into channels."""
+    """What the maps hold: which maps, of what, and how normals are written into channels; also the settings of single maps."""
 
     space: str = _field("space")
     basis: str = _field("basis")
@@ -52,10 +62,6 @@ class MapSettings:
     """Names among map_types.NAMES, in their order."""
     attribute: str = _field("attribute")
     """Empty for the color attribute that is set to render."""
-    tangent_displacement: bool = _field("tangent_displacement")
-    """Whether vectors follow normals into tangent space."""
-    gradient_axis: str = _field("gradient_axis")
-    id_by: str = _field("id_by")
     exact_materials: str = _field("exact_materials")
     detail_maps: bool = _field("detail_maps")
     edge_radius: float = _field("edge_radius")
@@ -86,11 +92,16 @@ class MapSettings:
         layout = PACKINGS.get(self.pack)
         return layout.of_widened_roughness() if layout and WIDENED_ROUGHNESS.name in self.maps else layout
 
+    def own(self, map_type: MapType) -> dict[str, Any]:
+        """The settings that a map alone has, by their names."""
+        return {name: getattr(self, name) for name in map_type.settings}
+
     @property
     def has_tangent_displacement(self) -> bool:
         """Whether the vector displacement is in tangent space."""
         is_drawn = VECTOR_DISPLACEMENT.name in self.drawn_maps
-        return is_drawn and self.tangent_displacement and self.space == Space.TANGENT
+        is_turned = self.own(VECTOR_DISPLACEMENT)["tangent_displacement"]
+        return is_drawn and is_turned and self.space == Space.TANGENT
 
     @cached_property
     def drawn_maps(self) -> tuple[str, ...]:

@@ -5,12 +5,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import gpu
 import numpy as np
 
 from ..core.declarations.choices import Space
-from ..core.map_types import BY_NAME, GRADIENT, VECTOR_DISPLACEMENT, Kind
+from ..core.map_types import BY_NAME, GRADIENT, VECTOR_DISPLACEMENT, Family, Kind
 from ..core.progress import Task
 from ..core.settings import Run
 from ..mesh.inputs import Meshes
@@ -19,7 +20,7 @@ from ..passes import cast, low_in_uv, mesh_upload, samples, target
 from ..passes.surface_tables import Blocks
 from .bands import Band
 from .high_meshes import HighSurface
-from .normal_space import VectorSpace
+from .normal_space import NormalSpace, VectorSpace
 
 
 @dataclass(frozen=True)
@@ -42,13 +43,35 @@ class Sample:
     blocks: Blocks | None = None
 
 
-class MapFamily(ABC):
-    """Draws some maps of a bake from the hits of its samples."""
+@dataclass(frozen=True)
+class FamilyInputs:
+    """What families make their maps of.
 
+    Attributes:
+        meshes: Of the bake.
+        surface: The high meshes, on which the hits are.
+        space: Of the normals.
+        to_space: The matrix (3, 3) from world normals to the space of the source's normals.
+    """
+
+    meshes: Meshes
+    surface: HighSurface
+    space: NormalSpace
+    to_space: np.ndarray
+    run: Run
+
+
+class MapFamily(ABC):
+    """Draws maps of a bake from the hits of its samples: those of one family with these names."""
+
+    family: ClassVar[Family]
     effort: float
     """The time of a sample, roughly, as a multiple of the time that its hits take."""
     has_images = False
     """Whether it loads images, so that many samples at once take less time than one after another."""
+
+    @abstractmethod
+    def __init__(self, names: Sequence[str], inputs: FamilyInputs): ...
 
     @abstractmethod
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
@@ -98,12 +121,13 @@ class Mean:
 
 
 class PointMaps(MapFamily):
-    """Draws the maps of Family.POINTS with these names. Of a single sample, each is drawn when it is asked for."""
+    """What follows from the points of both surfaces. Of a single sample, each map is drawn when it is asked for."""
 
+    family = Family.POINTS
     effort = 0.2
 
-    def __init__(self, names: Sequence[str], meshes: Meshes, surface: HighSurface, run: Run):
-        low = meshes.low
+    def __init__(self, names: Sequence[str], inputs: FamilyInputs):
+        meshes, surface, run, low = inputs.meshes, inputs.surface, inputs.run, inputs.meshes.low
         self.names, self.surface, self.timings = names, surface, run.timings
         self.means = [Mean(name) for name in names] if run.settings.sampling.samples > 1 else []
         self._single: Sample | None = None
@@ -122,7 +146,7 @@ class PointMaps(MapFamily):
         self.origin = from_world[:3, :3] @ local_space.origin + from_world[:3, 3]
         self.gradient = None
         if GRADIENT.name in names:
-            axis = "XYZ".index(run.settings.map.gradient_axis)
+            axis = "XYZ".index(run.settings.map.own(GRADIENT)["gradient_axis"])
             of_low = low.to_world if run.settings.map.space == Space.WORLD else np.eye(4)
             start, length = _extent(meshes.whole_low, of_low, axis)
             rows = np.tile(np.append(self.to_space[axis], self.origin[axis] - start) / length, (3, 1))

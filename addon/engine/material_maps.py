@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import Space
-from ..core.map_types import BY_NAME, WIDENED_ROUGHNESS, MapType
+from ..core.map_types import BY_NAME, Family, MapType
 from ..core.material_feeds import (
     AttributeFeed,
     BumpFeed,
@@ -29,8 +29,7 @@ from ..passes.surface_tables import MaterialTable
 from ..passes.surface_values import ImageAtHits
 from .bands import Band
 from .high_meshes import HighSurface
-from .map_families import MapFamily, Mean, Sample
-from .normal_space import NormalSpace
+from .map_families import FamilyInputs, MapFamily, Mean, Sample
 
 EVALUATING = "Cycles evaluates the materials"
 """What a progress bar says."""
@@ -165,11 +164,13 @@ class _Map:
 
 
 class MaterialMaps(MapFamily):
-    """Draws the maps of Family.MATERIAL with these names."""
+    """Inputs of materials, and attributes."""
 
+    family = Family.MATERIAL
     effort = 0.5
 
-    def __init__(self, names: Sequence[str], meshes: Meshes, surface: HighSurface, run: Run):
+    def __init__(self, names: Sequence[str], inputs: FamilyInputs):
+        meshes, surface, run = inputs.meshes, inputs.surface, inputs.run
         self.surface, self.run, self.load_image = surface, run, meshes.load_image
         self.maps = [_map_of(BY_NAME[name], meshes.materials, run.settings) for name in names]
         self.has_images = any(isinstance(feed, ImageFeed) for one in self.maps for feed in one.feeds)
@@ -262,10 +263,13 @@ def _map_of(map_type: MapType, materials: Sequence[HighMaterial], settings: Sett
 
 
 class SlopeMaps(MapFamily):
-    """Draws the map of Family.SLOPES. space: of the normals of the bake."""
+    """Widened roughness."""
 
-    def __init__(self, meshes: Meshes, surface: HighSurface, run: Run, *, space: NormalSpace):
-        self.roughness = MaterialMaps([WIDENED_ROUGHNESS.name], meshes, surface, run)
+    family = Family.SLOPES
+
+    def __init__(self, names: Sequence[str], inputs: FamilyInputs):
+        meshes, run, space = inputs.meshes, inputs.run, inputs.space
+        self.roughness = MaterialMaps(names, inputs)
         self.effort, self.has_images = self.roughness.effort + 0.2, self.roughness.has_images
         self.space, self.run = space, run
         self.low = None if run.settings.map.space == Space.TANGENT else self._upload(meshes)

@@ -13,7 +13,7 @@ from ..core.declarations.choices import DistanceUnit, Fade, Occluders
 from ..core.declarations.map_settings import CURVATURE_SHARE, THICKNESS_SHARE
 from ..core.map_types import BY_NAME, Family, Kind
 from ..core.progress import Progress, Task, Timings
-from ..core.settings import Run, Settings, TracingSettings
+from ..core.settings import Settings, TracingSettings
 from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import Mesh
 from ..passes import hemisphere, target, viewport
@@ -21,23 +21,21 @@ from ..passes.shader import Program
 from . import tree_cache
 from .bands import Band
 from .high_meshes import HighSurface
-from .map_families import MapFamily, Sample, value_of
-from .normal_space import NormalSpace
+from .map_families import FamilyInputs, MapFamily, Sample, value_of
 
 
 class RayMaps(MapFamily):
-    """Draws the maps of one family with these names. Its rays go into one texture of sums."""
+    """Maps by rays from the hits, which go into one texture of sums."""
 
-    family: ClassVar[Family]
     title: ClassVar[str]
     program: ClassVar[Program]
     """That casts the rays."""
     values: ClassVar[tuple[hemisphere.Value, ...]]
     """By the index of the map."""
 
-    def __init__(self, names: Sequence[str], surface: HighSurface, run: Run):
-        self.names, self.surface, self.run = names, surface, run
-        settings = run.settings
+    def __init__(self, names: Sequence[str], inputs: FamilyInputs):
+        self.names, self.surface, self.run = names, inputs.surface, inputs.run
+        settings = inputs.run.settings
         # Each sample casts as many, so that texels of which only some samples hit keep their mean.
         self.rays = settings.sampling.samples * math.ceil(settings.tracing.rays / settings.sampling.samples)
         self.lattice = hemisphere.lattice_of(self.rays)
@@ -125,19 +123,10 @@ class OpennessMaps(RayMaps):
     program = hemisphere.ADD_OPENNESS
     values = (hemisphere.OCCLUSION,)
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        surface: HighSurface,
-        run: Run,
-        *,
-        others: Sequence[Mesh],
-        to_space: np.ndarray,
-        space: NormalSpace,
-    ):
-        super().__init__(names, surface, run)
-        self.to_space, self.space = to_space, space
-        self.occluders = occluders(surface, others, run.settings.tracing, run.timings)
+    def __init__(self, names: Sequence[str], inputs: FamilyInputs):
+        super().__init__(names, inputs)
+        self.to_space, self.space = inputs.to_space, inputs.space
+        self.occluders = occluders(self.surface, inputs.meshes.others, inputs.run.settings.tracing, inputs.run.timings)
 
     def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:
         hemisphere.add_openness(sums, rays, self.occluders)

@@ -9,19 +9,18 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import Method
-from ..core.map_types import BY_NAME, NORMAL, Family
+from ..core.map_types import BY_NAME, NORMAL
 from ..core.preflight import texel_bytes
 from ..core.progress import Progress, Task, finish, part, relay
 from ..core.settings import Run
 from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..passes import allocation, high_in_uv, mesh_upload, samples, surface_tables, target, viewport
+from . import map_families, material_maps, ray_maps
 from .bands import Band, BandMaps
-from .high_meshes import HighSurface
-from .map_families import MapFamily, PointMaps, Sample
-from .material_maps import MaterialMaps, OwnNormals, SlopeMaps
+from .map_families import FamilyInputs, MapFamily, Sample
+from .material_maps import OwnNormals
 from .normal_space import NormalSpace, channels
-from .ray_maps import CurvatureMaps, OpennessMaps, ThicknessMaps
 from .rounded_edges import RoundedEdges
 from .sources import FlatAndRays, Rays, Slices, Source, world_to_space
 
@@ -236,7 +235,7 @@ def maps_of_bake(
         space = NormalSpace(meshes.basis, run.settings, uploads)
         if source.surface is not None:
             to_space = world_to_space(meshes.low, run.settings.map)
-            families = list(_families(meshes, source.surface, space, to_space, run))
+            families = list(_families(FamilyInputs(meshes, source.surface, space, to_space, run)))
             if meshes.has_detail:
                 details.append(OwnNormals(meshes, source.surface, to_space, run))
             if run.settings.map.edge_radius:
@@ -244,23 +243,20 @@ def maps_of_bake(
     return SampledMaps(source, space, families, details, run)
 
 
-def _families(
-    meshes: Meshes, surface: HighSurface, space: NormalSpace, to_space: np.ndarray, run: Run
-) -> Iterator[MapFamily]:
-    def names(family: Family) -> list[str]:
-        return [name for name in run.settings.map.drawn_maps if BY_NAME[name].family is family]
+FAMILIES = {
+    kind.family: kind
+    for module in (map_families, ray_maps, material_maps)
+    for kind in vars(module).values()
+    if isinstance(kind, type) and issubclass(kind, MapFamily) and "family" in vars(kind)
+}
+"""What draws the maps of each family: all classes that these modules have."""
 
-    if names(Family.POINTS):
-        yield PointMaps(names(Family.POINTS), meshes, surface, run)
-    if names(Family.OPENNESS):
-        yield OpennessMaps(names(Family.OPENNESS), surface, run, others=meshes.others, to_space=to_space, space=space)
-    if names(Family.MATERIAL):
-        yield MaterialMaps(names(Family.MATERIAL), meshes, surface, run)
-    if names(Family.SLOPES):
-        yield SlopeMaps(meshes, surface, run, space=space)
-    for kind in (ThicknessMaps, CurvatureMaps):
-        if names(kind.family):
-            yield kind(names(kind.family), surface, run)
+
+def _families(inputs: FamilyInputs) -> Iterator[MapFamily]:
+    for family, kind in FAMILIES.items():
+        names = [name for name in inputs.run.settings.map.drawn_maps if BY_NAME[name].family is family]
+        if names:
+            yield kind(names, inputs)
 
 
 ADAPTIVE_LIMITS = {2: 0.17, 4: 0.3, 8: 0.5, 16: 0.7}

@@ -178,7 +178,7 @@ class Reader:
 
     def _with_parts(self, mesh: Mesh, data: bpy.types.Mesh, obj: bpy.types.Object) -> Mesh:
         """`mesh` with a third label, the number of each triangle's part."""
-        parts, names = part_ids.of_triangles(mesh, data, obj, self.settings.map.id_by)
+        parts, names = part_ids.of_triangles(mesh, data, obj, self.settings.map.own(PART_ID)["id_by"])
         known = self._part_numbers
         numbers = np.array([known.setdefault(name, len(known) + 1) for name in names], np.float32)
         return replace(mesh, labels=np.column_stack([mesh.labels, numbers[parts]]))

@@ -8,7 +8,7 @@ import bpy
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Method, Pack, Space, Storage, Wrap
 from ..core.declarations.map_settings import ADAPTIVE_FROM
-from ..core.map_types import ATTRIBUTE, BY_NAME, GRADIENT, OTHERS, PART_ID, VECTOR_DISPLACEMENT, Family
+from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, VECTOR_DISPLACEMENT, Family
 from ..core.report import Report
 from ..jobs import weights
 from ..output import datablocks
@@ -101,7 +101,7 @@ class IMPRINT_PT_targets(SettingsPanel, bpy.types.Panel):
 GROUPS = {
     "rays": [one for one in Family if one.casts_rays],
     "materials": [one for one in Family if one.shows_materials],
-    "geometry": (Family.POINTS,),
+    "geometry": [one for one in Family if not (one.casts_rays or one.shows_materials or one is Family.NORMAL)],
 }
 """The groups of the list, and their families."""
 CHECK_BOX = 28.0
@@ -177,14 +177,10 @@ def draw_group(
         _draw_ray_settings(layout, context.scene.imprint, [name for name in names if name in drawn])
     if any(BY_NAME[name].socket for name in names if name in drawn):
         split_layout(layout.column()).prop(context.scene.imprint, "exact_materials")
-    if VECTOR_DISPLACEMENT.name in names and VECTOR_DISPLACEMENT.name in drawn:
-        row = _indented(layout)
-        row.active = context.scene.imprint.space == Space.TANGENT
-        row.prop(context.scene.imprint, "tangent_displacement")
-    if GRADIENT.name in names and GRADIENT.name in drawn:
-        _indented(layout).prop(context.scene.imprint, "gradient_axis")
-    if PART_ID.name in names and PART_ID.name in drawn:
-        _indented(layout).prop(context.scene.imprint, "id_by")
+    for own in (BY_NAME[name] for name in names if name in drawn and BY_NAME[name].settings):
+        column = _indented(layout)
+        column.active = own is not VECTOR_DISPLACEMENT or context.scene.imprint.space == Space.TANGENT
+        draw_props(column, context.scene.imprint, *own.settings)
     if ATTRIBUTE.name in names and ATTRIBUTE.name in drawn:
         _draw_attribute(_indented(layout), context)
 

@@ -4,14 +4,12 @@
 from dataclasses import replace
 
 from .. import map_types
-from ..map_types import AO, GRADIENT, METALLIC, NORMAL, ONE, ROUGHNESS, SMOOTHNESS, ZERO, Kind
+from ..map_types import AO, METALLIC, NORMAL, ONE, ROUGHNESS, SMOOTHNESS, ZERO, Kind
 from . import bases, targets
 from .choices import (
-    Axis,
     DistanceUnit,
     ExactMaterials,
     Fade,
-    IdBy,
     MarginType,
     Method,
     Modifiers,
@@ -311,10 +309,13 @@ CURVATURE_SHARE = 0.005
 all over."""
 PACKABLE = tuple(kind for kind in map_types.OTHERS if kind.kind is Kind.VALUE and kind.is_scalar)
 """The maps that a channel can store."""
+PACKABLE_BEFORE = PACKABLE.index(map_types.GRADIENT)
+"""So many stand before Smoothness in the lists of channels, and later maps behind it: files of Blender hold their places."""
 
 
 def _packed(name: str, default: str) -> Choice:
     """What a channel of a packed image stores."""
+    items = [Item(kind.name, kind.label, kind.tooltip) for kind in PACKABLE]
     return Choice(
         label=name,
         tooltip=f"What the {name.lower()} channel of the packed image stores",
@@ -322,9 +323,9 @@ def _packed(name: str, default: str) -> Choice:
         items=(
             Item(ZERO, "Black", "0 everywhere"),
             Item(ONE, "White", "1 everywhere"),
-            *(Item(kind.name, kind.label, kind.tooltip) for kind in PACKABLE if kind is not GRADIENT),
+            *items[:PACKABLE_BEFORE],
             Item(SMOOTHNESS, "Smoothness", "1 - roughness"),
-            Item(GRADIENT.name, GRADIENT.label, GRADIENT.tooltip),  # files of Blender hold the places of the others
+            *items[PACKABLE_BEFORE:],
         ),
         option=Option(explains=False),
     )
@@ -429,30 +430,7 @@ MAPS: dict[str, Setting] = {
         tooltip="Name of the attribute of the high meshes for the attribute map",
         empty="the color attribute that is set to render",
     ),
-    "tangent_displacement": Switch(
-        label="Tangent Displacement",
-        tooltip="Store vector displacement along tangent, normal and bitangent, as Blender's Vector Displacement node "
-        "reads it in tangent space. For normal maps in tangent space",
-    ),
-    "gradient_axis": Choice(
-        label="Gradient Axis",
-        tooltip="Axis along which the gradient map rises",
-        default=Axis.Z,
-        items=tuple(Item(axis, str(axis), f"From the lowest {axis.lower()} to the highest") for axis in Axis),
-        option=Option(explains=False),
-    ),
-    "id_by": Choice(
-        label="ID By",
-        tooltip="What has a color of its own in the part ID map",
-        default=IdBy.LOOSE_PART,
-        items=(
-            Item(IdBy.LOOSE_PART, "Loose Parts", "Faces that are connected"),
-            Item(IdBy.UV_ISLAND, "UV Islands", "Faces that are connected in the UV map"),
-            Item(IdBy.FACE_SET, "Face Sets", "Those of Sculpt Mode"),
-            Item(IdBy.COLOR, "Vertex Colors", "Faces of one color, by the active color attribute"),
-            Item(IdBy.COLLECTION, "Collections", "The first collection of each object"),
-        ),
-    ),
+    **map_types.SETTINGS,
     "exact_materials": Choice(
         label="Exact Materials",
         tooltip="Who evaluates inputs of the high meshes' materials that Imprint does not follow, such as noise "
