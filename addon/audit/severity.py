@@ -8,6 +8,7 @@ from typing import Any
 
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.errors import Fix, Length, plain_length
+from ..core.map_types import BY_NAME, Kind
 from ..core.settings import Settings
 
 GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
@@ -45,9 +46,17 @@ Check = dict[str, Any]
 def rate(kind: str, check: Check, settings: Settings) -> str:
     """The rating of `check`, one of Report.checks: GOOD, LOOK or WRONG. settings: of the bake; their method is CAST if
     rays were cast."""
-    if not check["count"] or (kind in _TANGENT_ONLY and settings.map.space != Space.TANGENT):
+    if not check["count"] or (kind in _TANGENT_ONLY and not _has_directions(settings)):
         return GOOD
     return WRONG if kind in _HARMS and _HARMS[kind](check, settings) else LOOK
+
+
+def _has_directions(settings: Settings) -> bool:
+    """Whether a map has directions in tangent space."""
+    if settings.map.space != Space.TANGENT:
+        return False
+    types = [BY_NAME[name] for name in settings.map.drawn_maps]
+    return settings.map.normal or any(each.kind is Kind.NORMAL or each.is_vector for each in types)
 
 
 def warning(kind: str, check: Check, low: str, settings: Settings, length: Length = plain_length) -> str:

@@ -55,6 +55,14 @@ def test_its_own_shape_is_told_in_no_warning():
     assert not [text for text in report.warnings if "flat" in text or "high object" in text]
 
 
+@pytest.mark.parametrize("kinds", [("AO",), ("AO", "BENT_NORMAL")])
+def test_hard_edges_without_a_seam_are_told_where_directions_are_baked(kinds):
+    bpy.ops.mesh.primitive_cube_add()
+    obj = bpy.context.object
+    report = scenes.bake(obj, obj, method="AUTO", normal=False, maps=kinds)
+    assert any("hard edges" in text for text in report.warnings) == (len(kinds) > 1)
+
+
 def test_what_is_wrong_with_its_uvs_is_told_once():
     obj = closed()
     for corner in obj.data.uv_layers[0].uv:
