@@ -17,8 +17,10 @@ import numpy as np
 from ..core.errors import BakeError
 from ..core.file_structure import gltf_files
 from ..core.map_types import AO, BASE_COLOR, EMISSION, METALLIC, NORMAL, ROUGHNESS, WIDENED_ROUGHNESS
+from ..core.report import Report
+from ..output import datablocks
 from ..scene import mesh_reader
-from . import binary_gltf
+from . import binary_gltf, map_pictures
 from .binary_gltf import Glb
 from .staging import Staged
 
@@ -56,12 +58,12 @@ def rewritten(source: Path, made: Glb, staged: Sequence[Staged]) -> tuple[bytes,
     file = Glb.read(source)
     triangles = [_as_imported(_parts(file, number)) for number in range(len(file.tree.get("meshes", ())))]
     staying = binary_gltf.unused(file.tree)
-    lows, taken, targets = [one.baked.low for one in staged], [], []
+    lows, taken, targets, maps = [one.baked.low for one in staged], [], [], _Maps()
     for one in staged:
         if not any(target.one.baked.low.data == one.baked.low.data for target in targets):  # they show the same maps
             taken.append(_mesh_of(file, triangles, one.baked.low, taken, source))
-            targets.append(_Target.of(file, taken[-1], one, lows))
-    materials = _Materials(file, made, _materials_of(file, targets))
+            targets.append(_Target.of(file, taken[-1], one, lows=lows, maps=maps))
+    materials = _Materials(file, made, _materials_of(file, targets), maps)
     materials.notes += [note for target in targets for note in target.notes]
     new_set = max((target.sets for target in targets if target.uv_set is None), default=0)
     for target in targets:
@@ -195,7 +197,8 @@ class _Corners:
     known: np.ndarray
 
     @classmethod
-    def of(cls, one: Staged, known: np.ndarray) -> "_Corners":
+    def of(cls, one: Staged, known: np.ndarray, *, has_normals: bool) -> "_Corners":
+        """Of a low object. has_normals: whether it has a normal map, which needs tangents."""
         low, layer, data = one.baked.low, next(iter(one.baked.uvs)), one.baked.low.data
 
         def spread(values: np.ndarray) -> np.ndarray:
@@ -205,7 +208,7 @@ class _Corners:
 
         uv = mesh_reader.uvs(data, layer) * [1.0, -1.0] + [0.0, 1.0]
         tangents = normals = None
-        if one.baked.has_normal_map:
+        if has_normals:
             mesh = mesh_reader.with_tangents(data, layer, low.name, mesh_reader.matrix(low))
             if len(mesh.tangents) == len(uv):
                 tangents = spread(_y_up(mesh.tangents).reshape(-1, 3, 4))
@@ -221,6 +224,36 @@ class _Corners:
             if "NORMAL" not in primitive["attributes"]:  # they would be flat, and tangents be ignored
                 values["NORMAL"] = self.normals[part.share]
         return values
+
+
+FLAT = 1.5 / 255.0
+"""By how much the texels of a normal map without detail may differ from straight up: by rounding, and by dither."""
+
+
+class _Maps:
+    """Which maps bakes have. Images are looked at once."""
+
+    def __init__(self):
+        self._flat: dict[str, bool] = {}
+
+    def of(self, report: Report) -> set[str]:
+        """The names of the maps of a bake that have something to show: a normal map may be flat."""
+        parts = [part for how in report.maps.values() for part in (how, *how.get("channels", {}).values())]
+        names = {name.upper() for name in report.maps} | {part["map"].upper() for part in parts if part.get("map")}
+        if not report.settings["normal"]:
+            return names
+        if report.image not in self._flat:
+            self._flat[report.image] = _is_flat(report)
+        return names if self._flat[report.image] else names | {NORMAL.name}
+
+
+def _is_flat(report: Report) -> bool:
+    """Whether the normal map of a bake has no detail."""
+    image = datablocks.get(report.image)
+    texels = map_pictures.pixels(image) if image is not None else np.zeros((1, 4), np.float32)
+    texels = texels[texels[..., 3] > 0.0]
+    up = [{"+Z": 1.0, "-Z": 0.0}.get(report.settings[name], 0.5) for name in ("red", "green", "blue")]
+    return not len(texels) or bool(np.abs(texels[:, :3] - up).max() <= FLAT)
 
 
 def _y_up(values: np.ndarray) -> np.ndarray:
@@ -244,10 +277,11 @@ class _Target:
     notes: Sequence[str]
 
     @classmethod
-    def of(cls, file: Glb, mesh: int, one: Staged, lows: Sequence[bpy.types.Object]) -> "_Target":
+    def of(cls, file: Glb, mesh: int, one: Staged, *, lows: Sequence[bpy.types.Object], maps: _Maps) -> "_Target":
         """The mesh of a low object, which others than `lows` do not show then."""
         parts = _parts(file, mesh)
-        corners = _Corners.of(one, _kept(_as_imported(parts), one.baked.low.data))
+        has_normals = any(NORMAL.name in maps.of(report) for report in one.baked.reports)
+        corners = _Corners.of(one, _kept(_as_imported(parts), one.baked.low.data), has_normals=has_normals)
         own, notes = _alone(file, mesh, one.baked.low, lows)
         counts, found = _uv_sets(file, file.tree["meshes"][own]["primitives"], parts, corners)
         return cls(own, one, parts, corners, found, max(counts, default=0), notes)
@@ -406,8 +440,8 @@ class _Materials:
     replaced: the materials of the file that `made` ones may replace.
     """
 
-    def __init__(self, file: Glb, made: Glb, replaced: Sequence[dict]):
-        self.file, self.made, self.replaced = file, made, replaced
+    def __init__(self, file: Glb, made: Glb, replaced: Sequence[dict], maps: _Maps):
+        self.file, self.made, self.replaced, self.maps = file, made, replaced, maps
         self.notes: list[str] = []
         self._images: dict[bytes, int] = {}
         self._added: list[int] = []
@@ -419,13 +453,11 @@ class _Materials:
         number = None if texture is None or report is None else self._of(one)[texture].get("material")
         if number is None:
             return
-        baked = {name.upper() for name in report.maps} | {
-            part["map"].upper()
-            for how in report.maps.values()
-            for part in how.get("channels", {}).values()
-            if "map" in part
-        }
-        taken = self._taken(self.made.tree["materials"][number], uv_set) | {"name": one.baked.name_of(slot)}
+        baked = self.maps.of(report)
+        material = self.made.tree["materials"][number]
+        if NORMAL.name not in baked:
+            material = {key: value for key, value in material.items() if key not in _KEYS[NORMAL.name]}
+        taken = self._taken(material, uv_set) | {"name": one.baked.name_of(slot)}
         if report.settings.get("one_material"):
             material = self._with_surface(taken, has_alpha="ALPHA" in baked)
             if primitive.get("extensions", {}).pop(_VARIANTS, None):
@@ -486,13 +518,13 @@ class _Materials:
     def _merged(self, old: dict, made: dict, baked: set[str]) -> dict[str, Any]:
         """A material of the file with the baked maps, and all else as it was."""
         result = deepcopy(old)
-        keys = {key for name in {*baked, NORMAL.name} for key in _KEYS.get(name, ())}
+        keys = {key for name in baked for key in _KEYS.get(name, ())}
         surfaces = result.setdefault("pbrMetallicRoughness", {}), made.get("pbrMetallicRoughness", {})
         for owner, source in ((result, made), surfaces):
             for key in keys & {*owner, *source}:
                 if key in source:
                     owner[key] = source[key]
-                elif key != "normalTexture":  # the bake may have none
+                else:
                     owner.pop(key, None)
         if not result["pbrMetallicRoughness"]:
             del result["pbrMetallicRoughness"]

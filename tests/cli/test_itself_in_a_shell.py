@@ -134,7 +134,7 @@ def test_all_meshes_of_a_file_get_one_material_in_the_same_file(tmp_path, monkey
     assert after["nodes"] == before["nodes"]
     assert [material["name"] for material in after["materials"]] == ["atlas"]
     assert (tmp_path / "one_base_color.png").is_file()
-    assert "maps, too" not in capsys.readouterr().err
+    assert "material, too" not in capsys.readouterr().err
 
 
 def test_with_a_high_object_the_low_one_is_exported_alone(tmp_path, monkeypatch):

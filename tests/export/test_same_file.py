@@ -191,6 +191,14 @@ def test_objects_of_one_image_share_the_material_and_a_mesh_is_written_once(tmp_
     assert warnings == []
 
 
+def test_a_flat_normal_map_is_left_out(tmp_path):
+    """Without detail, it is the shape itself."""
+    path = CART(tmp_path / "cart.glb")
+    after, _, _ = written(path, imported(path, "box"), normal=True, maps=("AO",), rays=16)
+    assert not any("normalTexture" in material for material in after["materials"])
+    assert not any("TANGENT" in each["attributes"] for mesh in after["meshes"] for each in mesh["primitives"])
+
+
 def test_a_mesh_that_others_show_is_copied(tmp_path):
     path = CART(tmp_path / "cart.glb")
     before, _ = glb.parse(path)
@@ -214,13 +222,13 @@ def test_other_faces_are_refused(source):
     assert not source.with_name("written.glb").exists()
 
 
-@pytest.mark.parametrize("differs_in", ["name", "place"])
+@pytest.mark.parametrize("differs_in", ["name", "number", "place"])
 def test_of_meshes_with_the_same_faces_the_right_one_changes(source, differs_in):
     data = Glb.parsed(source.read_bytes())
     tree = data.tree
     stone = copy.deepcopy(tree["meshes"][1])
-    if differs_in == "name":
-        stone["name"] = "pebble"
+    if differs_in != "place":
+        stone["name"] = {"name": "pebble", "number": "stone.001"}[differs_in]
     else:
         moved = data.whole(stone["primitives"][0]["attributes"]["POSITION"]) + np.float32(1.0)
         bounds = {"min": moved.min(axis=0).tolist(), "max": moved.max(axis=0).tolist()}
@@ -229,9 +237,11 @@ def test_of_meshes_with_the_same_faces_the_right_one_changes(source, differs_in)
     tree["scenes"][0]["nodes"].append(len(tree["nodes"]) - 1)
     tree["buffers"][0]["byteLength"] = len(data.binary)
     source.write_bytes(data.packed())
-    after, _, _ = written(source, imported(source, "pebble"), one_material=True)
+    (low,) = imported(source, "pebble")
+    low.name = "renamed"
+    after, _, _ = written(source, [low], one_material=True)
     names = [after["materials"][mesh["primitives"][0]["material"]]["name"] for mesh in after["meshes"][1:]]
-    assert names == ["gray", "pebble"]
+    assert names == ["gray", "renamed"]
 
 
 def test_names_of_nodes_come_before_those_of_meshes(source):

@@ -215,6 +215,9 @@ def _material(file, random, number, name):
         pbr["baseColorFactor"] = factor
     if number == 2:
         result |= {"alphaMode": "MASK", "alphaCutoff": 0.5, "doubleSided": True}
+    if number in (0, 7):
+        normals = 0.5 + 0.5 * np.array([0.0, 0.0, 1.0]) + (waves(random) / 255.0 - 0.5) * [0.4, 0.4, 0.0]
+        result["normalTexture"] = {"index": file.texture(np.round(normals.clip(0.0, 1.0) * 255.0).astype(np.uint8))}
     if number == 10:
         result["emissiveFactor"] = [0.1, 0.05, 0.0]
     pbr["baseColorTexture"] = texture
