@@ -147,6 +147,8 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
         yield from _wrong_folder(options)
     if options.save_blend and PurePath(options.save_blend).suffix != ".blend":
         yield f"{options.save_blend!r} does not end in .blend"
+    if options.join and not (options.save_blend and options.one_material and are_several(options)):
+        yield "--join is for several low objects, with --one-material and --save-blend"
     if options.export:
         yield from _wrong_export(options)
     yield from _unmeasured(options)

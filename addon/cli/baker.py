@@ -25,7 +25,7 @@ from ..core.progress import Pace, Task, startup
 from ..core.report import Report, smooth_sentences
 from ..core.settings import Settings
 from ..core.stored_normals import ConversionReport
-from ..jobs import bake_jobs, pair_checks
+from ..jobs import bake_jobs, one_material, pair_checks
 from ..jobs.job import Job, Wants, files_read_by
 from ..jobs.sequence import work_on_frames
 from ..output import png_writer
@@ -217,6 +217,8 @@ class Baker:
             reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
             self._loader.changed(job.low.name for job in opened.jobs)
             scene = os.path.abspath(options.save_blend) if options.save_blend and not is_stopped else ""
+            if scene and options.join:
+                one_material.join(bpy.context, reports)
             if scene:
                 with self._loader.caches_released():
                     _save_scene(Path(scene), reports)

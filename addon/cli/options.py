@@ -226,6 +226,7 @@ FILES = {
     "save-blend": CommandOption(
         "Save the scene with the map in its material", {"type": option_types.path, "metavar": "OUT.blend"}
     ),
+    "join": CommandOption("With --one-material: join the low objects in the saved scene", {"action": "store_true"}),
     "report": CommandOption(
         f"Write a report as JSON; {STDOUT} stands for standard output",
         {"type": option_types.path, "metavar": "REPORT.json"},

@@ -244,6 +244,13 @@ def _check_joined(shown: Sequence[Shown]) -> None:
             )
 
 
+def join(context: bpy.types.Context, reports: Sequence[Report]) -> None:
+    """Join the low objects of bakes with one material into the first one. Raises BakeError if that would lose something."""
+    shown = list(map(Shown.of, reports))
+    _check_joined(shown)
+    _join(context, [each.low for each in shown])
+
+
 def _join(context: bpy.types.Context, lows: Sequence[Object]) -> None:
     """Join the objects into the first one."""
     with evaluation.in_object_mode(context, lows):

@@ -137,6 +137,24 @@ def test_all_meshes_of_a_file_get_one_material_in_the_same_file(tmp_path, monkey
     assert "material, too" not in capsys.readouterr().err
 
 
+def test_low_objects_are_joined_in_the_saved_scene(scene):
+    words = ["--low", "lamp", "--low", "table", "--one-material", "--join", "--save-blend", "joined.blend"]
+    bake(*words, "--output", "atlas.png", "--pack-uvs")
+    bpy.ops.wm.open_mainfile(filepath=str(scene / "joined.blend"))
+    assert "table" not in bpy.data.objects
+    lamp = bpy.data.objects["lamp"]
+    assert len(lamp.data.polygons) == 12
+    assert [slot.material.name for slot in lamp.material_slots] == ["atlas"]
+
+
+@pytest.mark.parametrize("lacking", ["--low", "--one-material", "--save-blend"])
+def test_what_joining_needs_is_told(lacking):
+    words = {"--low": ["--low", "b"], "--one-material": ["--one-material"], "--save-blend": ["--save-blend", "b.blend"]}
+    given = [word for name, each in words.items() if name != lacking for word in each]
+    options = arguments.parse(["a.blend", "--low", "a", "--join", "--output", "a.png", *given])
+    assert "--join is for several low objects, with --one-material and --save-blend" in arguments.mistakes(options)
+
+
 def test_with_a_high_object_the_low_one_is_exported_alone(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     gltf_characters.cart(tmp_path / "cart.glb")
