@@ -131,8 +131,8 @@ class PointMaps(MapFamily):
         self.names, self.surface, self.timings = names, surface, run.timings
         self.means = [Mean(name) for name in names] if run.settings.sampling.samples > 1 else []
         self._single: Sample | None = None
-        is_tangent = run.settings.map.has_tangent_displacement
-        self.vectors = VectorSpace(meshes.basis, run.settings) if is_tangent else None
+        basis = meshes.basis if run.settings.map.has_tangent_displacement else None
+        self.vectors = None if basis is None else VectorSpace(basis, run.settings)
         local_space = surface.local_space
         self.low = mesh_upload.upload(
             low.triangles,
@@ -171,7 +171,7 @@ class PointMaps(MapFamily):
         low_in_uv.draw_points(low_points, self.low, band.uv_to_clip)
 
         def draw(name: str, into: target.Target) -> None:
-            to_space, origin = self.gradient if name == GRADIENT.name else (self.to_space, self.origin)
+            to_space, origin = (self.gradient if name == GRADIENT.name else None) or (self.to_space, self.origin)
             low_in_uv.draw_point_map(
                 into,
                 BY_NAME[name],
@@ -202,8 +202,9 @@ class PointMaps(MapFamily):
 
     def _in_space(self, name: str, drawn: gpu.types.GPUTexture, band: Band) -> gpu.types.GPUTexture:
         """What was drawn of a map, in tangent space if it is stored so: by the tangents at the centers of texels."""
-        is_turned = self.vectors is not None and name == VECTOR_DISPLACEMENT.name
-        return self.vectors.of_texels(drawn, band, "vectors") if is_turned else drawn
+        if self.vectors is None or name != VECTOR_DISPLACEMENT.name:
+            return drawn
+        return self.vectors.of_texels(drawn, band, "vectors")
 
 
 FLAT = 1e-6

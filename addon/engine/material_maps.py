@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any, TypeVar
 
 import gpu
 import numpy as np
@@ -14,7 +15,6 @@ from ..core.material_feeds import (
     AttributeFeed,
     BumpFeed,
     Constant,
-    DetailFeed,
     ExactFeed,
     Feed,
     HighMaterial,
@@ -31,6 +31,7 @@ from .bands import Band
 from .high_meshes import HighSurface
 from .map_families import FamilyInputs, MapFamily, Mean, Sample
 
+OneFeed = TypeVar("OneFeed")
 EVALUATING = "Cycles evaluates the materials"
 """What a progress bar says."""
 
@@ -111,8 +112,8 @@ def evaluate_exact(
             continue
         for some, hits in surface.hits_of(use.feed, triangles.reshape(-1)[places], weights.reshape(-1, 2)[places]):
             shown.append((use, places[some]))
-            is_spaced = use.feed.has_bumps and spacing is not None
-            wanted.append(replace(hits, spacing=spacing[places[some]]) if is_spaced else hits)
+            more = {"spacing": spacing[places[some]]} if spacing is not None and use.feed.has_bumps else {}
+            wanted.append(replace(hits, **more))
     values = evaluate(wanted) if wanted else []
     return [(use, places, surface_tables.finite(found)) for (use, places), found in zip(shown, values, strict=True)]
 
@@ -236,7 +237,7 @@ class MaterialMaps(MapFamily):
             yield one.mean.name, drawn
 
 
-def _exact_uses(feeds: Mapping[Feed, int], table: MaterialTable) -> list[ExactUse]:
+def _exact_uses(feeds: Mapping[Any, int], table: MaterialTable) -> list[ExactUse]:
     return [ExactUse(feed, table, number) for feed, number in feeds.items() if isinstance(feed, ExactFeed)]
 
 
@@ -373,10 +374,10 @@ def _bump(material: HighMaterial) -> BumpFeed | None:
     return material.detail if isinstance(material.detail, BumpFeed) else None
 
 
-def _numbered(feeds: Sequence[DetailFeed | None]) -> tuple[dict[DetailFeed, int], MaterialTable]:
+def _numbered(feeds: Sequence[OneFeed | None]) -> tuple[dict[OneFeed, int], MaterialTable]:
     """The number of each feed, from 1, and a table of them by the numbers of materials, which count from 1."""
     numbers = np.full(len(feeds) + 1, surface_tables.UNKNOWN)
-    numbered: dict[DetailFeed, int] = {}
+    numbered: dict[OneFeed, int] = {}
     for label, feed in enumerate(feeds, start=1):
         if feed is not None:
             numbers[label] = numbered.setdefault(feed, len(numbered) + 1)

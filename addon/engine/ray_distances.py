@@ -313,7 +313,7 @@ def _own_heights(
         texels = hit_heights(probe.tables, owners, drawn, search)
         heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)
         own_heights.append(heights[(alpha > 0.0) & (is_not_owned == 0.0)])
-        texels_of_low, hit = texels_of_low + np.count_nonzero(alpha), hit + np.count_nonzero(alpha > 0.0)
+        texels_of_low, hit = texels_of_low + int(np.count_nonzero(alpha)), hit + int(np.count_nonzero(alpha > 0.0))
     own = np.concatenate(own_heights)
     return own, texels_of_low, 1.0 - len(own) / max(1, hit)
 

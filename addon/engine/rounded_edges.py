@@ -35,7 +35,9 @@ class RoundedEdges:
 
     def apply(self, drawn: Sequence[Sample]) -> Task[None]:
         """Change the normals of these samples in place."""
-        for number, sample in enumerate(drawn if self.edges is not None else ()):
+        if self.edges is None:
+            return
+        for number, sample in enumerate(drawn):
             rows = rounding.round_in_slices(
                 sample.normals,
                 sample.hits,

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,7 +86,7 @@ def round_in_slices(
     to_space: np.ndarray,
     pace: Pace,
     covered: np.ndarray,
-) -> Iterator[range]:
+) -> Generator[range, None, None]:
     """Round `normals` (RGBA32F) in place, in slices. Yields the rows that are done.
 
     Those at hits that are farther from all hard edges stay as they are, to the bit.
