@@ -103,6 +103,8 @@ def test_other_maps_have_levels_and_labels_have_none(tmp_path):
     """With 8 bits, heights of all levels are decoded with the scale of the whole map."""
     report = bake(zoo.plane("low"), zoo.terrain("high", waves=1), tmp_path, name="rock_normal.png", depth=8, maps=MIXED)
     assert sorted(report.mip_files) == ["coverage", "height", "normal"]
+    assert {tuple(image.size) for image in bpy.data.images if image.source == "FILE"} == {(SIZE, SIZE)}
+    assert len(bpy.data.images) == 1 + len(MIXED)
     assert not list(tmp_path.glob("*object_id_mip*"))
     first, *levels = chain(tmp_path, "rock_height", ".png")
     for number, found in enumerate(levels, start=1):

@@ -226,6 +226,12 @@ def test_earlier_names_of_a_basis_are_read_as_its_name():
         read("blend")
 
 
+def test_a_message_about_an_option_ends_without_a_full_stop():
+    """Since argparse and the readers of job files put it into a sentence."""
+    with pytest.raises(argparse.ArgumentTypeError, match="such as 1001, 1003$"):
+        option_types.tiles("all")
+
+
 # Map types
 
 
