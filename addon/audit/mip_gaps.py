@@ -20,7 +20,7 @@ FULL_SIDE = 4096
 
 @dataclass(frozen=True)
 class Found:
-    """The texels of one tile that `grid` selects, (height, width) bool each.
+    """The texels of one tile that are too close to another island, of those that `grid` selects, (height, width) bool each.
 
     Attributes:
         covered: By the mesh.

@@ -343,7 +343,7 @@ def _with_reserve(distances: np.ndarray) -> float:
 
 
 BEVELS = 2.0
-"""The width of the blend, in widths of the high mesh's bevels."""
+"""The width over which directions of rays blend, in widths of the high mesh's bevels."""
 CROSSING = 1.5
 """The least width of the blend, in distances between the two surfaces at hard edges: rays on a narrower one would cross."""
 CROSSING_QUANTILE = 0.9
