@@ -213,6 +213,30 @@ def test_a_mesh_that_others_show_is_copied(tmp_path):
     assert len({each["material"] for each in after["meshes"][2]["primitives"]}) == 1
 
 
+def test_where_nodes_cannot_be_told_apart_others_show_the_maps_too(tmp_path):
+    path = CART(tmp_path / "cart.glb")
+    (low,) = imported(path, "wheel left")
+    low.name = "renamed"
+    after, _, warnings = written(path, [low], one_material=True)
+    assert warnings == ["Other objects have the mesh of 'renamed', and show its maps, too."]
+    assert len(after["meshes"]) == 2
+
+
+def test_a_mesh_without_normals_gets_those_of_its_faces(source):
+    """Engines ignore tangents without them."""
+    data = Glb.parsed(source.read_bytes())
+    for primitive in data.tree["meshes"][0]["primitives"]:
+        del primitive["attributes"]["NORMAL"]
+    source.write_bytes(data.packed())
+    after, binary, _ = figure(source, normal=True, maps=(), one_material=True)
+    found = corners(after, binary, after["meshes"][0]["primitives"][0])
+    a, b, c = found["POSITION"].reshape(-1, 3, 3).transpose(1, 0, 2).astype(np.float64)
+    expected = np.cross(b - a, c - a)
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(found["NORMAL"].reshape(-1, 3, 3), expected[:, None].repeat(3, axis=1), atol=1e-4)
+    assert "TANGENT" in found
+
+
 def test_other_faces_are_refused(source):
     (obj,) = imported(source, "Figure")
     obj.data = zoo.plane("other").data
